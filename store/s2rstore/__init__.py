@@ -1,0 +1,21 @@
+"""The analysis store: `s2rstore.open(path)` gives the published generation of a store."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from s2rstore.reader import Store
+
+__all__ = ["open"]
+
+
+def open(path: str | Path) -> Store:
+    """Open the store at `path` for reading; it stays at today's generation until closed.
+
+    Raises `s2rstore.errors.RequestError` where there is no readable store.
+    """
+    from s2rstore.reader import Store
+
+    return Store(path)

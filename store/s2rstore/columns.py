@@ -1,0 +1,82 @@
+"""Dense numpy columns aligned by iid: what views and masks are computed from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.records import Side
+
+FloatColumn = NDArray[np.float64]
+IntColumn = NDArray[np.int32]
+BoolColumn = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InstanceColumns:
+    """Ground truth of all N instances; every array has shape (N,).
+
+    Text columns are codes into their names; -1 is NULL. Missing numbers are NaN. x, y and the
+    odometry in metres, headings in radians, curvature in degrees, timestamps in seconds.
+    """
+
+    x: FloatColumn
+    y: FloatColumn
+    heading: FloatColumn
+    seq: IntColumn
+    trajectory: IntColumn
+    trajectory_names: tuple[str, ...]
+    room: IntColumn
+    room_names: tuple[str, ...]
+    curvature: FloatColumn
+    odom_x: FloatColumn
+    odom_y: FloatColumn
+    odom_heading: FloatColumn
+    timestamp: FloatColumn
+
+    def __len__(self) -> int:
+        return int(self.x.size)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SideColumns:
+    """One run's predictions on one side; every array has shape (N,).
+
+    Missing numbers are NaN; `rank` counts from 1 (the smallest error) with 0 for NULL; `split`
+    is a code into `records.SPLITS` with -1 for NULL; `room` is the prediction's room, a code
+    into `InstanceColumns.room_names` with -1 for none; u, v are the UMAP coordinates. x, y,
+    error in metres, heading and heading_error in radians.
+    """
+
+    x: FloatColumn
+    y: FloatColumn
+    heading: FloatColumn
+    error: FloatColumn
+    heading_error: FloatColumn
+    loss: FloatColumn
+    accuracy: FloatColumn
+    rank: IntColumn
+    split: IntColumn
+    room: IntColumn
+    u: FloatColumn
+    v: FloatColumn
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunColumns:
+    """A run's two sides, with gap = real error - sim error and shift between predictions, metres.
+
+    `valid` marks the instances that both sides predicted.
+    """
+
+    run: str
+    sim: SideColumns
+    real: SideColumns
+    gap: FloatColumn
+    shift: FloatColumn
+    valid: BoolColumn
+
+    def side(self, side: Side) -> SideColumns:
+        return self.sim if side == "sim" else self.real

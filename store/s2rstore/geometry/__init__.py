@@ -1,0 +1,1 @@
+"""Geometry of cameras, rooms and the floor, in numpy alone."""

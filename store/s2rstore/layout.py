@@ -1,0 +1,104 @@
+"""Where things lie in a store folder, and the file that names the published generation."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from s2rstore.errors import RequestError
+
+CURRENT = "CURRENT.json"
+INDEX = "index"
+FRAMES = "frames.zarr"
+RUNS = "runs.zarr"
+LEDGER = "ledger"
+MODELS = "models"
+ASSETS = "assets"
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,79}\Z")
+
+
+@dataclass(frozen=True, slots=True)
+class Current:
+    """The content of `CURRENT.json`: which index file is the published state."""
+
+    generation: int
+    index: str
+    sha256: str
+    bytes: int
+    schema: int
+    dataset_hash: str
+
+
+def index_name(generation: int) -> str:
+    return f"{INDEX}/index-{generation:06d}.duckdb"
+
+
+def generation_of(path: Path) -> int | None:
+    """The generation that an index file's name states; None for other files."""
+    found = re.fullmatch(r"index-(\d{6,})\.duckdb", path.name)
+    return int(found[1]) if found else None
+
+
+def read_current(root: Path) -> Current:
+    """The published generation of the store at `root`.
+
+    Raises RequestError where there is no store, or one that cannot be read.
+    """
+    path = root / CURRENT
+    try:
+        content = json.loads(path.read_bytes())
+        return Current(**content)
+    except FileNotFoundError:
+        kind = "no such folder" if not root.is_dir() else f"no {CURRENT} in it"
+        raise RequestError(f"{root}: not a store ({kind}); make one with `s2r ingest`") from None
+    except (OSError, ValueError, TypeError) as error:
+        raise RequestError(f"{path}: unreadable ({error}); run `s2r verify`") from error
+
+
+def write_current(root: Path, current: Current) -> None:
+    """Make `current` the published generation, atomically and durably."""
+    content = json.dumps(asdict(current), indent=2) + "\n"
+    write_atomic(root / CURRENT, content.encode())
+
+
+def write_atomic(path: Path, content: bytes) -> None:
+    """Write a file so that readers see the old content or the new, never a part."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    with beside.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    beside.replace(path)
+    sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def sync_file(path: Path) -> None:
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def file_sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def checked_name(name: str, what: str) -> str:
+    """`name` where it can be a folder's name and a word of the language, else RequestError."""
+    if not _NAME.match(name) or ".." in name:
+        raise RequestError(
+            f"{what} {name!r}: use letters, digits and _ . + - (at most 80, the first no sign)"
+        )
+    return name

@@ -1,0 +1,64 @@
+"""Advisory locks between the processes that write one store.
+
+`publish` is held for the seconds that a new generation takes; `compute` for as long as a process
+fills `runs.zarr`. Readers take none.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from s2rstore import layout
+from s2rstore.errors import RequestError, StoreBusyError
+
+
+@contextmanager
+def publish_lock(root: Path, patience: float = 120.0) -> Iterator[None]:
+    """Wait up to `patience` seconds for other publishers; StoreBusyError after that."""
+    with _locked(root, "publish", patience):
+        yield
+
+
+@contextmanager
+def compute_lock(root: Path, patience: float = 0.0) -> Iterator[None]:
+    """Hold the store's computation; StoreBusyError names the process that has it."""
+    with _locked(root, "compute", patience):
+        yield
+
+
+@contextmanager
+def _locked(root: Path, what: str, patience: float) -> Iterator[None]:
+    path = root / layout.LEDGER / f"{what}.lock"
+    try:
+        path.parent.mkdir(exist_ok=True)
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o664)
+    except OSError as error:
+        raise RequestError(f"{root}: cannot be written ({error.strerror})") from error
+    try:
+        _wait(descriptor, root, what, patience)
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _wait(descriptor: int, root: Path, what: str, patience: float) -> None:
+    deadline = time.monotonic() + patience
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            if time.monotonic() >= deadline:
+                holder = os.pread(descriptor, 200, 0).decode(errors="replace") or "another process"
+                raise StoreBusyError(
+                    f"{root}: {holder} holds the {what} lock; wait for it, or stop it"
+                ) from None
+            time.sleep(0.05)

@@ -1,0 +1,295 @@
+"""Reading a store: one open generation, its tables as records and columns, its arrays."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import duckdb
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore import arrays, dense, layout, sandbox, schema
+from s2rstore.columns import InstanceColumns, RunColumns
+from s2rstore.errors import RequestError
+from s2rstore.records import (
+    ArrayRecord,
+    Bounds,
+    Dataset,
+    Domain,
+    Intrinsics,
+    Model,
+    Room,
+    Run,
+    Side,
+    Trajectory,
+)
+
+if TYPE_CHECKING:
+    import zarr
+
+# Which plane of a heatmap's leading axis each mode shows; None takes the kind's default.
+_PLANES: dict[str, dict[str | None, int]] = {
+    "activation": {"x": 0, "y": 1, "heading": 2, "loss": 3, None: 3},
+}
+_DEFAULT_MODES = {"occlusion": "rgbd", "pixel_difference": "rgb"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One view of one instance at the stored size.
+
+    rgb (H, W, 3) uint8; depth (H, W), the raw values of the source; valid (H, W) bool.
+    """
+
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.uint8] | NDArray[np.uint16]
+    valid: NDArray[np.bool_]
+
+
+class Store:
+    """A store at the generation that was current when it was opened; close it, or use `with`."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Raises RequestError where `path` holds no store that this version can read."""
+        self.path = Path(path)
+        current = layout.read_current(self.path)
+        if current.schema != schema.VERSION:
+            raise RequestError(
+                f"{path}: schema {current.schema}, this program reads {schema.VERSION}; "
+                "use the release that wrote it, or ingest again"
+            )
+        self.generation = current.generation
+        self._index = self.path / current.index
+        self._connection = sandbox.connect(self._index)
+        self._runs_columns: dict[str, RunColumns] = {}
+        self._arrays: dict[Path, zarr.Array[Any]] = {}
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._connection.close()
+
+    def latest_generation(self) -> int:
+        """The generation that is published now; this store stays at its own."""
+        return layout.read_current(self.path).generation
+
+    def connection(self) -> duckdb.DuckDBPyConnection:
+        """A new read-only connection to this generation's index, for use in another thread."""
+        return self._connection.cursor()
+
+    def execute(self, sql: str, parameters: list[Any] | None = None) -> list[tuple[Any, ...]]:
+        """All rows of a query."""
+        return self._connection.cursor().execute(sql, parameters or []).fetchall()
+
+    def _rows(self, table: str) -> list[dict[str, Any]]:
+        known = schema.BY_NAME[table]
+        names = ", ".join(f'"{name}"' for name in known.column_names)
+        found = self.execute(f'SELECT {names} FROM "{table}" ORDER BY {", ".join(known.order)}')
+        return [dict(zip(known.column_names, row, strict=True)) for row in found]
+
+    @cached_property
+    def dataset(self) -> Dataset:
+        rows = self._rows("dataset")
+        if not rows:
+            raise RequestError(f"{self.path}: holds no data set; run `s2r ingest`")
+        row = rows[0]
+        bounds = Bounds(*(row.pop(f"bounds_{name}") for name in ("x0", "y0", "x1", "y1")))
+        return Dataset(bounds=bounds, **row)
+
+    @cached_property
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """In the order of their instances."""
+        return tuple(Trajectory(**row) for row in self._rows("trajectory"))
+
+    @cached_property
+    def rooms(self) -> tuple[Room, ...]:
+        """Rectangles in order of precedence."""
+        return tuple(Room(**row) for row in self._rows("room"))
+
+    @cached_property
+    def domains(self) -> dict[str, Domain]:
+        return {row["domain"]: _domain(row) for row in self._rows("domain")}
+
+    @cached_property
+    def models(self) -> dict[str, Model]:
+        return {row["model"]: Model(**row) for row in self._rows("model")}
+
+    @cached_property
+    def runs(self) -> dict[str, Run]:
+        """In order of creation."""
+        runs = {}
+        for row in self._rows("run"):
+            for side in ("sim", "real"):
+                row[f"{side}_adjustments"] = json.loads(row[f"{side}_adjustments"])
+            runs[row["run"]] = Run(**row)
+        return runs
+
+    def run(self, name: str | None = None) -> Run:
+        """The named run, by default the first computed one; RequestError with the known names."""
+        if name is None:
+            computed = [run for run in self.runs.values() if run.key]
+            if not computed:
+                raise RequestError(f"{self.path}: no computed run; `s2r precompute` makes them")
+            return computed[0]
+        if name not in self.runs:
+            known = ", ".join(self.runs) or "none"
+            raise RequestError(f"run {name!r}: not in {self.path} (runs: {known})")
+        return self.runs[name]
+
+    @cached_property
+    def instances(self) -> InstanceColumns:
+        return dense.instances(self._connection.cursor())
+
+    def run_columns(self, run: str) -> RunColumns:
+        """Predictions of a computed run, aligned by iid."""
+        if run not in self._runs_columns:
+            if self.run(run).key is None:
+                raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
+            self._runs_columns[run] = dense.run_columns(
+                self._connection.cursor(), run, self.instances, self.rooms
+            )
+        return self._runs_columns[run]
+
+    def provenance(self, what: str) -> dict[str, str]:
+        """Facts about how `what` came to be, such as `dataset` or `model:NAME`."""
+        found = self.execute("SELECT key, value FROM provenance WHERE what = ? ORDER BY key", [what])
+        return dict(found)
+
+    def frame(self, iid: int, domain: str) -> Frame:
+        """Raises RequestError for an unknown instance or domain."""
+        record = self._known_domain(domain)
+        columns = self.instances
+        if not 0 <= iid < len(columns):
+            raise RequestError(f"instance {iid}: the store holds 0 .. {len(columns) - 1}")
+        row, trajectory = self._row_in_trajectory(iid)
+        folder = self.path / layout.FRAMES / domain / trajectory
+        rgb = np.asarray(self._array(folder / "rgb")[row])
+        depth = np.asarray(self._array(folder / "depth")[row])
+        valid = (depth >= record.depth_raw_min) & (depth <= record.depth_raw_max)
+        return Frame(rgb, depth, valid)
+
+    def frame_rows(
+        self, domain: str, trajectory: str, start: int, stop: int
+    ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
+        """Frames of rows [start, stop) of one trajectory: rgb (n, H, W, 3), depth (n, H, W)."""
+        self._known_domain(domain)
+        folder = self.path / layout.FRAMES / domain / trajectory
+        rgb = self._array(folder / "rgb")[start:stop]
+        return np.asarray(rgb), np.asarray(self._array(folder / "depth")[start:stop])
+
+    def first_iid(self, trajectory: str) -> int:
+        """The iid of a trajectory's first instance; its rows follow without gaps."""
+        return self._first_iids[trajectory]
+
+    @cached_property
+    def _first_iids(self) -> dict[str, int]:
+        columns = self.instances
+        codes, first = np.unique(columns.trajectory, return_index=True)
+        return {columns.trajectory_names[c]: int(i) for c, i in zip(codes, first, strict=True)}
+
+    def _row_in_trajectory(self, iid: int) -> tuple[int, str]:
+        name = self.instances.trajectory_names[int(self.instances.trajectory[iid])]
+        return iid - self.first_iid(name), name
+
+    def _known_domain(self, domain: str) -> Domain:
+        if domain not in self.domains:
+            known = ", ".join(self.domains)
+            raise RequestError(f"domain {domain!r}: not in {self.path} (domains: {known})")
+        return self.domains[domain]
+
+    def _array(self, path: Path) -> zarr.Array[Any]:
+        if path not in self._arrays:
+            self._arrays[path] = arrays.open_read(path)
+        return self._arrays[path]
+
+    @cached_property
+    def _array_records(self) -> dict[str, list[ArrayRecord]]:
+        grouped: dict[str, list[ArrayRecord]] = {}
+        for row in self._rows("zarr_array"):
+            row["shape"] = tuple(json.loads(row["shape"]))
+            row["axes"] = tuple(json.loads(row["axes"]))
+            grouped.setdefault(row["run"], []).append(ArrayRecord(**row))
+        return grouped
+
+    def arrays(self, run: str) -> list[ArrayRecord]:
+        """The published arrays of a run."""
+        return list(self._array_records.get(self.run(run).run, ()))
+
+    def array(
+        self, run: str, kind: str, side: Side | None = None, mode: str | None = None
+    ) -> tuple[ArrayRecord, zarr.Array[Any]]:
+        """A published array and its record; RequestError names what the run has."""
+        candidates = self.arrays(run)
+        for record in candidates:
+            if record.kind == kind and record.side in (side, None) and record.mode == mode:
+                return record, self._array(self.path / layout.RUNS / record.path)
+        known = ", ".join(sorted({record.kind for record in candidates})) or "nothing"
+        asked = " ".join(part for part in (kind, side, mode) if part)
+        raise RequestError(f"run {run!r} has no {asked} (has: {known}); run `s2r precompute`")
+
+    def heatmap(
+        self, run: str, kind: str, side: Side, iid: int, mode: str | None = None
+    ) -> NDArray[np.float32]:
+        """One instance's heatmap (rows, columns); see the kind's record for the unit.
+
+        `mode` picks x, y, heading or loss for `activation`; rgb, depth or rgbd for `occlusion`;
+        rgb or depth for `pixel_difference`. Occlusion gives its metres.
+        """
+        planes = _PLANES.get(kind)
+        stored_mode = None if planes else mode or _DEFAULT_MODES.get(kind)
+        record, array = self.array(run, kind, side, stored_mode)
+        item = np.asarray(array[iid], dtype=np.float32)
+        item = (item - np.float32(record.zero)) * np.float32(record.scale)
+        if item.ndim == 2:
+            return item
+        if planes and mode not in planes:
+            raise RequestError(f"{kind} has no mode {mode!r} (modes: x, y, heading, loss)")
+        return np.asarray(item[planes[mode] if planes else 0])
+
+    def map_grid(
+        self,
+        run: str,
+        kind: str,
+        side: Side,
+        mode: str | None = None,
+        aggregate: str = "mean",
+    ) -> NDArray[np.float32]:
+        """A heatmap kind back-projected on the floor, aggregated over all valid instances.
+
+        Shape (rows, columns); row 0 lies at the bounds' y0. NaN where no pixel fell. `aggregate`
+        is mean, max, sum or count.
+        """
+        stored_mode = mode or ("loss" if kind in _PLANES else _DEFAULT_MODES.get(kind))
+        record, array = self.array(run, f"map:{kind}", side, stored_mode)
+        known = json.loads(str(array.attrs["aggregates"]))
+        if aggregate not in known:
+            raise RequestError(f"aggregate {aggregate!r}: one of {', '.join(known)}")
+        return np.asarray(array[known.index(aggregate)], dtype=np.float32)
+
+    def floor_plan_path(self) -> Path | None:
+        """The picture of the floor plan; None where the data set has none."""
+        name = self.dataset.floor_plan
+        return self.path / name if name else None
+
+
+def _domain(row: dict[str, Any]) -> Domain:
+    cameras = {
+        image: Intrinsics(**{f: row.pop(f"{image}_{f}") for f in ("fx", "fy", "cx", "cy", "pitch")})
+        for image in ("rgb", "depth")
+    }
+    sources = json.loads(row.pop("source") or "{}")
+    return Domain(**cameras, sources=sources, **row)

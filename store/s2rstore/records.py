@@ -1,0 +1,160 @@
+"""What the index says, as frozen records: one class per table that is read whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Side = Literal["sim", "real"]
+SIDES: tuple[Side, Side] = ("sim", "real")
+
+Split = Literal["train", "validation", "test", "unseen"]
+SPLITS: tuple[Split, ...] = ("train", "validation", "test", "unseen")
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """The floor plan's rectangle in map coordinates, metres."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    @property
+    def width(self) -> float:
+        return self.x1 - self.x0
+
+    @property
+    def height(self) -> float:
+        return self.y1 - self.y0
+
+    @property
+    def diagonal(self) -> float:
+        return float((self.width**2 + self.height**2) ** 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Dataset:
+    """One environment. `accuracy_scale` is S of `accuracy = max(0, 1 - error / S)`, metres."""
+
+    name: str
+    hash: str
+    bounds: Bounds
+    y_down: bool
+    floor_plan: str | None
+    accuracy_scale: float
+    frame_height: int
+    frame_width: int
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    trajectory: str
+    recorded_at: str | None
+    instances: int
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """An axis-aligned rectangle; the first by `position` wins where rooms overlap."""
+
+    room: str
+    position: int
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+
+@dataclass(frozen=True, slots=True)
+class Intrinsics:
+    """A pinhole in continuous image coordinates of the stored frame.
+
+    Pixel `i` covers [i, i + 1), so its centre is i + 0.5. Focal lengths and the principal point
+    are in pixels of the stored frame; `pitch` is in radians, positive upwards.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    pitch: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """One way of seeing every instance, with its cameras.
+
+    `camera_height` (metres above the floor) and `forward_offset` (metres ahead of the pose,
+    negative behind it) hold for both cameras. Metres = raw depth value * `depth_scale`; a raw
+    value is valid within `depth_raw_min` .. `depth_raw_max`, both included. `sources` tells for
+    each group of figures whether it was `declared` or `estimated`.
+    """
+
+    domain: str
+    kind: Side
+    rgb: Intrinsics
+    depth: Intrinsics
+    camera_height: float
+    forward_offset: float
+    depth_scale: float
+    depth_raw_min: int
+    depth_raw_max: int
+    sources: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    model: str
+    architecture: str
+    sha256: str
+    input_height: int
+    input_width: int
+    convention: str
+    trained_by: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One model looking at one sim and one real domain, each through its adjustments.
+
+    An adjustment chain is a list of `{"name": ..., "value": ...}`; empty means untouched. `key`
+    is None until the run has been computed.
+    """
+
+    run: str
+    model: str
+    sim_domain: str
+    real_domain: str
+    sim_adjustments: list[dict[str, Any]]
+    real_adjustments: list[dict[str, Any]]
+    key: str | None
+    precision: str | None
+    created_at: str
+
+    def domain(self, side: Side) -> str:
+        return self.sim_domain if side == "sim" else self.real_domain
+
+    def adjustments(self, side: Side) -> list[dict[str, Any]]:
+        return self.sim_adjustments if side == "sim" else self.real_adjustments
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayRecord:
+    """One published Zarr array of a run. `side` is None where both sides share it.
+
+    Real value = (stored - zero) * scale. `path` is relative to `runs.zarr`.
+    """
+
+    run: str
+    kind: str
+    side: Side | None
+    mode: str | None
+    path: str
+    dtype: str
+    shape: tuple[int, ...]
+    axes: tuple[str, ...]
+    scale: float
+    zero: float
+    unit: str

@@ -1,0 +1,274 @@
+"""The index, as data: every table and column with its type and comment.
+
+SQL NULL stands for what is missing, never NaN. Angles are radians, lengths metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+VERSION = 1
+
+# Readable by every DuckDB release from 1.4 on.
+STORAGE_VERSION = "v1.4.0"
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    name: str
+    type: str
+    comment: str
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    name: str
+    comment: str
+    columns: tuple[Column, ...]
+    order: tuple[str, ...]
+
+    @property
+    def column_names(self) -> tuple[str, ...]:
+        return tuple(column.name for column in self.columns)
+
+
+def _table(name: str, comment: str, order: str, *columns: tuple[str, str, str]) -> Table:
+    return Table(name, comment, tuple(Column(*column) for column in columns), tuple(order.split()))
+
+
+_ADJUSTMENTS = 'JSON list of {"name", "value"}, applied in order; [] = untouched'
+
+TABLES: tuple[Table, ...] = (
+    _table(
+        "dataset",
+        "the one environment that this store holds",
+        "name",
+        ("name", "VARCHAR", "name of the environment"),
+        ("hash", "VARCHAR", "SHA-256 over poses, frames and calibration"),
+        ("bounds_x0", "DOUBLE", "left edge of the floor plan, m"),
+        ("bounds_y0", "DOUBLE", "edge of the floor plan with the smaller y, m"),
+        ("bounds_x1", "DOUBLE", "right edge of the floor plan, m"),
+        ("bounds_y1", "DOUBLE", "edge of the floor plan with the larger y, m"),
+        ("y_down", "BOOLEAN", "true where y grows downward on the drawn floor plan"),
+        ("floor_plan", "VARCHAR", "picture of the floor plan, path inside the store; NULL = none"),
+        ("accuracy_scale", "DOUBLE", "S of accuracy = max(0, 1 - error / S), m"),
+        ("frame_height", "INTEGER", "rows of every stored frame"),
+        ("frame_width", "INTEGER", "columns of every stored frame"),
+    ),
+    _table(
+        "trajectory",
+        "recordings, in the order of their instances",
+        "trajectory",
+        ("trajectory", "VARCHAR", "name"),
+        ("recorded_at", "VARCHAR", "when it was recorded, as the source states it"),
+        ("instances", "INTEGER", "number of instances"),
+    ),
+    _table(
+        "room",
+        "rectangles of the floor plan; a point in several belongs to the first by position",
+        "position",
+        ("room", "VARCHAR", "name; several rectangles may share it"),
+        ("position", "INTEGER", "order of precedence"),
+        ("x0", "DOUBLE", "m"),
+        ("y0", "DOUBLE", "m"),
+        ("x1", "DOUBLE", "m"),
+        ("y1", "DOUBLE", "m"),
+    ),
+    _table(
+        "domain",
+        "ways of seeing every instance, with their cameras at the stored frame size",
+        "domain",
+        ("domain", "VARCHAR", "name"),
+        ("kind", "VARCHAR", "sim or real"),
+        *(
+            (f"{image}_{figure}", "DOUBLE", f"{image} camera: {comment}")
+            for image in ("rgb", "depth")
+            for figure, comment in (
+                ("fx", "focal length in x, pixels of the stored frame"),
+                ("fy", "focal length in y, pixels of the stored frame"),
+                ("cx", "principal point in x; pixel i covers [i, i + 1)"),
+                ("cy", "principal point in y; pixel i covers [i, i + 1)"),
+                ("pitch", "upwards, rad"),
+            )
+        ),
+        ("camera_height", "DOUBLE", "above the floor, m"),
+        ("forward_offset", "DOUBLE", "camera ahead of the pose, m; negative = behind"),
+        ("depth_scale", "DOUBLE", "metres per raw depth unit"),
+        ("depth_raw_min", "INTEGER", "smallest valid raw depth"),
+        ("depth_raw_max", "INTEGER", "largest valid raw depth"),
+        ("source", "VARCHAR", "JSON: for each group of figures, declared or estimated"),
+    ),
+    _table(
+        "instance",
+        "one row per ground-truth pose, in (trajectory, seq) order",
+        "iid",
+        ("iid", "INTEGER", "identity, 0 .. N-1"),
+        ("trajectory", "VARCHAR", "recording"),
+        ("seq", "INTEGER", "position in the recording"),
+        ("x", "DOUBLE", "ground truth, m"),
+        ("y", "DOUBLE", "ground truth, m"),
+        ("heading", "DOUBLE", "ground truth, rad; forward = (cos, sin)"),
+        ("room", "VARCHAR", "room of the ground truth; NULL = none"),
+        ("curvature", "DOUBLE", "heading change from seq - 3 to seq + 3, degrees"),
+        ("odom_x", "DOUBLE", "the robot's own odometry, in its own frame, m"),
+        ("odom_y", "DOUBLE", "the robot's own odometry, in its own frame, m"),
+        ("odom_heading", "DOUBLE", "the robot's own odometry, in its own frame, rad"),
+        ("timestamp", "DOUBLE", "seconds; NULL = not recorded"),
+    ),
+    _table(
+        "frame",
+        "the source images of each instance in each domain",
+        "domain iid",
+        ("iid", "INTEGER", "instance"),
+        ("domain", "VARCHAR", "domain"),
+        ("rgb_path", "VARCHAR", "source file, relative to the ingested folder"),
+        ("depth_path", "VARCHAR", "source file, relative to the ingested folder"),
+        ("sha256", "VARCHAR", "SHA-256 over the bytes of both source files, RGB first"),
+        ("valid_depth_fraction", "DOUBLE", "share of stored pixels with a valid depth"),
+    ),
+    _table(
+        "model",
+        "networks that runs use",
+        "model",
+        ("model", "VARCHAR", "name"),
+        ("architecture", "VARCHAR", "registered architecture, or torchscript / module"),
+        ("sha256", "VARCHAR", "of the weights file"),
+        ("input_height", "INTEGER", "rows of the network's input"),
+        ("input_width", "INTEGER", "columns of the network's input"),
+        ("convention", "VARCHAR", "JSON: unit of the heading and frame of the output"),
+        ("trained_by", "VARCHAR", "recipe and command; NULL = not by this program"),
+    ),
+    _table(
+        "run",
+        "one model looking at one sim and one real domain through adjustments",
+        "created_at run",
+        ("run", "VARCHAR", "name"),
+        ("model", "VARCHAR", "model"),
+        ("sim_domain", "VARCHAR", "domain of the sim side"),
+        ("real_domain", "VARCHAR", "domain of the real side"),
+        ("sim_adjustments", "VARCHAR", _ADJUSTMENTS),
+        ("real_adjustments", "VARCHAR", _ADJUSTMENTS),
+        ("key", "VARCHAR", "hash of all that the predictions depend on; NULL = not computed yet"),
+        ("precision", "VARCHAR", "arithmetic of the predictions; NULL = not computed yet"),
+        ("created_at", "VARCHAR", "UTC, ISO 8601"),
+    ),
+    _table(
+        "prediction",
+        "what each run predicts on each side",
+        "run side iid",
+        ("run", "VARCHAR", "run"),
+        ("iid", "INTEGER", "instance"),
+        ("side", "VARCHAR", "sim or real"),
+        ("x", "DOUBLE", "m"),
+        ("y", "DOUBLE", "m"),
+        ("heading", "DOUBLE", "rad"),
+        ("error", "DOUBLE", "distance to the ground truth, m"),
+        ("heading_error", "DOUBLE", "smaller angle to the ground truth, rad"),
+        ("loss", "DOUBLE", "0.7 error^2 + 0.3 heading_error"),
+        ("accuracy", "DOUBLE", "max(0, 1 - error / accuracy_scale)"),
+        ("rank", "INTEGER", "by error among the run's side, 1 = smallest, ties by iid"),
+        ("split", "VARCHAR", "train, validation, test or unseen: what the model knew of it"),
+    ),
+    _table(
+        "projection",
+        "joint UMAP of both sides' embeddings, one per run",
+        "run side iid",
+        ("run", "VARCHAR", "run"),
+        ("iid", "INTEGER", "instance"),
+        ("side", "VARCHAR", "sim or real"),
+        ("u", "DOUBLE", "first UMAP coordinate"),
+        ("v", "DOUBLE", "second UMAP coordinate"),
+    ),
+    _table(
+        "zarr_array",
+        "published arrays; value = (stored - zero) * scale",
+        "run kind side mode",
+        ("run", "VARCHAR", "run"),
+        ("kind", "VARCHAR", "what it holds: embedding, a heatmap kind, map grids"),
+        ("side", "VARCHAR", "sim or real; NULL = both share it"),
+        ("mode", "VARCHAR", "variant of the kind; NULL = only one"),
+        ("path", "VARCHAR", "inside runs.zarr"),
+        ("dtype", "VARCHAR", "numpy type"),
+        ("shape", "VARCHAR", "JSON list"),
+        ("axes", "VARCHAR", "JSON list of axis names"),
+        ("scale", "DOUBLE", "see the table's comment"),
+        ("zero", "DOUBLE", "see the table's comment"),
+        ("unit", "VARCHAR", "of the real value"),
+    ),
+    _table(
+        "provenance",
+        "how things came to be: versions, seeds, training curves, command lines",
+        "what key",
+        ("what", "VARCHAR", "dataset, model:NAME, run:NAME, statistics, ..."),
+        ("key", "VARCHAR", "name of the figure"),
+        ("value", "VARCHAR", "its value as text or JSON"),
+    ),
+)
+
+BY_NAME: dict[str, Table] = {table.name: table for table in TABLES}
+
+_SIDE_COLUMNS = (
+    ("x", "m"),
+    ("y", "m"),
+    ("heading", "rad"),
+    ("error", "m"),
+    ("heading_error", "rad"),
+    ("loss", "see prediction"),
+    ("accuracy", "see prediction"),
+    ("rank", "see prediction"),
+    ("split", "see prediction"),
+)
+
+
+def _pair_view() -> str:
+    truth = "trajectory seq x y heading room curvature odom_x odom_y odom_heading timestamp".split()
+    parts = ["s.run", "s.iid", *(f"i.{name}" for name in truth)]
+    for side, alias in (("sim", "s"), ("real", "r")):
+        parts += [f"{alias}.{name} AS {side}_{name}" for name, _ in _SIDE_COLUMNS]
+        parts += [f"{alias}p.u AS {side}_u", f"{alias}p.v AS {side}_v"]
+    parts.append("r.error - s.error AS gap")
+    parts.append("sqrt((r.x - s.x) * (r.x - s.x) + (r.y - s.y) * (r.y - s.y)) AS shift")
+    return f"""
+        CREATE VIEW pair AS SELECT {", ".join(parts)}
+        FROM instance i
+        JOIN prediction s ON s.iid = i.iid AND s.side = 'sim'
+        JOIN prediction r ON r.run = s.run AND r.iid = s.iid AND r.side = 'real'
+        LEFT JOIN projection sp ON sp.run = s.run AND sp.iid = s.iid AND sp.side = 'sim'
+        LEFT JOIN projection rp ON rp.run = s.run AND rp.iid = s.iid AND rp.side = 'real'
+    """
+
+
+def _pair_comments() -> list[tuple[str, str]]:
+    comments = [("run", "run"), ("iid", "instance")]
+    instance = BY_NAME["instance"]
+    comments += [(c.name, c.comment) for c in instance.columns if c.name != "iid"]
+    for side in ("sim", "real"):
+        comments += [(f"{side}_{name}", f"{side} prediction: {note}") for name, note in _SIDE_COLUMNS]
+        comments += [(f"{side}_{axis}", f"{side} side of the UMAP") for axis in "uv"]
+    comments.append(("gap", "real error - sim error, m"))
+    comments.append(("shift", "distance between the sim and the real prediction, m"))
+    return comments
+
+
+def statements() -> list[str]:
+    """The SQL that makes an empty index, comments included."""
+    made: list[str] = []
+    for table in TABLES:
+        columns = ", ".join(f'"{column.name}" {column.type}' for column in table.columns)
+        made.append(f'CREATE TABLE "{table.name}" ({columns})')
+        made.append(f"COMMENT ON TABLE \"{table.name}\" IS '{_quoted(table.comment)}'")
+        made += [
+            f'COMMENT ON COLUMN "{table.name}"."{column.name}" IS \'{_quoted(column.comment)}\''
+            for column in table.columns
+        ]
+    made.append(_pair_view())
+    made.append("COMMENT ON VIEW pair IS 'one row per run and instance: truth and both sides'")
+    made += [
+        f"COMMENT ON COLUMN pair.{name} IS '{_quoted(comment)}'"
+        for name, comment in _pair_comments()
+    ]
+    return made
+
+
+def _quoted(text: str) -> str:
+    return text.replace("'", "''")

@@ -1,0 +1,99 @@
+"""Figures that stand beside every summary: ranks, accuracy, baseline and bootstrap intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore import angles
+
+LOSS_GAMMA = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Bootstrap:
+    """Block bootstrap settings; `block_length` 0 means the rounded-up square root of n."""
+
+    block_length: int = 0
+    replicates: int = 1000
+    seed: int = 20210101
+    level: float = 0.95
+
+
+BOOTSTRAP = Bootstrap()
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """An estimate with the bounds of its bootstrap interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def position_error(
+    x: NDArray[np.float64], y: NDArray[np.float64], x0: NDArray[np.float64], y0: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distance in metres, elementwise."""
+    return np.asarray(np.hypot(x - x0, y - y0), dtype=np.float64)
+
+
+def pose_loss(
+    error: NDArray[np.float64], heading_error: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(1 - g) error^2 + g heading_error with g = 0.3 (Sim2RealViz, eq. 1), m^2 and rad."""
+    return (1 - LOSS_GAMMA) * error**2 + LOSS_GAMMA * heading_error
+
+
+def heading_error(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """|wrap(a - b)|, radians in [0, pi]."""
+    return angles.distance(a, b)
+
+
+def accuracy(error: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+    """max(0, 1 - error / scale), both in metres."""
+    return np.maximum(0.0, 1.0 - error / scale)
+
+
+def rank(error: NDArray[np.float64]) -> NDArray[np.int32]:
+    """1 for the smallest error, ties by index; 0 where the error is NaN."""
+    ranks = np.zeros(error.size, dtype=np.int32)
+    known = np.flatnonzero(~np.isnan(error))
+    ranks[known[np.argsort(error[known], kind="stable")]] = np.arange(1, known.size + 1)
+    return ranks
+
+
+def baseline_accuracy(
+    x: NDArray[np.float64], y: NDArray[np.float64], scale: float
+) -> NDArray[np.float64]:
+    """Accuracy of the constant prediction of the mean position, per instance, shape (n,)."""
+    if x.size == 0:
+        return np.zeros(0)
+    return accuracy(np.hypot(x - x.mean(), y - y.mean()), scale)
+
+
+def bootstrap_mean(values: NDArray[np.float64], settings: Bootstrap = BOOTSTRAP) -> Interval:
+    """Mean with its percentile interval by moving blocks of neighbouring values.
+
+    `values` (n,) are in recording order, without NaN. NaN bounds below two values. Source:
+    Kuensch, "The jackknife and the bootstrap for general stationary observations", 1989.
+    """
+    n = values.size
+    if n == 0:
+        return Interval(np.nan, np.nan, np.nan)
+    mean = float(values.mean())
+    if n == 1:
+        return Interval(mean, np.nan, np.nan)
+    length = min(settings.block_length or int(np.ceil(np.sqrt(n))), n)
+    blocks = -(-n // length)
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    sums = total[length:] - total[:-length]
+    rng = np.random.default_rng(settings.seed)
+    starts = rng.integers(0, sums.size, size=(settings.replicates, blocks))
+    means = sums[starts].sum(axis=1) / (blocks * length)
+    tail = 50 * (1 - settings.level)
+    low, high = np.percentile(means, [tail, 100 - tail])
+    return Interval(mean, float(low), float(high))

@@ -1,0 +1,183 @@
+"""Writing a store: the next generation's index is built beside and published in one step."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore import layout, locks, schema
+
+ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
+
+
+class Draft:
+    """The index of a generation that is not published yet.
+
+    Starts as a copy of the current one. Everything written here becomes visible at once when
+    the `edit` block ends, or never.
+    """
+
+    def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
+        self._connection = connection
+
+    def insert(self, table: str, columns: ColumnData) -> None:
+        """Append rows given as equally long columns; NaN and None become NULL.
+
+        Columns that are not given become NULL. Raises KeyError for unknown names.
+        """
+        known = schema.BY_NAME[table]
+        unknown = set(columns) - set(known.column_names)
+        if unknown:
+            raise KeyError(f"{table} has no column {sorted(unknown)[0]}")
+        arrays = {name: _column(values) for name, values in columns.items()}
+        if not arrays or len(next(iter(arrays.values()))) == 0:
+            return
+        picked = [_selected(name, array) for name, array in arrays.items()]
+        names = ", ".join(f'"{name}"' for name in arrays)
+        self._connection.register("incoming", arrays)
+        self._connection.execute(
+            f'INSERT INTO "{table}" ({names}) SELECT {", ".join(picked)} FROM incoming'
+        )
+        self._connection.unregister("incoming")
+
+    def insert_row(self, table: str, row: Mapping[str, Any]) -> None:
+        """Append one row; dicts, lists and tuples are stored as JSON text."""
+        values = {k: _text(v) if isinstance(v, dict | list | tuple) else v for k, v in row.items()}
+        self.insert(table, {name: [value] for name, value in values.items()})
+
+    def delete(self, table: str, **where: str) -> None:
+        """Remove the rows whose columns equal the given values."""
+        known = schema.BY_NAME[table]
+        for name in where:
+            if name not in known.column_names:
+                raise KeyError(f"{table} has no column {name}")
+        condition = " AND ".join(f'"{name}" = ?' for name in where) or "true"
+        self._connection.execute(f'DELETE FROM "{table}" WHERE {condition}', list(where.values()))
+
+    def note(self, what: str, facts: Mapping[str, Any]) -> None:
+        """Set provenance facts of `what`, replacing those of the same key."""
+        for key, value in facts.items():
+            self.delete("provenance", what=what, key=key)
+            text = value if isinstance(value, str) else _text(value)
+            self.insert_row("provenance", {"what": what, "key": key, "value": text})
+
+    def rows(self, query: str, parameters: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+        """Read from the draft."""
+        return self._connection.execute(query, list(parameters)).fetchall()
+
+
+@contextmanager
+def edit(root: Path) -> Iterator[Draft]:
+    """Publish the next generation of the store at `root` with the changes made in the block.
+
+    An exception inside leaves the store at its current generation. A folder without a
+    generation gets its first one.
+    """
+    (root / layout.INDEX).mkdir(parents=True, exist_ok=True)
+    with locks.publish_lock(root):
+        base = layout.read_current(root) if (root / layout.CURRENT).exists() else None
+        _remove_leftovers(root)
+        beside = root / layout.INDEX / f".building-{os.getpid()}.duckdb"
+        connection = duckdb.connect()
+        try:
+            _begin(connection, beside, root / base.index if base else None)
+            yield Draft(connection)
+            dataset_hash = _finish(connection)
+            connection.close()
+            _publish(root, beside, _next_generation(root, base), dataset_hash)
+        finally:
+            connection.close()
+            beside.unlink(missing_ok=True)
+            beside.with_name(beside.name + ".wal").unlink(missing_ok=True)
+
+
+def _begin(connection: duckdb.DuckDBPyConnection, beside: Path, base: Path | None) -> None:
+    connection.execute(
+        f"ATTACH '{_sql_path(beside)}' AS draft (STORAGE_VERSION '{schema.STORAGE_VERSION}')"
+    )
+    connection.execute("USE draft")
+    for statement in schema.statements():
+        connection.execute(statement)
+    if base is not None:
+        connection.execute(f"ATTACH '{_sql_path(base)}' AS base (READ_ONLY)")
+        for table in schema.TABLES:
+            names = ", ".join(f'"{name}"' for name in table.column_names)
+            connection.execute(
+                f'INSERT INTO draft."{table.name}" ({names}) SELECT {names} FROM base."{table.name}"'
+            )
+        connection.execute("DETACH base")
+
+
+def _finish(connection: duckdb.DuckDBPyConnection) -> str:
+    found = connection.execute("SELECT hash FROM dataset").fetchall()
+    connection.execute("CHECKPOINT draft")
+    connection.execute("USE memory")
+    connection.execute("DETACH draft")
+    return str(found[0][0]) if found else ""
+
+
+def _publish(root: Path, beside: Path, generation: int, dataset_hash: str) -> None:
+    target = root / layout.index_name(generation)
+    layout.sync_file(beside)
+    beside.rename(target)
+    layout.sync_folder(target.parent)
+    layout.write_current(
+        root,
+        layout.Current(
+            generation=generation,
+            index=layout.index_name(generation),
+            sha256=layout.file_sha256(target),
+            bytes=target.stat().st_size,
+            schema=schema.VERSION,
+            dataset_hash=dataset_hash,
+        ),
+    )
+
+
+def _next_generation(root: Path, base: layout.Current | None) -> int:
+    """One above every number that was ever used: a name is never used again."""
+    used = [layout.generation_of(path) or 0 for path in (root / layout.INDEX).iterdir()]
+    return max([*used, base.generation if base else 0]) + 1
+
+
+def _remove_leftovers(root: Path) -> None:
+    for path in (root / layout.INDEX).glob(".building-*"):
+        path.unlink(missing_ok=True)
+
+
+def _sql_path(path: Path) -> str:
+    return str(path).replace("'", "''")
+
+
+def _column(values: NDArray[Any] | Sequence[Any]) -> NDArray[Any]:
+    if isinstance(values, np.ndarray) and values.dtype != object:
+        return values
+    listed = list(values)
+    known = [value for value in listed if value is not None]
+    if known and len(known) == len(listed) and not isinstance(known[0], str):
+        return np.asarray(listed)
+    if known and isinstance(known[0], bool | int | float):
+        return np.array([np.nan if v is None else float(v) for v in listed])
+    return np.array(listed, dtype=object)
+
+
+def _selected(name: str, array: NDArray[Any]) -> str:
+    return f"nullif(\"{name}\", 'NaN'::DOUBLE)" if array.dtype.kind == "f" else f'"{name}"'
+
+
+def _text(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"), sort_keys=True, default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} is no JSON value")

@@ -1,0 +1,168 @@
+"""A small synthetic store, made by code: two trajectories, two rooms, runs of known error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from s2rstore import arrays, layout, stats
+from s2rstore.geometry.rooms import room_codes
+from s2rstore.ledger import Ledger
+from s2rstore.records import Room
+from s2rstore.writer import Draft, edit
+
+ROOMS = (
+    Room("left hall", 0, 0.0, 0.0, 5.0, 8.0),
+    Room("right", 1, 5.0, 0.0, 10.0, 8.0),
+)
+RUNS = ("vanilla", "dataaug")
+SIZE = 16
+
+
+def poses(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A walk through both rooms: x, y in metres, heading in radians."""
+    t = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    return 5 + 4.5 * np.cos(t), 4 + 3.5 * np.sin(t), np.mod(t + np.pi / 2 + np.pi, 2 * np.pi) - np.pi
+
+
+def build(path: Path, n: int = 40, runs: tuple[str, ...] = RUNS, seed: int = 0) -> Path:
+    """Write a store of `n` instances at `path` and give it back."""
+    path.mkdir(parents=True)
+    rng = np.random.default_rng(seed)
+    first = n * 5 // 8
+    x, y, heading = poses(n)
+    with edit(path) as draft:
+        _dataset(draft, n, first)
+        codes = room_codes(x, y, ROOMS, [room.room for room in ROOMS])
+        draft.insert(
+            "instance",
+            {
+                "iid": np.arange(n, dtype=np.int32),
+                "trajectory": ["a"] * first + ["b"] * (n - first),
+                "seq": np.concatenate([np.arange(first), np.arange(n - first)]),
+                "x": x,
+                "y": y,
+                "heading": heading,
+                "room": [ROOMS[code].room if code >= 0 else None for code in codes],
+                "curvature": rng.normal(0, 12, n),
+            },
+        )
+        for number, run in enumerate(runs):
+            _run(draft, run, number, (x, y, heading), rng)
+    _frames(path, n, first, rng)
+    _heatmaps(path, n, runs, rng)
+    return path
+
+
+def _dataset(draft: Draft, n: int, first: int) -> None:
+    draft.insert_row(
+        "dataset",
+        {
+            "name": "tiny", "hash": "0" * 64, "bounds_x0": 0.0, "bounds_y0": 0.0,
+            "bounds_x1": 10.0, "bounds_y1": 8.0, "y_down": True, "floor_plan": None,
+            "accuracy_scale": 12.0, "frame_height": SIZE, "frame_width": SIZE,
+        },
+    )  # fmt: skip
+    for name, count in (("a", first), ("b", n - first)):
+        draft.insert_row("trajectory", {"trajectory": name, "instances": count})
+    for room in ROOMS:
+        draft.insert_row("room", {s: getattr(room, s) for s in room.__slots__})
+    for domain in ("sim", "real"):
+        cameras = {
+            f"{image}_{figure}": value
+            for image in ("rgb", "depth")
+            for figure, value in (("fx", 8.0), ("fy", 8.0), ("cx", 8.0), ("cy", 8.0), ("pitch", 0.0))
+        }
+        draft.insert_row(
+            "domain",
+            {
+                "domain": domain, "kind": domain, **cameras, "camera_height": 0.6,
+                "forward_offset": 0.0, "depth_scale": 10 / 255, "depth_raw_min": 6,
+                "depth_raw_max": 249, "source": {"cameras": "declared"},
+            },
+        )  # fmt: skip
+
+
+def _run(draft: Draft, run: str, number: int, truth: tuple[np.ndarray, ...], rng) -> None:
+    x, y, heading = truth
+    n = x.size
+    draft.insert_row(
+        "model",
+        {"model": run, "architecture": "resposenet", "sha256": f"{number:064d}",
+         "input_height": SIZE, "input_width": SIZE,
+         "convention": {"heading": "cos_sin", "frame": "map"}, "trained_by": None},
+    )  # fmt: skip
+    draft.insert_row(
+        "run",
+        {"run": run, "model": run, "sim_domain": "sim", "real_domain": "real",
+         "sim_adjustments": [], "real_adjustments": [], "key": f"key{number}",
+         "precision": "float32", "created_at": f"2026-01-0{number + 1}T00:00:00Z"},
+    )  # fmt: skip
+    for side, spread in (("sim", 0.4), ("real", 1.5 / (number + 1))):
+        px, py = x + rng.normal(0, spread, n), y + rng.normal(0, spread, n)
+        angle = np.mod(heading + rng.normal(0, 0.2, n) + np.pi, 2 * np.pi) - np.pi
+        error = np.sqrt((px - x) * (px - x) + (py - y) * (py - y))
+        off = stats.heading_error(angle, heading)
+        split = np.where(np.arange(n) % 5 < 4, "train", "test") if side == "sim" else "unseen"
+        draft.insert(
+            "prediction",
+            {
+                "run": [run] * n, "iid": np.arange(n, dtype=np.int32), "side": [side] * n,
+                "x": px, "y": py, "heading": angle, "error": error, "heading_error": off,
+                "loss": stats.pose_loss(error, off), "accuracy": stats.accuracy(error, 12.0),
+                "rank": stats.rank(error), "split": list(np.broadcast_to(split, n)),
+            },
+        )  # fmt: skip
+        draft.insert(
+            "projection",
+            {"run": [run] * n, "iid": np.arange(n, dtype=np.int32), "side": [side] * n,
+             "u": px * 0.5, "v": py * 0.5},
+        )  # fmt: skip
+
+
+def _frames(path: Path, n: int, first: int, rng) -> None:
+    ledger = Ledger(path)
+    for domain in ("sim", "real"):
+        for name, count in (("a", first), ("b", n - first)):
+            for image, item, top in (("rgb", (SIZE, SIZE, 3), 256), ("depth", (SIZE, SIZE), 256)):
+                relative = Path(layout.FRAMES, domain, name, image)
+                arrays.create(path / relative, arrays.plan(count, item, "uint8", 16))
+                rows = rng.integers(0, top, (count, *item)).astype(np.uint8)
+                _write(path, ledger, relative, rows, 16)
+
+
+def _heatmaps(path: Path, n: int, runs: tuple[str, ...], rng) -> None:
+    ledger = Ledger(path)
+    with edit(path) as draft:
+        for number, run in enumerate(runs):
+            specs = [
+                ("activation", "sim", None, (4, 4, 4), "output x row x column"),
+                ("activation", "real", None, (4, 4, 4), "output x row x column"),
+                ("feature_distance", None, None, (4, 4), "row x column"),
+                *(
+                    ("occlusion", side, mode, (2, 6, 6), "unit x row x column")
+                    for side in ("sim", "real")
+                    for mode in ("rgb", "depth", "rgbd")
+                ),
+            ]
+            for kind, side, mode, item, axes in specs:
+                name = ".".join(part for part in (kind, mode, side) if part)
+                relative = f"{run}/key{number}/{name}"
+                plan = arrays.plan(n, item, "float32", 16)
+                arrays.create(path / layout.RUNS / relative, plan)
+                rows = rng.normal(0, 1, (n, *item)).astype(np.float32)
+                _write(path, ledger, Path(layout.RUNS, relative), rows, 16)
+                draft.insert_row(
+                    "zarr_array",
+                    {"run": run, "kind": kind, "side": side, "mode": mode, "path": relative,
+                     "dtype": "float32", "shape": [n, *item],
+                     "axes": ["iid", *axes.split(" x ")], "scale": 1.0, "zero": 0.0, "unit": "m"},
+                )  # fmt: skip
+
+
+def _write(path: Path, ledger: Ledger, relative: Path, rows: np.ndarray, shard: int) -> None:
+    for number, start in enumerate(range(0, len(rows), shard)):
+        file = arrays.write_shard(path / relative, number, rows[start : start + shard])
+        inside = file.relative_to(path).as_posix()
+        ledger.add(f"{relative.as_posix()}:{number}", [(inside, len(rows[start : start + shard]))])
