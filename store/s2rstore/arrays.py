@@ -90,14 +90,15 @@ def write_shard(path: Path, shard: int, rows: NDArray[Any]) -> Path:
     """
     import zarr
 
-    array = zarr.open_array(path, mode="r+", config={"write_empty_chunks": True})
-    if array.shards is None:
-        raise RequestError(f"{path}: not sharded")
-    start = shard * array.shards[0]
-    stop = min(start + array.shards[0], array.shape[0])
-    if rows.shape != (stop - start, *array.shape[1:]):
-        raise ValueError(f"{path}: shard {shard} holds {stop - start} rows, got {rows.shape}")
-    array[start:stop] = rows
+    with zarr.config.set({"array.write_empty_chunks": True}):
+        array = zarr.open_array(path, mode="r+")
+        if array.shards is None:
+            raise RequestError(f"{path}: not sharded")
+        start = shard * array.shards[0]
+        stop = min(start + array.shards[0], array.shape[0])
+        if rows.shape != (stop - start, *array.shape[1:]):
+            raise ValueError(f"{path}: shard {shard} holds {stop - start} rows, got {rows.shape}")
+        array[start:stop] = rows
     return shard_file(path, shard, array.ndim)
 
 

@@ -182,18 +182,29 @@ class Store:
         valid = (depth >= record.depth_raw_min) & (depth <= record.depth_raw_max)
         return Frame(rgb, depth, valid)
 
-    def frame_rows(
-        self, domain: str, trajectory: str, start: int, stop: int
-    ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
-        """Frames of rows [start, stop) of one trajectory: rgb (n, H, W, 3), depth (n, H, W)."""
+    def frames(
+        self, domain: str, start: int, stop: int, images: tuple[str, ...] = ("rgb", "depth")
+    ) -> dict[str, NDArray[Any]]:
+        """The images of iids [start, stop): rgb (n, H, W, 3) uint8, depth (n, H, W) raw values."""
         self._known_domain(domain)
-        folder = self.path / layout.FRAMES / domain / trajectory
-        rgb = self._array(folder / "rgb")[start:stop]
-        return np.asarray(rgb), np.asarray(self._array(folder / "depth")[start:stop])
+        parts: dict[str, list[NDArray[Any]]] = {image: [] for image in images}
+        for trajectory, first in self._first_iids.items():
+            count = self._counts[trajectory]
+            low, high = max(start, first), min(stop, first + count)
+            if low < high:
+                folder = self.path / layout.FRAMES / domain / trajectory
+                for image in images:
+                    rows = self._array(folder / image)[low - first : high - first]
+                    parts[image].append(np.asarray(rows))
+        return {image: _joined(rows) for image, rows in parts.items()}
 
     def first_iid(self, trajectory: str) -> int:
         """The iid of a trajectory's first instance; its rows follow without gaps."""
         return self._first_iids[trajectory]
+
+    @cached_property
+    def _counts(self) -> dict[str, int]:
+        return {trajectory.trajectory: trajectory.instances for trajectory in self.trajectories}
 
     @cached_property
     def _first_iids(self) -> dict[str, int]:
@@ -293,3 +304,7 @@ def _domain(row: dict[str, Any]) -> Domain:
     }
     sources = json.loads(row.pop("source") or "{}")
     return Domain(**cameras, sources=sources, **row)
+
+
+def _joined(rows: list[NDArray[Any]]) -> NDArray[Any]:
+    return rows[0] if len(rows) == 1 else np.concatenate(rows)

@@ -62,6 +62,19 @@ class Draft:
         condition = " AND ".join(f'"{name}" = ?' for name in where) or "true"
         self._connection.execute(f'DELETE FROM "{table}" WHERE {condition}', list(where.values()))
 
+    def update(self, table: str, where: Mapping[str, str], values: Mapping[str, Any]) -> None:
+        """Set columns of the rows whose columns equal the given values."""
+        known = schema.BY_NAME[table].column_names
+        for name in (*where, *values):
+            if name not in known:
+                raise KeyError(f"{table} has no column {name}")
+        changes = ", ".join(f'"{name}" = ?' for name in values)
+        condition = " AND ".join(f'"{name}" = ?' for name in where)
+        self._connection.execute(
+            f'UPDATE "{table}" SET {changes} WHERE {condition}',
+            [*values.values(), *where.values()],
+        )
+
     def note(self, what: str, facts: Mapping[str, Any]) -> None:
         """Set provenance facts of `what`, replacing those of the same key."""
         for key, value in facts.items():

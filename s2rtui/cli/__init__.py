@@ -1,0 +1,110 @@
+"""The `s2r` command: one module per command, imported only when it is asked for."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+COMMANDS: dict[str, str] = {
+    "demo": "build a store from data, print what it shows, open the application",
+    "ingest": "make a store from paired images",
+    "train": "train a model with one of the recipes and register a run of it",
+    "model": "register a trained model",
+    "run": "register a run: a model on two domains, with adjustments",
+    "precompute": "compute what is missing for runs and publish it",
+    "tui": "open the application on a store",
+    "runs": "list the runs of a store with their figures",
+    "query": "print the instances that an expression selects",
+    "sql": "run a read-only SQL query on the index",
+    "export": "write a figure as PNG",
+    "snapshot": "write the application's screen after given keys",
+    "verify": "check that a store is complete and undamaged",
+    "prune": "remove what no kept generation needs",
+    "doctor": "tell what this machine and terminal can do",
+}
+
+_TORCH_ENVIRONMENT = {"OMP_WAIT_POLICY": "PASSIVE", "GOMP_SPINCOUNT": "0"}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; gives its exit code: 0, 1 not so, 2 wrong request, 3 inconclusive, 70."""
+    for name, value in _TORCH_ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    arguments = _with_default_command(list(sys.argv[1:] if argv is None else argv))
+    parser = _parser(arguments)
+    options = parser.parse_args(arguments)
+    if not hasattr(options, "execute"):
+        parser.print_help()
+        return 2
+    return _guarded(options)
+
+
+def _with_default_command(arguments: list[str]) -> list[str]:
+    """`s2r S.s2r` means `s2r tui S.s2r`."""
+    words = [word for word in arguments if not word.startswith("-")]
+    if words and words[0] not in COMMANDS and words[0].rstrip("/").endswith(".s2r"):
+        return ["tui", *arguments]
+    return arguments
+
+
+def _parser(arguments: list[str]) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="s2r",
+        description="Find out where and why pose estimates fail in reality.",
+        epilog="`s2r COMMAND --help` tells the rest. `s2r STORE.s2r` opens the application.",
+    )
+    parser.add_argument("--version", action="version", version=_version())
+    commands = parser.add_subparsers(metavar="COMMAND")
+    asked = next((word for word in arguments if word in COMMANDS), None)
+    for name, help_line in COMMANDS.items():
+        command = commands.add_parser(name, help=help_line, description=help_line.capitalize())
+        if name == asked:
+            module = importlib.import_module(f"s2rtui.cli.{name}_command")
+            command.add_argument("--debug", action="store_true", help="show tracebacks")
+            module.add_arguments(command)
+            command.set_defaults(execute=module.execute)
+    return parser
+
+
+def _version() -> str:
+    from importlib import metadata
+
+    try:
+        return f"s2rtui {metadata.version('s2rtui')}"
+    except metadata.PackageNotFoundError:
+        return "s2rtui (not installed)"
+
+
+def _guarded(options: argparse.Namespace) -> int:
+    from s2rstore.errors import S2RError
+
+    try:
+        return int(options.execute(options) or 0)
+    except S2RError as error:
+        if options.debug:
+            raise
+        print(f"s2r: {error}", file=sys.stderr)
+        return error.exit_code
+    except ModuleNotFoundError as error:
+        if options.debug or (error.name or "").startswith("s2r"):
+            raise
+        print(
+            f"s2r: this needs {error.name}; install it with `pip install 's2rtui[tools]'`",
+            file=sys.stderr,
+        )
+        return 2
+    except KeyboardInterrupt:
+        print("s2r: interrupted; finished work units are kept", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        if options.debug:
+            raise
+        text = f"{type(error).__name__}: {error}".splitlines()[0]
+        print(f"s2r: a fault of the program: {text} (--debug shows where)", file=sys.stderr)
+        return 70

@@ -1,0 +1,71 @@
+"""`s2r ingest`: make a store from paired images."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+_SHOWN = 5
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("layout", choices=("sim2realviz", "csv"), help="what PATH is")
+    parser.add_argument("path", type=Path, help="folder with traj1/ ..., or a CSV manifest")
+    parser.add_argument("--store", type=Path, required=True, help="the store to make, NAME.s2r")
+    parser.add_argument("--trajectory", action="append", default=[], help="only this one (repeat)")
+    parser.add_argument(
+        "--calibration", "--header", dest="header", type=Path,
+        help="TOML or JSON with bounds, rooms and cameras",
+    )  # fmt: skip
+    parser.add_argument("--size", type=int, default=256, help="rows and columns of stored frames")
+    parser.add_argument("--strict", action="store_true", help="refuse input with any problem")
+
+
+def execute(options: argparse.Namespace) -> int:
+    import shlex
+
+    from s2rstore.errors import RequestError
+    from s2rtools.ingest import IMPORTERS
+    from s2rtools.ingest.build import build
+    from s2rtools.ingest.scan import ScanOptions
+    from s2rtui.cli.progress import reporter
+
+    if not 16 <= options.size <= 2048:
+        raise RequestError("--size: 16 .. 2048")
+    frame = (options.size, options.size)
+    scan_options = ScanOptions(tuple(options.trajectory), options.header, frame)
+    scan = IMPORTERS[options.layout](options.path, scan_options)
+    views = sum(len(s.images) for rows in scan.trajectories.values() for s in rows)
+    command = shlex.join(["s2r", *sys.argv[1:]])
+    try:
+        with reporter() as told:
+            told.begin("ingest", 2 * views)
+            build(scan, options.store, command, options.strict, told.advance)
+    finally:
+        _report(scan.problems)
+    _tell(options.store)
+    return 0
+
+
+def _report(problems: list[Any]) -> None:
+    """Print how many problems of each kind there were, with the first file names."""
+    kinds: dict[str, list[Any]] = {}
+    for problem in problems:
+        kinds.setdefault(problem.kind, []).append(problem)
+    for kind, found in kinds.items():
+        print(f"{kind}: {len(found)}", file=sys.stderr)
+        for problem in found[:_SHOWN]:
+            print(f"  {problem.file} {problem.detail}".rstrip(), file=sys.stderr)
+        if len(found) > _SHOWN:
+            print(f"  ... and {len(found) - _SHOWN} more", file=sys.stderr)
+
+
+def _tell(path: Path) -> None:
+    import s2rstore
+
+    with s2rstore.open(path) as store:
+        domains = ", ".join(store.domains)
+        trajectories = ", ".join(f"{t.trajectory} ({t.instances})" for t in store.trajectories)
+        print(f"{path}: {len(store.instances)} instances in {domains}; trajectories {trajectories}")

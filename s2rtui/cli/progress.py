@@ -1,0 +1,75 @@
+"""Progress of long work: a bar on a terminal, a line now and then in a log."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+_LOG_SECONDS = 10.0
+
+
+class Reporter(Protocol):
+    """Told of stages of work: `begin` one of `total` steps, `advance` it, `say` a line."""
+
+    def begin(self, what: str, total: int) -> None: ...
+    def advance(self, steps: int) -> None: ...
+    def say(self, line: str) -> None: ...
+
+
+class LogReporter:
+    """Writes a line to standard error at the start, every ten seconds and at the end of a stage."""
+
+    def __init__(self) -> None:
+        self._what, self._total, self._done = "", 0, 0
+        self._started = self._told = 0.0
+
+    def begin(self, what: str, total: int) -> None:
+        self._what, self._total, self._done = what, total, 0
+        self._started = self._told = time.monotonic()
+
+    def advance(self, steps: int) -> None:
+        self._done += steps
+        now = time.monotonic()
+        finished = self._done >= self._total
+        if finished or now - self._told >= _LOG_SECONDS:
+            self._told = now
+            self.say(f"{self._what}: {self._done}/{self._total}, {now - self._started:.0f} s")
+
+    def say(self, line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+
+
+class BarReporter:
+    """A rich progress bar per stage."""
+
+    def __init__(self, progress: Any) -> None:
+        self._progress = progress
+        self._task: Any = None
+
+    def begin(self, what: str, total: int) -> None:
+        self._task = self._progress.add_task(what, total=total)
+
+    def advance(self, steps: int) -> None:
+        if self._task is not None:
+            self._progress.advance(self._task, steps)
+
+    def say(self, line: str) -> None:
+        self._progress.console.print(line, highlight=False, markup=False)
+
+
+@contextmanager
+def reporter() -> Iterator[Reporter]:
+    """The reporter that fits standard error."""
+    if not sys.stderr.isatty():
+        yield LogReporter()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
+               TimeRemainingColumn())  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        yield BarReporter(progress)

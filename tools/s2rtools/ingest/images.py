@@ -1,0 +1,97 @@
+"""Decoding one view: both files checked, brought to the stored size, validity counted."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.records import Domain
+from s2rtools.ingest.scan import Images, Problem, Scan
+
+_COLOUR_SPREAD = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """rgb (H, W, 3) uint8 and depth (H, W) raw values at the stored size."""
+
+    rgb: NDArray[np.uint8]
+    depth: NDArray[Any]
+    sha256: str
+    valid_fraction: float
+
+
+def decode(scan: Scan, domain: Domain, images: Images) -> View | Problem:
+    """Read, check and resize one view; a Problem names the file that cannot be used.
+
+    RGB is averaged over areas. Depth takes the nearest source pixel, so that every stored value
+    is one of the file and validity needs no second mask.
+    """
+    digest = hashlib.sha256()
+    rgb = _read(scan, images.rgb, cv2.IMREAD_COLOR_RGB, digest)
+    if isinstance(rgb, Problem):
+        return rgb
+    depth = _read(scan, images.depth, cv2.IMREAD_UNCHANGED, digest)
+    if isinstance(depth, Problem):
+        return depth
+    name = scan.relative(images.depth)
+    if depth.ndim == 3:
+        if int(np.ptp(depth[..., :3].astype(np.int16), axis=2).max()) > _COLOUR_SPREAD:
+            return Problem("not a depth image", name, "it has colours")
+        depth = depth[..., 0]
+    if depth.dtype not in (np.uint8, np.uint16):
+        return Problem("not a depth image", name, f"type {depth.dtype}")
+    for path, image in ((images.rgb, rgb), (images.depth, depth)):
+        if images.size is not None and image.shape[:2] != images.size:
+            found, wanted = _size(image.shape[:2]), _size(images.size)
+            return Problem("wrong size", scan.relative(path), f"{found}, expected {wanted}")
+    height, width = scan.frame
+    rgb = _resized_rgb(rgb, (width, height))
+    depth = cv2.resize(depth, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
+    valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
+    return View(rgb, depth, digest.hexdigest(), float(valid.mean()))
+
+
+def _read(scan: Scan, path: Path, mode: int, digest: Any) -> NDArray[Any] | Problem:
+    name = scan.relative(path)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        return Problem("unreadable image", name, str(error.strerror))
+    digest.update(content)
+    if not content:
+        return Problem("unreadable image", name, "empty file")
+    if truncated(content):
+        return Problem("truncated image", name)
+    try:
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), mode)
+    except cv2.error:
+        image = None
+    if image is None:
+        return Problem("unreadable image", name, "no picture that can be decoded")
+    return np.asarray(image)
+
+
+def truncated(content: bytes) -> bool:
+    """Whether a JPEG or PNG stops before its end marker; decoders often fill the rest with grey."""
+    if content[:2] == b"\xff\xd8":
+        return b"\xff\xd9" not in content[-64:]
+    if content[:8] == b"\x89PNG\r\n\x1a\n":
+        return b"IEND" not in content[-64:]
+    return False
+
+
+def _resized_rgb(rgb: NDArray[Any], size: tuple[int, int]) -> NDArray[np.uint8]:
+    shrinks = rgb.shape[1] >= size[0] and rgb.shape[0] >= size[1]
+    mode = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(rgb, size, interpolation=mode), dtype=np.uint8)
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    return f"{shape[1]}x{shape[0]}"

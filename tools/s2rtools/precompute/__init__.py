@@ -1,0 +1,1 @@
+"""From registered runs to published arrays and index rows, in work units that survive kill -9."""

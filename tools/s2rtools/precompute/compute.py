@@ -1,0 +1,127 @@
+"""What one process needs to compute any work unit of a store."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import s2rstore
+from s2rstore.reader import Store
+from s2rstore.records import SIDES, Run
+from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
+from s2rtools.inference import Backend, open_backend
+from s2rtools.models.library import load_model
+from s2rtools.precompute import maps, projection
+from s2rtools.precompute.frames import PairFrames, read_pairs
+from s2rtools.precompute.units import ArraySpec, Unit
+
+Values = dict[ArraySpec, NDArray[Any]]
+
+
+class Computer:
+    """Computes units of one store; models are loaded once per process."""
+
+    def __init__(self, root: Path, backends: dict[str, str], threads: int) -> None:
+        """`backends` names for each run the backend that its keys were made with."""
+        self._root = root
+        self._store = s2rstore.open(root)
+        self._backend_names = backends
+        self._threads = threads
+        self._backends: dict[str, Backend] = {}
+
+    def __call__(self, unit: Unit) -> None:
+        """Compute and write what is missing of one shard."""
+        run = self._store.run(unit.stage.run)
+        unit.stage.write(self._root, unit.shard, self._compute(run, unit))
+
+    def _compute(self, run: Run, unit: Unit) -> Values:
+        if unit.stage.name == "projection":
+            return _projection(self._root, unit)
+        if unit.stage.name.startswith("map:"):
+            return maps.grids(self._store, run, unit)
+        return self._network(run, unit)
+
+    def backend(self, run: Run) -> Backend:
+        if run.run not in self._backends:
+            model = load_model(self._store, run.model)
+            name = self._backend_names[run.run]
+            self._backends = {run.run: open_backend(model, name, self._threads)}
+        return self._backends[run.run]
+
+    def _network(self, run: Run, unit: Unit) -> Values:
+        backend = self.backend(run)
+        start, stop = unit.stage.span(unit.shard)
+        parts: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
+        size = backend.model.network.input_size
+        for iid, frames in read_pairs(self._store, run, size, start, stop, backend.batch):
+            pair = pair_batch(self._store, backend, iid, frames)
+            for spec, values in _pair_values(pair, unit.missing).items():
+                parts[spec].append(values)
+        return {spec: np.concatenate(found) for spec, found in parts.items()}
+
+
+def opener(backends: dict[str, str]) -> Callable[[Path, int], Computer]:
+    """The function that `workers.run_units` calls once in each process."""
+    return partial(_open, backends)
+
+
+def _open(backends: dict[str, str], root: Path, threads: int) -> Computer:
+    return Computer(root, backends, threads)
+
+
+def pair_batch(store: Store, backend: Backend, iid: int, frames: PairFrames) -> PairBatch:
+    """Both sides of a batch after the forward pass; the first instance is `iid`."""
+    rows = slice(iid, iid + len(frames["sim"].x))
+    truth = store.instances
+    poses = np.stack([truth.x[rows], truth.y[rows], truth.heading[rows]], axis=1)
+    sides = {}
+    for side in SIDES:
+        domain_frames = frames[side]
+        forward = backend.forward_all(domain_frames.x)
+        sides[side] = SideBatch(
+            x=forward.x,
+            rgb=domain_frames.rgb,
+            depth=domain_frames.depth,
+            valid=domain_frames.valid,
+            features=forward.features,
+            embedding=forward.embedding,
+            prediction=forward.pose,
+            truth=poses,
+        )
+    return PairBatch(backend.model, backend, sides["sim"], sides["real"])
+
+
+def _pair_values(pair: PairBatch, specs: tuple[ArraySpec, ...]) -> Values:
+    values: Values = {}
+    computed: dict[str, Any] = {}
+    for spec in specs:
+        if spec.kind == "prediction":
+            values[spec] = np.asarray(pair.side(spec.side).prediction, dtype=np.float64)
+        elif spec.kind == "embedding":
+            values[spec] = _half(np.asarray(pair.side(spec.side).embedding))
+        else:
+            if spec.kind not in computed:
+                computed[spec.kind] = KINDS[spec.kind].compute(pair)
+            values[spec] = computed[spec.kind][spec.side, spec.mode].astype(spec.dtype)
+    return values
+
+
+def _half(values: NDArray[np.float32]) -> NDArray[np.float16]:
+    limit = np.finfo(np.float16).max
+    return np.clip(values, -limit, limit).astype(np.float16)
+
+
+def _projection(root: Path, unit: Unit) -> Values:
+    stage = unit.stage
+    valid = stage.valid(root)
+    embeddings = tuple(stage.source(root, "embedding", side) for side in SIDES)
+    sim, real, _ = projection.principal_components((embeddings[0], embeddings[1]), valid)
+    plane = projection.joint_umap((sim, real), valid)
+    made = {("pca", "sim"): sim, ("pca", "real"): real}
+    made |= {("umap", "sim"): plane[0], ("umap", "real"): plane[1]}
+    return {spec: made[spec.kind, str(spec.side)] for spec in unit.missing}

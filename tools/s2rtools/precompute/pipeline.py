@@ -1,0 +1,118 @@
+"""Computing what is missing for runs, and publishing each run as soon as it is complete."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+import s2rstore
+from s2rstore import locks
+from s2rstore.errors import RequestError
+from s2rstore.reader import Store
+from s2rstore.records import SIDES, Run
+from s2rtools.heatmaps import KINDS
+from s2rtools.inference import choose_backend
+from s2rtools.models.library import load_model
+from s2rtools.precompute import stages as run_stages
+from s2rtools.precompute.compute import opener
+from s2rtools.precompute.frames import read_pairs
+from s2rtools.precompute.publish import publish_run
+from s2rtools.precompute.units import Stage, missing_units
+from s2rtools.precompute.workers import run_units
+
+
+class Reporter(Protocol):
+    """Where progress is told: `total` instances-times-stages of `what`, then steps of it."""
+
+    def begin(self, what: str, total: int) -> None: ...
+    def advance(self, steps: int) -> None: ...
+    def say(self, line: str) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """`kinds` are heatmap kinds, all by default; `backend` auto, torch or openvino."""
+
+    kinds: tuple[str, ...] | None = None
+    workers: int = 1
+    backend: str = "torch"
+
+
+def precompute(
+    root: Path, reporter: Reporter, runs: Sequence[str] = (), options: Options | None = None
+) -> list[str]:
+    """Compute and publish the named runs (all by default); gives those that were published.
+
+    Nothing that ledger and checksums prove is computed again. Raises StoreBusyError where another
+    process computes, RequestError for unknown runs or kinds.
+    """
+    options = options or Options()
+    kinds = _known_kinds(options.kinds)
+    with locks.compute_lock(root):
+        with s2rstore.open(root) as store:
+            names = [store.run(name).run for name in runs] or list(store.runs)
+        if not names:
+            raise RequestError(f"{root}: no run to compute; `s2r run add` registers one")
+        return [name for name in names if _compute_run(root, name, kinds, options, reporter)]
+
+
+def _known_kinds(kinds: tuple[str, ...] | None) -> tuple[str, ...]:
+    for kind in kinds or ():
+        if kind not in KINDS:
+            raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(KINDS)}")
+    return tuple(KINDS) if kinds is None else kinds
+
+
+def _compute_run(
+    root: Path, name: str, kinds: Sequence[str], options: Options, reporter: Reporter
+) -> bool:
+    """Bring one run up to date; whether that published a new generation."""
+    with s2rstore.open(root) as store:
+        run = store.run(name)
+        backend = _backend(store, run, options)
+        model = load_model(store, run.model)
+        allowed = [kind for kind in kinds if model.network.has_features or KINDS[kind].model_free]
+        forward = run_stages.forward_stage(store, run, model, backend, allowed)
+        others = run_stages.occlusion_stages(store, run, model, backend, allowed)
+        second = [run_stages.projection_stage(store, forward)]
+        second += run_stages.map_stages(store, forward, others)
+    for group in ([forward, *others], second):
+        _compute_stages(root, group, {name: backend["name"]}, options, reporter)
+    published = publish_run(root, name, [forward, *others, *second], backend)
+    reporter.say(f"{name}: {'published' if published else 'up to date'}")
+    return published
+
+
+def _backend(store: Store, run: Run, options: Options) -> dict[str, Any]:
+    """The backend's name and precision, after calibration on the run's first images."""
+    model = load_model(store, run.model)
+    size = model.network.input_size
+    stop = min(16, len(store.instances))
+    batches = [f for _, f in read_pairs(store, run, size, 0, stop, 16)]
+    sample = np.concatenate([frames[side].x for frames in batches for side in SIDES])
+    chosen = choose_backend(model, sample, options.backend, threads=0)
+    return {"name": chosen.name, "precision": chosen.precision}
+
+
+def _compute_stages(
+    root: Path,
+    stages: Sequence[Stage],
+    backends: dict[str, str],
+    options: Options,
+    reporter: Reporter,
+) -> None:
+    for stage in stages:
+        stage.create(root)
+    units = list(missing_units(root, stages))
+    if not units:
+        return
+    names = list(dict.fromkeys(unit.stage.name for unit in units))
+    label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
+    reporter.begin(f"{units[0].stage.run}: {label}", sum(unit.rows for unit in units))
+    workers = min(options.workers, len(units))
+    for unit in run_units(root, units, opener(backends), workers):
+        reporter.advance(unit.rows)

@@ -1,0 +1,125 @@
+"""From finished arrays to the index: one run's rows, published as a new generation."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import s2rstore
+from s2rstore import arrays, layout, stats
+from s2rstore.reader import Store
+from s2rstore.records import SIDES, ArrayRecord
+from s2rstore.writer import edit
+from s2rtools.precompute.projection import SETTINGS
+from s2rtools.precompute.rows import decode_split, prediction_columns
+from s2rtools.precompute.units import ArraySpec, Stage
+
+_PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit-learn")
+
+
+def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str, Any]) -> bool:
+    """Publish a run whose stages are complete; False where the index says all that already.
+
+    `stages` starts with the forward stage. Arrays of other heatmap kinds stay listed as long as
+    they belong to the same predictions.
+    """
+    specs = [spec for stage in stages for spec in stage.specs]
+    key = stages[0].specs[0].key
+    with s2rstore.open(root) as store:
+        same = store.run(run).key == key
+        listed = store.arrays(run) if same else []
+        if {spec.path(run) for spec in specs} <= {record.path for record in listed}:
+            return False
+        columns = [*_predictions(store, run, stages[0]), *_projections(store, run, stages)]
+    kept = [r for r in listed if (r.kind, r.side, r.mode) not in {_identity(s) for s in specs}]
+    with edit(root) as draft:
+        for table in ("prediction", "projection", "zarr_array"):
+            draft.delete(table, run=run)
+        for table, rows in columns:
+            draft.insert(table, rows)
+        for record in kept:
+            draft.insert_row("zarr_array", asdict(record))
+        for spec in specs:
+            draft.insert_row("zarr_array", _array_row(run, spec))
+        draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
+        draft.note(f"run:{run}", _provenance(specs, backend))
+    return True
+
+
+def _identity(spec: ArraySpec) -> tuple[str, str | None, str | None]:
+    return spec.kind, spec.side, spec.mode
+
+
+def _array(store: Store, run: str, spec: ArraySpec) -> np.ndarray:
+    return np.asarray(arrays.open_read(store.path / layout.RUNS / spec.path(run))[:])
+
+
+def _predictions(store: Store, run: str, forward: Stage) -> list[tuple[str, dict[str, Any]]]:
+    splits = store.provenance(f"model:{store.run(run).model}")
+    n = len(store.instances)
+    found = []
+    for spec in forward.specs:
+        if spec.kind == "prediction":
+            domain = store.run(run).domain(spec.side)
+            split = decode_split(splits.get(f"split:{domain}"), n)
+            poses = _array(store, run, spec)
+            scale = store.dataset.accuracy_scale
+            columns = prediction_columns(run, spec.side, poses, store.instances, scale, split)
+            found.append(("prediction", columns))
+    return found
+
+
+def _projections(
+    store: Store, run: str, stages: Sequence[Stage]
+) -> list[tuple[str, dict[str, Any]]]:
+    found = []
+    specs = [spec for stage in stages for spec in stage.specs if spec.kind == "umap"]
+    n = len(store.instances)
+    for spec in specs:
+        plane = _array(store, run, spec).astype(np.float64)
+        columns = {
+            "run": np.full(n, run, dtype=object),
+            "iid": np.arange(n, dtype=np.int32),
+            "side": np.full(n, spec.side, dtype=object),
+            "u": plane[:, 0],
+            "v": plane[:, 1],
+        }
+        found.append(("projection", columns))
+    return found
+
+
+def _array_row(run: str, spec: ArraySpec) -> dict[str, Any]:
+    return {
+        "run": run,
+        "kind": spec.kind,
+        "side": spec.side,
+        "mode": spec.mode,
+        "path": spec.path(run),
+        "dtype": spec.dtype,
+        "shape": [spec.rows, *spec.item],
+        "axes": list(spec.axes),
+        "scale": 1.0,
+        "zero": 0.0,
+        "unit": spec.unit,
+    }
+
+
+def _provenance(specs: Sequence[ArraySpec], backend: dict[str, Any]) -> dict[str, Any]:
+    facts: dict[str, Any] = {
+        "backend": backend,
+        "projection": SETTINGS.facts(),
+        "bootstrap": asdict(stats.BOOTSTRAP),
+        "python": platform.python_version(),
+        "packages": {name: metadata.version(name) for name in _PACKAGES},
+    }
+    for spec in specs:
+        for name, value in spec.attributes:
+            if name == "method":
+                facts[f"{spec.kind} method"] = value
+    return facts

@@ -1,0 +1,71 @@
+"""From predicted poses to index rows: errors, losses, accuracies, ranks and splits."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore import stats
+from s2rstore.columns import InstanceColumns
+from s2rstore.records import SPLITS
+
+UNSEEN = SPLITS.index("unseen")
+
+
+def prediction_columns(
+    run: str,
+    side: str,
+    poses: NDArray[np.float64],
+    truth: InstanceColumns,
+    accuracy_scale: float,
+    split: NDArray[np.int8],
+) -> dict[str, Any]:
+    """Columns of table `prediction` for one side.
+
+    `poses` (N, 3): x and y in metres, heading in radians. A pose that is not finite is a missing
+    prediction: its figures are NaN and its rank is 0 (both become NULL).
+    """
+    poses = np.where(np.isfinite(poses).all(axis=1)[:, None], poses, np.nan)
+    x, y, heading = poses.T
+    dx, dy = x - truth.x, y - truth.y
+    error = np.sqrt(dx * dx + dy * dy)
+    off = stats.heading_error(heading, truth.heading)
+    rank = stats.rank(error)
+    n = len(truth)
+    return {
+        "run": np.full(n, run, dtype=object),
+        "iid": np.arange(n, dtype=np.int32),
+        "side": np.full(n, side, dtype=object),
+        "x": x,
+        "y": y,
+        "heading": heading,
+        "error": error,
+        "heading_error": off,
+        "loss": stats.pose_loss(error, off),
+        "accuracy": stats.accuracy(error, accuracy_scale),
+        "rank": np.where(rank > 0, rank, np.nan),
+        "split": np.array(SPLITS, dtype=object)[split],
+    }
+
+
+def encode_split(codes: NDArray[np.int8]) -> str:
+    """Run-length JSON `[[code, count], ...]` of split codes."""
+    if codes.size == 0:
+        return "[]"
+    starts = np.flatnonzero(np.diff(codes, prepend=codes[0] - 1))
+    counts = np.diff(starts, append=codes.size)
+    return json.dumps([[int(codes[s]), int(c)] for s, c in zip(starts, counts, strict=True)])
+
+
+def decode_split(text: str | None, n: int) -> NDArray[np.int8]:
+    """Codes into `records.SPLITS`, shape (n,); all `unseen` without a text."""
+    if text is None:
+        return np.full(n, UNSEEN, dtype=np.int8)
+    runs = json.loads(text)
+    codes = np.concatenate([np.full(count, code, dtype=np.int8) for code, count in runs])
+    if codes.size != n:
+        return np.full(n, UNSEEN, dtype=np.int8)
+    return codes

@@ -1,0 +1,118 @@
+"""The stages of a run: forward passes, occlusion, projection, map grids; and their keys."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from s2rstore.geometry import grid as map_geometry
+from s2rstore.reader import Store
+from s2rstore.records import SIDES, Run
+from s2rtools.heatmaps import KINDS
+from s2rtools.models.contract import LoadedModel
+from s2rtools.precompute.projection import SETTINGS
+from s2rtools.precompute.units import ArraySpec, Stage, content_key, run_facts
+
+FORWARD_ROWS = 256
+OCCLUSION_ROWS = 64
+MAP_SETTINGS: dict[str, Any] = {"cells": 264, "heights": [0.1, 2.0], "version": 1}
+
+
+def forward_stage(
+    store: Store, run: Run, model: LoadedModel, backend: dict[str, Any], kinds: Sequence[str]
+) -> Stage:
+    """Predictions, embeddings and every heatmap kind that needs no more than a forward pass."""
+    facts = run_facts(store, run, backend)
+    key = content_key({**facts, "kind": "prediction"})
+    n = len(store.instances)
+    specs = []
+    for side in SIDES:
+        specs.append(
+            ArraySpec("prediction", side, None, (3,), "float64", ("iid", "x y heading"), "m m rad",
+                      key, n)
+        )  # fmt: skip
+    for side in SIDES:
+        specs.append(
+            ArraySpec("embedding", side, None, (model.network.embedding_size,), "float16",
+                      ("iid", "feature"), "", key, n)
+        )  # fmt: skip
+    for kind in kinds:
+        if KINDS[kind].cost == "forward":
+            specs += _kind_specs(facts, kind, model, n)
+    return Stage("forward", run.run, tuple(specs), FORWARD_ROWS)
+
+
+def occlusion_stages(
+    store: Store, run: Run, model: LoadedModel, backend: dict[str, Any], kinds: Sequence[str]
+) -> list[Stage]:
+    """One stage per heatmap kind that recomputes the network many times."""
+    facts = run_facts(store, run, backend)
+    n = len(store.instances)
+    return [
+        Stage(kind, run.run, tuple(_kind_specs(facts, kind, model, n)), OCCLUSION_ROWS)
+        for kind in kinds
+        if KINDS[kind].cost != "forward"
+    ]
+
+
+def _kind_specs(
+    facts: dict[str, Any], name: str, model: LoadedModel, rows: int
+) -> list[ArraySpec]:
+    kind = KINDS[name]
+    key = content_key({**facts, "kind": name, "version": kind.version, "params": kind.params})
+    return [
+        ArraySpec(name, out.side, out.mode, tuple(out.shape), out.dtype, ("iid", *out.axes),
+                  out.unit, key, rows, tuple(sorted(out.attributes.items())))
+        for out in kind.outputs(model)
+    ]  # fmt: skip
+
+
+def projection_stage(store: Store, forward: Stage) -> Stage:
+    """PCA and joint UMAP of the forward stage's embeddings: one unit."""
+    n = len(store.instances)
+    embedding = next(spec for spec in forward.specs if spec.kind == "embedding")
+    key = content_key({"embedding": embedding.key, **SETTINGS.facts()})
+    specs = [
+        ArraySpec(kind, side, None, (width,), "float32", ("iid", axis), "", key, n)
+        for kind, width, axis in (("pca", SETTINGS.components, "component"), ("umap", 2, "u v"))
+        for side in SIDES
+    ]
+    sources = _of_kind(forward, "prediction") + _of_kind(forward, "embedding")
+    return Stage("projection", forward.run, tuple(specs), max(n, 1), sources)
+
+
+def _of_kind(stage: Stage, kind: str) -> tuple[ArraySpec, ...]:
+    return tuple(spec for spec in stage.specs if spec.kind == kind)
+
+
+def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[Stage]:
+    """Back-projected grids of every heatmap of the given stages, one stage per kind and side."""
+    grid = map_geometry.MapGrid(store.dataset.bounds, MAP_SETTINGS["cells"])
+    predictions = _of_kind(forward, "prediction")
+    stages = []
+    for stage in (forward, *others):
+        for kind in dict.fromkeys(spec.kind for spec in stage.specs if spec.kind in KINDS):
+            heat = _of_kind(stage, kind)
+            for side in SIDES:
+                specs = [
+                    _map_spec(spec, side, mode, (grid.rows, grid.cols))
+                    for spec in heat
+                    if spec.side in (side, None)
+                    for mode in KINDS[kind].planes or (spec.mode,)
+                ]
+                stages.append(
+                    Stage(f"map:{kind}:{side}", stage.run, tuple(specs),
+                          len(map_geometry.AGGREGATES), predictions + heat)
+                )  # fmt: skip
+    return stages
+
+
+def _map_spec(
+    spec: ArraySpec, side: str, mode: str | None, shape: tuple[int, int]
+) -> ArraySpec:
+    key = content_key({"heat": spec.key, **MAP_SETTINGS})
+    names = ",".join(map_geometry.AGGREGATES)
+    return ArraySpec(
+        f"map:{spec.kind}", side, mode, shape, "float32", ("aggregate", "row", "column"),
+        spec.unit, key, len(map_geometry.AGGREGATES), (("aggregates", names),),
+    )  # fmt: skip

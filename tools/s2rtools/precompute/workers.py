@@ -1,0 +1,71 @@
+"""Running work units in this process or in several; each unit is written by one process."""
+
+from __future__ import annotations
+
+import ctypes
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+from s2rstore.errors import S2RError
+from s2rtools.precompute.units import Unit
+
+Compute = Callable[[Unit], None]
+Opener = Callable[[Path, int], Compute]
+
+_PR_SET_PDEATHSIG = 1
+_compute: Compute | None = None
+
+
+def run_units(
+    root: Path, units: Iterable[Unit], opener: Opener, workers: int
+) -> Iterator[Unit]:
+    """Compute units and give each when it is done.
+
+    `opener(root, threads)` is called once in each process and gives the function that computes
+    a unit. Raises S2RError when a worker dies.
+    """
+    threads = max(1, (os.cpu_count() or 1) // workers)
+    if workers == 1:
+        compute = opener(root, threads)
+        for unit in units:
+            compute(unit)
+            yield unit
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, context, _start, (root, opener, threads)) as pool:
+        futures = {pool.submit(_work, unit): unit for unit in units}
+        try:
+            for future in as_completed(futures):
+                future.result()
+                yield futures[future]
+        except BrokenProcessPool as error:
+            raise S2RError("a worker died (out of memory?); run again with --workers 1") from error
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _start(root: Path, opener: Opener, threads: int) -> None:
+    global _compute
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _die_with_parent()
+    _compute = opener(root, threads)
+
+
+def _work(unit: Unit) -> None:
+    if _compute is None:
+        raise RuntimeError("the worker was not started")
+    _compute(unit)
+
+
+def _die_with_parent() -> None:
+    """A worker must not go on writing when its parent was killed: the rerun writes the same file."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() == 1:
+            os._exit(1)
