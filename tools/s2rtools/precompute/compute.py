@@ -26,11 +26,12 @@ Values = dict[ArraySpec, NDArray[Any]]
 class Computer:
     """Computes units of one store; models are loaded once per process."""
 
-    def __init__(self, root: Path, backends: dict[str, str], threads: int) -> None:
+    def __init__(self, root: Path, backends: dict[str, str], trust: bool, threads: int) -> None:
         """`backends` names for each run the backend that its keys were made with."""
         self._root = root
         self._store = s2rstore.open(root)
         self._backend_names = backends
+        self._trust = trust
         self._threads = threads
         self._backends: dict[str, Backend] = {}
 
@@ -48,7 +49,7 @@ class Computer:
 
     def backend(self, run: Run) -> Backend:
         if run.run not in self._backends:
-            model = load_model(self._store, run.model)
+            model = load_model(self._store, run.model, self._trust)
             name = self._backend_names[run.run]
             self._backends = {run.run: open_backend(model, name, self._threads)}
         return self._backends[run.run]
@@ -65,13 +66,13 @@ class Computer:
         return {spec: np.concatenate(found) for spec, found in parts.items()}
 
 
-def opener(backends: dict[str, str]) -> Callable[[Path, int], Computer]:
+def opener(backends: dict[str, str], trust: bool) -> Callable[[Path, int], Computer]:
     """The function that `workers.run_units` calls once in each process."""
-    return partial(_open, backends)
+    return partial(_open, backends, trust)
 
 
-def _open(backends: dict[str, str], root: Path, threads: int) -> Computer:
-    return Computer(root, backends, threads)
+def _open(backends: dict[str, str], trust: bool, root: Path, threads: int) -> Computer:
+    return Computer(root, backends, trust, threads)
 
 
 def pair_batch(store: Store, backend: Backend, iid: int, frames: PairFrames) -> PairBatch:
@@ -88,6 +89,7 @@ def pair_batch(store: Store, backend: Backend, iid: int, frames: PairFrames) -> 
             rgb=domain_frames.rgb,
             depth=domain_frames.depth,
             valid=domain_frames.valid,
+            depth_scale=domain_frames.depth_scale,
             features=forward.features,
             embedding=forward.embedding,
             prediction=forward.pose,

@@ -25,6 +25,7 @@ class SideFrames:
     rgb: NDArray[np.uint8]
     depth: NDArray[Any]
     valid: NDArray[np.bool_]
+    depth_scale: float
     x: NDArray[np.float32]
 
 
@@ -66,8 +67,10 @@ def _side(
     if run.adjustments(side):
         valid = valid & (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
     x = preprocess(rgb, depth, domain.depth_scale, input_size)
-    return SideFrames(rgb, depth, valid, x)
+    return SideFrames(rgb, depth, valid, domain.depth_scale, x)
 
 
 def _cut(frames: SideFrames, cut: slice) -> SideFrames:
-    return SideFrames(frames.rgb[cut], frames.depth[cut], frames.valid[cut], frames.x[cut])
+    return SideFrames(
+        frames.rgb[cut], frames.depth[cut], frames.valid[cut], frames.depth_scale, frames.x[cut]
+    )

@@ -40,6 +40,7 @@ class Options:
     kinds: tuple[str, ...] | None = None
     workers: int = 1
     backend: str = "torch"
+    trust: bool = False
 
 
 def precompute(
@@ -74,7 +75,7 @@ def _compute_run(
     with s2rstore.open(root) as store:
         run = store.run(name)
         backend = _backend(store, run, options)
-        model = load_model(store, run.model)
+        model = load_model(store, run.model, options.trust)
         allowed = [kind for kind in kinds if model.network.has_features or KINDS[kind].model_free]
         forward = run_stages.forward_stage(store, run, model, backend, allowed)
         others = run_stages.occlusion_stages(store, run, model, backend, allowed)
@@ -89,7 +90,7 @@ def _compute_run(
 
 def _backend(store: Store, run: Run, options: Options) -> dict[str, Any]:
     """The backend's name and precision, after calibration on the run's first images."""
-    model = load_model(store, run.model)
+    model = load_model(store, run.model, options.trust)
     size = model.network.input_size
     stop = min(16, len(store.instances))
     batches = [f for _, f in read_pairs(store, run, size, 0, stop, 16)]
@@ -114,5 +115,5 @@ def _compute_stages(
     label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
     reporter.begin(f"{units[0].stage.run}: {label}", sum(unit.rows for unit in units))
     workers = min(options.workers, len(units))
-    for unit in run_units(root, units, opener(backends), workers):
+    for unit in run_units(root, units, opener(backends, options.trust), workers):
         reporter.advance(unit.rows)

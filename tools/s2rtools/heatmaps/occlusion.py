@@ -1,0 +1,158 @@
+"""What the error would be if a patch came from the other side."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from s2rstore import angles
+from s2rstore.records import SIDES
+from s2rtools.heatmaps.contract import HeatmapKind, OutputSpec, PairBatch, Ray
+from s2rtools.inference import Backend
+from s2rtools.inference.folding import folded
+from s2rtools.locality import LocalGraph, Patch, Region, analyse, cut_patches
+from s2rtools.models.contract import LoadedModel
+
+MODES = ("rgb", "depth", "rgbd")
+_CHANNELS = {"rgb": (0, 1, 2), "depth": (3,), "rgbd": (0, 1, 2, 3)}
+_BATCH = 8
+_PIXELS_AT_ONCE = 8 * 128 * 128
+
+
+class Occlusion(HeatmapKind):
+    """6 x 6 patches that cover the image; patch p of one side's input becomes the other side's.
+
+    Plane 0 in metres, plane 1 in degrees of heading. Real input: error before - after; sim input:
+    error after - before; so > 0 always means "the gap lives here". Always float32 torch. By
+    locality where the trunk allows it, else in full: attribute `method`. Source: Zeiler and
+    Fergus, "Visualizing and understanding convolutional networks", 2014, with the exchange of
+    patches of Sim2RealViz, section 4.4.
+    """
+
+    name = "occlusion"
+    params = {"patches": 6}  # noqa: RUF012
+    cost = "many"
+
+    def outputs(self, model: LoadedModel) -> list[OutputSpec]:
+        count = self.params["patches"]
+        reason = analyse(folded(model.network.trunk))
+        method = "by locality" if reason is None else f"in full: {reason}"
+        return [
+            OutputSpec(side, mode, (2, count, count), ("unit", "row", "column"), "m degrees",
+                       attributes={"method": method})
+            for side in SIDES
+            for mode in MODES
+        ]  # fmt: skip
+
+    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+        height, width = pair.model.network.input_size
+        backend = _reference(pair.backend)
+        at_once = max(1, _PIXELS_AT_ONCE // (height * width))
+        parts = [
+            self._chunk(pair, backend, slice(start, start + at_once))
+            for start in range(0, len(pair.sim.x), at_once)
+        ]
+        return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+
+    def _chunk(
+        self, pair: PairBatch, backend: Backend, rows: slice
+    ) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+        count = self.params["patches"]
+        patches = cut_patches(*pair.model.network.input_size, count)
+        inputs = torch.cat([pair.sim.x[rows], pair.real.x[rows]])
+        others = torch.cat([pair.real.x[rows], pair.sim.x[rows]])
+        graph = _graph_of(backend.trunk)
+        with torch.inference_mode():
+            if graph is None:
+                before, after = _in_full(backend, inputs, others, patches)
+            else:
+                before, after = _by_locality(backend, graph, inputs, others, patches)
+        truth = np.concatenate([pair.sim.truth[rows], pair.real.truth[rows]])
+        change = _errors(after, truth[:, None, None]) - _errors(before, truth)[:, None, None]
+        change[len(change) // 2 :] *= -1
+        change = change.reshape(len(change), count, count, len(MODES), 2)
+        halves = np.split(change, 2)
+        return {
+            (side, mode): np.moveaxis(half[..., number, :], -1, 1).astype(np.float32)
+            for side, half in zip(SIDES, halves, strict=True)
+            for number, mode in enumerate(MODES)
+        }
+
+    def ray(self, mode: str | None) -> Ray:
+        return "depth" if mode == "depth" else "rgb"
+
+
+@lru_cache(maxsize=2)
+def _graph_of(trunk: torch.nn.Module) -> LocalGraph | None:
+    return LocalGraph(trunk) if analyse(trunk) is None else None
+
+
+@lru_cache(maxsize=2)
+def _reference(backend: Backend) -> Backend:
+    """The float32 backend of the same model: effects are as small as reduced precision's error."""
+    return backend if type(backend) is Backend else Backend(backend.model)
+
+
+def _errors(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Position error in metres and heading error in degrees, in the last axis."""
+    off = np.hypot(poses[..., 0] - truth[..., 0], poses[..., 1] - truth[..., 1])
+    turn = np.degrees(angles.distance(poses[..., 2], truth[..., 2]))
+    return np.stack([off, turn], axis=-1)
+
+
+def _content(inputs: Tensor, others: Tensor, region: Region) -> Tensor:
+    """The patch as each mode changes it: (N, M, 4, h, w)."""
+    rows, cols = slice(region.r0, region.r1), slice(region.c0, region.c1)
+    own, other = inputs[..., rows, cols], others[..., rows, cols]
+    made = own[:, None].repeat(1, len(MODES), 1, 1, 1)
+    for number, mode in enumerate(MODES):
+        channels = list(_CHANNELS[mode])
+        made[:, number, channels] = other[:, channels]
+    return made
+
+
+def _poses(backend: Backend, features: Tensor) -> NDArray[np.float64]:
+    network = backend.model.network
+    return backend.pose(network.head(network.embed(features)))
+
+
+def _by_locality(
+    backend: Backend, graph: LocalGraph, inputs: Tensor, others: Tensor, patches: list[Patch]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Poses (N, 3) of the unchanged inputs and (N, P, M, 3) of the changed ones."""
+    base = graph.base(inputs.contiguous(memory_format=torch.channels_last))
+    features = base.outputs[graph.output]
+    poses = np.empty((len(inputs), len(patches), len(MODES), 3))
+    groups: dict[Any, list[tuple[Patch, dict[str, Region]]]] = {}
+    for patch in patches:
+        regions = graph.regions(patch.region, base)
+        groups.setdefault(graph.signature(regions), []).append((patch, regions))
+    for members in groups.values():
+        content = torch.stack([_content(inputs, others, p.region) for p, _ in members], dim=1)
+        changed = graph.recompute(base, content, [regions for _, regions in members])
+        for position, (patch, regions) in enumerate(members):
+            at = regions[graph.output]
+            full = features[:, None].repeat(1, len(MODES), 1, 1, 1)
+            full[..., at.r0 : at.r1, at.c0 : at.c1] = changed[:, position]
+            made = _poses(backend, full.flatten(0, 1))
+            poses[:, patch.index] = made.reshape(len(inputs), len(MODES), 3)
+    return _poses(backend, features), poses
+
+
+def _in_full(
+    backend: Backend, inputs: Tensor, others: Tensor, patches: list[Patch]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The same by computing the whole network for every changed input."""
+    poses = np.empty((len(inputs), len(patches), len(MODES), 3))
+    for patch in patches:
+        region = patch.region
+        changed = inputs[:, None].repeat(1, len(MODES), 1, 1, 1)
+        changed[..., region.r0 : region.r1, region.c0 : region.c1] = _content(inputs, others, region)
+        made = [_poses(backend, backend.features(b)) for b in changed.flatten(0, 1).split(_BATCH)]
+        poses[:, patch.index] = np.concatenate(made).reshape(len(inputs), len(MODES), 3)
+    return _poses(backend, backend.features(inputs)), poses

@@ -1,0 +1,67 @@
+"""The baseline that needs no model: where the pictures differ."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtools.heatmaps.contract import HeatmapKind, OutputSpec, PairBatch, Ray
+from s2rtools.models.contract import LoadedModel
+
+SIZE = 128
+
+
+class PixelDifference(HeatmapKind):
+    """Mode `rgb`: mean |difference| over channels after each image's own mean and deviation per
+    channel are taken out. Mode `depth`: |difference| in metres where both sides are valid, NaN
+    where a cell has no such pixel. Averaged over areas to 128 x 128.
+    """
+
+    name = "pixel_difference"
+    params = {"size": SIZE}  # noqa: RUF012
+    model_free = True
+
+    def outputs(self, model: LoadedModel) -> list[OutputSpec]:
+        shape, axes = (SIZE, SIZE), ("row", "column")
+        return [
+            OutputSpec(None, "rgb", shape, axes, "standard deviations", "float16"),
+            OutputSpec(None, "depth", shape, axes, "m", "float16"),
+        ]
+
+    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+        sim, real = pair.sim, pair.real
+        rgb = np.stack([_rgb(a, b) for a, b in zip(sim.rgb, real.rgb, strict=True)])
+        metres = np.abs(
+            sim.depth * np.float32(sim.depth_scale) - real.depth * np.float32(real.depth_scale)
+        )
+        both = (sim.valid & real.valid).astype(np.float32)
+        depth = np.stack([_masked(m, v) for m, v in zip(metres, both, strict=True)])
+        return {(None, "rgb"): rgb, (None, "depth"): depth}
+
+    def ray(self, mode: str | None) -> Ray:
+        return "depth" if mode == "depth" else "rgb"
+
+
+def _small(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.asarray(cv2.resize(image, (SIZE, SIZE), interpolation=cv2.INTER_AREA))
+
+
+def _rgb(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.float32]:
+    difference = np.abs(_normalised(a) - _normalised(b)).mean(axis=2, dtype=np.float32)
+    return _small(difference)
+
+
+def _normalised(image: NDArray[np.uint8]) -> NDArray[np.float32]:
+    values = image.astype(np.float32)
+    mean = values.mean(axis=(0, 1))
+    deviation = values.std(axis=(0, 1))
+    return (values - mean) / np.maximum(deviation, 1.0)
+
+
+def _masked(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    share = _small(weight)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(share > 1e-3, _small(values * weight) / share, np.nan).astype(np.float32)

@@ -1,0 +1,166 @@
+"""The forward pass, in the arithmetic that was chosen for a model on this machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from s2rstore.errors import RequestError
+from s2rtools.inference.folding import folded
+from s2rtools.models.contract import LoadedModel
+
+BATCH = 8
+TOLERANCE_METRES = 0.01
+TOLERANCE_RADIANS = float(np.radians(0.5))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Forward:
+    """x (B, 4, h, w) and features (B, C, fh, fw) as tensors; embedding (B, D) and pose (B, 3).
+
+    `features` is None for a network whose inside is closed.
+    """
+
+    x: Tensor
+    features: Tensor | None
+    embedding: Tensor
+    pose: NDArray[np.float64]
+
+
+class Backend:
+    """torch in float32, on the GPU where there is one; deterministic."""
+
+    name = "torch"
+    precision = "float32"
+    batch = BATCH
+
+    def __init__(self, model: LoadedModel, threads: int = 0) -> None:
+        """`threads` 0 leaves torch's own setting."""
+        if threads:
+            torch.set_num_threads(threads)
+        self.model = model
+        self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        self.trunk: nn.Module | None = None
+        if model.network.has_features:
+            self.trunk = folded(model.network.trunk).to(self.device)
+        model.network.to(self.device)
+
+    def features(self, x: Tensor) -> Tensor:
+        """Trunk features in float32."""
+        if self.trunk is None:
+            raise RequestError(f"model {self.model.name!r} shows no features")
+        x = x.to(self.device).contiguous(memory_format=torch.channels_last)
+        return self.trunk(x).float()
+
+    def pose(self, raw: Tensor) -> NDArray[np.float64]:
+        """Decoded poses (B, 3) in metres, metres, radians."""
+        return self.model.convention.decode(raw.double()).cpu().numpy()
+
+    def forward_all(self, x: NDArray[np.float32]) -> Forward:
+        """Everything that one forward pass gives, for a batch of inputs."""
+        with torch.inference_mode():
+            tensor = torch.from_numpy(x).to(self.device)
+            if self.trunk is None:
+                raw = self.model.network(tensor)
+                return Forward(tensor, None, raw, self.pose(raw))
+            features = self.features(tensor)
+            embedding = self.model.network.embed(features)
+            return Forward(tensor, features, embedding, self.pose(self.model.network.head(embedding)))
+
+
+class Bfloat16Backend(Backend):
+    """torch with the trunk in bfloat16; pooling and linear layers in float32."""
+
+    name = "torch-bfloat16"
+    precision = "bfloat16"
+
+    def __init__(self, model: LoadedModel, threads: int = 0) -> None:
+        super().__init__(model, threads)
+        if self.trunk is not None:
+            self.trunk = self.trunk.to(torch.bfloat16)
+
+    def features(self, x: Tensor) -> Tensor:
+        return super().features(x.to(torch.bfloat16))
+
+
+class OpenVinoBackend(Backend):
+    """OpenVINO on the CPU, in the precision that it prefers there; needs `openvino`."""
+
+    name = "openvino"
+    precision = "openvino"
+
+    def __init__(self, model: LoadedModel, threads: int = 0) -> None:
+        super().__init__(model, threads)
+        import openvino
+
+        if self.trunk is None:
+            raise RequestError(f"model {self.model.name!r}: a closed network runs on torch only")
+        height, width = model.network.input_size
+        self.trunk = self.trunk.to("cpu", memory_format=torch.contiguous_format)
+        self.device = torch.device("cpu")
+        model.network.to(self.device)
+        converted = openvino.convert_model(self.trunk, example_input=torch.zeros(1, 4, height, width))
+        options: dict[str, Any] = {"INFERENCE_NUM_THREADS": threads} if threads else {}
+        self._compiled = openvino.compile_model(converted, "CPU", options)
+        kind = self._compiled.get_property("INFERENCE_PRECISION_HINT")
+        self.precision = f"openvino {kind.get_type_name()}"
+
+    def features(self, x: Tensor) -> Tensor:
+        made = self._compiled([x.contiguous().numpy()])[0]
+        return torch.from_numpy(np.array(made, dtype=np.float32))
+
+
+_BACKENDS: dict[str, type[Backend]] = {
+    backend.name: backend for backend in (Backend, Bfloat16Backend, OpenVinoBackend)
+}
+NAMES = ("auto", *_BACKENDS)
+
+
+def open_backend(model: LoadedModel, name: str, threads: int = 0) -> Backend:
+    """A backend by name. Raises RequestError for unknown names and missing packages."""
+    if name not in _BACKENDS:
+        raise RequestError(f"backend {name!r}: one of {', '.join(NAMES)}")
+    try:
+        return _BACKENDS[name](model, threads)
+    except ImportError as error:
+        raise RequestError(f"backend {name!r} needs {error.name}: pip install {error.name}") from error
+
+
+def choose_backend(
+    model: LoadedModel, sample: NDArray[np.float32], name: str = "torch", threads: int = 0
+) -> Backend:
+    """The named backend, if it stays within 1 cm and 0.5 degrees of float32 on the sample.
+
+    `auto` takes the fastest installed one that does. `sample` (B, 4, h, w). Raises RequestError
+    where a backend asked for by name is too far off.
+    """
+    reference = Backend(model, threads)
+    if name == Backend.name or not model.network.has_features:
+        return reference
+    wanted = reference.forward_all(sample).pose
+    for candidate in (OpenVinoBackend.name, Bfloat16Backend.name) if name == "auto" else (name,):
+        try:
+            backend = open_backend(model, candidate, threads)
+        except RequestError:
+            if name == "auto":
+                continue
+            raise
+        off = _distance(backend.forward_all(sample).pose, wanted)
+        if off[0] <= TOLERANCE_METRES and off[1] <= TOLERANCE_RADIANS:
+            return backend
+        if name != "auto":
+            raise RequestError(
+                f"backend {name}: off by {off[0]:.3f} m and {np.degrees(off[1]):.2f} degrees on a "
+                "calibration batch; use --backend torch"
+            )
+    return Backend(model, threads)
+
+
+def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float]:
+    turn = np.abs((a[:, 2] - b[:, 2] + np.pi) % (2 * np.pi) - np.pi)
+    return float(np.hypot(*(a[:, :2] - b[:, :2]).T).max()), float(turn.max())

@@ -1,0 +1,40 @@
+"""Batch norm folded into the convolutions before it, by a torch.fx trace of the trunk."""
+
+from __future__ import annotations
+
+import copy
+
+import torch
+from torch import fx, nn
+from torch.fx.proxy import TraceError
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+
+def folded(trunk: nn.Module) -> nn.Module:
+    """A copy of the trunk in evaluation mode with every foldable batch norm folded.
+
+    A trunk that torch.fx cannot trace comes back as an unfolded copy.
+    """
+    plain = copy.deepcopy(trunk).eval()
+    try:
+        traced = fx.symbolic_trace(plain)
+    except (TraceError, TypeError, RuntimeError):
+        return plain
+    modules = dict(traced.named_modules())
+    for node in list(traced.graph.nodes):
+        if node.op != "call_module" or not isinstance(modules[node.target], nn.BatchNorm2d):
+            continue
+        before = node.args[0]
+        if before.op != "call_module" or len(before.users) > 1:
+            continue
+        conv = modules[before.target]
+        if isinstance(conv, nn.Conv2d):
+            parent, _, name = before.target.rpartition(".")
+            fused = fuse_conv_bn_eval(conv, modules[node.target])
+            setattr(traced.get_submodule(parent), name, fused)
+            modules[before.target] = fused
+            node.replace_all_uses_with(before)
+            traced.graph.erase_node(node)
+    traced.delete_all_unused_submodules()
+    traced.recompile()
+    return traced.requires_grad_(False).to(memory_format=torch.channels_last)

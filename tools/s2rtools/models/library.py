@@ -1,0 +1,177 @@
+"""Weights in and out of a store: loaded without executing anything, unless it is trusted."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import io
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load as load_safetensors
+from safetensors.torch import save as save_safetensors
+from torch import Tensor, nn
+
+from s2rstore import layout
+from s2rstore.errors import RequestError
+from s2rstore.reader import Store
+from s2rstore.writer import Draft
+from s2rtools.models import ARCHITECTURES, build
+from s2rtools.models.contract import LoadedModel, OutputConvention, PoseNetwork
+from s2rtools.models.opaque import TORCHSCRIPT, OpaqueNetwork
+
+DEFAULT_CONVENTIONS = {
+    "posest": OutputConvention("degrees", "habitat"),
+    "resposenet": OutputConvention("cos_sin", "map"),
+}
+_WRAPPERS = ("state_dict", "model", "model_state_dict", "net")
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """A checked weights file, ready to be stored; `content` is what the store keeps."""
+
+    architecture: str
+    sha256: str
+    content: bytes
+    suffix: str
+    input_size: tuple[int, int]
+
+
+def read_weights(path: Path, architecture: str, trust: bool = False) -> Weights:
+    """Check a weights file against an architecture.
+
+    State dicts (.pt, .pth) are read with `weights_only=True`, .safetensors as they are;
+    architecture `torchscript` and `module:factory` execute code and need `trust`. Raises
+    RequestError naming the file where it does not fit.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise RequestError(f"{path}: cannot be read ({error.strerror})") from error
+    digest = hashlib.sha256(content).hexdigest()
+    if architecture == TORCHSCRIPT:
+        _need_trust(trust, "TorchScript")
+        network: PoseNetwork = OpaqueNetwork.from_torchscript(content, str(path))
+        return Weights(architecture, digest, content, ".torchscript", network.input_size)
+    network = _empty_network(architecture, trust)
+    state = _state_dict(path, content)
+    _load(network, state, str(path))
+    return Weights(architecture, digest, save_safetensors(_plain(state)), ".safetensors",
+                   network.input_size)  # fmt: skip
+
+
+def pack(network: PoseNetwork) -> Weights:
+    """The weights of a network that was trained here."""
+    content = save_safetensors(_plain(network.state_dict()))
+    digest = hashlib.sha256(content).hexdigest()
+    return Weights(network.architecture, digest, content, ".safetensors", network.input_size)
+
+
+def register(
+    root: Path,
+    draft: Draft,
+    name: str,
+    weights: Weights,
+    convention: OutputConvention,
+    trained_by: str | None = None,
+) -> None:
+    """Store weights and list the model in the next generation."""
+    folder = root / layout.MODELS
+    folder.mkdir(exist_ok=True)
+    layout.write_atomic(folder / f"{weights.sha256}{weights.suffix}", weights.content)
+    draft.insert_row(
+        "model",
+        {
+            "model": layout.checked_name(name, "model"),
+            "architecture": weights.architecture,
+            "sha256": weights.sha256,
+            "input_height": weights.input_size[0],
+            "input_width": weights.input_size[1],
+            "convention": convention.to_json(),
+            "trained_by": trained_by,
+        },
+    )
+
+
+def load_model(store: Store, name: str, trust: bool = False) -> LoadedModel:
+    """A store's model in evaluation mode. Raises RequestError where it cannot be loaded."""
+    if name not in store.models:
+        raise RequestError(f"model {name!r}: not in {store.path} (has: {', '.join(store.models)})")
+    record = store.models[name]
+    folder = store.path / layout.MODELS
+    found = sorted(folder.glob(f"{record.sha256}.*"))
+    if not found:
+        raise RequestError(f"{folder / record.sha256}: missing; add the model again")
+    if record.architecture == TORCHSCRIPT:
+        _need_trust(trust, f"model {name!r} (TorchScript)")
+        network: PoseNetwork = OpaqueNetwork.from_torchscript(found[0].read_bytes(), str(found[0]))
+    else:
+        network = _empty_network(record.architecture, trust)
+        _load(network, _state_dict(found[0], found[0].read_bytes()), str(found[0]))
+    network.eval().requires_grad_(False)
+    convention = OutputConvention.from_json(record.convention)
+    return LoadedModel(name, record.architecture, network, convention, record.sha256)
+
+
+def _empty_network(architecture: str, trust: bool) -> PoseNetwork:
+    if ":" not in architecture:
+        return build(architecture)
+    _need_trust(trust, architecture)
+    module, _, factory = architecture.partition(":")
+    try:
+        made = getattr(importlib.import_module(module), factory)()
+    except (ImportError, AttributeError) as error:
+        known = ", ".join(ARCHITECTURES)
+        raise RequestError(f"architecture {architecture}: {error} (built in: {known})") from error
+    if isinstance(made, PoseNetwork):
+        return made
+    if isinstance(made, nn.Module):
+        return OpaqueNetwork(made)
+    raise RequestError(f"architecture {architecture}: gave {type(made).__name__}, not a module")
+
+
+def _need_trust(trust: bool, what: str) -> None:
+    if not trust:
+        raise RequestError(f"{what} executes code when it is loaded; add --trust if you trust it")
+
+
+def _state_dict(path: Path, content: bytes) -> dict[str, Tensor]:
+    try:
+        if path.suffix == ".safetensors":
+            return load_safetensors(content)
+        loaded: Any = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    except (pickle.UnpicklingError, SafetensorError, RuntimeError, EOFError, ValueError) as error:
+        reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+        raise RequestError(f"{path}: no plain state dict ({reason})") from error
+    for wrapper in _WRAPPERS:
+        if isinstance(loaded, Mapping) and isinstance(loaded.get(wrapper), Mapping):
+            loaded = loaded[wrapper]
+    if not isinstance(loaded, Mapping) or not all(isinstance(v, Tensor) for v in loaded.values()):
+        raise RequestError(f"{path}: no state dict in it (a mapping of names to tensors)")
+    return {str(key).removeprefix("module."): value for key, value in loaded.items()}
+
+
+def _load(network: nn.Module, state: dict[str, Tensor], where: str) -> None:
+    wanted = network.state_dict()
+    optional = {key for key in wanted if key.endswith("num_batches_tracked")}
+    missing = [key for key in wanted if key not in state and key not in optional]
+    extra = [key for key in state if key not in wanted]
+    shaped = [k for k, v in state.items() if k in wanted and v.shape != wanted[k].shape]
+    for what, keys in (("no", missing), ("unknown", extra), ("wrong shape of", shaped)):
+        if keys:
+            more = f" and {len(keys) - 3} more" if len(keys) > 3 else ""
+            raise RequestError(f"{where}: {what} {', '.join(keys[:3])}{more}; another --arch?")
+    broken = [k for k, v in state.items() if v.is_floating_point() and not v.isfinite().all()]
+    if broken:
+        raise RequestError(f"{where}: {broken[0]} holds values that are not finite")
+    network.load_state_dict(state, strict=False)
+
+
+def _plain(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {key: value.detach().cpu().contiguous().clone() for key, value in state.items()}

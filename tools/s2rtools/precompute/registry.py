@@ -1,0 +1,85 @@
+"""Registering models and runs in a store."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.layout import checked_name
+from s2rstore.reader import Store
+from s2rstore.records import Side
+from s2rstore.writer import Draft, edit
+from s2rtools.models.conventions import parse_convention
+from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register
+
+Chains = Mapping[str, Sequence[Mapping[str, Any]]]
+
+
+def add_model(
+    root: Path, name: str, file: Path, architecture: str, convention: str | None, trust: bool
+) -> None:
+    """Check a weights file and publish it as a model. Raises RequestError."""
+    checked_name(name, "model")
+    with s2rstore.open(root) as store:
+        _unused(name, store.models, "model", root)
+    weights = read_weights(file, architecture, trust)
+    if convention is None and architecture not in DEFAULT_CONVENTIONS:
+        raise RequestError(f"--convention: {architecture} does not say how to read its output")
+    read = parse_convention(convention) if convention else DEFAULT_CONVENTIONS[architecture]
+    with edit(root) as draft:
+        register(root, draft, name, weights, read)
+        draft.note(f"model:{name}", {"file": file.name, "file_sha256": weights.sha256})
+
+
+def add_run(
+    root: Path, name: str, model: str, sim: str | None, real: str | None, chains: Chains
+) -> str:
+    """Publish a run that is not computed yet; gives its name. Raises RequestError."""
+    checked_name(name, "run")
+    with s2rstore.open(root) as store:
+        _unused(name, store.runs, "run", root)
+        if model not in store.models:
+            known = ", ".join(store.models) or "none"
+            raise RequestError(f"--model {model}: not in {root} (models: {known})")
+        domains = domain_of(store, "sim", sim), domain_of(store, "real", real)
+    with edit(root) as draft:
+        insert_run(draft, name, model, domains, chains)
+    return name
+
+
+def insert_run(
+    draft: Draft, name: str, model: str, domains: tuple[str, str], chains: Chains | None = None
+) -> None:
+    """List a run in the next generation."""
+    chains = chains or {"sim": [], "real": []}
+    draft.insert_row(
+        "run",
+        {
+            "run": checked_name(name, "run"),
+            "model": model,
+            "sim_domain": domains[0],
+            "real_domain": domains[1],
+            "sim_adjustments": list(chains["sim"]),
+            "real_adjustments": list(chains["real"]),
+            "created_at": datetime.now(UTC).isoformat(timespec="microseconds"),
+        },
+    )
+
+
+def domain_of(store: Store, kind: Side, wanted: str | None) -> str:
+    """The named domain if it is of that kind, by default `sim` / `real` or the first of it."""
+    names = [name for name, domain in store.domains.items() if domain.kind == kind]
+    if wanted is None:
+        wanted = kind if kind in names else next(iter(names), None)
+    if wanted not in names:
+        raise RequestError(f"--{kind} {wanted}: no {kind} domain (has: {', '.join(names)})")
+    return wanted
+
+
+def _unused(name: str, taken: Mapping[str, Any], what: str, root: Path) -> None:
+    if name in taken:
+        raise RequestError(f"{what} {name!r}: already in {root}; choose another name")
