@@ -14,7 +14,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add.add_argument("--arch", required=True,
                      help="posest, resposenet; with --trust also torchscript or module:factory")  # fmt: skip
     add.add_argument("--store", type=Path, required=True)
-    add.add_argument("--convention", help="HEADING[,FRAME]: degrees, radians or cos_sin; map or habitat")
+    add.add_argument(
+        "--convention", help="HEADING[,FRAME]: degrees, radians or cos_sin; map or habitat"
+    )
     add.add_argument("--trust", action="store_true", help="allow formats that execute code")
 
 

@@ -23,7 +23,11 @@ def add_format(parser: argparse.ArgumentParser, with_parquet: bool = True) -> No
     formats = FORMATS if with_parquet else FORMATS[:-1]
     parser.add_argument("--format", choices=formats, default="table")
     parser.add_argument(
-        "--json", action="store_const", dest="format", const="json", help="the same as --format json"
+        "--json",
+        action="store_const",
+        dest="format",
+        const="json",
+        help="the same as --format json",
     )
     parser.add_argument("--out", type=Path, help="write to this file, not to standard output")
 

@@ -42,7 +42,9 @@ def _side(found: object) -> list[object]:
 
     if not isinstance(found, Headline):
         return [None, None, None, None]
-    span = f"{100 * found.accuracy.low:.1f}..{100 * found.accuracy.high:.1f}" if found.n > 1 else "-"
+    span = (
+        f"{100 * found.accuracy.low:.1f}..{100 * found.accuracy.high:.1f}" if found.n > 1 else "-"
+    )
     if not found.n:
         return [0, None, "all trained on", None]
     return [found.n, round(100 * found.accuracy.value, 1), span, round(found.median_error, 3)]

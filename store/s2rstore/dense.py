@@ -23,17 +23,30 @@ def instances(connection: duckdb.DuckDBPyConnection) -> InstanceColumns:
            (SELECT trajectory, row_number() OVER (ORDER BY trajectory) - 1 AS code FROM trajectory)
            t USING (trajectory) ORDER BY iid"""
     ).fetchnumpy()
-    names = [row[0] for row in connection.execute(
-        "SELECT trajectory FROM trajectory ORDER BY trajectory"
-    ).fetchall()]
-    room_names = [row[0] for row in connection.execute(
-        "SELECT room FROM room GROUP BY room ORDER BY min(position)"
-    ).fetchall()]
+    names = [
+        row[0]
+        for row in connection.execute(
+            "SELECT trajectory FROM trajectory ORDER BY trajectory"
+        ).fetchall()
+    ]
+    room_names = [
+        row[0]
+        for row in connection.execute(
+            "SELECT room FROM room GROUP BY room ORDER BY min(position)"
+        ).fetchall()
+    ]
     return InstanceColumns(
         **{
             name: _floats(found[name])
             for name in (
-                "x", "y", "heading", "curvature", "odom_x", "odom_y", "odom_heading", "timestamp"
+                "x",
+                "y",
+                "heading",
+                "curvature",
+                "odom_x",
+                "odom_y",
+                "odom_heading",
+                "timestamp",
             )
         },
         seq=_integers(found["seq"], -1),

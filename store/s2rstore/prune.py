@@ -6,7 +6,6 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-
 from s2rstore import layout, locks, sandbox
 from s2rstore.ledger import Ledger
 
@@ -49,7 +48,9 @@ def _unreferenced(root: Path, indexes: list[Path]) -> list[Path]:
     for index in indexes:
         connection = sandbox.connect(index)
         try:
-            arrays |= {row[0] for row in connection.execute("SELECT path FROM zarr_array").fetchall()}
+            arrays |= {
+                row[0] for row in connection.execute("SELECT path FROM zarr_array").fetchall()
+            }
             weights |= {row[0] for row in connection.execute("SELECT sha256 FROM model").fetchall()}
         finally:
             connection.close()

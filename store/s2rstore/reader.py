@@ -166,7 +166,9 @@ class Store:
 
     def provenance(self, what: str) -> dict[str, str]:
         """Facts about how `what` came to be, such as `dataset` or `model:NAME`."""
-        found = self.execute("SELECT key, value FROM provenance WHERE what = ? ORDER BY key", [what])
+        found = self.execute(
+            "SELECT key, value FROM provenance WHERE what = ? ORDER BY key", [what]
+        )
         return dict(found)
 
     def frame(self, iid: int, domain: str) -> Frame:

@@ -221,7 +221,7 @@ _SIDE_COLUMNS = (
 
 
 def _pair_view() -> str:
-    truth = "trajectory seq x y heading room curvature odom_x odom_y odom_heading timestamp".split()
+    truth = ["trajectory", "seq", "x", "y", "heading", "room", "curvature", "odom_x", "odom_y", "odom_heading", "timestamp"]
     parts = ["s.run", "s.iid", *(f"i.{name}" for name in truth)]
     for side, alias in (("sim", "s"), ("real", "r")):
         parts += [f"{alias}.{name} AS {side}_{name}" for name, _ in _SIDE_COLUMNS]
@@ -243,7 +243,9 @@ def _pair_comments() -> list[tuple[str, str]]:
     instance = BY_NAME["instance"]
     comments += [(c.name, c.comment) for c in instance.columns if c.name != "iid"]
     for side in ("sim", "real"):
-        comments += [(f"{side}_{name}", f"{side} prediction: {note}") for name, note in _SIDE_COLUMNS]
+        comments += [
+            (f"{side}_{name}", f"{side} prediction: {note}") for name, note in _SIDE_COLUMNS
+        ]
         comments += [(f"{side}_{axis}", f"{side} side of the UMAP") for axis in "uv"]
     comments.append(("gap", "real error - sim error, m"))
     comments.append(("shift", "distance between the sim and the real prediction, m"))

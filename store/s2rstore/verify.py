@@ -43,15 +43,29 @@ def verify(root: Path) -> list[Damage]:
 
 
 _RULES = (
-    ("instance", "iid not dense", "iid <> (SELECT count(*) FROM instance) - 1 AND iid >= "
-     "(SELECT count(*) FROM instance)"),
-    ("instance", "pose is NULL or not finite", "x IS NULL OR y IS NULL OR heading IS NULL OR "
-     "NOT isfinite(x) OR NOT isfinite(y) OR NOT isfinite(heading)"),
-    ("prediction", "a NaN where NULL belongs", "isnan(x) OR isnan(y) OR isnan(heading) OR "
-     "isnan(error) OR isnan(heading_error) OR isnan(loss) OR isnan(accuracy)"),
+    (
+        "instance",
+        "iid not dense",
+        "iid <> (SELECT count(*) FROM instance) - 1 AND iid >= (SELECT count(*) FROM instance)",
+    ),
+    (
+        "instance",
+        "pose is NULL or not finite",
+        "x IS NULL OR y IS NULL OR heading IS NULL OR "
+        "NOT isfinite(x) OR NOT isfinite(y) OR NOT isfinite(heading)",
+    ),
+    (
+        "prediction",
+        "a NaN where NULL belongs",
+        "isnan(x) OR isnan(y) OR isnan(heading) OR "
+        "isnan(error) OR isnan(heading_error) OR isnan(loss) OR isnan(accuracy)",
+    ),
     ("prediction", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
-    ("prediction", "unknown side or split", "side NOT IN ('sim', 'real') OR "
-     "split NOT IN ('train', 'validation', 'test', 'unseen')"),
+    (
+        "prediction",
+        "unknown side or split",
+        "side NOT IN ('sim', 'real') OR split NOT IN ('train', 'validation', 'test', 'unseen')",
+    ),
     ("prediction", "run without a row in run", "run NOT IN (SELECT run FROM run)"),
     ("run", "model without a row in model", "model NOT IN (SELECT model FROM model)"),
 )
@@ -123,4 +137,6 @@ class _Proof:
                 yield Damage(str(path), "no ledger entry proves it")
             elif not self._ledger.intact(entry):
                 missing = not (self._root / path).exists()
-                yield Damage(str(path), "missing" if missing else "its checksum is not the ledger's")
+                yield Damage(
+                    str(path), "missing" if missing else "its checksum is not the ledger's"
+                )

@@ -23,7 +23,11 @@ SIZE = 16
 def poses(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A walk through both rooms: x, y in metres, heading in radians."""
     t = np.linspace(0, 2 * np.pi, n, endpoint=False)
-    return 5 + 4.5 * np.cos(t), 4 + 3.5 * np.sin(t), np.mod(t + np.pi / 2 + np.pi, 2 * np.pi) - np.pi
+    return (
+        5 + 4.5 * np.cos(t),
+        4 + 3.5 * np.sin(t),
+        np.mod(t + np.pi / 2 + np.pi, 2 * np.pi) - np.pi,
+    )
 
 
 def build(path: Path, n: int = 40, runs: tuple[str, ...] = RUNS, seed: int = 0) -> Path:
@@ -72,7 +76,13 @@ def _dataset(draft: Draft, n: int, first: int) -> None:
         cameras = {
             f"{image}_{figure}": value
             for image in ("rgb", "depth")
-            for figure, value in (("fx", 8.0), ("fy", 8.0), ("cx", 8.0), ("cy", 8.0), ("pitch", 0.0))
+            for figure, value in (
+                ("fx", 8.0),
+                ("fy", 8.0),
+                ("cx", 8.0),
+                ("cy", 8.0),
+                ("pitch", 0.0),
+            )
         }
         draft.insert_row(
             "domain",

@@ -41,8 +41,6 @@ def _temperature(
     return np.stack([warm[rgb[..., 0]], rgb[..., 1], cold[rgb[..., 2]]], axis=-1), depth
 
 
-
-
 BRIGHTNESS = Adjustment(
     "brightness", 0.0, 3.0, 1.0, "factor", "every channel times the factor", _brightness
 )

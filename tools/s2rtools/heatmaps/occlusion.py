@@ -152,7 +152,9 @@ def _in_full(
     for patch in patches:
         region = patch.region
         changed = inputs[:, None].repeat(1, len(MODES), 1, 1, 1)
-        changed[..., region.r0 : region.r1, region.c0 : region.c1] = _content(inputs, others, region)
+        changed[..., region.r0 : region.r1, region.c0 : region.c1] = _content(
+            inputs, others, region
+        )
         made = [_poses(backend, backend.features(b)) for b in changed.flatten(0, 1).split(_BATCH)]
         poses[:, patch.index] = np.concatenate(made).reshape(len(inputs), len(MODES), 3)
     return _poses(backend, backend.features(inputs)), poses

@@ -70,7 +70,9 @@ class Backend:
                 return Forward(tensor, None, raw, self.pose(raw))
             features = self.features(tensor)
             embedding = self.model.network.embed(features)
-            return Forward(tensor, features, embedding, self.pose(self.model.network.head(embedding)))
+            return Forward(
+                tensor, features, embedding, self.pose(self.model.network.head(embedding))
+            )
 
 
 class Bfloat16Backend(Backend):
@@ -104,7 +106,9 @@ class OpenVinoBackend(Backend):
         self.trunk = self.trunk.to("cpu", memory_format=torch.contiguous_format)
         self.device = torch.device("cpu")
         model.network.to(self.device)
-        converted = openvino.convert_model(self.trunk, example_input=torch.zeros(1, 4, height, width))
+        converted = openvino.convert_model(
+            self.trunk, example_input=torch.zeros(1, 4, height, width)
+        )
         options: dict[str, Any] = {"INFERENCE_NUM_THREADS": threads} if threads else {}
         self._compiled = openvino.compile_model(converted, "CPU", options)
         kind = self._compiled.get_property("INFERENCE_PRECISION_HINT")
@@ -128,7 +132,9 @@ def open_backend(model: LoadedModel, name: str, threads: int = 0) -> Backend:
     try:
         return _BACKENDS[name](model, threads)
     except ImportError as error:
-        raise RequestError(f"backend {name!r} needs {error.name}: pip install {error.name}") from error
+        raise RequestError(
+            f"backend {name!r} needs {error.name}: pip install {error.name}"
+        ) from error
 
 
 def choose_backend(

@@ -85,7 +85,7 @@ def _trajectories(root: Path, wanted: tuple[str, ...]) -> list[Path]:
 def _calibration(given: Path | None) -> tuple[dict[str, Any], Path]:
     if given is not None:
         return header.read(given), given
-    packaged = resources.files("s2rtools.ingest") / "calibration" / "sim2realviz.toml"
+    packaged = resources.files("s2rtools.ingest") / "sim2realviz.toml"
     with resources.as_file(packaged) as path:
         return header.read(path), Path(path.name)
 
@@ -144,9 +144,7 @@ def _matches(result: Scan, folder: Path) -> list[tuple[str, str]]:
     return made
 
 
-def _sighting(
-    result: Scan, files: dict[str, Path], calibration: dict[str, Any]
-) -> Sighting | None:
+def _sighting(result: Scan, files: dict[str, Path], calibration: dict[str, Any]) -> Sighting | None:
     images: dict[str, Images] = {}
     for domain, rgb in files.items():
         depth = rgb.with_name(rgb.name.replace("_rgb.", "_depth."))

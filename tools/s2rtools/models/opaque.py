@@ -57,7 +57,9 @@ class OpaqueNetwork(PoseNetwork):
             shape = f"(1, 4, {self.input_size[0]}, {self.input_size[1]})"
             raise RequestError(f"network: fails on {shape}: {_first_line(error)}") from error
         if not isinstance(output, Tensor) or output.ndim != 2 or output.shape[1] not in (3, 4):
-            found = str(tuple(output.shape)) if isinstance(output, Tensor) else type(output).__name__
+            found = (
+                str(tuple(output.shape)) if isinstance(output, Tensor) else type(output).__name__
+            )
             raise RequestError(f"network: gives {found}, expected (1, 3) or (1, 4)")
         return int(output.shape[1])
 

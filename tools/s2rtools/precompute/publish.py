@@ -14,7 +14,6 @@ import numpy as np
 import s2rstore
 from s2rstore import arrays, layout, stats
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, ArrayRecord
 from s2rstore.writer import edit
 from s2rtools.precompute.projection import SETTINGS
 from s2rtools.precompute.rows import decode_split, prediction_columns

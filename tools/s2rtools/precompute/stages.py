@@ -55,9 +55,7 @@ def occlusion_stages(
     ]
 
 
-def _kind_specs(
-    facts: dict[str, Any], name: str, model: LoadedModel, rows: int
-) -> list[ArraySpec]:
+def _kind_specs(facts: dict[str, Any], name: str, model: LoadedModel, rows: int) -> list[ArraySpec]:
     kind = KINDS[name]
     key = content_key({**facts, "kind": name, "version": kind.version, "params": kind.params})
     return [
@@ -107,9 +105,7 @@ def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[St
     return stages
 
 
-def _map_spec(
-    spec: ArraySpec, side: str, mode: str | None, shape: tuple[int, int]
-) -> ArraySpec:
+def _map_spec(spec: ArraySpec, side: str, mode: str | None, shape: tuple[int, int]) -> ArraySpec:
     key = content_key({"heat": spec.key, **MAP_SETTINGS})
     names = ",".join(map_geometry.AGGREGATES)
     return ArraySpec(

@@ -41,7 +41,9 @@ class ArraySpec:
 
     @property
     def name(self) -> str:
-        return ".".join(part for part in (self.kind.replace(":", "."), self.mode, self.side) if part)
+        return ".".join(
+            part for part in (self.kind.replace(":", "."), self.mode, self.side) if part
+        )
 
     def path(self, run: str) -> str:
         """Inside runs.zarr."""

@@ -22,9 +22,7 @@ _PR_SET_PDEATHSIG = 1
 _compute: Compute | None = None
 
 
-def run_units(
-    root: Path, units: Iterable[Unit], opener: Opener, workers: int
-) -> Iterator[Unit]:
+def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -> Iterator[Unit]:
     """Compute units and give each when it is done.
 
     `opener(root, threads)` is called once in each process and gives the function that computes
