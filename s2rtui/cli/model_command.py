@@ -15,7 +15,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                      help="posest, resposenet; with --trust also torchscript or module:factory")  # fmt: skip
     add.add_argument("--store", type=Path, required=True)
     add.add_argument(
-        "--convention", help="HEADING[,FRAME]: degrees, radians or cos_sin; map or habitat"
+        "--convention",
+        help="HEADING[,FRAME] of the output: degrees, radians or cos_sin; map or habitat",
     )
     add.add_argument("--trust", action="store_true", help="allow formats that execute code")
 

@@ -49,6 +49,7 @@ def create(path: Path, layout: Layout, attributes: dict[str, Any] | None = None)
     Raises RequestError where another array lies there: stored arrays are never rewritten.
     """
     import zarr
+    from zarr.codecs import BloscCodec
 
     item = layout.shape[1:]
     if (path / "zarr.json").exists():
@@ -62,7 +63,7 @@ def create(path: Path, layout: Layout, attributes: dict[str, Any] | None = None)
         dtype=layout.dtype,
         chunks=(layout.rows_per_chunk, *item),
         shards=(layout.shard_rows, *item),
-        compressors=zarr.codecs.BloscCodec(cname="zstd", clevel=3, shuffle=_shuffle(layout.dtype)),
+        compressors=BloscCodec(cname="zstd", clevel=3, shuffle=_shuffle(layout.dtype)),
         fill_value=0,
         attributes=attributes or {},
     )

@@ -114,7 +114,7 @@ def _side(found: Columns, truth: InstanceColumns, rooms: Sequence[Room]) -> Side
 
 def _floats(column: NDArray[Any]) -> NDArray[np.float64]:
     if isinstance(column, np.ma.MaskedArray):
-        return np.asarray(column.astype(np.float64).filled(np.nan))
+        return np.ma.filled(column.astype(np.float64), np.nan)
     return np.asarray(column, dtype=np.float64)
 
 

@@ -265,7 +265,7 @@ class Store:
         planes = _PLANES.get(kind)
         stored_mode = None if planes else mode or _DEFAULT_MODES.get(kind)
         record, array = self.array(run, kind, side, stored_mode)
-        item = np.asarray(array[iid], dtype=np.float32)
+        item: NDArray[np.float32] = np.asarray(array[iid], dtype=np.float32)
         item = (item - np.float32(record.zero)) * np.float32(record.scale)
         if item.ndim == 2:
             return item
@@ -287,7 +287,7 @@ class Store:
         is mean, max, sum or count.
         """
         stored_mode = mode or ("loss" if kind in _PLANES else _DEFAULT_MODES.get(kind))
-        record, array = self.array(run, f"map:{kind}", side, stored_mode)
+        _, array = self.array(run, f"map:{kind}", side, stored_mode)
         known = json.loads(str(array.attrs["aggregates"]))
         if aggregate not in known:
             raise RequestError(f"aggregate {aggregate!r}: one of {', '.join(known)}")
@@ -300,12 +300,13 @@ class Store:
 
 
 def _domain(row: dict[str, Any]) -> Domain:
-    cameras = {
-        image: Intrinsics(**{f: row.pop(f"{image}_{f}") for f in ("fx", "fy", "cx", "cy", "pitch")})
+    figures = ("fx", "fy", "cx", "cy", "pitch")
+    rgb, depth = (
+        Intrinsics(*(row.pop(f"{image}_{figure}") for figure in figures))
         for image in ("rgb", "depth")
-    }
+    )
     sources = json.loads(row.pop("source") or "{}")
-    return Domain(**cameras, sources=sources, **row)
+    return Domain(rgb=rgb, depth=depth, sources=sources, **row)
 
 
 def _joined(rows: list[NDArray[Any]]) -> NDArray[Any]:

@@ -221,7 +221,7 @@ _SIDE_COLUMNS = (
 
 
 def _pair_view() -> str:
-    truth = ["trajectory", "seq", "x", "y", "heading", "room", "curvature", "odom_x", "odom_y", "odom_heading", "timestamp"]
+    truth = [name for name in BY_NAME["instance"].column_names if name != "iid"]
     parts = ["s.run", "s.iid", *(f"i.{name}" for name in truth)]
     for side, alias in (("sim", "s"), ("real", "r")):
         parts += [f"{alias}.{name} AS {side}_{name}" for name, _ in _SIDE_COLUMNS]

@@ -84,8 +84,8 @@ def _tables(store: Store, current: layout.Current) -> Iterator[Damage]:
         yield Damage("table prediction", f"{errors} rows: error is not the distance to the truth")
     if store.dataset.hash != current.dataset_hash:
         yield Damage(layout.CURRENT, "names another data set than the index")
-    for table in schema.TABLES:
-        store.execute(f'SELECT {", ".join(table.column_names)} FROM "{table.name}" LIMIT 0')
+    for known in schema.TABLES:
+        store.execute(f'SELECT {", ".join(known.column_names)} FROM "{known.name}" LIMIT 0')
 
 
 def _frames(root: Path, store: Store) -> Iterator[Damage]:

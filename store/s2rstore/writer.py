@@ -123,9 +123,8 @@ def _begin(connection: duckdb.DuckDBPyConnection, beside: Path, base: Path | Non
         connection.execute(f"ATTACH '{_sql_path(base)}' AS base (READ_ONLY)")
         for table in schema.TABLES:
             names = ", ".join(f'"{name}"' for name in table.column_names)
-            connection.execute(
-                f'INSERT INTO draft."{table.name}" ({names}) SELECT {names} FROM base."{table.name}"'
-            )
+            rows = f'SELECT {names} FROM base."{table.name}"'
+            connection.execute(f'INSERT INTO draft."{table.name}" ({names}) {rows}')
         connection.execute("DETACH base")
 
 

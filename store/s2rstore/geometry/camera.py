@@ -27,7 +27,7 @@ class Rays:
 
 def sample_centres(count: int, extent: int) -> Floats:
     """Continuous coordinates of the centres of `count` equal cells over `extent` pixels."""
-    return (np.arange(count) + 0.5) * (extent / count)
+    return np.asarray((np.arange(count) + 0.5) * (extent / count), dtype=np.float64)
 
 
 def rays(camera: Intrinsics, rows: int, cols: int, frame: tuple[int, int]) -> Rays:

@@ -1,4 +1,7 @@
-"""Adjustments of input images: `ADJUSTMENTS` lists them; neutral ones change nothing, to the bit."""
+"""Adjustments of input images; neutral ones change nothing, to the bit.
+
+`ADJUSTMENTS` lists them: adding one is a declaration in a file here and a line in that table.
+"""
 
 from __future__ import annotations
 

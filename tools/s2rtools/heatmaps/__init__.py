@@ -1,4 +1,4 @@
-"""Heatmaps: `KINDS` lists the methods. Adding one is a file with a `HeatmapKind` and a line here."""
+"""Heatmaps: `KINDS` lists the methods. Adding one is a file and a line here."""
 
 from __future__ import annotations
 

@@ -76,10 +76,11 @@ class Occlusion(HeatmapKind):
         change = _errors(after, truth[:, None, None]) - _errors(before, truth)[:, None, None]
         change[len(change) // 2 :] *= -1
         change = change.reshape(len(change), count, count, len(MODES), 2)
-        halves = np.split(change, 2)
+        half = len(change) // 2
+        halves = change[:half], change[half:]
         return {
-            (side, mode): np.moveaxis(half[..., number, :], -1, 1).astype(np.float32)
-            for side, half in zip(SIDES, halves, strict=True)
+            (side, mode): np.moveaxis(part[..., number, :], -1, 1).astype(np.float32)
+            for side, part in zip(SIDES, halves, strict=True)
             for number, mode in enumerate(MODES)
         }
 

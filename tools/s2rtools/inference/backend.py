@@ -103,7 +103,7 @@ class OpenVinoBackend(Backend):
         if self.trunk is None:
             raise RequestError(f"model {self.model.name!r}: a closed network runs on torch only")
         height, width = model.network.input_size
-        self.trunk = self.trunk.to("cpu", memory_format=torch.contiguous_format)
+        self.trunk = self.trunk.to("cpu")
         self.device = torch.device("cpu")
         model.network.to(self.device)
         converted = openvino.convert_model(

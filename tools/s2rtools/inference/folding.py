@@ -37,4 +37,12 @@ def folded(trunk: nn.Module) -> nn.Module:
             traced.graph.erase_node(node)
     traced.delete_all_unused_submodules()
     traced.recompile()
-    return traced.requires_grad_(False).to(memory_format=torch.channels_last)
+    return channels_last(traced.requires_grad_(False))
+
+
+def channels_last(module: nn.Module) -> nn.Module:
+    """The same module, with its weights laid out for channels-last convolutions."""
+    for parameter in module.parameters():
+        if parameter.ndim == 4:
+            parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
+    return module

@@ -107,8 +107,8 @@ def _write_trajectory(
             return
         facts: dict[str, list[_Facts]] = {}
         for domain in scan.domains.values():
-            views = pool.map(lambda s, d=domain: decode(scan, d, s.images[d.domain]), usable)
-            facts[domain.domain] = list(_write_frames(scan, root, name, domain, views, len(usable)))
+            again = pool.map(lambda s, d=domain: _decoded(scan, d, s), usable)
+            facts[domain.domain] = list(_write_frames(root, name, domain, again, len(usable)))
             progress(len(usable))
     for row, sighting in enumerate(usable):
         yield sighting, {domain: facts[domain][row] for domain in facts}
@@ -120,21 +120,20 @@ def _views(scan: Scan, sighting: Sighting) -> dict[str, View | Problem]:
     }
 
 
+def _decoded(scan: Scan, domain: Domain, sighting: Sighting) -> View:
+    view = decode(scan, domain, sighting.images[domain.domain])
+    if isinstance(view, Problem):
+        raise RequestError(f"{view.file}: changed while it was read; ingest again")
+    return view
+
+
 def _write_frames(
-    scan: Scan,
-    root: Path,
-    trajectory: str,
-    domain: Domain,
-    views: Iterator[View | Problem],
-    count: int,
+    root: Path, trajectory: str, domain: Domain, views: Iterator[View], count: int
 ) -> Iterator[_Facts]:
     ledger = Ledger(root)
     folder = Path(layout.FRAMES, domain.domain, trajectory)
     shard = 0
     while block := list(islice(views, SHARD_ROWS)):
-        changed = [view for view in block if isinstance(view, Problem)]
-        if changed:
-            raise RequestError(f"{changed[0].file}: changed while it was read; ingest again")
         images = {
             "rgb": np.stack([view.rgb for view in block]),
             "depth": np.stack([view.depth for view in block]),

@@ -126,8 +126,7 @@ class LocalGraph:
         parts: list[Any] = []
         for step in self._steps:
             parts.append(regions[step.name].shape)
-            for name in step.inputs:
-                parts.append(self._offset(step, regions, name))
+            parts.extend(self._offset(step, regions, name) for name in step.inputs)
         return tuple(parts)
 
     def _offset(self, step: _Step, regions: dict[str, Region], name: str) -> Pair:

@@ -6,8 +6,9 @@ import hashlib
 import importlib
 import io
 import pickle
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,22 +26,23 @@ from s2rtools.models import ARCHITECTURES, build
 from s2rtools.models.contract import LoadedModel, OutputConvention, PoseNetwork
 from s2rtools.models.opaque import TORCHSCRIPT, OpaqueNetwork
 
-DEFAULT_CONVENTIONS = {
-    "posest": OutputConvention("degrees", "habitat"),
-    "resposenet": OutputConvention("cos_sin", "map"),
-}
+DEFAULT_CONVENTIONS = {name: network.convention for name, network in ARCHITECTURES.items()}
 _WRAPPERS = ("state_dict", "model", "model_state_dict", "net")
 
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """A checked weights file, ready to be stored; `content` is what the store keeps."""
+    """A checked weights file, ready to be stored; `content` is what the store keeps.
+
+    `sha256` is the given file's, `outputs` the number of columns of the network's raw output.
+    """
 
     architecture: str
     sha256: str
     content: bytes
     suffix: str
     input_size: tuple[int, int]
+    outputs: int
 
 
 def read_weights(path: Path, architecture: str, trust: bool = False) -> Weights:
@@ -58,19 +60,32 @@ def read_weights(path: Path, architecture: str, trust: bool = False) -> Weights:
     if architecture == TORCHSCRIPT:
         _need_trust(trust, "TorchScript")
         network: PoseNetwork = OpaqueNetwork.from_torchscript(content, str(path))
-        return Weights(architecture, digest, content, ".torchscript", network.input_size)
+        outputs = network.embedding_size
+        return Weights(architecture, digest, content, ".torchscript", network.input_size, outputs)
     network = _empty_network(architecture, trust)
     state = _state_dict(path, content)
     _load(network, state, str(path))
-    return Weights(architecture, digest, save_safetensors(_plain(state)), ".safetensors",
-                   network.input_size)  # fmt: skip
+    packed = pack(network)
+    return replace(packed, architecture=architecture, sha256=digest)
 
 
 def pack(network: PoseNetwork) -> Weights:
     """The weights of a network that was trained here."""
-    content = save_safetensors(_plain(network.state_dict()))
+    content = save_safetensors(_plain(_keeper(network).state_dict()))
     digest = hashlib.sha256(content).hexdigest()
-    return Weights(network.architecture, digest, content, ".safetensors", network.input_size)
+    return Weights(
+        network.architecture,
+        digest,
+        content,
+        ".safetensors",
+        network.input_size,
+        network.convention.width,
+    )
+
+
+def _keeper(network: PoseNetwork) -> nn.Module:
+    """The module whose state dict a weights file holds."""
+    return network.inner if isinstance(network, OpaqueNetwork) else network
 
 
 def register(
@@ -81,7 +96,15 @@ def register(
     convention: OutputConvention,
     trained_by: str | None = None,
 ) -> None:
-    """Store weights and list the model in the next generation."""
+    """Store weights and list the model in the next generation.
+
+    Raises RequestError where the convention does not fit the network's output.
+    """
+    if convention.width != weights.outputs:
+        raise RequestError(
+            f"model {name}: convention {convention.heading} reads {convention.width} outputs, "
+            f"the network gives {weights.outputs}; another --convention?"
+        )
     folder = root / layout.MODELS
     folder.mkdir(exist_ok=True)
     layout.write_atomic(folder / f"{weights.sha256}{weights.suffix}", weights.content)
@@ -144,9 +167,12 @@ def _need_trust(trust: bool, what: str) -> None:
 def _state_dict(path: Path, content: bytes) -> dict[str, Tensor]:
     try:
         if path.suffix == ".safetensors":
-            return load_safetensors(content)
-        loaded: Any = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
-    except (pickle.UnpicklingError, SafetensorError, RuntimeError, EOFError, ValueError) as error:
+            loaded: Any = load_safetensors(content)
+        else:
+            loaded = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError as error:
+        raise RequestError(f"{path}: {_refusal(str(error))}; save its state_dict()") from error
+    except (SafetensorError, RuntimeError, EOFError, ValueError) as error:
         reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
         raise RequestError(f"{path}: no plain state dict ({reason})") from error
     for wrapper in _WRAPPERS:
@@ -157,7 +183,16 @@ def _state_dict(path: Path, content: bytes) -> dict[str, Tensor]:
     return {str(key).removeprefix("module."): value for key, value in loaded.items()}
 
 
-def _load(network: nn.Module, state: dict[str, Tensor], where: str) -> None:
+def _refusal(message: str) -> str:
+    """What a pickle wanted, from the words of torch's restricted reader."""
+    wanted = re.search(r"GLOBAL ([\w.]+)", message)
+    if wanted:
+        return f"loading it would run code ({wanted[1]}), which is refused"
+    return "no file of tensors that torch can read without running code"
+
+
+def _load(into: PoseNetwork, state: dict[str, Tensor], where: str) -> None:
+    network = _keeper(into)
     wanted = network.state_dict()
     optional = {key for key in wanted if key.endswith("num_batches_tracked")}
     missing = [key for key in wanted if key not in state and key not in optional]

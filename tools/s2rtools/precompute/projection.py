@@ -123,7 +123,7 @@ def _fit_rows(valid: NDArray[np.bool_], settings: ProjectionSettings) -> NDArray
 def _batches(
     sides: tuple[Any, Any], rows: NDArray[np.int64], size: int
 ) -> Iterator[NDArray[np.float32]]:
-    """Embeddings of `rows` of both sides in batches of at least `size`, never a smaller last one."""
+    """Embeddings of `rows` of both sides in batches of at least `size` rows."""
     cuts = np.array_split(rows, max(1, rows.size // size))
     for side in sides:
         for cut in cuts:

@@ -14,6 +14,7 @@ import numpy as np
 import s2rstore
 from s2rstore import arrays, layout, stats
 from s2rstore.reader import Store
+from s2rstore.records import SIDES
 from s2rstore.writer import edit
 from s2rtools.precompute.projection import SETTINGS
 from s2rtools.precompute.rows import decode_split, prediction_columns
@@ -63,13 +64,13 @@ def _predictions(store: Store, run: str, forward: Stage) -> list[tuple[str, dict
     splits = store.provenance(f"model:{store.run(run).model}")
     n = len(store.instances)
     found = []
-    for spec in forward.specs:
-        if spec.kind == "prediction":
-            domain = store.run(run).domain(spec.side)
+    for side in SIDES:
+        for spec in (s for s in forward.specs if (s.kind, s.side) == ("prediction", side)):
+            domain = store.run(run).domain(side)
             split = decode_split(splits.get(f"split:{domain}"), n)
             poses = _array(store, run, spec)
             scale = store.dataset.accuracy_scale
-            columns = prediction_columns(run, spec.side, poses, store.instances, scale, split)
+            columns = prediction_columns(run, side, poses, store.instances, scale, split)
             found.append(("prediction", columns))
     return found
 

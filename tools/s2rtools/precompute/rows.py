@@ -28,7 +28,8 @@ def prediction_columns(
     `poses` (N, 3): x and y in metres, heading in radians. A pose that is not finite is a missing
     prediction: its figures are NaN and its rank is 0 (both become NULL).
     """
-    poses = np.where(np.isfinite(poses).all(axis=1)[:, None], poses, np.nan)
+    known = np.isfinite(poses).all(axis=1, keepdims=True)
+    poses = np.where(known, poses, np.nan)
     x, y, heading = poses.T
     dx, dy = x - truth.x, y - truth.y
     error = np.sqrt(dx * dx + dy * dy)

@@ -25,17 +25,15 @@ def forward_stage(
     facts = run_facts(store, run, backend)
     key = content_key({**facts, "kind": "prediction"})
     n = len(store.instances)
-    specs = []
-    for side in SIDES:
-        specs.append(
-            ArraySpec("prediction", side, None, (3,), "float64", ("iid", "x y heading"), "m m rad",
-                      key, n)
-        )  # fmt: skip
-    for side in SIDES:
-        specs.append(
-            ArraySpec("embedding", side, None, (model.network.embedding_size,), "float16",
-                      ("iid", "feature"), "", key, n)
-        )  # fmt: skip
+    size = model.network.embedding_size
+    specs = [
+        ArraySpec(kind, side, None, item, dtype, ("iid", axis), unit, key, n)
+        for kind, item, dtype, axis, unit in (
+            ("prediction", (3,), "float64", "x y heading", "m m rad"),
+            ("embedding", (size,), "float16", "feature", ""),
+        )
+        for side in SIDES
+    ]
     for kind in kinds:
         if KINDS[kind].cost == "forward":
             specs += _kind_specs(facts, kind, model, n)

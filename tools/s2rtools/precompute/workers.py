@@ -62,7 +62,7 @@ def _work(unit: Unit) -> None:
 
 
 def _die_with_parent() -> None:
-    """A worker must not go on writing when its parent was killed: the rerun writes the same file."""
+    """A worker that outlived its killed parent would write the files that the rerun writes."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() == 1:
