@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
@@ -58,6 +58,21 @@ class BarReporter:
 
     def say(self, line: str) -> None:
         self._progress.console.print(line, highlight=False, markup=False)
+
+
+def percent(told: Reporter, what: str) -> Callable[[float, float, float], None]:
+    """A callback (fraction done, last loss, seconds to go) that advances a stage of 100 steps."""
+    told.begin(what, 100)
+    done = 0
+
+    def report(fraction: float, loss: float, seconds: float) -> None:
+        nonlocal done
+        steps = int(100 * fraction) - done
+        if steps > 0:
+            done += steps
+            told.advance(steps)
+
+    return report
 
 
 @contextmanager

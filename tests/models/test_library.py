@@ -1,0 +1,173 @@
+"""Weights files: what is taken, what is refused, and the way through a store."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import save_file
+from torch import nn
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.writer import edit
+from s2rtools.models import build
+from s2rtools.models.contract import PoseNetwork
+from s2rtools.models.conventions import OutputConvention
+from s2rtools.models.library import load_model, pack, read_weights, register
+
+
+def network_state(architecture: str = "resposenet") -> tuple[PoseNetwork, dict[str, torch.Tensor]]:
+    torch.manual_seed(5)
+    network = build(architecture).eval()
+    return network, {key: value.clone() for key, value in network.state_dict().items()}
+
+
+class Tiny(nn.Module):
+    """A network of unknown insides that gives a tuple, as the paper's does."""
+
+    input_size = (8, 8)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.linear = nn.Linear(256, 3)
+
+    def forward(self, x):
+        return self.linear(x.flatten(1)), 0
+
+
+class TouchesFile:
+    """Unpickled without care, it makes a file."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+
+    def __reduce__(self):
+        return os.mknod, (self.path,)
+
+
+def through_store(store: Path, weights, convention, trust=False):
+    with edit(store) as draft:
+        register(store, draft, "added", weights, convention)
+    with s2rstore.open(store) as opened:
+        return load_model(opened, "added", trust)
+
+
+WRAPPINGS = {
+    "plain": lambda state: state,
+    "state_dict": lambda state: {"epoch": 3, "state_dict": state},
+    "model": lambda state: {"model": state, "optimizer": {}},
+    "parallel": lambda state: {f"module.{key}": value for key, value in state.items()},
+    "both": lambda state: {"state_dict": {f"module.{k}": v for k, v in state.items()}},
+    "old": lambda state: {k: v for k, v in state.items() if not k.endswith("batches_tracked")},
+}
+
+
+@pytest.mark.parametrize("wrapping", list(WRAPPINGS))
+def test_state_dicts_load_however_they_are_wrapped(own_store, tmp_path, wrapping):
+    network, state = network_state()
+    file = tmp_path / "model.pth"
+    torch.save(WRAPPINGS[wrapping](state), file)
+    weights = read_weights(file, "resposenet")
+    loaded = through_store(own_store, weights, network.convention)
+    assert loaded.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
+    assert not loaded.network.training
+    x = torch.rand(1, 4, 128, 128)
+    with torch.inference_mode():
+        torch.testing.assert_close(loaded.network(x), network(x), rtol=0, atol=0)
+
+
+def test_safetensors_load(own_store, tmp_path):
+    network, state = network_state("posest")
+    save_file(state, tmp_path / "model.safetensors")
+    weights = read_weights(tmp_path / "model.safetensors", "posest")
+    loaded = through_store(own_store, weights, network.convention)
+    torch.testing.assert_close(loaded.network.state_dict(), state, rtol=0, atol=0)
+
+
+def test_a_network_trained_here_comes_back_from_the_store(own_store):
+    network, state = network_state()
+    loaded = through_store(own_store, pack(network), network.convention)
+    torch.testing.assert_close(loaded.network.state_dict(), state, rtol=0, atol=0)
+
+
+def test_a_pickle_that_runs_code_is_refused_and_does_not_run(tmp_path):
+    file, mark = tmp_path / "bad.pth", tmp_path / "ran"
+    torch.save({"state_dict": TouchesFile(str(mark))}, file)
+    with pytest.raises(RequestError, match=r"bad\.pth: .*mknod.*refused"):
+        read_weights(file, "posest", trust=True)
+    assert not mark.exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"no tensors", b"PK\x03\x04 broken"])
+@pytest.mark.parametrize("suffix", [".pth", ".safetensors"])
+def test_damaged_files_are_refused_by_name(tmp_path, content, suffix):
+    file = tmp_path / f"broken{suffix}"
+    file.write_bytes(content)
+    with pytest.raises(RequestError, match="broken"):
+        read_weights(file, "posest")
+
+
+def test_missing_file_is_named(tmp_path):
+    with pytest.raises(RequestError, match=r"none\.pth"):
+        read_weights(tmp_path / "none.pth", "posest")
+
+
+def test_wrong_keys_and_shapes_are_named(tmp_path):
+    _, state = network_state("posest")
+    file = tmp_path / "m.pth"
+    cases = {
+        "fc3.bias": {k: v for k, v in state.items() if k != "fc3.bias"},
+        "extra.weight": {**state, "extra.weight": torch.zeros(1)},
+        "fc1.weight": {**state, "fc1.weight": torch.zeros(256, 16384)},
+        "not finite": {**state, "fc3.bias": torch.full((3,), float("nan"))},
+    }
+    for named, changed in cases.items():
+        torch.save(changed, file)
+        with pytest.raises(RequestError, match=named):
+            read_weights(file, "posest")
+
+
+def test_torchscript_needs_trust_and_then_runs_without_features(own_store, tmp_path):
+    file = tmp_path / "script.pt"
+    network, _ = network_state("posest")
+    torch.jit.trace(network, torch.zeros(1, 4, 256, 256)).save(str(file))
+    with pytest.raises(RequestError, match="--trust"):
+        read_weights(file, "torchscript")
+    weights = read_weights(file, "torchscript", trust=True)
+    loaded = through_store(own_store, weights, OutputConvention("degrees"), trust=True)
+    x = torch.rand(1, 4, 256, 256)
+    assert not loaded.network.has_features
+    with torch.inference_mode():
+        torch.testing.assert_close(loaded.network(x), network(x))
+    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="--trust"):
+        load_model(store, "added")
+
+
+def test_factories_need_trust_and_take_weights_by_their_own_names(own_store, tmp_path):
+    module, file = Tiny(), tmp_path / "tiny.pth"
+    torch.save(module.state_dict(), file)
+    factory = f"{__name__}:Tiny"
+    with pytest.raises(RequestError, match="--trust"):
+        read_weights(file, factory)
+    weights = read_weights(file, factory, trust=True)
+    assert weights.input_size == (8, 8)
+    loaded = through_store(own_store, weights, OutputConvention("radians"), trust=True)
+    x = torch.rand(2, 4, 8, 8)
+    with torch.inference_mode():
+        torch.testing.assert_close(loaded.network(x), module(x)[0])
+
+
+def test_a_convention_that_does_not_fit_the_output_is_refused(own_store):
+    network, _ = network_state("posest")
+    with pytest.raises(RequestError, match="3"):
+        through_store(own_store, pack(network), OutputConvention("cos_sin"))
+
+
+def test_unknown_architectures_list_the_known_ones(tmp_path):
+    torch.save({}, tmp_path / "m.pth")
+    with pytest.raises(RequestError, match="posest, resposenet"):
+        read_weights(tmp_path / "m.pth", "resnet")
