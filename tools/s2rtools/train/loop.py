@@ -103,12 +103,15 @@ def _splits(frames: TrainingFrames, recipe: Recipe, known: Splits | None) -> Spl
     rows = frames.trajectory
     splits: Splits = {}
     for name, domain in frames.domains.items():
-        if domain.kind == "sim":
-            splits[name] = (known or {}).get(name, split_rules.by_blocks(rows))
-        elif recipe.learns_from == "real":
+        before = (known or {}).get(name)
+        if domain.kind not in recipe.learns_from:
+            splits[name] = split_rules.unseen(len(frames)) if before is None else before
+        elif domain.kind == "real":
             splits[name] = split_rules.by_halves(rows)
+        elif before is not None and (before == split_rules.TRAIN).any():
+            splits[name] = before
         else:
-            splits[name] = (known or {}).get(name, split_rules.unseen(len(frames)))
+            splits[name] = split_rules.by_blocks(rows)
     return splits
 
 
@@ -126,11 +129,12 @@ class _Trainer:
         start: LoadedModel | None,
     ) -> None:
         self.frames, self.recipe, self.budget, self.seed = frames, recipe, budget, seed
-        self.domains = frames.names(recipe.learns_from)
+        self.domains = [name for kind in recipe.learns_from for name in frames.names(kind)]
         self.rows = _rows(splits, self.domains, split_rules.TRAIN)
         self.held_out = _rows(splits, self.domains, split_rules.VALIDATION)
         if len(self.rows) < 2:
-            raise RequestError(f"recipe {recipe.name}: no {recipe.learns_from} images to train on")
+            kinds = " and ".join(recipe.learns_from)
+            raise RequestError(f"recipe {recipe.name}: no {kinds} images to train on")
         self.start = start
         self.network, self.convention = self._network(architecture)
         self.optimizer = torch.optim.AdamW(
@@ -240,7 +244,7 @@ class _Trainer:
         }
 
     def provenance(self) -> dict[str, str]:
-        real = self.recipe.learns_from == "real"
+        rules = {"sim": split_rules.RULE, "real": split_rules.HALVES_RULE}
         facts = {
             **self.facts(),
             "description": self.recipe.description,
@@ -249,7 +253,7 @@ class _Trainer:
             "batch": BATCH,
             "learning_rate": self.recipe.learning_rate,
             "weight_decay": WEIGHT_DECAY,
-            "split_rule": split_rules.HALVES_RULE if real else split_rules.RULE,
+            "split_rule": "; ".join(rules[kind] for kind in self.recipe.learns_from),
             "torch": torch.__version__,
             "numpy": np.__version__,
             "threads": torch.get_num_threads(),

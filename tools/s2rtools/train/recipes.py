@@ -20,14 +20,14 @@ Augmentation = Callable[[Tensor, torch.Generator], Tensor]
 class Recipe:
     """What a model learns from and how.
 
-    `learns_from` is the kind of the domains that are trained on: sim recipes split all
-    trajectories in blocks, real ones leave a trajectory or half of the only one for testing.
+    `learns_from` are the kinds of the domains that are trained on: sim images are split in
+    blocks, of real ones a trajectory, or half of the only one, is left for testing.
     `augmentation(shape, seed)` makes the function that changes each batch (B, 4, h, w).
     """
 
     name: str
     description: str
-    learns_from: Side
+    learns_from: tuple[Side, ...]
     learning_rate: float
     augmentation: Callable[[tuple[int, int], int], Augmentation]
     needs_start: bool = False
@@ -44,24 +44,25 @@ def _colours(shape: tuple[int, int], seed: int) -> Augmentation:
 RECIPES: dict[str, Recipe] = {
     recipe.name: recipe
     for recipe in (
-        Recipe("vanilla", "sim images as they are", "sim", 2e-3, _untouched),
+        Recipe("vanilla", "sim images as they are", ("sim",), 2e-3, _untouched),
         Recipe(
             "dataaug",
             "sim images with random brightness, contrast, dynamic range and hue",
-            "sim",
+            ("sim",),
             2e-3,
             _colours,
         ),
         Recipe(
             "finetune",
-            "a trained model, trained on with real images of another part or trajectory",
-            "real",
+            "a trained model, trained on with sim images and real ones of another part, in "
+            "random colours",
+            ("sim", "real"),
             5e-4,
-            _untouched,
+            _colours,
             needs_start=True,
         ),
         Recipe(
-            "perlin", "sim images with Perlin noise and holes in depth", "sim", 2e-3, DepthNoise
+            "perlin", "sim images with Perlin noise and holes in depth", ("sim",), 2e-3, DepthNoise
         ),
     )
 }

@@ -20,8 +20,8 @@ VALIDATION_SHARE = 10
 SEED = 20
 
 RULE = (
-    f"contiguous blocks of {BLOCK} instances in each trajectory: every {TEST_EVERY}th is test, "
-    f"one of {VALIDATION_SHARE} of the others (seed {SEED}) validation, the rest train"
+    f"sim images: contiguous blocks of {BLOCK} instances in each trajectory: every {TEST_EVERY}th "
+    f"is test, one of {VALIDATION_SHARE} of the others (seed {SEED}) validation, the rest train"
 )
 HALVES_RULE = (
     "real images: the first trajectory is test, the others train; the second half is test where "

@@ -1,0 +1,164 @@
+"""Every colour of the data, the continuous scales, and the way down to poorer terminals.
+
+Colours are uint8 RGB. A scale maps numbers to colours; NaN is the caller's business.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Rgb = tuple[int, int, int]
+Pixels = NDArray[np.uint8]
+
+
+class ColourMode(Enum):
+    """What the terminal can show."""
+
+    TRUECOLOR = "truecolor"
+    PALETTE = "256"
+    ANSI = "16"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class Theme:
+    """One set of colours; `background` is the ground that every plot is drawn on."""
+
+    name: str
+    background: Rgb
+    text: Rgb
+    muted: Rgb
+    faint: Rgb
+    highlight: Rgb
+    sim: Rgb
+    real: Rgb
+    truth: Rgb
+    unselected: Rgb
+    cursor: Rgb
+
+    @property
+    def dark(self) -> bool:
+        return sum(self.background) < 3 * 128
+
+
+DARK = Theme(
+    name="dark",
+    background=(16, 20, 28),
+    text=(226, 232, 240),
+    muted=(142, 154, 172),
+    faint=(58, 68, 84),
+    highlight=(34, 44, 62),
+    sim=(92, 160, 255),
+    real=(255, 102, 94),
+    truth=(255, 204, 77),
+    unselected=(112, 122, 138),
+    cursor=(255, 255, 255),
+)
+LIGHT = Theme(
+    name="light",
+    background=(250, 250, 248),
+    text=(28, 33, 42),
+    muted=(98, 106, 120),
+    faint=(206, 210, 217),
+    highlight=(226, 233, 245),
+    sim=(29, 95, 206),
+    real=(208, 44, 48),
+    truth=(176, 122, 0),
+    unselected=(158, 165, 176),
+    cursor=(0, 0, 0),
+)
+THEMES = {theme.name: theme for theme in (DARK, LIGHT)}
+
+NEGATIVE: Rgb = (0, 176, 255)
+POSITIVE: Rgb = (255, 122, 0)
+
+_TURBO = (
+    "30123b 392a73 4040a1 4456c7 466be3 467ff6 4293ff 37a7fa 29bbec 1dcdd8 18dcc3 1ee8b0 31f299 "
+    "4cf97e 6bfd64 8aff4d a3fd3c b8f735 cced34 dee037 edd03a f8c03a fdae35 fe982c fb8022 f56817 "
+    "ec520f e04009 d23105 c02302 ac1701 950d01 7a0403"
+)
+
+
+@lru_cache(1)
+def turbo_table() -> Pixels:
+    """(256, 3): the turbo map (A. Mikhailov, 2019), interpolated between 33 samples."""
+    samples = np.array([[int(word[i : i + 2], 16) for i in (0, 2, 4)] for word in _TURBO.split()])
+    at, places = np.linspace(0, 1, 256), np.linspace(0, 1, len(samples))
+    channels = [np.interp(at, places, samples[:, channel]) for channel in range(3)]
+    return np.rint(np.stack(channels, axis=1)).astype(np.uint8)
+
+
+def turbo(values: ArrayLike) -> Pixels:
+    """Numbers in 0 .. 1 (clipped; NaN counts as 0), any shape, to (..., 3)."""
+    fraction = np.nan_to_num(np.asarray(values, dtype=np.float64), nan=0.0, posinf=1.0, neginf=0.0)
+    return turbo_table()[np.rint(np.clip(fraction, 0, 1) * 255).astype(np.intp)]
+
+
+def diverging(values: ArrayLike, middle: Rgb = (128, 128, 128)) -> Pixels:
+    """Numbers in -1 .. 1 (clipped), any shape, to (..., 3): blue, `middle` at 0, orange."""
+    signed = np.clip(np.nan_to_num(np.asarray(values, dtype=np.float64)), -1, 1)[..., None]
+    end = np.where(signed < 0, np.array(NEGATIVE), np.array(POSITIVE))
+    mixed = np.array(middle) + (end - np.array(middle)) * np.abs(signed)
+    return np.rint(mixed).astype(np.uint8)
+
+
+def mix(under: ArrayLike, over: ArrayLike, alpha: ArrayLike) -> Pixels:
+    """`over` laid on `under` with opacity `alpha` (broadcast over the last axis)."""
+    low = np.asarray(under, dtype=np.float32)
+    opacity = np.asarray(alpha, dtype=np.float32)
+    if opacity.ndim:
+        opacity = opacity[..., None]
+    return np.rint(low + (np.asarray(over, dtype=np.float32) - low) * opacity).astype(np.uint8)
+
+
+def luma(colours: ArrayLike) -> NDArray[np.float32]:
+    """(..., 3) to (...): Rec. 709 brightness of the sRGB values, 0 .. 1."""
+    weights = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32) / 255
+    return np.asarray(colours, dtype=np.float32) @ weights
+
+
+_CUBE = np.array([0, 95, 135, 175, 215, 255])
+_CUBE_OF = np.abs(np.arange(256)[:, None] - _CUBE[None, :]).argmin(axis=1)
+_GREY_OF = np.clip(np.rint((np.arange(256) - 8) / 10), 0, 23).astype(np.intp)
+
+
+def to_256(colours: Pixels) -> NDArray[np.intp]:
+    """(..., 3) to xterm-256 indices 16 .. 255: the nearer of colour cube and grey ramp."""
+    wide = colours.astype(np.intp)
+    cube = _CUBE_OF[wide]
+    grey = _GREY_OF[wide.sum(axis=-1) // 3]
+    off_cube = np.square(_CUBE[cube] - wide).sum(axis=-1)
+    off_grey = np.square((8 + 10 * grey)[..., None] - wide).sum(axis=-1)
+    index = 16 + 36 * cube[..., 0] + 6 * cube[..., 1] + cube[..., 2]
+    return np.where(off_grey < off_cube, 232 + grey, index)
+
+
+ANSI_16: NDArray[np.intp] = np.array(
+    [
+        *((0, 0, 0), (170, 0, 0), (0, 170, 0), (170, 120, 0)),
+        *((0, 0, 170), (170, 0, 170), (0, 170, 170), (178, 178, 178)),
+        *((96, 96, 96), (255, 90, 90), (90, 255, 90), (255, 230, 85)),
+        *((90, 140, 255), (255, 90, 255), (90, 255, 255), (255, 255, 255)),
+    ],
+    dtype=np.intp,
+)
+
+
+@lru_cache(1)
+def _ansi_lookup() -> NDArray[np.intp]:
+    """(4096,): the nearest of the 16 for each 4-bit-per-channel colour."""
+    steps = np.arange(16) * 17
+    grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 1, 3)
+    distance = np.square(grid - ANSI_16[None]).sum(axis=-1)
+    return distance.argmin(axis=1)
+
+
+def to_16(colours: Pixels) -> NDArray[np.intp]:
+    """(..., 3) to ANSI colour numbers 0 .. 15."""
+    nibbles = colours.astype(np.intp) >> 4
+    return _ansi_lookup()[nibbles[..., 0] * 256 + nibbles[..., 1] * 16 + nibbles[..., 2]]

@@ -1,0 +1,145 @@
+"""The canvas: what every plot draws on, one array per property of a cell."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.cells import cell_len, get_character_cell_size
+
+from s2rtui.canvas.colour import DARK, Pixels, Rgb, Theme
+
+Size = tuple[int, int]
+BoolGrid = NDArray[np.bool_]
+
+
+class Canvas:
+    """`width` x `height` cells: `char` (h, w) '<U1', `fg` and `bg` (h, w, 3) uint8, `bold` (h, w).
+
+    The cell after a character of width two holds the empty string. Drawing outside the canvas is
+    clipped, never an error. Sizes under 1 are taken as 1.
+    """
+
+    __slots__ = ("bg", "bold", "char", "fg", "theme")
+
+    def __init__(self, width: int, height: int, theme: Theme = DARK) -> None:
+        shape = (max(1, int(height)), max(1, int(width)))
+        self.theme = theme
+        self.char: NDArray[np.str_] = np.full(shape, " ", dtype="<U1")
+        self.fg: Pixels = np.empty((*shape, 3), dtype=np.uint8)
+        self.bg: Pixels = np.empty((*shape, 3), dtype=np.uint8)
+        self.bold: BoolGrid = np.zeros(shape, dtype=np.bool_)
+        self.fg[:] = theme.text
+        self.bg[:] = theme.background
+
+    @property
+    def width(self) -> int:
+        return int(self.char.shape[1])
+
+    @property
+    def height(self) -> int:
+        return int(self.char.shape[0])
+
+    def lines(self) -> list[str]:
+        """The characters, a string per row, as a screen without colours would show them."""
+        width = self.width
+        cells = np.ascontiguousarray(self.char).tobytes().decode("utf-32-le")
+        rows = [cells[at : at + width] for at in range(0, len(cells), width)]
+        return [row.replace("\0", "") for row in rows]
+
+    def put(
+        self,
+        x: int,
+        y: int,
+        glyph: str,
+        fg: Rgb | None = None,
+        bg: Rgb | None = None,
+        bold: bool = False,
+    ) -> None:
+        """One glyph of width one; colours left out keep what is there."""
+        if 0 <= x < self.width and 0 <= y < self.height:
+            self.char[y, x] = glyph
+            self.bold[y, x] = bold
+            if fg is not None:
+                self.fg[y, x] = fg
+            if bg is not None:
+                self.bg[y, x] = bg
+
+    def text(
+        self,
+        x: int,
+        y: int,
+        text: str,
+        fg: Rgb | None = None,
+        bg: Rgb | None = None,
+        bold: bool = False,
+        align: str = "left",
+    ) -> int:
+        """Text from column `x` (its end with align "right", its middle with "center").
+
+        Control characters become spaces. Returns the column after the text.
+        """
+        text = "".join(letter if letter.isprintable() else " " for letter in text)
+        if align != "left":
+            length = cell_len(text)
+            x -= length if align == "right" else length // 2
+        for letter in text:
+            size = get_character_cell_size(letter)
+            if size == 0:
+                continue
+            if x + size <= self.width:
+                self.put(x, y, letter, fg, bg, bold)
+                if size == 2:
+                    self.put(x + 1, y, "", fg, bg, bold)
+            x += size
+        return x
+
+    def hline(self, x0: int, x1: int, y: int, glyph: str = "─", fg: Rgb | None = None) -> None:
+        """A horizontal line from column `x0` to `x1`, both included."""
+        start, stop = max(0, min(x0, x1)), min(self.width, max(x0, x1) + 1)
+        if 0 <= y < self.height and start < stop:
+            self.char[y, start:stop] = glyph
+            if fg is not None:
+                self.fg[y, start:stop] = fg
+
+    def vline(self, x: int, y0: int, y1: int, glyph: str = "│", fg: Rgb | None = None) -> None:
+        """A vertical line from row `y0` to `y1`, both included."""
+        start, stop = max(0, min(y0, y1)), min(self.height, max(y0, y1) + 1)
+        if 0 <= x < self.width and start < stop:
+            self.char[start:stop, x] = glyph
+            if fg is not None:
+                self.fg[start:stop, x] = fg
+
+    def box(
+        self, x: int, y: int, width: int, height: int, fg: Rgb | None = None, ascii: bool = False
+    ) -> None:
+        """A frame whose outer size is `width` x `height`."""
+        if width < 1 or height < 1:
+            return
+        across, down = ("-", "|") if ascii else ("─", "│")
+        corners = "++++" if ascii else "┌┐└┘"
+        right, bottom = x + width - 1, y + height - 1
+        for row in (y, bottom):
+            self.hline(x, right, row, across, fg)
+        for column in (x, right):
+            self.vline(column, y, bottom, down, fg)
+        for glyph, column, row in zip(corners, (x, right) * 2, (y, y, bottom, bottom), strict=True):
+            self.put(column, row, glyph, fg)
+
+    def fill(self, x: int, y: int, width: int, height: int, bg: Rgb) -> None:
+        """A rectangle of background."""
+        rows = slice(max(0, y), max(0, y + height))
+        columns = slice(max(0, x), max(0, x + width))
+        self.bg[rows, columns] = bg
+
+    def paste(self, other: Canvas, x: int, y: int) -> None:
+        """`other` with its top left corner at (x, y), clipped."""
+        left, top = max(0, x), max(0, y)
+        right, bottom = min(self.width, x + other.width), min(self.height, y + other.height)
+        if left >= right or top >= bottom:
+            return
+        into = (slice(top, bottom), slice(left, right))
+        source = (slice(top - y, bottom - y), slice(left - x, right - x))
+        self.char[into] = other.char[source]
+        self.bold[into] = other.bold[source]
+        self.fg[into] = other.fg[source]
+        self.bg[into] = other.bg[source]

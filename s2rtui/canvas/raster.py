@@ -1,0 +1,151 @@
+"""Pictures and dots in cells: half blocks, shades, braille, and the resampling for them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from s2rtui.canvas.colour import Pixels, luma
+from s2rtui.canvas.grid import Canvas
+from s2rtui.canvas.look import Look
+
+Floats = NDArray[np.float32]
+
+_DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.int32)
+
+
+def resample(image: ArrayLike, height: int, width: int) -> Floats:
+    """(H, W[, C]) to (height, width[, C]) float32 by area: the mean of what a pixel covers.
+
+    NaN is left out of the mean; a pixel that covers nothing else is NaN. Where the target is
+    finer than the source the nearest source pixel is taken.
+    """
+    source = np.asarray(image)
+    if source.shape[0] == 0 or source.shape[1] == 0:
+        raise ValueError("resample: the image is empty")
+    holes = source.dtype.kind == "f" and bool(np.isnan(source).any())
+    if not holes:
+        return _area(source, height, width)
+    weight = np.isfinite(source).astype(np.float32)
+    total = _area(np.nan_to_num(source, nan=0.0), height, width)
+    covered = _area(weight, height, width)
+    return np.where(covered > 0, total / np.maximum(covered, 1e-9), np.nan).astype(np.float32)
+
+
+def _area(source: NDArray[np.generic], height: int, width: int) -> Floats:
+    data = source
+    for axis, target in ((0, height), (1, width)):
+        size = data.shape[axis]
+        if target >= size:
+            index = ((np.arange(target) + 0.5) * size / target).astype(np.intp)
+            data = np.take(data, index, axis=axis)
+        else:
+            edges = np.arange(target + 1) * size // target
+            sums = np.add.reduceat(data, edges[:-1], axis=axis, dtype=np.float32)
+            shape = [1] * data.ndim
+            shape[axis] = target
+            data = sums / np.diff(edges).astype(np.float32).reshape(shape)
+    return np.asarray(data, dtype=np.float32)
+
+
+def half_blocks(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
+    """A picture (2h, w, 3) uint8 as h rows of half blocks with its corner at (x, y), clipped."""
+    rows, columns = pixels.shape[0] // 2, pixels.shape[1]
+    left, top = max(0, x), max(0, y)
+    right, bottom = min(canvas.width, x + columns), min(canvas.height, y + rows)
+    if left >= right or top >= bottom:
+        return
+    part = pixels[2 * (top - y) : 2 * (bottom - y), left - x : right - x]
+    into = (slice(top, bottom), slice(left, right))
+    canvas.char[into] = "▀"
+    canvas.bold[into] = False
+    canvas.fg[into] = part[0::2]
+    canvas.bg[into] = part[1::2]
+
+
+def shade(
+    canvas: Canvas, x: int, y: int, levels: ArrayLike, ramp: str, colours: Pixels | None = None
+) -> None:
+    """Numbers 0 .. 1 (h, w) as glyphs of a ramp from light to dense; NaN draws nothing."""
+    values = np.asarray(levels, dtype=np.float32)
+    rows, columns = values.shape
+    left, top = max(0, x), max(0, y)
+    right, bottom = min(canvas.width, x + columns), min(canvas.height, y + rows)
+    if left >= right or top >= bottom:
+        return
+    part = (slice(top - y, bottom - y), slice(left - x, right - x))
+    into = (slice(top, bottom), slice(left, right))
+    shown = np.isfinite(values[part])
+    index = np.clip(np.nan_to_num(values[part]) * len(ramp), 0, len(ramp) - 1).astype(np.intp)
+    glyphs = np.array(list(ramp))[index]
+    canvas.char[into] = np.where(shown, glyphs, canvas.char[into])
+    if colours is not None:
+        canvas.fg[into] = np.where(shown[..., None], colours[part], canvas.fg[into])
+
+
+def picture(canvas: Canvas, x: int, y: int, pixels: Pixels, look: Look) -> None:
+    """A picture (2h, w, 3) as half blocks, or as shades of its brightness where those lack.
+
+    On a light theme the shades are inverted, so that dense ink is dark.
+    """
+    if look.pictures:
+        half_blocks(canvas, x, y, pixels)
+        return
+    paired = pixels[: pixels.shape[0] // 2 * 2].reshape(-1, 2, pixels.shape[1], 3).mean(axis=1)
+    levels = luma(paired)
+    if not look.theme.dark:
+        levels = 1 - levels
+    shade(canvas, x, y, levels, look.glyphs.shades, np.rint(paired).astype(np.uint8))
+
+
+def braille_bits(dots: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """(4h, 2w) dots to (h, w) braille patterns, 0 .. 255."""
+    rows, columns = dots.shape[0] // 4, dots.shape[1] // 2
+    cells = dots[: rows * 4, : columns * 2].reshape(rows, 4, columns, 2)
+    bits = (cells * _DOTS[None, :, None, :]).sum(axis=(1, 3))
+    return np.asarray(bits, dtype=np.int32)
+
+
+def dot_grid(
+    columns: NDArray[np.float64], rows: NDArray[np.float64], width: int, height: int
+) -> NDArray[np.bool_]:
+    """Points in cell coordinates (fractions included) to (4 height, 2 width) braille dots."""
+    dots = np.zeros((4 * height, 2 * width), dtype=np.bool_)
+    across, down = np.floor(columns * 2), np.floor(rows * 4)
+    inside = (across >= 0) & (across < 2 * width) & (down >= 0) & (down < 4 * height)
+    dots[down[inside].astype(np.intp), across[inside].astype(np.intp)] = True
+    return dots
+
+
+def braille(canvas: Canvas, x: int, y: int, dots: NDArray[np.bool_], fg: Pixels | None) -> None:
+    """Dots as braille glyphs over what is there; a half block under a dot becomes its mean."""
+    bits = braille_bits(dots)
+    rows, columns = np.nonzero(bits)
+    at_row, at_column = rows + y, columns + x
+    inside = (at_row >= 0) & (at_row < canvas.height) & (at_column >= 0)
+    inside &= at_column < canvas.width
+    rows, columns = rows[inside], columns[inside]
+    ground(canvas, at_column[inside], at_row[inside])
+    glyphs = (0x2800 + bits[rows, columns]).astype(np.uint32).view("<U1")
+    canvas.char[at_row[inside], at_column[inside]] = glyphs
+    if fg is not None:
+        colours = fg if fg.ndim == 1 else fg[rows, columns]
+        canvas.fg[at_row[inside], at_column[inside]] = colours
+
+
+def ground(canvas: Canvas, columns: NDArray[np.intp], rows: NDArray[np.intp]) -> None:
+    """Make cells ready for a glyph: the background of a half block becomes the mean of both."""
+    half = canvas.char[rows, columns] == "▀"
+    rows, columns = rows[half], columns[half]
+    upper = canvas.fg[rows, columns].astype(np.uint16)
+    mean = (upper + canvas.bg[rows, columns]) // 2
+    canvas.bg[rows, columns] = mean.astype(np.uint8)
+
+
+def segment_dots(
+    x0: float, y0: float, x1: float, y1: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places along a line between two cell coordinates, close enough for braille."""
+    count = int(min(4096, max(abs(x1 - x0) * 2, abs(y1 - y0) * 4))) + 1
+    along = np.linspace(0.0, 1.0, count + 1)
+    return x0 + (x1 - x0) * along, y0 + (y1 - y0) * along

@@ -1,0 +1,186 @@
+"""Canvas -> Textual strips: colours quantised in numpy, runs merged, styles and codes cached.
+
+A strip carries its own escape codes, and only the changes between runs: a widget that hands the
+strips over unchanged (by `render_lines`) sends a third of the bytes. Wherever a strip is cut or
+restyled the plain segments take over.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.color import Color
+from rich.console import Console
+from rich.segment import Segment
+from rich.style import Style
+from textual.strip import Strip
+
+from s2rtui.canvas.colour import ColourMode, Pixels, to_16, to_256
+from s2rtui.canvas.grid import Canvas
+
+_DEFAULT = 1 << 24
+_BOLD = 1 << 26
+
+
+class DeltaStrip(Strip):
+    """A strip that knows its escape codes, so that drawing it is handing over one string."""
+
+    __slots__ = ("_codes",)
+
+    def __init__(self, segments: list[Segment], cell_length: int, codes: str) -> None:
+        super().__init__(segments, cell_length)
+        self._codes = codes
+
+    def render(self, console: Console) -> str:
+        return self._codes
+
+
+@lru_cache(65536)
+def _colour(code: int, mode: ColourMode) -> Color | None:
+    if code == _DEFAULT:
+        return None
+    if mode is ColourMode.TRUECOLOR:
+        return Color.from_rgb(code >> 16, code >> 8 & 255, code & 255)
+    return Color.from_ansi(code)
+
+
+@lru_cache(65536)
+def _style(fg: int, bg: int, bold: bool, mode: ColourMode) -> Style:
+    return Style(color=_colour(fg, mode), bgcolor=_colour(bg, mode), bold=bold or None)
+
+
+@lru_cache(65536)
+def _sgr(code: int, mode: ColourMode, background: bool) -> str:
+    base = 48 if background else 38
+    if code == _DEFAULT:
+        return str(base + 1)
+    if mode is ColourMode.TRUECOLOR:
+        return f"{base};2;{code >> 16};{code >> 8 & 255};{code & 255}"
+    if mode is ColourMode.PALETTE:
+        return f"{base};5;{code}"
+    return str(base - 8 + code if code < 8 else base + 44 + code)
+
+
+def _quantised(colours: Pixels, mode: ColourMode, ground: Pixels | None) -> NDArray[np.int64]:
+    """(h, w, 3) to (h, w) codes; a colour equal to `ground` stays exact (16: the default)."""
+    if mode is ColourMode.NONE:
+        return np.full(colours.shape[:2], _DEFAULT, dtype=np.int64)
+    if mode is ColourMode.PALETTE:
+        return to_256(colours).astype(np.int64)
+    if mode is ColourMode.ANSI:
+        codes = to_16(colours).astype(np.int64)
+    else:
+        steps = np.minimum((colours.astype(np.int64) + 4) & ~7, 255)
+        codes = (steps[..., 0] << 16) | (steps[..., 1] << 8) | steps[..., 2]
+    if ground is not None:
+        red, green, blue = (int(part) for part in ground)
+        exact = _DEFAULT if mode is ColourMode.ANSI else red << 16 | green << 8 | blue
+        codes[(colours == ground).all(axis=-1)] = exact
+    return codes
+
+
+def calm(canvas: Canvas, tolerance: int) -> None:
+    """Let neighbours of equal glyph share a run's first colours where within `tolerance`.
+
+    Only pictures are touched (half blocks and blanks); in place, per channel, left to right.
+    """
+    picture = (canvas.char == "▀") | (canvas.char == " ")
+    if tolerance <= 0 or not picture.any():
+        return
+    both = np.concatenate([canvas.fg, canvas.bg], axis=-1).astype(np.int16)
+    half = canvas.char == "▀"
+    both[..., :3][~half] = 0
+    start = both[:, 0].copy()
+    joins = picture[:, 1:] & picture[:, :-1] & (half[:, 1:] == half[:, :-1])
+    for column in range(1, canvas.width):
+        here = both[:, column]
+        near = joins[:, column - 1] & (np.abs(here - start).max(axis=-1) <= tolerance)
+        start = np.where(near[:, None], start, here)
+        both[:, column] = start
+    canvas.fg[half] = both[..., :3][half].astype(np.uint8)
+    canvas.bg[picture] = both[..., 3:][picture].astype(np.uint8)
+
+
+def _codes(canvas: Canvas, mode: ColourMode) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Foreground (with the bold bit) and background codes, (h, w) each.
+
+    A blank takes the foreground of the glyph at its left, so that text does not break at spaces;
+    a half block whose halves agree becomes a blank.
+    """
+    ground = np.array(canvas.theme.background, dtype=np.uint8)
+    fg = _quantised(canvas.fg, mode, None)
+    bg = _quantised(canvas.bg, mode, ground)
+    flat = (canvas.char == "▀") & (fg == bg)
+    canvas.char[flat] = " "
+    fg = fg | (canvas.bold.astype(np.int64) * _BOLD)
+    columns = np.arange(canvas.width)
+    inked = (canvas.char != " ") & (canvas.char != "")
+    last = np.maximum.accumulate(np.where(inked, columns, -1), axis=1)
+    first = np.where(inked.any(axis=1), inked.argmax(axis=1), 0)[:, None]
+    return np.take_along_axis(fg, np.where(last < 0, first, last), axis=1), bg
+
+
+def to_strips(
+    canvas: Canvas, mode: ColourMode, ascii: bool = False, tolerance: int = 0
+) -> list[Strip]:
+    """One strip per row. With `ascii`, what is not ASCII becomes "?". `tolerance`: see `calm`."""
+    drawn = Canvas(1, 1, canvas.theme)
+    drawn.char, drawn.bold = canvas.char.copy(), canvas.bold
+    drawn.fg, drawn.bg = canvas.fg, canvas.bg
+    if tolerance > 0:
+        drawn.fg, drawn.bg = canvas.fg.copy(), canvas.bg.copy()
+        calm(drawn, tolerance)
+    fg, bg = _codes(drawn, mode)
+    if ascii:
+        drawn.char[(drawn.char > "~") & (drawn.char != "")] = "?"
+    width = drawn.width
+    text = drawn.char.tobytes().decode("utf-32-le")
+    breaks = np.ones(fg.shape, dtype=np.bool_)
+    breaks[:, 1:] = ((fg[:, 1:] != fg[:, :-1]) | (bg[:, 1:] != bg[:, :-1])) & (
+        drawn.char[:, 1:] != ""
+    )
+    return [
+        _strip(text[row * width : (row + 1) * width], breaks[row], fg[row], bg[row], mode)
+        for row in range(drawn.height)
+    ]
+
+
+def _strip(
+    text: str,
+    breaks: NDArray[np.bool_],
+    fg: NDArray[np.int64],
+    bg: NDArray[np.int64],
+    mode: ColourMode,
+) -> DeltaStrip:
+    starts = np.flatnonzero(breaks)
+    ends = [*starts[1:].tolist(), len(text)]
+    segments: list[Segment] = []
+    codes: list[str] = []
+    last_fg = last_bg = -1
+    last_bold = False
+    at = starts.tolist()
+    for start, end, ink, ground in zip(
+        at, ends, fg[starts].tolist(), bg[starts].tolist(), strict=True
+    ):
+        bold, ink = ink >= _BOLD, ink % _BOLD
+        part = text[start:end]
+        if "\0" in part:
+            part = part.replace("\0", "")
+        segments.append(Segment(part, _style(ink, ground, bold, mode)))
+        changes = []
+        if bold != last_bold:
+            changes.append("1" if bold else "22")
+            last_bold = bold
+        if ink != last_fg and not part.isspace():
+            if ink != _DEFAULT or last_fg != -1:
+                changes.append(_sgr(ink, mode, False))
+            last_fg = ink
+        if ground != last_bg:
+            if ground != _DEFAULT or last_bg != -1:
+                changes.append(_sgr(ground, mode, True))
+            last_bg = ground
+        codes.append(f"\x1b[{';'.join(changes)}m{part}" if changes else part)
+    body = "".join(codes)
+    return DeltaStrip(segments, len(text), f"{body}\x1b[0m" if "\x1b" in body else body)

@@ -1,0 +1,109 @@
+"""Where the world lies on a grid of square pixels, and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from s2rstore.records import Bounds
+from s2rtui.canvas.raster import Floats
+
+Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class MapFrame:
+    """A window on the map: `width` x `height` square pixels of `pitch` metres.
+
+    (x0, y0) is the world at the top left corner; y grows downwards on the screen if `y_down`.
+    In cells a pixel is one column wide and half a row high.
+    """
+
+    x0: float
+    y0: float
+    pitch: float
+    width: int
+    height: int
+    y_down: bool
+
+    @property
+    def extent(self) -> Bounds:
+        """The world rectangle in view."""
+        far = self.y0 + (1 if self.y_down else -1) * self.height * self.pitch
+        return Bounds(
+            self.x0, min(self.y0, far), self.x0 + self.width * self.pitch, max(self.y0, far)
+        )
+
+    def to_pixels(self, points: ArrayLike) -> Points:
+        """(N, 2) metres to (N, 2) pixel coordinates (column, row), fractions kept."""
+        world = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        down = (world[:, 1] - self.y0) * (1 if self.y_down else -1)
+        return np.stack([(world[:, 0] - self.x0) / self.pitch, down / self.pitch], axis=1)
+
+    def to_cells(self, points: ArrayLike) -> Points:
+        """(N, 2) metres to (N, 2) cell coordinates (column, row), fractions kept."""
+        return self.to_pixels(points) / (1.0, 2.0)
+
+    def to_world(self, column: float, row: float) -> tuple[float, float]:
+        """The middle of a cell, metres."""
+        down = (2 * row + 1) * self.pitch * (1 if self.y_down else -1)
+        return self.x0 + (column + 0.5) * self.pitch, self.y0 + down
+
+
+def fit(area: Bounds, width: int, height: int, y_down: bool) -> MapFrame:
+    """The frame of `width` x `height` pixels that shows all of `area` in its middle."""
+    width, height = max(1, width), max(1, height)
+    spans = max(area.width, 1e-6), max(area.height, 1e-6)
+    pitch = max(spans[0] / width, spans[1] / height)
+    left = (area.x0 + area.x1) / 2 - width * pitch / 2
+    middle = (area.y0 + area.y1) / 2
+    top = middle - height * pitch / 2 if y_down else middle + height * pitch / 2
+    return MapFrame(left, top, pitch, width, height, y_down)
+
+
+def zoomed(view: Bounds, factor: float, centre: tuple[float, float] | None = None) -> Bounds:
+    """A viewport `factor` times as close, about `centre` (default: its middle)."""
+    x, y = centre or ((view.x0 + view.x1) / 2, (view.y0 + view.y1) / 2)
+    return Bounds(
+        x + (view.x0 - x) / factor,
+        y + (view.y0 - y) / factor,
+        x + (view.x1 - x) / factor,
+        y + (view.y1 - y) / factor,
+    )
+
+
+def panned(view: Bounds, across: float, down: float, y_down: bool) -> Bounds:
+    """A viewport moved by fractions of its size, as seen on the screen."""
+    dx, dy = across * view.width, down * view.height * (1 if y_down else -1)
+    return Bounds(view.x0 + dx, view.y0 + dy, view.x1 + dx, view.y1 + dy)
+
+
+def sample(image: ArrayLike, bounds: Bounds, frame: MapFrame, top_is_y0: bool) -> Floats:
+    """An image that covers `bounds`, seen through `frame`: (height, width[, C]) float32.
+
+    Each pixel is the mean of up to 16 samples of what it covers, NaN left out, and NaN where
+    nothing is. `top_is_y0`: whether the image's first row lies at bounds.y0.
+    """
+    source = np.asarray(image)
+    rows, columns = source.shape[:2]
+    per_pixel = frame.pitch / max(bounds.width / max(columns, 1), 1e-9)
+    fine = int(np.clip(np.ceil(per_pixel / 2), 1, 4))
+    across = frame.x0 + (np.arange(frame.width * fine) + 0.5) / fine * frame.pitch
+    sign = 1 if frame.y_down else -1
+    down = frame.y0 + sign * (np.arange(frame.height * fine) + 0.5) / fine * frame.pitch
+    u = np.floor((across - bounds.x0) / bounds.width * columns).astype(np.int64)
+    along = (down - bounds.y0) / bounds.height
+    v = np.floor((along if top_is_y0 else 1 - along) * rows).astype(np.int64)
+    inside = ((v >= 0) & (v < rows))[:, None] & ((u >= 0) & (u < columns))[None, :]
+    taken = source[np.clip(v, 0, rows - 1)[:, None], np.clip(u, 0, columns - 1)[None, :]]
+    taken = taken.astype(np.float32)
+    flat = taken.reshape(*taken.shape[:2], -1)
+    good = inside[..., None] & np.isfinite(flat)
+    shape = (frame.height, fine, frame.width, fine, flat.shape[-1])
+    total = np.where(good, flat, 0).reshape(shape).sum(axis=(1, 3))
+    count = good.reshape(shape).sum(axis=(1, 3))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(count > 0, total / count, np.nan).astype(np.float32)
+    return mean.reshape(frame.height, frame.width, *source.shape[2:])

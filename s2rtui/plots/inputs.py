@@ -1,0 +1,129 @@
+"""What the views are drawn from: plain numbers, the same for the terminal and for paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.records import Bounds, Room
+
+Floats = NDArray[np.floating]
+Bools = NDArray[np.bool_]
+Interval = tuple[float, float]
+MapMode = Literal["colour", "full"]
+
+
+@dataclass(frozen=True, slots=True)
+class OverviewRow:
+    """One run: mean accuracies 0 .. 1 with their 95 % intervals; None or NaN: nothing is left.
+
+    `n` counts the instances behind the numbers; `note` is shown in their place or beside them.
+    """
+
+    run: str
+    sim_accuracy: float | None
+    real_accuracy: float | None
+    sim_interval: Interval | None = None
+    real_interval: Interval | None = None
+    n: int = 0
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GeoMapInput:
+    """The map of one run.
+
+    truth, sim, real: (N, 2) metres. values: (N,) what mode "colour" shows, NaN for none;
+    `value_label` and `value_unit` name it, `value_range` fixes its scale (default: the 1st ..
+    99th percentile of the valid). selected, valid: (N,) bool; cursor: an iid. headings, (N,)
+    radians: the truth's. floor_plan: (H, W, 3) uint8 that covers `bounds`, first row drawn at
+    the top. heat: (rows, cols) covers `bounds` too, row 0 at bounds.y0, NaN where nothing is.
+    """
+
+    truth: Floats
+    sim: Floats
+    real: Floats
+    values: Floats
+    selected: Bools
+    valid: Bools
+    bounds: Bounds
+    headings: Floats | None = None
+    sim_headings: Floats | None = None
+    real_headings: Floats | None = None
+    cursor: int | None = None
+    y_down: bool = True
+    mode: MapMode = "colour"
+    value_label: str = "shift"
+    value_unit: str = "m"
+    value_range: Interval | None = None
+    floor_plan: NDArray[np.uint8] | None = None
+    heat: Floats | None = None
+    heat_label: str = "heat"
+    heat_unit: str = ""
+    heat_range: Interval | None = None
+    rooms: tuple[Room, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PoseNumbers:
+    """A predicted pose with its errors: metres and radians, NaN where unknown."""
+
+    x: float
+    y: float
+    heading: float
+    error: float = float("nan")
+    heading_error: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SideView:
+    """One side of an instance.
+
+    rgb: (H, W, 3) uint8. depth: (H, W) metres, NaN where invalid. heat: (h, w) over the whole
+    image, any resolution, NaN for none. pose: the prediction on this side.
+    """
+
+    rgb: NDArray[np.uint8]
+    depth: Floats | None = None
+    heat: Floats | None = None
+    pose: PoseNumbers | None = None
+    title: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InstanceInput:
+    """One instance, sim beside real.
+
+    `kind` (and `mode`) name the heat, `signed` makes its scale diverge about 0, `heat_range`
+    fixes it (default: from both sides together), `over` is the row of pictures that the heat
+    lies on. `truth`: x, y in metres, heading in radians. `notes`: further lines, label and value.
+    """
+
+    iid: int
+    sim: SideView
+    real: SideView
+    truth: tuple[float, float, float] | None = None
+    kind: str | None = None
+    mode: str | None = None
+    unit: str = ""
+    signed: bool = False
+    heat_range: Interval | None = None
+    over: Literal["rgb", "depth", "both"] = "rgb"
+    depth_range: Interval | None = None
+    notes: tuple[tuple[str, str], ...] = field(default=())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HistogramInput:
+    """Errors of both sides, (N,) each, in `unit`; `selected` and `valid` (N,) bool."""
+
+    sim: Floats
+    real: Floats
+    selected: Bools
+    valid: Bools
+    label: str = "error"
+    unit: str = "m"
+    upper: float | None = None

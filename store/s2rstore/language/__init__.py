@@ -1,0 +1,31 @@
+"""Selections as a language: text, tree, and two back ends that agree.
+
+`parse` gives the tree, `to_text` its canonical text, `mask` a boolean mask over dense columns and
+`to_sql` a query with bound parameters.
+"""
+
+from s2rstore.language.complete import complete
+from s2rstore.language.context import Vocabulary, expand, used_runs
+from s2rstore.language.errors import ExpressionError
+from s2rstore.language.masks import MaskContext, base_population, mask
+from s2rstore.language.nodes import Node
+from s2rstore.language.parser import parse
+from s2rstore.language.sql import SqlContext, to_sql
+from s2rstore.language.text import quoted, to_text
+
+__all__ = [
+    "ExpressionError",
+    "MaskContext",
+    "Node",
+    "SqlContext",
+    "Vocabulary",
+    "base_population",
+    "complete",
+    "expand",
+    "mask",
+    "parse",
+    "quoted",
+    "to_sql",
+    "to_text",
+    "used_runs",
+]

@@ -1,0 +1,79 @@
+"""What an expression is checked against, and saved selections put in their places."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from s2rstore.language import fields
+from s2rstore.language.errors import ExpressionError, unknown
+from s2rstore.language.nodes import (
+    And,
+    Around,
+    Between,
+    Box,
+    Compare,
+    Extreme,
+    Field,
+    Minus,
+    Named,
+    Near,
+    Node,
+    Not,
+    Or,
+    Saved,
+    leaves,
+)
+from s2rstore.records import SPLITS
+
+
+@dataclass(frozen=True, slots=True)
+class Vocabulary:
+    """The names that an expression may use; `saved` maps names to parsed selections."""
+
+    runs: tuple[str, ...]
+    rooms: tuple[str, ...]
+    trajectories: tuple[str, ...]
+    saved: Mapping[str, Node] = field(default_factory=dict)
+    splits: tuple[str, ...] = SPLITS
+
+    def of(self, name: str) -> tuple[str, ...]:
+        """The known values of a text field's vocabulary."""
+        return {"rooms": self.rooms, "trajectories": self.trajectories, "splits": self.splits}[name]
+
+
+def expand(node: Node, words: Vocabulary, inside: tuple[str, ...] = ()) -> Node:
+    """Check every name and replace saved selections by what they stand for.
+
+    Raises ExpressionError for unknown names and for saved selections that contain themselves.
+    """
+    if isinstance(node, Not):
+        return Not(expand(node.inner, words, inside))
+    if isinstance(node, And | Minus | Or):
+        return type(node)(expand(node.left, words, inside), expand(node.right, words, inside))
+    if isinstance(node, Saved):
+        if node.name not in words.saved:
+            raise unknown(node.column, "saved selection", node.name, words.saved)
+        if node.name in inside:
+            raise ExpressionError(node.column, f"@{node.name} contains itself")
+        return expand(words.saved[node.name], words, (*inside, node.name))
+    for used in used_fields(node):
+        if used.run is not None and used.run not in words.runs:
+            raise unknown(1, "run", used.run, words.runs)
+    if isinstance(node, Named):
+        text = fields.TEXT[node.field.name]
+        if node.value not in words.of(text.vocabulary):
+            raise unknown(node.column, node.field.name, node.value, words.of(text.vocabulary))
+    return node
+
+
+def used_fields(node: Node) -> tuple[Field, ...]:
+    """The fields that a leaf looks at."""
+    if isinstance(node, Compare | Between | Around | Named | Extreme):
+        return (node.field,)
+    return (node.x, node.y) if isinstance(node, Box | Near) else ()
+
+
+def used_runs(node: Node) -> set[str]:
+    """The runs that an expanded expression names."""
+    return {f.run for leaf in leaves(node) for f in used_fields(leaf) if f.run is not None}

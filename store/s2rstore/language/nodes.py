@@ -1,0 +1,149 @@
+"""The syntax tree of a selection: frozen nodes, compared without their columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A column by its name in the language, of the named run or (None) the current one."""
+
+    name: str
+    run: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Everything:
+    """`all`: the base population."""
+
+
+@dataclass(frozen=True, slots=True)
+class Nothing:
+    """`none`: the empty set."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ids:
+    """`ids(3, 7..12)`: closed ranges of instances."""
+
+    ranges: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Compare:
+    """`gap >= 2`."""
+
+    field: Field
+    operator: Literal["<", "<=", ">", ">=", "=", "!="]
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Between:
+    """`seq:100..200`, both ends included; for headings, from the first turning to the second."""
+
+    field: Field
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """`heading:90+-20`: within a tolerance of a centre."""
+
+    field: Field
+    centre: float
+    tolerance: float
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """`room:right`, `traj:a`, `sim.split:train`: a text column equals a name."""
+
+    field: Field
+    value: str
+    column: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Extreme:
+    """`worst(20%, sim.error)`: the largest values of the base population; `best` the smallest."""
+
+    which: Literal["worst", "best"]
+    amount: float
+    percent: bool
+    field: Field
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """`box(x0, y0, x1, y1)` over two columns, edges included."""
+
+    x: Field
+    y: Field
+    corners: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Near:
+    """`near(x, y, radius)` over two columns, the circle included."""
+
+    x: Field
+    y: Field
+    centre: tuple[float, float]
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class Bend:
+    """`straight` (|curvature| < 10 degrees) or `curved` (the others)."""
+
+    straight: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Saved:
+    """`@name`: a saved selection."""
+
+    name: str
+    column: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    inner: Node
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    left: Node
+    right: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Minus:
+    left: Node
+    right: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    left: Node
+    right: Node
+
+
+Node = (
+    Everything | Nothing | Ids | Compare | Between | Around | Named | Extreme | Box | Near | Bend
+    | Saved | Not | And | Minus | Or
+)  # fmt: skip
+
+
+def leaves(node: Node) -> list[Node]:
+    """Every node without operands, from left to right."""
+    if isinstance(node, Not):
+        return leaves(node.inner)
+    if isinstance(node, And | Minus | Or):
+        return leaves(node.left) + leaves(node.right)
+    return [node]

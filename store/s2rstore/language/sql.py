@@ -1,0 +1,217 @@
+"""From nodes to DuckDB SQL with bound parameters: the scripts' back end."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from s2rstore.language import angles, fields
+from s2rstore.language.context import Vocabulary, expand
+from s2rstore.language.nodes import (
+    And,
+    Around,
+    Bend,
+    Between,
+    Box,
+    Compare,
+    Everything,
+    Extreme,
+    Field,
+    Ids,
+    Minus,
+    Named,
+    Near,
+    Node,
+    Not,
+    Nothing,
+    Or,
+)
+
+_STRAIGHT_BELOW = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class SqlContext:
+    """The current run and the trajectories in view (None = all)."""
+
+    run: str
+    words: Vocabulary
+    trajectories: tuple[str, ...] | None = None
+
+
+@dataclass(slots=True)
+class _Writer:
+    """Collects parameters in the order of their question marks."""
+
+    context: SqlContext
+    parameters: list[Any] = field(default_factory=list)
+
+    def bind(self, value: Any) -> str:
+        self.parameters.append(value)
+        return "?"
+
+
+def to_sql(node: Node, context: SqlContext) -> tuple[str, list[Any]]:
+    """`SELECT iid ... ORDER BY iid` and its parameters. Raises ExpressionError."""
+    writer = _Writer(context)
+    base = _base(writer, None, "p")
+    condition = _condition(expand(node, context.words), writer)
+    return (
+        f"SELECT p.iid FROM pair p WHERE {base} AND {condition} ORDER BY p.iid",
+        writer.parameters,
+    )
+
+
+def _base(writer: _Writer, run: str | None, alias: str) -> str:
+    """The condition of the base population of a run."""
+    parts = [
+        f"{alias}.run = {writer.bind(run or writer.context.run)}",
+        f"{_known(f'{alias}.sim_error')}",
+        f"{_known(f'{alias}.real_error')}",
+    ]
+    if writer.context.trajectories is not None:
+        listed = writer.bind(list(writer.context.trajectories))
+        parts.append(f"list_contains({listed}, {alias}.trajectory)")
+    return " AND ".join(parts)
+
+
+def _known(column: str) -> str:
+    return f"({column} IS NOT NULL AND NOT isnan({column}::DOUBLE))"
+
+
+def _condition(node: Node, writer: _Writer) -> str:
+    if isinstance(node, Not):
+        return f"(NOT {_condition(node.inner, writer)})"
+    if isinstance(node, And | Minus | Or):
+        left = _condition(node.left, writer)
+        right = _condition(node.right, writer)
+        word = {And: "AND", Minus: "AND NOT", Or: "OR"}[type(node)]
+        return f"({left} {word} {right})"
+    return _leaf(node, writer)
+
+
+def _leaf(node: Node, writer: _Writer) -> str:
+    match node:
+        case Everything():
+            return "true"
+        case Nothing():
+            return "false"
+        case Ids(ranges):
+            parts = [f"p.iid BETWEEN {writer.bind(a)} AND {writer.bind(b)}" for a, b in ranges]
+            return f"({' OR '.join(parts) or 'false'})"
+        case Compare(field, operator, value):
+            column = _column(field)
+            sign = "<>" if operator == "!=" else operator
+            return _among(writer, field, lambda w: (
+                f"{_known(column)} AND {column} {sign} {w.bind(value * _scale(field))}"
+            ))  # fmt: skip
+        case Between():
+            return _among(writer, node.field, lambda w: _between(node, w))
+        case Around():
+            return _among(writer, node.field, lambda w: _around(node, w))
+        case Named():
+            return _among(writer, node.field, lambda w: _named(node, w))
+        case Extreme():
+            return _extreme(node, writer)
+        case Box(x, y, corners):
+            u, v = _column(x), _column(y)
+            return _among(writer, x, lambda w: (
+                f"{u} >= {w.bind(corners[0])} AND {v} >= {w.bind(corners[1])} AND "
+                f"{u} <= {w.bind(corners[2])} AND {v} <= {w.bind(corners[3])}"
+            ))  # fmt: skip
+        case Near(x, y, centre, radius):
+            dx = f"({_column(x)} - {{}})"
+            dy = f"({_column(y)} - {{}})"
+            return _among(writer, x, lambda w: (
+                f"{dx.format(w.bind(centre[0]))} * {dx.format(w.bind(centre[0]))} + "
+                f"{dy.format(w.bind(centre[1]))} * {dy.format(w.bind(centre[1]))} "
+                f"<= {w.bind(radius * radius)}"
+            ))  # fmt: skip
+        case Bend(straight):
+            sign = "<" if straight else ">="
+            column = "i.curvature"
+            return (
+                f"p.iid IN (SELECT i.iid FROM instance i WHERE {_known(column)} AND "
+                f"abs({column}) {sign} {writer.bind(_STRAIGHT_BELOW)})"
+            )
+        case _:
+            raise TypeError(f"{type(node).__name__} is no leaf")
+
+
+def _among(writer: _Writer, field: Field, condition: Any) -> str:
+    """The instances whose row of the field's run satisfies a condition on alias q.
+
+    Ground truth is the instance's own, whatever the run.
+    """
+    if _is_truth(field):
+        return f"p.iid IN (SELECT q.iid FROM instance q WHERE {condition(writer)})"
+    run = writer.bind(field.run or writer.context.run)
+    return f"p.iid IN (SELECT q.iid FROM pair q WHERE q.run = {run} AND {condition(writer)})"
+
+
+def _is_truth(field: Field) -> bool:
+    known = fields.NUMERIC.get(field.name) or fields.TEXT[field.name]
+    return known.path == "iid" or known.path.startswith("instances.")
+
+
+def _column(field: Field) -> str:
+    return f"q.{fields.NUMERIC[field.name].column}"
+
+
+def _scale(field: Field) -> float:
+    return fields.NUMERIC[field.name].scale
+
+
+def _between(node: Between, writer: _Writer) -> str:
+    column = _column(node.field)
+    if not fields.NUMERIC[node.field.name].angle:
+        scale = _scale(node.field)
+        low, high = writer.bind(node.low * scale), writer.bind(node.high * scale)
+        return f"{_known(column)} AND {column} >= {low} AND {column} <= {high}"
+    ends = angles.span(node.low, node.high)
+    if ends is None:
+        return _known(column)
+    word = "AND" if ends[0] <= ends[1] else "OR"
+    low, high = writer.bind(ends[0]), writer.bind(ends[1])
+    return f"{_known(column)} AND ({column} >= {low} {word} {column} <= {high})"
+
+
+def _around(node: Around, writer: _Writer) -> str:
+    column = _column(node.field)
+    if not fields.NUMERIC[node.field.name].angle:
+        scale = _scale(node.field)
+        centre, tolerance = writer.bind(node.centre * scale), writer.bind(node.tolerance * scale)
+        return f"{_known(column)} AND abs({column} - {centre}) <= {tolerance}"
+    centre = angles.wrapped(node.centre)
+    first = f"abs({column} - {writer.bind(centre)})"
+    turn = writer.bind(angles.TURN)
+    second = f"abs({column} - {writer.bind(centre)})"
+    limit = writer.bind(math.radians(node.tolerance) + angles.TOLERANCE)
+    return f"{_known(column)} AND least({first}, {turn} - {second}) <= {limit}"
+
+
+def _named(node: Named, writer: _Writer) -> str:
+    side, _, name = node.field.name.rpartition(".")
+    if name != "room" or not side:
+        return f"q.{fields.TEXT[node.field.name].column} = {writer.bind(node.value)}"
+    x, y = f"q.{side}_x", f"q.{side}_y"
+    return (
+        "(SELECT arg_min(r.room, r.position) FROM room r WHERE "
+        f"{x} >= r.x0 AND {x} <= r.x1 AND {y} >= r.y0 AND {y} <= r.y1) = {writer.bind(node.value)}"
+    )
+
+
+def _extreme(node: Extreme, writer: _Writer) -> str:
+    column = _column(node.field)
+    direction = "ASC" if node.which == "best" else "DESC"
+    inner = (
+        f"SELECT q.iid FROM pair q WHERE {_base(writer, node.field.run, 'q')} AND {_known(column)}"
+    )
+    if node.percent:
+        amount = writer.bind(float(node.amount))
+        base = _base(writer, node.field.run, "b")
+        count = f"(SELECT ceil({amount} * count(*) / 100)::BIGINT FROM pair b WHERE {base})"
+    else:
+        count = writer.bind(int(node.amount))
+    return f"p.iid IN ({inner} ORDER BY {column} {direction}, q.iid LIMIT {count})"

@@ -1,0 +1,121 @@
+"""From nodes to canonical text; `parse(to_text(node)) == node`."""
+
+from __future__ import annotations
+
+import re
+
+from s2rstore.language import fields
+from s2rstore.language.nodes import (
+    And,
+    Around,
+    Bend,
+    Between,
+    Box,
+    Compare,
+    Everything,
+    Extreme,
+    Field,
+    Ids,
+    Minus,
+    Named,
+    Near,
+    Node,
+    Not,
+    Nothing,
+    Or,
+    Saved,
+)
+
+_PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
+_OR, _AND, _NOT, _LEAF = range(4)
+
+
+def to_text(node: Node) -> str:
+    """The expression in its shortest unambiguous form."""
+    return _written(node)[0]
+
+
+def _written(node: Node) -> tuple[str, int]:
+    if isinstance(node, Or):
+        return f"{_inside(node.left, _OR)} | {_inside(node.right, _AND)}", _OR
+    if isinstance(node, And | Minus):
+        sign = "&" if isinstance(node, And) else "-"
+        return f"{_inside(node.left, _AND)} {sign} {_inside(node.right, _NOT)}", _AND
+    if isinstance(node, Not):
+        return f"!{_inside(node.inner, _NOT)}", _NOT
+    return _leaf(node), _LEAF
+
+
+def _inside(node: Node, level: int) -> str:
+    text, own = _written(node)
+    return text if own >= level else f"({text})"
+
+
+def _leaf(node: Node) -> str:
+    match node:
+        case Everything():
+            return "all"
+        case Nothing():
+            return "none"
+        case Ids(ranges):
+            return f"ids({', '.join(str(a) if a == b else f'{a}..{b}' for a, b in ranges)})"
+        case Compare(field, operator, value):
+            return f"{_field(field)} {operator} {_number(value)}"
+        case Between(field, low, high):
+            return f"{_field(field)}:{_number(low)}..{_number(high)}"
+        case Around(field, centre, tolerance):
+            return f"{_field(field)}:{_number(centre)}+-{_number(tolerance)}"
+        case Named(field, value):
+            return f"{_field(field)}:{quoted(value)}"
+        case Extreme():
+            return _extreme(node)
+        case Box(x, _, corners):
+            return _call(x, "box", corners)
+        case Near(x, _, centre, radius):
+            return _call(x, "near", (*centre, radius))
+        case Bend(straight):
+            return "straight" if straight else "curved"
+        case Saved(name):
+            return f"@{quoted(name)}"
+        case _:
+            raise TypeError(f"{type(node).__name__} is no leaf")
+
+
+def _extreme(node: Extreme) -> str:
+    if node.amount == 15 and node.percent and node.field == Field("real.error"):
+        return f"{node.which}15"
+    share = f"{_number(node.amount)}{'%' if node.percent else ''}"
+    return f"{node.which}({share}, {_field(node.field)})"
+
+
+def _call(field: Field, name: str, numbers: tuple[float, ...]) -> str:
+    if field.name.endswith(".u"):
+        function = f"umap.{field.name.split('.')[0]}"
+    else:
+        prefix = next(p for p, plane in fields.PLANES.items() if plane[0] == field.name)
+        function = f"{prefix}{name}"
+    listed = ", ".join(_number(value) for value in numbers)
+    return f"{_run(field)}{function}({listed})"
+
+
+def _run(field: Field) -> str:
+    return f"run({string(field.run)})." if field.run is not None else ""
+
+
+def _field(field: Field) -> str:
+    return f"{_run(field)}{field.name}"
+
+
+def quoted(name: str) -> str:
+    """A name as it can stand in an expression."""
+    return name if _PLAIN.match(name) else string(name)
+
+
+def string(name: str) -> str:
+    """A name in quotation marks."""
+    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+def _number(value: float) -> str:
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)

@@ -1,0 +1,58 @@
+"""Expressions on an open store."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.language import MaskContext, Node, SqlContext, Vocabulary, mask, parse, to_sql
+from s2rstore.reader import Store
+
+Saved = Mapping[str, Node]
+
+
+def vocabulary(store: Store, saved: Saved | None = None) -> Vocabulary:
+    """The names that expressions on this store may use; only computed runs count."""
+    truth = store.instances
+    runs = tuple(name for name, run in store.runs.items() if run.key)
+    return Vocabulary(runs, truth.room_names, truth.trajectory_names, saved or {})
+
+
+def context(
+    store: Store,
+    run: str | None = None,
+    trajectories: Sequence[str] | None = None,
+    saved: Saved | None = None,
+) -> MaskContext:
+    """What masks of a run (by default the first computed one) are evaluated on."""
+    names = None if trajectories is None else tuple(trajectories)
+    return MaskContext(
+        store.instances, store.run(run).run, store.run_columns, vocabulary(store, saved), names
+    )
+
+
+def select(
+    store: Store,
+    expression: str,
+    run: str | None = None,
+    trajectories: Sequence[str] | None = None,
+    saved: Saved | None = None,
+) -> NDArray[np.bool_]:
+    """The instances that an expression selects, shape (N,).
+
+    Raises ExpressionError, a RequestError that tells the column.
+    """
+    return mask(parse(expression), context(store, run, trajectories, saved))
+
+
+def sql(
+    store: Store,
+    expression: str,
+    run: str | None = None,
+    trajectories: Sequence[str] | None = None,
+) -> tuple[str, list[object]]:
+    """The same selection as a DuckDB query with bound parameters."""
+    names = None if trajectories is None else tuple(trajectories)
+    return to_sql(parse(expression), SqlContext(store.run(run).run, vocabulary(store), names))

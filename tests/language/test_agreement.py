@@ -1,0 +1,147 @@
+"""Numpy masks and SQL select the same instances, whatever the expression and the data."""
+
+from __future__ import annotations
+
+import duckdb
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import s2rstore
+from s2rstore import selection
+from s2rstore.language import ExpressionError, fields, parse, to_text
+from s2rstore.language import nodes as n
+from s2rstore.reader import Store
+from s2rstore.writer import edit
+from tests.support import tiny
+
+NUMBERS = st.one_of(
+    st.integers(-200, 200).map(float),
+    st.floats(-12, 12, allow_nan=False).map(lambda v: round(v, 3)),
+)
+RUN_NAMES = st.sampled_from([None, None, "vanilla", "dataaug"])
+NUMERIC = st.builds(n.Field, st.sampled_from(sorted(fields.NUMERIC)), RUN_NAMES)
+PLANES = st.sampled_from([*fields.PLANES.values(), *fields.UMAP_PLANES.values()])
+
+
+def _between(field: n.Field, a: float, b: float) -> n.Node:
+    return n.Between(field, a, b) if fields.NUMERIC[field.name].angle else n.Between(
+        field, min(a, b), max(a, b)
+    )  # fmt: skip
+
+
+def _named() -> st.SearchStrategy[n.Node]:
+    values = {
+        "rooms": st.sampled_from(["left hall", "right"]),
+        "trajectories": st.sampled_from(["a", "b"]),
+        "splits": st.sampled_from(["train", "test", "unseen"]),
+    }
+    return st.sampled_from(sorted(fields.TEXT)).flatmap(
+        lambda name: st.builds(
+            n.Named,
+            st.builds(n.Field, st.just(name), RUN_NAMES),
+            values[fields.TEXT[name].vocabulary],
+        )
+    )
+
+
+def _box(plane: tuple[str, str], run: str | None, a: float, b: float, c: float, d: float) -> n.Node:
+    corners = min(a, c), min(b, d), max(a, c), max(b, d)
+    return n.Box(n.Field(plane[0], run), n.Field(plane[1], run), corners)
+
+
+LEAVES = st.one_of(
+    st.just(n.Everything()),
+    st.just(n.Nothing()),
+    st.builds(n.Bend, st.booleans()),
+    st.builds(
+        lambda a, b: n.Ids(((min(a, b), max(a, b)),)), st.integers(0, 50), st.integers(0, 50)
+    ),
+    st.builds(n.Compare, NUMERIC, st.sampled_from(["<", "<=", ">", ">=", "=", "!="]), NUMBERS),
+    st.builds(_between, NUMERIC, NUMBERS, NUMBERS),
+    st.builds(n.Around, NUMERIC, NUMBERS, NUMBERS.map(abs)),
+    _named(),
+    st.builds(
+        n.Extreme, st.sampled_from(["worst", "best"]), st.integers(0, 100).map(float),
+        st.booleans(), NUMERIC,
+    ),
+    st.builds(_box, PLANES, RUN_NAMES, NUMBERS, NUMBERS, NUMBERS, NUMBERS),
+    st.builds(
+        lambda plane, run, x, y, r: n.Near(
+            n.Field(plane[0], run), n.Field(plane[1], run), (x, y), abs(r)
+        ),
+        st.sampled_from(sorted(fields.PLANES.values())), RUN_NAMES, NUMBERS, NUMBERS, NUMBERS,
+    ),
+)  # fmt: skip
+EXPRESSIONS = st.recursive(
+    LEAVES,
+    lambda inner: st.one_of(
+        st.builds(n.Not, inner),
+        st.builds(n.And, inner, inner),
+        st.builds(n.Minus, inner, inner),
+        st.builds(n.Or, inner, inner),
+    ),
+    max_leaves=6,
+)
+
+
+@pytest.fixture(scope="module")
+def holey(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    """A store with missing predictions and projections, ties, and rooms without a name."""
+    path = tiny.build(tmp_path_factory.mktemp("holey") / "holey.s2r", n=48)
+    with edit(path) as draft:
+        draft._connection.execute(
+            """UPDATE prediction SET x = NULL, y = NULL, heading = NULL, error = NULL,
+               heading_error = NULL, loss = NULL, accuracy = NULL, rank = NULL
+               WHERE iid % 7 = 3 AND side = 'real'"""
+        )
+        draft._connection.execute("UPDATE prediction SET error = round(error, 1)")
+        draft._connection.execute("UPDATE prediction SET loss = 'NaN' WHERE iid % 11 = 5")
+        draft._connection.execute("DELETE FROM projection WHERE iid % 5 = 1")
+        draft._connection.execute("DELETE FROM prediction WHERE run = 'dataaug' AND iid = 20")
+        draft._connection.execute("UPDATE instance SET room = NULL, curvature = NULL WHERE iid = 9")
+        draft._connection.execute("UPDATE instance SET curvature = 10 WHERE iid = 12")
+    return s2rstore.open(path)
+
+
+@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(node=EXPRESSIONS, run=st.sampled_from(["vanilla", "dataaug"]),
+       view=st.sampled_from([None, ("a",), ("b",), ("a", "b")]))  # fmt: skip
+def test_masks_and_sql_agree(
+    holey: Store, node: n.Node, run: str, view: tuple[str, ...] | None
+) -> None:
+    text = to_text(node)
+    chosen = np.flatnonzero(selection.select(holey, text, run, view))
+    query, parameters = selection.sql(holey, text, run, view)
+    try:
+        found = [row[0] for row in holey.execute(query, parameters)]
+    except duckdb.Error as error:
+        raise AssertionError(f"{text}: {error}") from error
+    assert found == chosen.tolist(), text
+
+
+@settings(max_examples=300, deadline=None)
+@given(node=EXPRESSIONS)
+def test_text_of_a_tree_parses_to_the_same_tree(node: n.Node) -> None:
+    assert parse(to_text(node)) == node
+
+
+@settings(max_examples=300, deadline=None)
+@given(text=st.text(alphabet='worst15&|!-()@%:.,"<>=0123456789 aberlmox+', max_size=30))
+def test_any_text_parses_or_says_where_it_is_wrong(text: str) -> None:
+    try:
+        parse(text)
+    except ExpressionError as error:
+        assert 1 <= error.column <= len(text) + 1
+
+
+@settings(max_examples=100, deadline=None)
+@given(node=EXPRESSIONS)
+def test_complement_is_the_base_population_minus_the_set(holey: Store, node: n.Node) -> None:
+    text = to_text(node)
+    chosen, rest = (selection.select(holey, e, "vanilla") for e in (text, f"!({text})"))
+    everything = selection.select(holey, "all", "vanilla")
+    assert not (chosen & rest).any()
+    assert ((chosen | rest) == everything).all()
+    assert (everything == holey.run_columns("vanilla").valid).all()

@@ -1,0 +1,114 @@
+"""The language's words, precedence and messages."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore import selection
+from s2rstore.language import ExpressionError, Vocabulary, complete, expand, parse, to_text
+from s2rstore.reader import Store
+
+
+@pytest.fixture(scope="module")
+def store(tiny_store) -> Store:
+    return s2rstore.open(tiny_store)
+
+
+@pytest.mark.parametrize(
+    ("text", "explicit"),
+    [
+        ("a.x > 1 | b", None),
+        ("all | none & all", "all | (none & all)"),
+        ("all - none & none", "(all - none) & none"),
+        ("!all & none", "(!all) & none"),
+        ("all & none - all | all", "((all & none) - all) | all"),
+        ("min15", "worst15"),
+        ("max15", "best(15%)"),
+        ("gap > -1 - all", "(gap > -1) - all"),
+    ],
+)
+def test_precedence(text: str, explicit: str | None) -> None:
+    if explicit is None:
+        with pytest.raises(ExpressionError):
+            parse(text)
+    else:
+        assert parse(text) == parse(explicit)
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "hint"),
+    [
+        ("worst15 &", 10, "ends too early"),
+        ("real.eror > 1", 1, "real.error"),
+        ("all all", 5, "unexpected"),
+        ("box(1, 2)", 1, "x0, y0, x1, y1"),
+        ("worst(120%)", 1, "0% .. 100%"),
+        ("gap", 4, "needs a condition"),
+        ("all & $", 7, "no meaning"),
+    ],
+)
+def test_a_wrong_expression_says_where_and_what_could_stand_there(
+    text: str, column: int, hint: str
+) -> None:
+    with pytest.raises(ExpressionError, match="column") as caught:
+        parse(text)
+    assert caught.value.column == column
+    assert hint in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [("room:rihgt", "right"), ("traj:c", "a"), ('run("x").gap > 1', "vanilla"), ("@no", "saved")],
+)
+def test_unknown_names_are_refused_with_the_nearest_known(
+    store: Store, text: str, hint: str
+) -> None:
+    with pytest.raises(ExpressionError, match=hint):
+        selection.select(store, text)
+
+
+def test_worst15_takes_the_ceiling_of_the_base_population_in_view(store: Store) -> None:
+    errors = store.run_columns("vanilla").real.error
+    for view, members in ((None, range(40)), (("a",), range(25)), (("b",), range(25, 40))):
+        wanted = sorted(members, key=lambda i: (-errors[i], i))[: math.ceil(0.15 * len(members))]
+        chosen = np.flatnonzero(selection.select(store, "worst15", "vanilla", view))
+        assert chosen.tolist() == sorted(wanted)
+
+
+def test_headings_turn_around(store: Store) -> None:
+    degrees = np.degrees(store.instances.heading)
+    for text, wanted in (
+        ("heading:170+-20", (np.abs((degrees - 170 + 180) % 360 - 180) <= 20)),
+        ("heading:150..-150", (degrees >= 150) | (degrees <= -150)),
+        ("heading:-180..180", np.ones(40, bool)),
+    ):
+        assert (selection.select(store, text) == wanted).all(), text
+
+
+def test_saved_selections_expand_and_may_not_contain_themselves(store: Store) -> None:
+    saved = {"bad": parse("worst15 & @far"), "far": parse("near(5, 4, 3)"), "loop": parse("!@loop")}
+    direct = selection.select(store, "worst15 & near(5, 4, 3)")
+    assert (selection.select(store, "@bad", saved=saved) == direct).all()
+    with pytest.raises(ExpressionError, match="contains itself"):
+        selection.select(store, "@loop", saved=saved)
+
+
+def test_another_runs_fields(store: Store) -> None:
+    other = store.run_columns("dataaug").real.error > 1
+    assert (selection.select(store, 'run("dataaug").real.error > 1', "vanilla") == other).all()
+
+
+def test_completion_offers_only_what_goes_on() -> None:
+    words = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), {"bad": parse("all")})
+    assert [line for line, _ in complete("worst15 & room:", words)] == [
+        'worst15 & room:"left hall"',
+        "worst15 & room:right",
+    ]
+    assert ("@bad", "saved") in complete("@", words)
+    for line, _ in complete("real.", words):
+        assert line.startswith("real.")
+    assert to_text(expand(parse("@bad"), words)) == "all"
