@@ -107,6 +107,14 @@ def diverging(values: ArrayLike, middle: Rgb = (128, 128, 128)) -> Pixels:
     return np.rint(mixed).astype(np.uint8)
 
 
+def depth_tint(values: ArrayLike) -> Pixels:
+    """Depth as fractions of its range (clipped; NaN counts as 1) to (..., 3): near is light."""
+    share = np.nan_to_num(np.asarray(values, dtype=np.float64), nan=1.0)
+    share = np.clip(share, 0, 1)[..., None]
+    near, far = np.array([238.0, 242.0, 246.0]), np.array([22.0, 28.0, 44.0])
+    return np.rint(near + (far - near) * share**0.8).astype(np.uint8)
+
+
 def mix(under: ArrayLike, over: ArrayLike, alpha: ArrayLike) -> Pixels:
     """`over` laid on `under` with opacity `alpha` (broadcast over the last axis)."""
     low = np.asarray(under, dtype=np.float32)

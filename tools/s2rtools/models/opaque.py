@@ -39,7 +39,7 @@ class OpaqueNetwork(PoseNetwork):
     def from_torchscript(cls, content: bytes, where: str) -> OpaqueNetwork:
         """Load an archive; `where` names it in a RequestError."""
         try:
-            module = torch.jit.load(io.BytesIO(content), "cpu")  # type: ignore[no-untyped-call]
+            module = torch.jit.load(io.BytesIO(content), "cpu")
             return cls(module)
         except RuntimeError as error:
             raise RequestError(f"{where}: no usable TorchScript ({_first_line(error)})") from error

@@ -190,7 +190,7 @@ class _Trainer:
         raw = self.network(x.contiguous(memory_format=torch.channels_last))
         loss = pose_loss(self.convention.components(raw), truth)
         self.optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()
         self.optimizer.step()
         self.progress.step += 1
         self.progress.loss_sum += loss.item()

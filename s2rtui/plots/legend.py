@@ -1,0 +1,112 @@
+"""Colour bars, scale bars and legends, laid out in a line of cells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.cells import cell_len
+
+from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, turbo
+from s2rtui.canvas.grid import Canvas
+from s2rtui.canvas.look import Look
+from s2rtui.plots.scale import Interval, short, step
+
+DIGITS = "0123456789"
+Scale = Callable[[NDArray[np.float64]], Pixels]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A piece of a legend: its width in cells and how to draw it at (x, y)."""
+
+    width: int
+    draw: Callable[[Canvas, int, int], None]
+
+
+def words(pieces: Sequence[tuple[str, Rgb]]) -> Part:
+    """Coloured pieces of text, one after the other."""
+
+    def draw(canvas: Canvas, x: int, y: int) -> None:
+        for text, colour in pieces:
+            x = canvas.text(x, y, text, colour)
+
+    return Part(sum(cell_len(text) for text, _ in pieces), draw)
+
+
+def colour_bar(
+    label: str,
+    unit: str,
+    scale: Interval,
+    look: Look,
+    length: int = 12,
+    colours: Scale = turbo,
+    ramp: str | None = None,
+) -> Part:
+    """`label low [bar] high unit`; the bar is of colours, or of `ramp` where colours lack."""
+    low, high = short(scale[0], 2), short(scale[1], 2)
+    before, after = f"{label} {low} ".lstrip(), f" {high} {unit}".rstrip()
+
+    def draw(canvas: Canvas, x: int, y: int) -> None:
+        x = canvas.text(x, y, before, look.theme.muted)
+        shades = colours(np.linspace(0, 1, max(2, length)))
+        for place in range(length):
+            if look.pictures and ramp is None:
+                colour = tuple(int(part) for part in shades[place])
+                canvas.put(x + place, y, " ", bg=(colour[0], colour[1], colour[2]))
+            else:
+                glyphs = ramp or look.glyphs.shades
+                glyph = glyphs[min(len(glyphs) - 1, place * len(glyphs) // length)]
+                colour = tuple(int(part) for part in shades[place])
+                canvas.put(x + place, y, glyph, (colour[0], colour[1], colour[2]))
+        canvas.text(x + length, y, after, look.theme.muted)
+
+    return Part(cell_len(before) + length + cell_len(after), draw)
+
+
+def scale_bar(metres_per_cell: float, room: int, look: Look) -> Part:
+    """A bar of a round length in metres, at most `room` cells long."""
+    length = step(metres_per_cell * room, 1)
+    if length > metres_per_cell * room * (1 + 1e-9):
+        length = step(metres_per_cell * room / 2.5, 1)
+    cells = max(2, round(length / metres_per_cell))
+    glyphs, label = look.glyphs, f" {short(length)} m"
+
+    def draw(canvas: Canvas, x: int, y: int) -> None:
+        canvas.hline(x, x + cells - 1, y, glyphs.horizontal, look.theme.text)
+        canvas.put(x, y, glyphs.scale_left, look.theme.text)
+        canvas.put(x + cells - 1, y, glyphs.scale_right, look.theme.text)
+        canvas.text(x + cells, y, label, look.theme.muted)
+
+    return Part(cells + len(label), draw)
+
+
+def flow(parts: Sequence[Part], width: int, gap: int = 2) -> list[list[Part]]:
+    """Parts to rows that fit `width`; a part that fits nowhere is left out."""
+    rows: list[list[Part]] = []
+    free = -1
+    for part in parts:
+        if part.width > width:
+            continue
+        if not rows or part.width + gap > free:
+            rows.append([])
+            free = width + gap
+        rows[-1].append(part)
+        free -= part.width + gap
+    return rows
+
+
+def draw_rows(canvas: Canvas, x: int, y: int, rows: Sequence[Sequence[Part]], gap: int = 2) -> None:
+    """Rows of parts from (x, y) downwards."""
+    for offset, row in enumerate(rows):
+        at = x
+        for part in row:
+            part.draw(canvas, at, y + offset)
+            at += part.width + gap
+
+
+def ramp_for_values(look: Look) -> str | None:
+    """The glyphs that stand for values where colours lack or only ASCII is allowed."""
+    return DIGITS if look.ascii or look.mode is ColourMode.NONE else None

@@ -1,0 +1,81 @@
+"""What a store shows at first glance: the room where reality is worst, the costliest gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2rstore import headlines
+from s2rstore.reader import Store
+
+MIN_INSTANCES = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A room of one run: median errors in metres over `n` valid instances."""
+
+    room: str
+    n: int
+    real_median: float
+    sim_median: float
+
+
+def regions(store: Store, run: str) -> list[Region]:
+    """Rooms with at least five valid instances, the largest median real error first."""
+    columns = store.run_columns(run)
+    truth = store.instances
+    found = []
+    for code, name in enumerate(truth.room_names):
+        members = columns.valid & (truth.room == code)
+        n = int(members.sum())
+        if n >= MIN_INSTANCES:
+            real = float(np.median(columns.real.error[members]))
+            sim = float(np.median(columns.sim.error[members]))
+            found.append(Region(name, n, real, sim))
+    return sorted(found, key=lambda region: -region.real_median)
+
+
+def lines(store: Store) -> list[str]:
+    """The findings in a dozen lines, for the end of a demo or a log."""
+    computed = [name for name, run in store.runs.items() if run.key]
+    if not computed:
+        return ["no run is computed yet"]
+    truth = store.instances
+    told = [
+        f"{len(truth)} instances, {len(computed)} runs; predicting the mean position scores "
+        f"{100 * headlines.baseline(store):.1f} % accuracy"
+    ]
+    told += [_run_line(store, name) for name in computed]
+    best = max(computed, key=lambda name: _accuracy(store, name))
+    told.append(f"best in reality: {best} ({100 * _accuracy(store, best):.1f} %)")
+    found = regions(store, computed[0])
+    if found:
+        worst = found[0]
+        told.append(
+            f"worst region of {computed[0]}: {worst.room} (median real error "
+            f"{worst.real_median:.2f} m, sim {worst.sim_median:.2f} m, {worst.n} instances)"
+        )
+    return told
+
+
+def _accuracy(store: Store, run: str) -> float:
+    value = headlines.headline(store, run, "real").accuracy.value
+    return value if np.isfinite(value) else -1.0
+
+
+def _run_line(store: Store, run: str) -> str:
+    parts = []
+    for side in ("sim", "real"):
+        found = headlines.headline(store, run, "sim" if side == "sim" else "real")
+        if not found.n:
+            parts.append(f"{side} n/a (all {found.trained_on} trained on)")
+            continue
+        span = f"{100 * found.accuracy.low:.1f} .. {100 * found.accuracy.high:.1f}"
+        left_out = f", {found.trained_on} trained on left out" if found.trained_on else ""
+        parts.append(
+            f"{side} {100 * found.accuracy.value:.1f} % ({span}), median "
+            f"{found.median_error:.2f} m, n {found.n}{left_out}"
+        )
+    return f"  {run}: " + "; ".join(parts)

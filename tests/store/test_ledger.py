@@ -1,0 +1,82 @@
+"""The ledger proves what is done; torn lines and changed files prove nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rstore import arrays
+from s2rstore.errors import RequestError
+from s2rstore.ledger import Ledger
+
+
+def _unit(root: Path, name: str, content: bytes) -> None:
+    (root / name).write_bytes(content)
+
+
+def test_only_intact_files_are_proven(tmp_path: Path) -> None:
+    _unit(tmp_path, "a", b"one")
+    _unit(tmp_path, "b", b"two")
+    ledger = Ledger(tmp_path)
+    ledger.add("unit", [("a", 1), ("b", 1)])
+    assert ledger.proves(ledger.by_key()["unit"])
+    _unit(tmp_path, "b", b"twO")
+    assert not ledger.proves(ledger.by_key()["unit"])
+    (tmp_path / "b").unlink()
+    assert not ledger.proves(ledger.by_key()["unit"])
+    assert not ledger.proves([])
+
+
+@settings(max_examples=50, deadline=None)
+@given(cut=st.integers(1, 200))
+def test_a_torn_line_is_no_line(tmp_path_factory: pytest.TempPathFactory, cut: int) -> None:
+    root = tmp_path_factory.mktemp("ledger")
+    _unit(root, "a", b"one")
+    ledger = Ledger(root)
+    ledger.add("first", [("a", 1)])
+    ledger.add("second", [("a", 1)])
+    path = next((root / "ledger").glob("*.jsonl"))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: max(len(whole) - cut, 0)])
+    kept = set(ledger.by_key())
+    assert kept <= {"first", "second"}
+    ledger.add("third", [("a", 1)])
+    assert "third" in ledger.by_key()
+    assert kept <= set(ledger.by_key())
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    rows=st.integers(1, 40), shard=st.integers(1, 16), item=st.sampled_from([(), (3,), (2, 5)]),
+    dtype=st.sampled_from(["uint8", "uint16", "float32", "float16"]), seed=st.integers(0, 99),
+)  # fmt: skip
+def test_shards_hold_what_was_written(
+    tmp_path_factory: pytest.TempPathFactory, rows: int, shard: int, item: tuple[int, ...],
+    dtype: str, seed: int,
+) -> None:  # fmt: skip
+    path = tmp_path_factory.mktemp("array") / "a"
+    plan = arrays.plan(rows, item, dtype, shard)
+    arrays.create(path, plan)
+    rng = np.random.default_rng(seed)
+    data = (rng.integers(0, 2, (rows, *item)) * rng.integers(0, 200)).astype(dtype)
+    for number in range(plan.shards):
+        block = data[number * shard : (number + 1) * shard]
+        assert arrays.write_shard(path, number, block).is_file()
+    assert (arrays.open_read(path)[:] == data).all()
+
+
+def test_an_array_of_another_shape_is_never_overwritten(tmp_path: Path) -> None:
+    arrays.create(tmp_path / "a", arrays.plan(4, (2,), "float32", 2))
+    arrays.create(tmp_path / "a", arrays.plan(4, (2,), "float32", 2))
+    with pytest.raises(RequestError, match="another array"):
+        arrays.create(tmp_path / "a", arrays.plan(5, (2,), "float32", 2))
+
+
+def test_a_part_of_a_shard_is_refused(tmp_path: Path) -> None:
+    arrays.create(tmp_path / "a", arrays.plan(4, (2,), "float32", 4))
+    with pytest.raises(ValueError, match="holds 4 rows"):
+        arrays.write_shard(tmp_path / "a", 0, np.zeros((3, 2), np.float32))

@@ -1,0 +1,203 @@
+"""Generations: published at once or not at all, never rewritten, readable by plain DuckDB."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+from pathlib import Path
+
+import duckdb
+import pytest
+
+import s2rstore
+from s2rstore import layout, locks, schema
+from s2rstore.errors import RequestError, StoreBusyError
+from s2rstore.prune import prune
+from s2rstore.verify import verify
+from s2rstore.writer import edit
+
+
+def test_a_failed_edit_leaves_the_generation_as_it_was(own_store: Path) -> None:
+    before = layout.read_current(own_store)
+    with pytest.raises(ZeroDivisionError), edit(own_store) as draft:
+        draft.delete("run")
+        raise ZeroDivisionError
+    assert layout.read_current(own_store) == before
+    assert not list((own_store / "index").glob(".building*"))
+    assert verify(own_store) == []
+
+
+def test_readers_keep_their_generation(own_store: Path) -> None:
+    with s2rstore.open(own_store) as store:
+        first = store.generation
+        with edit(own_store) as draft:
+            draft.note("test", {"told": "new"})
+            draft.delete("run", run="dataaug")
+        assert store.provenance("test") == {}
+        assert "dataaug" in store.runs
+        assert store.latest_generation() == first + 1
+    with s2rstore.open(own_store) as store:
+        assert store.provenance("test") == {"told": "new"}
+        assert "dataaug" not in store.runs
+
+
+def test_an_index_name_is_never_used_again(own_store: Path) -> None:
+    with edit(own_store) as draft:
+        draft.note("a", {"b": 1})
+    newest = layout.read_current(own_store).generation
+    (own_store / layout.index_name(newest + 5)).touch()
+    with edit(own_store) as draft:
+        draft.note("a", {"b": 2})
+    assert layout.read_current(own_store).generation == newest + 6
+
+
+def test_every_table_and_column_is_described(tiny_store: Path) -> None:
+    path = tiny_store / layout.read_current(tiny_store).index
+    with duckdb.connect(str(path), read_only=True) as plain:
+        silent = plain.execute(
+            """SELECT table_name, column_name FROM duckdb_columns()
+               WHERE NOT internal AND coalesce(comment, '') = ''"""
+        ).fetchall()
+        tables = plain.execute(
+            "SELECT table_name FROM duckdb_tables() WHERE NOT internal AND coalesce(comment, '') = ''"
+        ).fetchall()
+        tags = plain.execute("SELECT tags FROM duckdb_databases() WHERE NOT internal").fetchall()
+        pairs = plain.execute("SELECT count(*) FROM pair").fetchall()
+    assert silent == []
+    assert tables == []
+    assert pairs == [(80,)]
+    assert schema.STORAGE_VERSION in str(tags)
+
+
+def test_nan_becomes_null(own_store: Path) -> None:
+    with edit(own_store) as draft:
+        draft.insert("instance", {"iid": [99], "x": [float("nan")], "room": [None]})
+    with s2rstore.open(own_store) as store:
+        assert store.execute("SELECT x, room FROM instance WHERE iid = 99") == [(None, None)]
+
+
+def _publish_many(path: str, count: int) -> None:
+    for number in range(count):
+        with edit(Path(path)) as draft:
+            draft.note("many", {f"n{number}": number})
+
+
+def test_readers_never_meet_a_torn_state(own_store: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    writer = context.Process(target=_publish_many, args=(str(own_store), 8))
+    writer.start()
+    seen = set()
+    try:
+        while writer.is_alive():
+            with s2rstore.open(own_store) as store:
+                told = store.provenance("many")
+                assert len(told) in {0, *range(9)}
+                assert len(store.run_columns("vanilla").valid) == 40
+                seen.add(store.generation)
+    finally:
+        writer.join()
+    assert writer.exitcode == 0
+    assert len(seen) >= 2
+    assert verify(own_store) == []
+
+
+def test_two_writers_take_turns(own_store: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    writers = [
+        context.Process(target=_publish_many, args=(str(own_store), 4)) for _ in range(2)
+    ]
+    before = layout.read_current(own_store).generation
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert [writer.exitcode for writer in writers] == [0, 0]
+    assert layout.read_current(own_store).generation == before + 8
+
+
+def test_the_compute_lock_names_its_holder(own_store: Path) -> None:
+    with (
+        locks.compute_lock(own_store),
+        pytest.raises(StoreBusyError, match="process"),
+        locks.compute_lock(own_store),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("content", "hint"),
+    [(None, "not a store"), ("{", "unreadable"), ('{"generation": 1}', "unreadable")],
+)
+def test_what_is_no_store_is_refused(tmp_path: Path, content: str | None, hint: str) -> None:
+    if content is not None:
+        (tmp_path / "CURRENT.json").write_text(content)
+    with pytest.raises(RequestError, match=hint):
+        s2rstore.open(tmp_path)
+
+
+def test_a_store_of_another_schema_is_refused(own_store: Path) -> None:
+    current = json.loads((own_store / "CURRENT.json").read_text())
+    current["schema"] = 999
+    (own_store / "CURRENT.json").write_text(json.dumps(current))
+    with pytest.raises(RequestError, match="schema 999"):
+        s2rstore.open(own_store)
+
+
+def test_prune_keeps_what_kept_generations_reference(own_store: Path) -> None:
+    for number in range(4):
+        with edit(own_store) as draft:
+            draft.note("n", {"number": number})
+    with edit(own_store) as draft:
+        draft.delete("zarr_array", run="dataaug")
+    orphan = own_store / "runs.zarr" / "vanilla" / "orphan"
+    orphan.mkdir()
+    (orphan / "file").write_bytes(b"123")
+    told = prune(own_store, keep=1, dry_run=True)
+    assert orphan.exists()
+    assert prune(own_store, keep=1) == told
+    assert not orphan.exists()
+    assert not (own_store / "runs.zarr" / "dataaug").exists()
+    assert verify(own_store) == []
+    with s2rstore.open(own_store) as store:
+        assert store.heatmap("vanilla", "occlusion", "real", 3).shape == (6, 6)
+
+
+def _damage_shard(root: Path) -> None:
+    shard = next((root / "runs.zarr").rglob("c/0/*/0"))
+    shard = next(path for path in (root / "runs.zarr").rglob("0") if path.is_file())
+    content = bytearray(shard.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    shard.write_bytes(content)
+
+
+def _remove_shard(root: Path) -> None:
+    next(path for path in (root / "frames.zarr").rglob("0") if path.is_file()).unlink()
+
+
+def _cut_index(root: Path) -> None:
+    index = root / layout.read_current(root).index
+    index.write_bytes(index.read_bytes()[:-100])
+
+
+@pytest.mark.parametrize("harm", [_damage_shard, _remove_shard, _cut_index])
+def test_verify_finds_damage(own_store: Path, harm) -> None:
+    harm(own_store)
+    assert verify(own_store)
+
+
+def test_the_sandbox_reaches_no_other_file(tiny_store: Path, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.csv"
+    secret.write_text("a\n1\n")
+    with s2rstore.open(tiny_store) as store:
+        for statement in (
+            f"SELECT * FROM read_csv('{secret}')",
+            f"COPY (SELECT 1) TO '{tmp_path}/out.csv'",
+            f"ATTACH '{tmp_path}/other.duckdb'",
+            "SET enable_external_access = true",
+            "CREATE TABLE t (a INTEGER)",
+            "DELETE FROM run",
+            "INSTALL httpfs",
+        ):
+            with pytest.raises(duckdb.Error):
+                store.execute(statement)
+    assert not (tmp_path / "out.csv").exists()

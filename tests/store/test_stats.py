@@ -1,0 +1,85 @@
+"""Ranks, accuracies and intervals against a second way of computing them."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+import s2rstore
+from s2rstore import angles, findings, headlines, stats
+
+
+@given(st.floats(-1e4, 1e4))
+def test_wrap_keeps_the_direction(angle: float) -> None:
+    wrapped = float(angles.wrap(angle))
+    assert -np.pi <= wrapped < np.pi
+    assert np.isclose(np.cos(wrapped), np.cos(angle), atol=1e-6)
+    assert np.isclose(np.sin(wrapped), np.sin(angle), atol=1e-6)
+
+
+@given(st.floats(-7, 7))
+def test_habitat_yaw_gives_the_documented_forward(r: float) -> None:
+    heading = float(angles.from_habitat(r))
+    assert np.allclose([np.cos(heading), np.sin(heading)], [-np.sin(r), -np.cos(r)], atol=1e-9)
+
+
+@settings(deadline=None)
+@given(hnp.arrays(np.float64, st.integers(0, 40), elements=st.sampled_from([0.0, 1.0, 2.5, np.nan])))
+def test_ranks_order_by_error_then_index(error: np.ndarray) -> None:
+    known = [i for i in range(error.size) if not np.isnan(error[i])]
+    wanted = np.zeros(error.size, int)
+    for position, index in enumerate(sorted(known, key=lambda i: (error[i], i))):
+        wanted[index] = position + 1
+    assert (stats.rank(error) == wanted).all()
+
+
+def test_the_loss_is_the_papers() -> None:
+    loss = stats.pose_loss(np.array([2.0]), np.array([0.5]))
+    assert np.allclose(loss, 0.7 * 4 + 0.3 * 0.5)
+
+
+def test_the_interval_covers_the_mean_of_independent_values_about_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(3)
+    hits = 0
+    for _ in range(200):
+        found = stats.bootstrap_mean(rng.normal(1, 1, 200), stats.Bootstrap(5, 400))
+        hits += found.low <= 1 <= found.high
+    assert 175 <= hits <= 199
+
+
+def test_neighbouring_values_that_repeat_widen_the_interval() -> None:
+    rng = np.random.default_rng(4)
+    values = rng.normal(0, 1, 40)
+    single = stats.bootstrap_mean(np.tile(values, 1).repeat(1))
+    repeated = stats.bootstrap_mean(values.repeat(10))
+    naive = stats.bootstrap_mean(values.repeat(10), stats.Bootstrap(1))
+    assert repeated.high - repeated.low > 2 * (naive.high - naive.low)
+    assert single.low < single.value < single.high
+
+
+def test_headlines_leave_out_what_the_model_was_trained_on(tiny_store) -> None:
+    with s2rstore.open(tiny_store) as store:
+        columns = store.run_columns("vanilla")
+        found = headlines.headline(store, "vanilla", "sim")
+        keep = np.arange(40) % 5 == 4
+        assert (found.n, found.trained_on) == (8, 32)
+        assert np.isclose(found.accuracy.value, columns.sim.accuracy[keep].mean())
+        assert headlines.headline(store, "vanilla", "real").trained_on == 0
+        mean = store.instances.x.mean(), store.instances.y.mean()
+        off = np.hypot(store.instances.x - mean[0], store.instances.y - mean[1])
+        assert np.isclose(headlines.baseline(store), np.maximum(0, 1 - off / 12).mean())
+
+
+def test_findings_name_the_worst_room(tiny_store) -> None:
+    with s2rstore.open(tiny_store) as store:
+        found = findings.regions(store, "vanilla")
+        medians = {
+            row[0]: row[1]
+            for row in store.execute(
+                "SELECT room, median(real_error) FROM pair WHERE run = 'vanilla' GROUP BY room"
+            )
+        }
+        assert np.isclose(found[0].real_median, max(v for k, v in medians.items() if k))
+        assert any(found[0].room in line for line in findings.lines(store))
