@@ -288,7 +288,7 @@ class Store:
         """
         stored_mode = mode or ("loss" if kind in _PLANES else _DEFAULT_MODES.get(kind))
         _, array = self.array(run, f"map:{kind}", side, stored_mode)
-        known = json.loads(str(array.attrs["aggregates"]))
+        known = str(array.attrs["aggregates"]).split(",")
         if aggregate not in known:
             raise RequestError(f"aggregate {aggregate!r}: one of {', '.join(known)}")
         return np.asarray(array[known.index(aggregate)], dtype=np.float32)

@@ -1,0 +1,224 @@
+"""From images to published rows: right, resumable, and safe to kill."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import s2rstore
+from s2rstore import angles, layout
+from s2rstore.errors import RequestError
+from s2rstore.verify import verify
+from s2rtools.adjust import parse
+from s2rtools.ingest import IMPORTERS
+from s2rtools.ingest.build import build
+from s2rtools.ingest.scan import ScanOptions
+from s2rtools.models.library import load_model
+from s2rtools.models.preprocess import preprocess
+from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.registry import add_run
+from s2rtools.precompute.rows import decode_split, encode_split
+from s2rtools.train.into_store import TrainingRequest, train_into_store
+from tests.support import pairs
+
+
+class Quiet:
+    """A reporter that counts."""
+
+    def __init__(self) -> None:
+        self.steps = 0
+        self.lines: list[str] = []
+
+    def begin(self, what: str, total: int) -> None: ...
+
+    def advance(self, steps: int) -> None:
+        self.steps += steps
+
+    def say(self, line: str) -> None:
+        self.lines.append(line)
+
+
+@pytest.fixture(scope="session")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store of 80 pairs with a briefly trained model; nothing is computed yet."""
+    root = tmp_path_factory.mktemp("trained")
+    os.environ["XDG_CACHE_HOME"] = str(root / "cache")
+    header = pairs.sim2realviz(root / "data", n=80)
+    options = ScanOptions(header=header, frame=(64, 64))
+    scan = IMPORTERS["sim2realviz"](root / "data", options)
+    build(scan, root / "s.s2r", "s2r ingest", False, lambda steps: None)
+    request = TrainingRequest("vanilla", steps=3)
+    train_into_store(root / "s.s2r", request, lambda *told: None, "s2r train")
+    return root / "s.s2r"
+
+
+@pytest.fixture(scope="session")
+def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same store, all runs computed."""
+    path = tmp_path_factory.mktemp("computed") / "s.s2r"
+    shutil.copytree(trained, path)
+    add_run(path, "black", "vanilla", None, None, parse("real:black"))
+    add_run(path, "bright", "vanilla", None, None, parse("real:brightness=1.15"))
+    assert precompute(path, Quiet(), ["vanilla"]) == ["vanilla"]
+    kinds = ("activation", "feature_distance")
+    assert precompute(path, Quiet(), ["black", "bright"], Options(kinds)) == ["black", "bright"]
+    return path
+
+
+def test_predictions_are_the_networks(computed: Path) -> None:
+    with s2rstore.open(computed) as store:
+        model = load_model(store, "vanilla")
+        columns = store.run_columns("vanilla")
+        truth = store.instances
+        for iid in (0, 41, 79):
+            for side in ("sim", "real"):
+                frame = store.frame(iid, side)
+                x = preprocess(frame.rgb[None], frame.depth[None], 10 / 255, (128, 128))
+                with torch.no_grad():
+                    raw = model.network(torch.from_numpy(x))
+                px, py, heading = model.convention.decode(raw)[0].tolist()
+                part = columns.side(side)
+                assert [part.x[iid], part.y[iid]] == pytest.approx([px, py], abs=1e-4)
+                assert angles.distance(part.heading[iid], heading) < 1e-4
+                off = np.hypot(px - truth.x[iid], py - truth.y[iid])
+                assert part.error[iid] == pytest.approx(off, abs=1e-4)
+    assert verify(computed) == []
+
+
+def test_a_black_input_gives_one_prediction_for_all(computed: Path) -> None:
+    with s2rstore.open(computed) as store:
+        black, plain = store.run_columns("black"), store.run_columns("vanilla")
+        for name in ("x", "y", "heading"):
+            assert np.ptp(getattr(black.real, name)) < 1e-6
+            assert (getattr(black.sim, name) == getattr(plain.sim, name)).all()
+        assert (store.run_columns("bright").real.x != plain.real.x).any()
+
+
+def test_every_array_is_complete_and_finite(computed: Path) -> None:
+    with s2rstore.open(computed) as store:
+        kinds = {record.kind for record in store.arrays("vanilla")}
+        for kind in ("activation", "occlusion", "feature_distance", "pixel_difference"):
+            assert {kind, f"map:{kind}"} <= kinds
+        for record in store.arrays("vanilla"):
+            _, array = store.array("vanilla", record.kind, record.side, record.mode)
+            values = np.asarray(array[:], dtype=np.float64)
+            assert values.shape == record.shape
+            if not record.kind.startswith("map:") and record.kind != "pixel_difference":
+                assert np.isfinite(values).all(), record
+            assert np.ptp(np.nan_to_num(values)) > 0, record
+        counts = store.map_grid("vanilla", "feature_distance", "sim", aggregate="count")
+        mean = store.map_grid("vanilla", "feature_distance", "sim")
+        total = store.map_grid("vanilla", "feature_distance", "sim", aggregate="sum")
+        seen = counts > 0
+        assert (np.isnan(mean) == ~seen).all()
+        assert np.allclose(mean[seen], total[seen] / counts[seen], rtol=1e-4)
+
+
+def test_instances_known_to_the_model_are_marked(computed: Path) -> None:
+    with s2rstore.open(computed) as store:
+        found = dict(
+            store.execute(
+                "SELECT side || split, count(*) FROM prediction WHERE run = 'vanilla' GROUP BY ALL"
+            )
+        )
+    assert found["realunseen"] == 80
+    assert found["simtrain"] + found["simvalidation"] + found["simtest"] == 80
+    assert min(found.values()) > 0
+
+
+def test_nothing_is_computed_twice(computed: Path, tmp_path: Path) -> None:
+    generation = layout.read_current(computed).generation
+    told = Quiet()
+    assert precompute(computed, told, ["vanilla"]) == []
+    assert (told.steps, told.lines) == (0, ["vanilla: up to date"])
+    assert layout.read_current(computed).generation == generation
+
+
+def test_several_workers_give_the_same_values(
+    computed: Path, trained: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(trained, path)
+    kinds = ("feature_distance", "occlusion")
+    precompute(path, Quiet(), [], Options(kinds, workers=2))
+    assert verify(path) == []
+    _same(path, computed, 1e-5)
+
+
+def _same(path: Path, reference: Path, tolerance: float) -> None:
+    with s2rstore.open(path) as store, s2rstore.open(reference) as other:
+        assert store.run("vanilla").key == other.run("vanilla").key
+        for record in store.arrays("vanilla"):
+            if record.kind in ("pca", "umap"):
+                continue
+            names = record.kind, record.side, record.mode
+            mine = np.asarray(store.array("vanilla", *names)[1][:], dtype=np.float64)
+            theirs = np.asarray(other.array("vanilla", *names)[1][:], dtype=np.float64)
+            assert np.allclose(mine, theirs, atol=tolerance, rtol=1e-3, equal_nan=True), record
+
+
+def test_kill_9_loses_only_what_was_in_flight(
+    computed: Path, trained: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(trained, path)
+    before = layout.read_current(path).generation
+    for number in range(3):
+        _killed(path, tmp_path, number)
+        assert layout.read_current(path).generation == before
+        with s2rstore.open(path) as store:
+            assert store.run("vanilla").key is None
+    proven = {p: p.stat().st_mtime_ns for p in (path / "runs.zarr").rglob("0") if p.is_file()}
+    assert proven
+    precompute(path, Quiet())
+    assert verify(path) == []
+    assert {p: p.stat().st_mtime_ns for p in proven} == proven
+    _same(path, computed, 0)
+
+
+def _killed(path: Path, tmp_path: Path, number: int) -> None:
+    """Start a precompute and kill it once it has added to the ledger."""
+    command = [sys.executable, "-m", "s2rtui", "precompute", str(path)]
+    seen = _ledger_lines(path)
+    with (tmp_path / f"{number}.log").open("w") as log:
+        process = subprocess.Popen(command, stderr=log, stdout=log)
+        deadline = time.monotonic() + 120
+        while _ledger_lines(path) == seen and process.poll() is None:
+            assert time.monotonic() < deadline
+            time.sleep(0.002)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+
+
+def _ledger_lines(path: Path) -> int:
+    return sum(p.read_bytes().count(b"\n") for p in (path / "ledger").glob("*.jsonl"))
+
+
+def test_wrong_requests_name_what_could_be(trained: Path) -> None:
+    with pytest.raises(RequestError, match="runs: vanilla"):
+        precompute(trained, Quiet(), ["nothing"])
+    with pytest.raises(RequestError, match="activation"):
+        precompute(trained, Quiet(), [], Options(("heat",)))
+    with pytest.raises(RequestError, match="backend"):
+        precompute(trained, Quiet(), [], Options(backend="abacus"))
+    with pytest.raises(RequestError, match="models: vanilla"):
+        add_run(trained, "x", "nothing", None, None, {"sim": [], "real": []})
+
+
+@pytest.mark.parametrize("codes", [[], [3], [0, 0, 1, 3, 3, 0]])
+def test_splits_survive_their_text(codes: list[int]) -> None:
+    array = np.array(codes, dtype=np.int8)
+    if codes:
+        assert decode_split(encode_split(array), len(codes)).tolist() == codes
+    else:
+        assert encode_split(array) == "[]"
+    assert decode_split(None, 2).tolist() == [3, 3]
