@@ -19,8 +19,8 @@ from rich.cells import get_character_cell_size
 from rich.color import Color, ColorType
 from rich.segment import Segment
 from rich.style import Style
-from s2rstore.errors import RequestError
 
+from s2rstore.errors import RequestError
 from s2rtui.canvas.colour import ANSI_16, DARK, Rgb, Theme
 from s2rtui.canvas.masks import geometric
 

@@ -56,7 +56,7 @@ DARK = Theme(
     sim=(92, 160, 255),
     real=(255, 102, 94),
     truth=(255, 204, 77),
-    unselected=(112, 122, 138),
+    unselected=(132, 142, 158),
     cursor=(255, 255, 255),
 )
 LIGHT = Theme(
@@ -76,6 +76,7 @@ THEMES = {theme.name: theme for theme in (DARK, LIGHT)}
 
 NEGATIVE: Rgb = (0, 176, 255)
 POSITIVE: Rgb = (255, 122, 0)
+NO_DEPTH: Rgb = (84, 44, 68)
 
 _TURBO = (
     "30123b 392a73 4040a1 4456c7 466be3 467ff6 4293ff 37a7fa 29bbec 1dcdd8 18dcc3 1ee8b0 31f299 "
@@ -127,7 +128,15 @@ def mix(under: ArrayLike, over: ArrayLike, alpha: ArrayLike) -> Pixels:
 def luma(colours: ArrayLike) -> NDArray[np.float32]:
     """(..., 3) to (...): Rec. 709 brightness of the sRGB values, 0 .. 1."""
     weights = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32) / 255
-    return np.asarray(colours, dtype=np.float32) @ weights
+    return np.asarray(np.asarray(colours, dtype=np.float32) @ weights, dtype=np.float32)
+
+
+def legible(colours: Pixels, theme: Theme) -> Pixels:
+    """Colours for glyphs: lightened on a dark theme, darkened on a light one, where too close."""
+    bright = luma(colours)
+    if theme.dark:
+        return mix(colours, np.array((255, 255, 255)), np.clip(0.36 - bright, 0, 1))
+    return mix(colours, np.array((0, 0, 0)), np.clip(bright - 0.55, 0, 1))
 
 
 _CUBE = np.array([0, 95, 135, 175, 215, 255])

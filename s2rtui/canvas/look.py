@@ -101,6 +101,11 @@ class Look:
         """Whether half blocks can carry a picture: colours and block characters both exist."""
         return self.mode is not ColourMode.NONE and not self.ascii
 
+    @property
+    def fine(self) -> bool:
+        """Whether dim pictures stay apart from what lies on them: more than 16 colours."""
+        return self.pictures and self.mode is not ColourMode.ANSI
+
 
 def heading_arrow(heading: float, y_down: bool, glyphs: Glyphs) -> tuple[str, int, int]:
     """The arrow of a map heading (radians), and its step (columns, rows) on the screen."""

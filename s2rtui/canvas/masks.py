@@ -23,8 +23,8 @@ _ENDS = {
 }
 _DASHES = {"DOUBLE DASH": 2, "TRIPLE DASH": 3, "QUADRUPLE DASH": 4}
 _QUADRANTS = {  # bits: upper left 1, upper right 2, lower left 4, lower right 8
-    **{"▖": 4, "▗": 8, "▘": 1, "▙": 13, "▚": 9},
-    **{"▛": 7, "▜": 11, "▝": 2, "▞": 6, "▟": 14},
+    "▖": 4, "▗": 8, "▘": 1, "▙": 13, "▚": 9,
+    "▛": 7, "▜": 11, "▝": 2, "▞": 6, "▟": 14,
 }
 
 
@@ -67,8 +67,9 @@ def _block(char: str, code: int, height: int, width: int) -> Mask:
         mask[:, width - max(1, round(width / 8)) :] = 1
     elif char in _QUADRANTS:
         bits = _QUADRANTS[char]
-        parts = ((slice(0, middle), slice(0, centre)), (slice(0, middle), slice(centre, width)))
-        parts += ((slice(middle, height), slice(0, centre)), (slice(middle, height), slice(centre, width)))
+        bands = (slice(0, middle), slice(middle, height))
+        sides = (slice(0, centre), slice(centre, width))
+        parts = [(rows, columns) for rows in bands for columns in sides]
         for bit, part in enumerate(parts):
             mask[part] = bits >> bit & 1
     elif code <= 0x2588:  # lower eighths, ▁ .. █

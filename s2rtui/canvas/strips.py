@@ -11,13 +11,13 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.color import Color
+from rich.color import Color, ColorSystem
 from rich.console import Console
 from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
-from s2rtui.canvas.colour import ColourMode, Pixels, to_16, to_256
+from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, to_16, to_256
 from s2rtui.canvas.grid import Canvas
 
 _DEFAULT = 1 << 24
@@ -63,21 +63,31 @@ def _sgr(code: int, mode: ColourMode, background: bool) -> str:
     return str(base - 8 + code if code < 8 else base + 44 + code)
 
 
+@lru_cache(64)
+def _exact(ground: Rgb, mode: ColourMode) -> int:
+    """The code that the rest of the screen has for its ground, so that no seam shows."""
+    red, green, blue = ground
+    if mode is ColourMode.TRUECOLOR:
+        return red << 16 | green << 8 | blue
+    if mode is ColourMode.PALETTE:
+        number = Color.from_rgb(red, green, blue).downgrade(ColorSystem.EIGHT_BIT).number
+        return 16 if number is None else number
+    return _DEFAULT
+
+
 def _quantised(colours: Pixels, mode: ColourMode, ground: Pixels | None) -> NDArray[np.int64]:
-    """(h, w, 3) to (h, w) codes; a colour equal to `ground` stays exact (16: the default)."""
+    """(h, w, 3) to (h, w) codes; a colour equal to `ground` gets the screen's own code."""
     if mode is ColourMode.NONE:
         return np.full(colours.shape[:2], _DEFAULT, dtype=np.int64)
     if mode is ColourMode.PALETTE:
-        return to_256(colours).astype(np.int64)
-    if mode is ColourMode.ANSI:
+        codes = to_256(colours).astype(np.int64)
+    elif mode is ColourMode.ANSI:
         codes = to_16(colours).astype(np.int64)
     else:
         steps = np.minimum((colours.astype(np.int64) + 4) & ~7, 255)
         codes = (steps[..., 0] << 16) | (steps[..., 1] << 8) | steps[..., 2]
     if ground is not None:
-        red, green, blue = (int(part) for part in ground)
-        exact = _DEFAULT if mode is ColourMode.ANSI else red << 16 | green << 8 | blue
-        codes[(colours == ground).all(axis=-1)] = exact
+        codes[(colours == ground).all(axis=-1)] = _exact(tuple(ground.tolist()), mode)
     return codes
 
 

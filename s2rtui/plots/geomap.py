@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from s2rstore.records import Bounds
 
-from s2rtui.canvas.colour import Pixels, Rgb, turbo
+from s2rstore.records import Bounds
+from s2rtui.canvas.colour import Pixels, Rgb, legible, turbo
 from s2rtui.canvas.grid import Canvas, Size
 from s2rtui.canvas.look import Look, heading_arrow
 from s2rtui.canvas.raster import braille, braille_bits, dot_grid, ground, segment_dots
@@ -94,7 +94,7 @@ def _legend(
             colour_bar(view.value_label, view.value_unit, model.value_range, look, bar, ramp=ramp)
         )
     if model.heat_range is not None:
-        ramp = None if look.pictures else HEAT_RAMPS[look.ascii]
+        ramp = None if look.fine else HEAT_RAMPS[look.ascii]
         parts.append(
             colour_bar(view.heat_label, view.heat_unit, model.heat_range, look, bar, ramp=ramp)
         )
@@ -105,7 +105,9 @@ def _legend(
     return parts
 
 
-def _inside(frame: MapFrame, points: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
+def _inside(
+    frame: MapFrame, points: Floats
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
     """Cell columns and rows of world points, and which of them are in view."""
     cells = frame.to_cells(points)
     finite = np.isfinite(cells).all(axis=1)
@@ -156,7 +158,8 @@ def _points(
         return
     shares = model.fraction[model.order]
     shown = np.isfinite(shares)
-    ink = np.where(shown[:, None], turbo(shares), np.array(theme.text)).astype(np.uint8)
+    ink = legible(turbo(shares), theme)
+    ink[~shown] = theme.text
     marks: NDArray[np.str_] | str = glyphs.selected
     if (digits := ramp_for_values(look)) is not None:
         index = np.clip(np.nan_to_num(shares) * len(digits), 0, len(digits) - 1).astype(np.intp)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from rich.cells import cell_len
-from s2rstore.records import Room
 
+from s2rstore.records import Room
 from s2rtui.canvas.colour import luma, mix, turbo
 from s2rtui.canvas.grid import Canvas
 from s2rtui.canvas.look import Look
@@ -18,14 +18,16 @@ from s2rtui.plots.geomap_model import ground_layer, heat_layer
 from s2rtui.plots.inputs import GeoMapInput
 
 FLOOR_RAMPS = {True: "  ..::", False: "   ░░"}
-HEAT_RAMPS = {True: "-=+*#%", False: "░▒▓█"}
+HEAT_RAMPS = {True: "-=+*#%", False: "▒▓█"}
+FAINT = 0.15
+"""Share of the heat's range under which glyphs leave it out."""
 
 
 def draw_ground(canvas: Canvas, view: GeoMapInput, frame: MapFrame, look: Look) -> None:
-    """Half blocks; without colours or block characters light glyphs for the floor, dense for heat."""
+    """Half blocks; where those lack light glyphs for the floor and dense ones for heat."""
     if view.floor_plan is None and view.heat is None:
         return
-    if look.pictures:
+    if look.fine:
         half_blocks(canvas, 0, 0, ground_layer(view, frame, look.theme))
         return
     if view.floor_plan is not None and view.bounds.width > 0 and view.bounds.height > 0:
@@ -36,7 +38,7 @@ def draw_ground(canvas: Canvas, view: GeoMapInput, frame: MapFrame, look: Look) 
     heat, _ = heat_layer(view, frame)
     if heat is not None:
         levels = _paired(heat)
-        seen = np.where(levels > 0.05, levels, np.nan)
+        seen = np.where(levels > FAINT, levels, np.nan)
         shade(canvas, 0, 0, seen, HEAT_RAMPS[look.ascii], turbo(levels))
 
 
@@ -66,5 +68,3 @@ def draw_rooms(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: Loo
             columns = np.arange(column, column + cell_len(name))
             ground(canvas, columns, np.full_like(columns, row))
             canvas.text(column, row, name, look.theme.muted)
-
-

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ class GeoMapModel:
 
 def geomap_model(view: GeoMapInput) -> GeoMapModel:
     """What is drawn, on which scales; shapes are those of the input."""
-    valid = np.asarray(view.valid, dtype=np.bool_)
+    valid: NDArray[np.bool_] = np.asarray(view.valid, dtype=np.bool_)
     values = np.asarray(view.values, dtype=np.float64)
     scale = view.value_range or percentile_range(values[valid])
     lit = valid & np.asarray(view.selected, dtype=np.bool_)
@@ -78,21 +79,46 @@ def default_view(view: GeoMapInput) -> Bounds:
     return Bounds(float(x0), float(y0), float(x1), float(y1))
 
 
+class _Same:
+    """An array as a key of a cache: equal only to itself, and kept alive by it."""
+
+    __slots__ = ("array",)
+
+    def __init__(self, array: NDArray[np.generic] | None) -> None:
+        self.array = array
+
+    def __hash__(self) -> int:
+        return id(self.array)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.array is self.array
+
+
 def ground_layer(view: GeoMapInput, frame: MapFrame, theme: Theme) -> Pixels:
-    """(height, width, 3): the floor plan dimmed towards the background, the heat laid on it."""
+    """(height, width, 3), read-only: the floor plan dimmed towards the background, heat on it.
+
+    Kept for the last few frames: floor plan and heat are taken as never changed in place.
+    """
+    base = _floor(_Same(view.floor_plan), view.bounds, view.y_down, frame, theme)
+    layer, opacity = heat_layer(view, frame)
+    if layer is None:
+        return base
+    return mix(base, turbo(layer), np.where(np.isfinite(layer), opacity, 0.0))
+
+
+@lru_cache(8)
+def _floor(plan: _Same, bounds: Bounds, y_down: bool, frame: MapFrame, theme: Theme) -> Pixels:
     base = np.empty((frame.height, frame.width, 3), dtype=np.uint8)
     base[:] = theme.background
-    if view.floor_plan is not None and view.bounds.width > 0 and view.bounds.height > 0:
-        floor = sample(view.floor_plan, view.bounds, frame, top_is_y0=view.y_down)
+    if plan.array is not None and bounds.width > 0 and bounds.height > 0:
+        floor = sample(plan.array, bounds, frame, top_is_y0=y_down)
         seen = np.isfinite(floor).all(axis=-1)
         floor = np.nan_to_num(floor)
         grey = np.repeat((luma(floor) * 255)[..., None], 3, axis=-1)
-        muted = 0.45 * floor + 0.55 * grey
-        share = 0.34 if theme.dark else 0.5
-        base = np.where(seen[..., None], mix(base, muted, share), base).astype(np.uint8)
-    layer, share = heat_layer(view, frame)
-    if layer is not None:
-        base = mix(base, turbo(layer), np.where(np.isfinite(layer), share, 0.0))
+        share = 0.46 if theme.dark else 0.55
+        paled = mix(base, 0.45 * floor + 0.55 * grey, share)
+        base = np.where(seen[..., None], paled, base).astype(np.uint8)
+    base.setflags(write=False)
     return base
 
 
@@ -101,8 +127,12 @@ def heat_layer(
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
     """The heat as fractions (height, width), NaN for none, and its opacity."""
     scale = heat_scale(view)
-    if view.heat is None or scale is None or view.bounds.width <= 0 or view.bounds.height <= 0:
+    if scale is None or view.bounds.width <= 0 or view.bounds.height <= 0:
         return None, np.zeros(())
-    seen = sample(view.heat, view.bounds, frame, top_is_y0=True)
-    shares = fraction(seen, scale)
-    return shares, 0.35 + 0.5 * np.nan_to_num(shares)
+    shares = fraction(_heat(_Same(view.heat), view.bounds, frame), scale)
+    return shares, 0.12 + 0.74 * np.nan_to_num(shares) ** 0.7
+
+
+@lru_cache(8)
+def _heat(heat: _Same, bounds: Bounds, frame: MapFrame) -> NDArray[np.float32]:
+    return sample(np.asarray(heat.array), bounds, frame, top_is_y0=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.canvas.colour import Rgb
+from s2rtui.canvas.colour import ColourMode, Rgb
 from s2rtui.canvas.grid import Canvas, Size
 from s2rtui.canvas.look import Look
 from s2rtui.plots.inputs import HistogramInput
@@ -97,8 +97,8 @@ def _bars(
         for column in np.flatnonzero(total > level).tolist():
             whole = int(min(8, total[column] - level))
             part = int(np.clip(lit[column] - level, 0, 8))
-            if look.ascii:
-                glyph = "#" if part >= 4 or part == whole else "."
+            if look.ascii or look.mode is ColourMode.NONE:
+                glyph = ".#"[2 * part >= whole] if look.ascii else "░█"[2 * part >= whole]
                 canvas.put(x + column, y + row, glyph, colour if part else theme.unselected)
             elif part == 0:
                 canvas.put(x + column, y + row, EIGHTHS[whole], theme.unselected)

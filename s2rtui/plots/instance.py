@@ -57,7 +57,7 @@ def instance_layout(view: InstanceInput, size: Size, look: Look | None = None) -
     bars = [tuple(row) for row in flow(_bars(view, model, look, width), width)]
     table = 1 + len(model.poses) + len(view.notes)
     title = 1 if height >= 4 else 0
-    plans = (
+    plans: tuple[tuple[list[str], list[tuple[Part, ...]], int], ...] = (
         (kinds, bars, table),
         (kinds, bars[:1], table - len(view.notes)),
         (kinds[:1], bars[:1], table - len(view.notes)),

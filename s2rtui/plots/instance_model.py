@@ -6,14 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from s2rtui.canvas.colour import Pixels, depth_tint, diverging, mix, turbo
+from s2rtui.canvas.colour import NO_DEPTH, Pixels, depth_tint, diverging, mix, turbo
 from s2rtui.canvas.raster import resample
 from s2rtui.plots.inputs import Floats, InstanceInput, Interval, SideView
 from s2rtui.plots.scale import percentile_range, widened
-
-
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +107,7 @@ def heat_colours(heat: Floats, scale: Interval, signed: bool) -> tuple[Pixels, F
         share = np.clip((values - low) / (high - low), 0, 1)
         colours = turbo(share)
     strength = np.nan_to_num(np.abs(share))
-    return colours, np.where(np.isfinite(values), 0.12 + 0.66 * strength**0.7, 0.0) * (
-        strength > 0.02
-    )
+    return colours, np.where(np.isfinite(values), 0.78 * strength**0.8, 0.0) * (strength > 0.02)
 
 
 def panel_pixels(
@@ -126,7 +121,7 @@ def panel_pixels(
         low, high = model.depth_range
         metres = resample(side.depth, height, width)
         pixels = depth_tint((metres - low) / (high - low))
-        pixels[~np.isfinite(metres)] = (72, 40, 60)
+        pixels[~np.isfinite(metres)] = NO_DEPTH
     if side.heat is None or model.heat_range is None or view.over not in (what, "both"):
         return pixels
     heat = resample(np.asarray(side.heat, dtype=np.float32), height, width)

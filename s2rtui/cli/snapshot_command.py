@@ -1,0 +1,44 @@
+"""`s2r snapshot`: the application's screen after given keys, as PNG or text."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("store", type=Path)
+    parser.add_argument("--size", default="120x40", help="columns x rows (default 120x40)")
+    parser.add_argument("--keys", default="", help="comma separated, for example w,right,h")
+    parser.add_argument("--run", help="the run to begin with (default: the first)")
+    parser.add_argument("--ascii", action="store_true", help="ASCII characters only")
+    parser.add_argument("--colour", default="truecolor", help="truecolor, 256, 16 or none")
+    parser.add_argument("--light", action="store_true", help="light background")
+    parser.add_argument("--out", type=Path, required=True, help="F.png or F.txt")
+
+
+def execute(options: argparse.Namespace) -> int:
+    from s2rstore.errors import RequestError
+    from s2rtui.canvas import DARK, LIGHT, ColourMode, Look
+
+    found = re.fullmatch(r"(\d{1,3})x(\d{1,3})", options.size)
+    if not found:
+        raise RequestError(f"--size {options.size}: columns x rows, for example 120x40")
+    if options.out.suffix not in (".png", ".txt"):
+        raise RequestError(f"--out {options.out}: must end in .png or .txt")
+    try:
+        mode = ColourMode(options.colour)
+    except ValueError:
+        raise RequestError(f"--colour {options.colour}: truecolor, 256, 16 or none") from None
+    look = Look(LIGHT if options.light else DARK, mode, options.ascii)
+    from s2rtui.headless import snapshot
+
+    keys = [key.strip() for key in options.keys.split(",") if key.strip()]
+    shot = snapshot(options.store, (int(found[1]), int(found[2])), keys, look, options.run)
+    content = shot.text.encode() if options.out.suffix == ".txt" else shot.png(look)
+    try:
+        options.out.write_bytes(content)
+    except OSError as error:
+        raise RequestError(f"{options.out}: cannot be written ({error.strerror})") from error
+    return 0

@@ -1,0 +1,187 @@
+"""The overview on paper: a line per run with intervals, the gap, and the baseline."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from s2rtui.canvas.colour import LIGHT, Theme
+from s2rtui.figures.style import Page, Pixels, dress, heading, new_figure, page_of, plain, png, unit
+from s2rtui.plots.inputs import OverviewRow
+from s2rtui.plots.overview import OverviewModel, overview_model
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+NUMBERS = 2.75
+"""Inches at the right that the numbers take."""
+
+
+def overview_figure(
+    rows: Sequence[OverviewRow],
+    baseline: float | None,
+    size: Pixels = (1600, 900),
+    theme: Theme = LIGHT,
+    selected: int | None = None,
+    title: str = "Accuracy in simulation and in reality",
+    subtitle: str = "",
+) -> bytes:
+    """A PNG of `size` pixels; `selected` (an index) is set apart by a ground and bold type."""
+    page = page_of(size, theme)
+    model = overview_model(rows, baseline)
+    figure = new_figure(page)
+    top = heading(figure, page, title, subtitle)
+    wide, _ = page.inches
+    longest = max((len(row.run) for row in model.rows), default=4)
+    left = min(0.4 + 0.085 * min(longest, 32), wide * 0.35)
+    right = min(NUMBERS, wide * 0.32)
+    box = page.box(left, 0.62, wide - left - right, top - 0.62 - 0.34)
+    axes = figure.add_axes(box)
+    dress(axes, theme, grid=True)
+    axes.spines["left"].set_visible(False)
+    count = max(1, len(model.rows))
+    axes.set_ylim(count - 0.5, -0.5)
+    low, high = (100 * end for end in model.axis)
+    axes.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
+    axes.set_xlabel("accuracy (%)")
+    axes.set_yticks([])
+    for index, row in enumerate(model.rows):
+        _row(axes, index, row, page, index == selected)
+    _columns(axes, model, page, selected)
+    _legend(axes, model, page)
+    return png(figure, page)
+
+
+def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> None:
+    theme = page.theme
+    if selected:
+        from matplotlib.patches import Rectangle
+
+        low, high = axes.get_xlim()
+        span = high - low
+        ground = Rectangle((low - 9 * span, y - 0.5), 19 * span, 1, linewidth=0, zorder=0)
+        ground.set_color(unit(theme.highlight))
+        ground.set_clip_on(False)
+        axes.add_patch(ground)
+    name = row.run if len(row.run) <= 32 else row.run[:31] + "…"
+    label = axes.annotate(
+        *(plain(name), (0, y)),
+        xycoords=("axes fraction", "data"),
+        xytext=(-10, 0),
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        fontsize=10,
+    )
+    label.set_color(unit(theme.text))
+    label.set_fontweight("bold" if selected else "normal")
+    sides = (
+        (row.sim_accuracy, row.sim_interval, theme.sim, unit(theme.sim)),
+        (row.real_accuracy, row.real_interval, theme.real, unit(theme.background)),
+    )
+    if row.sim_accuracy is not None and row.real_accuracy is not None:
+        ends = [100 * row.sim_accuracy, 100 * row.real_accuracy]
+        axes.plot(
+            ends, [y, y], color=unit(theme.faint), linewidth=5, solid_capstyle="butt", zorder=2
+        )
+    for accuracy, interval, colour, face in sides:
+        ink = unit(colour)
+        if interval is not None:
+            ends = [100 * interval[0], 100 * interval[1]]
+            axes.plot(ends, [y, y], color=ink, linewidth=1.3, marker="|", markersize=6, zorder=3)
+        if accuracy is not None:
+            axes.plot(
+                *([100 * accuracy], [y]),
+                marker="D",
+                markersize=8,
+                markerfacecolor=face,
+                markeredgecolor=ink,
+                markeredgewidth=1.6,
+                zorder=4,
+            )
+    if row.sim_accuracy is None and row.real_accuracy is None:
+        axes.annotate(
+            *(plain(row.note or "n/a"), (0.02, y)),
+            xycoords=("axes fraction", "data"),
+            va="center",
+            fontsize=9,
+            color=unit(theme.muted),
+            bbox={"facecolor": unit(theme.background), "edgecolor": "none", "pad": 2},
+            zorder=5,
+        )
+
+
+def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None) -> None:
+    """The numbers at the right: sim, real, gap in percent, and n."""
+    theme = page.theme
+    spots = (46, 92, 138, 180)
+    names = (("sim", theme.sim), ("real", theme.real), ("gap", theme.muted), ("n", theme.muted))
+    squeeze = min(1.0, min(NUMBERS, page.inches[0] * 0.32) / NUMBERS)
+
+    def put(x: float, y: float, text: str, ink: tuple[int, int, int], bold: bool) -> None:
+        label = axes.annotate(
+            *(text, (1, y)),
+            xycoords=("axes fraction", "data"),
+            xytext=(x * squeeze, 0),
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            fontsize=10 * max(squeeze, 0.6),
+        )
+        label.set_color(unit(ink))
+        label.set_fontweight("bold" if bold else "normal")
+
+    for spot, (name, ink) in zip(spots, names, strict=True):
+        label = axes.annotate(
+            *(name, (1, 1)),
+            xycoords="axes fraction",
+            xytext=(spot * squeeze, 12),
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            fontsize=9 * max(squeeze, 0.6),
+        )
+        label.set_color(unit(ink))
+    for y, row in enumerate(model.rows):
+        sim, real = row.sim_accuracy, row.real_accuracy
+        gap = None if sim is None or real is None else sim - real
+        texts = [_percent(sim), _percent(real), _percent(gap), str(row.n) if row.n else "–"]
+        for spot, text, (_, ink) in zip(spots, texts, names, strict=True):
+            put(spot, y, text, ink if text != "n/a" else theme.muted, y == selected)
+
+
+def _percent(value: float | None) -> str:
+    return "n/a" if value is None else f"{100 * value:.1f}".replace("-", "−")
+
+
+def _legend(axes: Axes, model: OverviewModel, page: Page) -> None:
+    from matplotlib.lines import Line2D
+
+    theme = page.theme
+    handles = [
+        Line2D([], [], color=unit(theme.sim)),
+        Line2D([], [], color=unit(theme.real), markerfacecolor=unit(theme.background)),
+        Line2D([], [], color=unit(theme.muted), linewidth=1.3, marker="|", markersize=6),
+    ]
+    for handle in handles[:2]:
+        handle.set(linestyle="none", marker="D", markersize=7, markeredgewidth=1.6)
+    names = ["sim", "real", "95 % interval"]
+    if model.baseline is not None:
+        line = axes.axvline(
+            100 * model.baseline, color=unit(theme.truth), linewidth=1.4, linestyle=(0, (2, 2))
+        )
+        line.set_zorder(1.5)
+        handles.append(line)
+        names.append(f"constant mean position ({_percent(model.baseline)} %)")
+    legend = axes.legend(
+        *(handles, names),
+        loc="lower left",
+        bbox_to_anchor=(-0.01, 1.0),
+        ncols=4,
+        frameon=False,
+        fontsize=9 if page.inches[0] > 7 else 6,
+        handletextpad=0.4,
+        columnspacing=1.4,
+    )
+    for text in legend.get_texts():
+        text.set_color(unit(theme.muted))

@@ -1,0 +1,144 @@
+"""What all figures share: type, colours, the page, and bytes that depend on nothing else.
+
+Matplotlib is imported when the first figure is drawn, never before.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from s2rstore.errors import RequestError
+from s2rtui.canvas.colour import LIGHT, Rgb, Theme
+from s2rtui.plots.scale import ticks
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Pixels = tuple[int, int]
+Box = tuple[float, float, float, float]
+SMALLEST_DPI = 72.0
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A figure's size in pixels and its theme.
+
+    The type keeps its share of the page: 10 points are 22 pixels on 1600 x 1200.
+    """
+
+    width: int
+    height: int
+    theme: Theme = LIGHT
+
+    @property
+    def dpi(self) -> float:
+        return max(SMALLEST_DPI, math.sqrt(self.width * self.height * 4 / 3) / 10)
+
+    @property
+    def inches(self) -> tuple[float, float]:
+        return self.width / self.dpi, self.height / self.dpi
+
+    def box(self, left: float, bottom: float, width: float, height: float) -> Box:
+        """A rectangle in inches as fractions of the page, never empty."""
+        wide, high = self.inches
+        return left / wide, bottom / high, max(width / wide, 1e-3), max(height / high, 1e-3)
+
+
+def page_of(size: Pixels, theme: Theme) -> Page:
+    """The page; sizes outside 16 .. 20000 pixels are refused by name."""
+    width, height = size
+    if not (16 <= width <= 20000 and 16 <= height <= 20000):
+        raise RequestError(f"--size {width}x{height}: a figure has 16 to 20000 pixels a side")
+    return Page(int(width), int(height), theme)
+
+
+def new_figure(page: Page) -> Figure:
+    """An empty figure on the page's ground, drawn by Agg and without pyplot."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=page.inches, dpi=page.dpi, facecolor=unit(page.theme.background))
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def png(figure: Figure, page: Page) -> bytes:
+    """The PNG of exactly the page's size; no dates, no version."""
+    from matplotlib import rc_context
+
+    figure.set_size_inches((page.width + 0.01) / page.dpi, (page.height + 0.01) / page.dpi)
+    stream = BytesIO()
+    with rc_context({"font.family": "DejaVu Sans", "savefig.bbox": None, "path.simplify": True}):
+        figure.savefig(stream, format="png", dpi=page.dpi, metadata={"Software": None})
+    return stream.getvalue()
+
+
+def unit(colour: Rgb) -> tuple[float, float, float]:
+    """uint8 RGB to matplotlib's 0 .. 1."""
+    return colour[0] / 255, colour[1] / 255, colour[2] / 255
+
+
+def dress(axes: Axes, theme: Theme, grid: bool = False) -> None:
+    """Quiet spines and ticks in the theme's colours."""
+    axes.set_facecolor(unit(theme.background))
+    for side, spine in axes.spines.items():
+        spine.set_visible(side in ("left", "bottom"))
+        spine.set_color(unit(theme.faint))
+        spine.set_linewidth(0.8)
+    axes.tick_params(colors=unit(theme.muted), labelsize=8, width=0.8, length=3)
+    for label in (axes.xaxis.label, axes.yaxis.label):
+        label.set_color(unit(theme.muted))
+        label.set_fontsize(9)
+    if grid:
+        axes.grid(True, axis="x", color=unit(theme.faint), linewidth=0.6)
+        axes.set_axisbelow(True)
+
+
+def heading(figure: Figure, page: Page, title: str, subtitle: str = "") -> float:
+    """Title and subtitle at the upper left; returns the inches left under them."""
+    y = page.inches[1] - 0.2
+    for text, size, weight, colour, drop in (
+        (title, 13, "bold", page.theme.text, 0.29),
+        (subtitle, 9, "normal", page.theme.muted, 0.24),
+    ):
+        if text:
+            x, top = 0.25 / page.inches[0], y / page.inches[1]
+            label = figure.text(x, top, plain(text), ha="left", va="top", fontsize=size)
+            label.set_fontweight(weight)
+            label.set_color(unit(colour))
+            y -= drop
+    return max(0.2, y - 0.06)
+
+
+def plain(text: str) -> str:
+    """Text that matplotlib takes literally (a dollar sign starts no formula)."""
+    return text.replace("$", r"\$")
+
+
+def colour_scale(
+    figure: Figure, page: Page, box: Box, scale: tuple[float, float], label: str, colours: Any
+) -> None:
+    """A vertical colour bar in `box` with its label above and its ticks at the right."""
+    axes = figure.add_axes(box)
+    ramp = np.linspace(0, 1, 256)[:, None]
+    axes.imshow(
+        *(colours(ramp),),
+        aspect="auto",
+        origin="lower",
+        extent=(0, 1, *scale),
+        interpolation="none",
+    )
+    axes.set_xticks([])
+    axes.yaxis.tick_right()
+    axes.set_yticks(ticks(*scale, max(2, int(box[3] * page.inches[1] / 0.45))))
+    axes.tick_params(colors=unit(page.theme.muted), labelsize=8, width=0.8, length=3)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    title = axes.set_title(plain(label), loc="left", fontsize=9, pad=6)
+    title.set_color(unit(page.theme.text))

@@ -1,0 +1,81 @@
+"""The application without a terminal: press keys, wait until it rests, take the screen."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.segment import Segment
+from textual.app import App
+from textual.pilot import Pilot
+
+from s2rtui.app import S2RApp
+from s2rtui.canvas import DARK, Look
+from s2rtui.session import Session
+
+_PATIENCE = 3000
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The screen's lines as styled segments."""
+
+    lines: tuple[tuple[Segment, ...], ...]
+
+    @property
+    def text(self) -> str:
+        rows = ("".join(segment.text for segment in line).rstrip() for line in self.lines)
+        return "\n".join(rows) + "\n"
+
+    def png(self, look: Look) -> bytes:
+        from s2rtui.paint import paint_png
+
+        return paint_png(self.lines, theme=look.theme)
+
+
+def take(app: App[None]) -> Snapshot:
+    """What the compositor would draw now."""
+    strips = app.screen._compositor.render_strips()
+    return Snapshot(tuple(tuple(strip) for strip in strips))
+
+
+def screen_png(app: S2RApp) -> bytes:
+    """The application's screen as PNG."""
+    return take(app).png(app.look)
+
+
+async def settle(app: S2RApp, pilot: Pilot[None]) -> None:
+    """Wait until no worker runs and the pictures are those of the state."""
+    for _ in range(_PATIENCE):
+        await pilot.pause()
+        await app.workers.wait_for_complete()
+        if app.settled:
+            break
+        await asyncio.sleep(0.005)
+    await pilot.pause()
+
+
+def snapshot(
+    path: Path,
+    size: tuple[int, int],
+    keys: Sequence[str] = (),
+    look: Look | None = None,
+    run: str | None = None,
+) -> Snapshot:
+    """The screen of `size` columns and rows after pressing `keys`, once everything is read."""
+    return asyncio.run(_snapshot(path, size, keys, look or Look(theme=DARK), run))
+
+
+async def _snapshot(
+    path: Path, size: tuple[int, int], keys: Sequence[str], look: Look, run: str | None
+) -> Snapshot:
+    app = S2RApp(Session(path, run), look)
+    app.rest_seconds = 0.001
+    async with app.run_test(size=size) as pilot:
+        await settle(app, pilot)
+        for key in keys:
+            await pilot.press(key)
+            await settle(app, pilot)
+        return take(app)

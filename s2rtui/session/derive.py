@@ -1,0 +1,141 @@
+"""From a state to the numbers that each view shows."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore import headlines
+from s2rstore.reader import Store
+from s2rstore.records import Side
+from s2rtui.plots import GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView
+from s2rtui.session.heat import SIGNED, ray_of, unit
+from s2rtui.session.state import HeatChoice, State
+
+Pixels = NDArray[np.uint8]
+Grid = NDArray[np.float32]
+
+
+def overview_rows(store: Store) -> tuple[list[OverviewRow], float]:
+    """A row per computed run, and the baseline's accuracy; figures leave out what was learned."""
+    rows = []
+    for name, run in store.runs.items():
+        if run.key is None:
+            continue
+        sim, real = (headlines.headline(store, name, side) for side in ("sim", "real"))
+        rows.append(
+            OverviewRow(
+                run=name,
+                sim_accuracy=sim.accuracy.value,
+                real_accuracy=real.accuracy.value,
+                sim_interval=(sim.accuracy.low, sim.accuracy.high),
+                real_interval=(real.accuracy.low, real.accuracy.high),
+                n=real.n,
+                note="" if sim.n and real.n else "trained on all of a side",
+            )
+        )
+    return rows, headlines.baseline(store)
+
+
+def map_input(
+    store: Store, state: State, floor_plan: Pixels | None = None, heat: Grid | None = None
+) -> GeoMapInput:
+    """The map of the state's run."""
+    truth, columns = store.instances, store.run_columns(state.run)
+    choice = state.heat
+    shown = heat is not None and choice is not None
+    return GeoMapInput(
+        truth=_points(truth.x, truth.y),
+        sim=_points(columns.sim.x, columns.sim.y),
+        real=_points(columns.real.x, columns.real.y),
+        values=columns.shift,
+        selected=state.selected,
+        valid=state.base,
+        bounds=store.dataset.bounds,
+        headings=truth.heading,
+        sim_headings=columns.sim.heading,
+        real_headings=columns.real.heading,
+        cursor=state.cursor,
+        y_down=store.dataset.y_down,
+        mode=state.map_mode,
+        floor_plan=floor_plan,
+        heat=heat if shown else None,
+        heat_label=f"{choice.label}, {choice.side}" if shown and choice else "heat",
+        heat_unit=unit(store, state.run, choice) if shown and choice else "",
+    )
+
+
+def _points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack([x, y], axis=1)
+
+
+def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) -> InstanceInput:
+    """Pictures, heat and numbers of one instance; reads frames and heatmaps."""
+    truth = store.instances
+    on_depth = heat is not None and ray_of(heat) == "depth"
+    both = heat is not None and heat.mode == "rgbd"
+    room = truth.room[iid]
+    trajectory = truth.trajectory_names[truth.trajectory[iid]]
+    columns = store.run_columns(run)
+    return InstanceInput(
+        iid=iid,
+        sim=_side(store, run, iid, "sim", heat),
+        real=_side(store, run, iid, "real", heat),
+        truth=(float(truth.x[iid]), float(truth.y[iid]), float(truth.heading[iid])),
+        kind=heat.kind.replace("_", " ") if heat else None,
+        mode=heat.mode if heat else None,
+        unit=unit(store, run, heat) if heat else "",
+        signed=bool(heat and heat.kind in SIGNED),
+        over="both" if both else "depth" if on_depth else "rgb",
+        notes=(
+            ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
+            ("gap", f"{columns.gap[iid]:+.2f} m, shift {columns.shift[iid]:.2f} m"),
+            ("ranks", _ranks(store, run, iid)),
+        ),
+    )
+
+
+def _named(names: tuple[str, ...], code: int) -> str:
+    return names[code] if code >= 0 else "no room"
+
+
+def _ranks(store: Store, run: str, iid: int) -> str:
+    columns = store.run_columns(run)
+    total = int(columns.valid.sum())
+    parts = []
+    for side in ("sim", "real"):
+        part = columns.sim if side == "sim" else columns.real
+        parts.append(f"{side} {part.rank[iid]}" if part.rank[iid] else f"{side} none")
+    return f"{', '.join(parts)} of {total} by error"
+
+
+def _side(store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None) -> SideView:
+    record = store.run(run)
+    domain = store.domains[record.domain(side)]
+    frame = store.frame(iid, domain.domain)
+    part = store.run_columns(run).side(side)
+    metres = np.where(frame.valid, frame.depth * np.float32(domain.depth_scale), np.nan)
+    values = [part.x, part.y, part.heading, part.error, part.heading_error]
+    x, y, heading, error, turn = (float(column[iid]) for column in values)
+    pose = None if math.isnan(x) else PoseNumbers(x, y, heading, error, turn)
+    chain = record.adjustments(side)
+    adjusted = " adjusted" if chain else ""
+    return SideView(
+        rgb=frame.rgb,
+        depth=metres.astype(np.float32),
+        heat=None if heat is None else store.heatmap(run, heat.kind, side, iid, heat.mode),
+        pose=pose,
+        title=f"{domain.domain}{adjusted}" if domain.domain != side or adjusted else "",
+    )
+
+
+@lru_cache(maxsize=4)
+def floor_plan(path: str) -> Pixels:
+    """The floor plan's picture, (H, W, 3)."""
+    from PIL import Image
+
+    with Image.open(path) as picture:
+        return np.asarray(picture.convert("RGB"))

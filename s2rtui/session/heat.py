@@ -1,0 +1,88 @@
+"""Which heatmaps a run has, and one instance's heat laid on the map."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.geometry.grid import MapGrid, Projector, Ray
+from s2rstore.reader import Store
+from s2rstore.records import Domain
+from s2rtui.session.state import HeatChoice
+
+SIGNED = ("activation", "occlusion")
+_NOT_HEAT = ("prediction", "embedding", "pca", "umap")
+_PLANES = {"activation": ("loss", "x", "y", "heading")}
+_UNITS = {"m degrees": "m", "m m rad loss": ""}
+_PLANE_UNITS = {"x": "m", "y": "m", "heading": "rad", "loss": "loss"}
+
+
+def choices(store: Store, run: str) -> list[tuple[str, str | None]]:
+    """Kinds and modes of a run's heatmaps, in the order that keys walk through them."""
+    found: list[tuple[str, str | None]] = []
+    for record in store.arrays(run):
+        if record.kind in _NOT_HEAT or record.kind.startswith("map:"):
+            continue
+        for mode in _PLANES.get(record.kind, (record.mode,)):
+            if (record.kind, mode) not in found:
+                found.append((record.kind, mode))
+    return found
+
+
+def unit(store: Store, run: str, heat: HeatChoice) -> str:
+    """The unit of the shown values."""
+    if heat.kind in _PLANES:
+        return _PLANE_UNITS[heat.mode or "loss"]
+    record = next((r for r in store.arrays(run) if r.kind == heat.kind), None)
+    return _UNITS.get(record.unit, record.unit) if record else ""
+
+
+def ray_of(heat: HeatChoice) -> Ray:
+    """The camera whose pixels a heatmap lies on."""
+    return "depth" if heat.mode == "depth" else "rgb"
+
+
+def run_grid(store: Store, run: str, heat: HeatChoice) -> NDArray[np.float32] | None:
+    """The published mean grid of a run; None where it was not computed."""
+    try:
+        return store.map_grid(run, heat.kind, heat.side, heat.mode)
+    except RequestError:
+        return None
+
+
+def instance_grid(store: Store, run: str, heat: HeatChoice, iid: int) -> NDArray[np.float32]:
+    """The mean grid of one instance's heatmap, (rows, cols), NaN where nothing fell."""
+    record = store.run(run)
+    domain = store.domains[record.domain(heat.side)]
+    dataset = store.dataset
+    grid = MapGrid(dataset.bounds)
+    projector = _projector(
+        domain.domain, _Held(domain), (dataset.frame_height, dataset.frame_width), dataset.y_down
+    )
+    values = store.heatmap(run, heat.kind, heat.side, iid, heat.mode)
+    truth = store.instances
+    pose = np.array([[truth.x[iid], truth.y[iid], truth.heading[iid]]])
+    depth = store.frame(iid, domain.domain).depth[None]
+    grid.add(*projector.project(values[None], depth, pose, ray_of(heat), grid))
+    return np.asarray(grid.aggregates()[0])
+
+
+class _Held:
+    """A domain as a cache key by its content."""
+
+    def __init__(self, domain: Domain) -> None:
+        self.domain = domain
+
+    def __hash__(self) -> int:
+        return hash(self.domain.domain)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Held) and other.domain == self.domain
+
+
+@lru_cache(maxsize=8)
+def _projector(name: str, held: _Held, frame: tuple[int, int], y_down: bool) -> Projector:
+    return Projector(held.domain, frame, y_down)

@@ -1,0 +1,79 @@
+"""What the terminal can do, told by its environment alone: no probes that could go wrong."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from s2rstore.errors import RequestError
+from s2rtui.canvas.colour import ColourMode
+
+COLOURS = ("auto", *(mode.value for mode in ColourMode))
+
+
+@dataclass(frozen=True, slots=True)
+class Terminal:
+    """Colours and characters to use, and why."""
+
+    mode: ColourMode
+    ascii: bool
+    reason: str
+
+
+def detect(
+    colour: str = "auto", ascii: bool = False, environment: Mapping[str, str] | None = None
+) -> Terminal:
+    """What to draw with; options win over the environment."""
+    env = os.environ if environment is None else environment
+    mode, reason = _mode(colour, env)
+    if not ascii and not _unicode(env):
+        return Terminal(mode, True, f"{reason}; ASCII because the locale is not UTF-8")
+    return Terminal(mode, ascii, reason)
+
+
+def _mode(colour: str, env: Mapping[str, str]) -> tuple[ColourMode, str]:
+    if colour != "auto":
+        return ColourMode(colour), f"{colour} as asked"
+    if env.get("NO_COLOR"):
+        return ColourMode.NONE, "no colour because NO_COLOR is set"
+    term = env.get("TERM", "")
+    if env.get("COLORTERM", "").lower() in ("truecolor", "24bit") or term.endswith("-direct"):
+        return ColourMode.TRUECOLOR, "truecolor by COLORTERM or TERM"
+    if "256" in term:
+        return ColourMode.PALETTE, f"256 colours by TERM={term}"
+    if term in ("vt100", "vt220", "ansi-m"):
+        return ColourMode.NONE, f"no colour by TERM={term}"
+    return ColourMode.ANSI, f"16 colours by TERM={term or 'unset'}"
+
+
+def _unicode(env: Mapping[str, str]) -> bool:
+    for name in ("LC_ALL", "LC_CTYPE", "LANG"):
+        if env.get(name):
+            return "utf" in env[name].lower()
+    return True
+
+
+def refuse_unusable(environment: Mapping[str, str] | None = None) -> None:
+    """RequestError with the reason where no full-screen application can run."""
+    env = os.environ if environment is None else environment
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise RequestError("no terminal here; `s2r snapshot` writes the screen to a file")
+    if env.get("TERM", "") in ("dumb", ""):
+        raise RequestError(
+            f"TERM={env.get('TERM', '') or 'unset'}: it cannot move the cursor; use another "
+            "terminal, or `s2r snapshot`"
+        )
+
+
+def prepare_environment(terminal: Terminal) -> None:
+    """Tell Textual what was decided; it reads these names when it is imported."""
+    names = {
+        ColourMode.TRUECOLOR: "truecolor", ColourMode.PALETTE: "256", ColourMode.ANSI: "standard",
+    }  # fmt: skip
+    os.environ["TEXTUAL_ANIMATIONS"] = "none"
+    if terminal.mode is ColourMode.NONE:
+        os.environ["NO_COLOR"] = "1"
+    else:
+        os.environ["TEXTUAL_COLOR_SYSTEM"] = names[terminal.mode]
