@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from textual import events, work
 from textual.app import App, ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
-from textual.containers import Container, Vertical
+from textual.containers import Horizontal, Vertical
 from textual.content import Content
 from textual.screen import Screen
 from textual.timer import Timer
@@ -27,6 +27,7 @@ from s2rtui.messages import FloorPlanReady, PicturesReady
 from s2rtui.session import Session, State, derive
 from s2rtui.session import heat as heat_source
 from s2rtui.session.state import View
+from s2rtui.themes import textual_theme
 from s2rtui.titles import status_markup, titled
 from s2rtui.widgets import Bar, PlotView
 from s2rtui.widgets.help import HelpScreen
@@ -42,6 +43,7 @@ class S2RApp(App[None]):
 
     CSS_PATH = "app.tcss"
     TITLE = "s2r"
+    AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding(",".join(action.keys), action.name, action.description, show=False)
         for action in ACTIONS
@@ -68,9 +70,9 @@ class S2RApp(App[None]):
 
     def compose(self) -> ComposeResult:
         yield Bar("status")
-        with Container(id="views"):
+        with Horizontal(id="views"):
             with Vertical(id="side"):
-                yield PlotView("overview", self.look)
+                yield PlotView("overview", self.look, rows=len(self._rows) + 5)
                 yield PlotView("errors", self.look)
             yield PlotView("map", self.look, _PICTURE_TOLERANCE)
             yield PlotView("instance", self.look, _PICTURE_TOLERANCE)
@@ -81,7 +83,8 @@ class S2RApp(App[None]):
         yield Bar("keys")
 
     def on_mount(self) -> None:
-        self.theme = "textual-dark" if self.look.theme.dark else "textual-light"
+        self.register_theme(textual_theme(self.look.theme))
+        self.theme = textual_theme(self.look.theme).name
         self.query_one("#query", Input).can_focus = False
         self._arrange(self.size.width, self.size.height)
         self._show()
@@ -368,6 +371,8 @@ class S2RApp(App[None]):
         try:
             self.session.move_on()
             self._rows, self._baseline = derive.overview_rows(self.session.store)
+            self.query_one("#overview", PlotView).rows = len(self._rows) + 5
+            self.query_one("#overview", PlotView).refresh(layout=True)
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
         self._show()

@@ -23,8 +23,16 @@ _ENDS = {
 }
 _DASHES = {"DOUBLE DASH": 2, "TRIPLE DASH": 3, "QUADRUPLE DASH": 4}
 _QUADRANTS = {  # bits: upper left 1, upper right 2, lower left 4, lower right 8
-    "▖": 4, "▗": 8, "▘": 1, "▙": 13, "▚": 9,
-    "▛": 7, "▜": 11, "▝": 2, "▞": 6, "▟": 14,
+    "▖": 4,
+    "▗": 8,
+    "▘": 1,
+    "▙": 13,
+    "▚": 9,
+    "▛": 7,
+    "▜": 11,
+    "▝": 2,
+    "▞": 6,
+    "▟": 14,
 }
 
 

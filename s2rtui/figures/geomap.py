@@ -106,7 +106,7 @@ def _axes(
 ) -> None:
     dress(axes, page.theme)
     axes.set_xlim(area.x0, area.x1)
-    axes.set_ylim(*((area.y1, area.y0) if view.y_down else (area.y0, area.y1)))
+    axes.set_ylim((area.y1, area.y0) if view.y_down else (area.y0, area.y1))
     axes.set_xticks(ticks(area.x0, area.x1, max(2, int(inches[0] / 0.7))))
     axes.set_yticks(ticks(area.y0, area.y1, max(2, int(inches[1] / 0.7))))
     axes.set_xlabel("x (m)")
@@ -156,7 +156,8 @@ def _legend(
         return
     handles = [
         Line2D(
-            *([], []),
+            [],
+            [],
             linestyle="none",
             marker=marker,
             markersize=6,

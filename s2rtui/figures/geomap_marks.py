@@ -15,6 +15,7 @@ from s2rtui.plots.scale import short, step
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.patheffects import AbstractPathEffect
 
 LINES_UP_TO = 200
 """Paper is finer than a terminal: this many instances get their error lines."""
@@ -33,23 +34,27 @@ def draw_points(axes: Axes, view: GeoMapInput, model: GeoMapModel, theme: Theme)
         ink[~np.isfinite(shares)] = unit(theme.muted)
         axes.scatter(lit[:, 0], lit[:, 1], s=26, c=ink, edgecolors=[edge], linewidths=0.6, zorder=5)
         return
-    sim = np.asarray(view.sim, dtype=np.float64)
-    real = np.asarray(view.real, dtype=np.float64)
     few = len(model.order) <= LINES_UP_TO
     _error_lines(axes, view, model.order if few else model.lines, theme)
+    sim = np.asarray(view.sim, dtype=np.float64)[model.order]
+    real = np.asarray(view.real, dtype=np.float64)[model.order]
     axes.scatter(
-        *sim[model.order].T, s=20, marker="D", color=unit(theme.sim), linewidths=0, zorder=5
+        sim[:, 0], sim[:, 1], s=20, marker="D", linewidths=0, color=unit(theme.sim), zorder=5
     )
     axes.scatter(
-        *real[model.order].T,
+        real[:, 0],
+        real[:, 1],
         s=20,
         marker="D",
-        facecolors=[edge],
-        edgecolors=[unit(theme.real)],
         linewidths=1.1,
         zorder=5,
+        facecolors=[edge],
+        edgecolors=[unit(theme.real)],
     )
-    axes.scatter(*lit.T, s=22, color=unit(theme.truth), edgecolors=[edge], linewidths=0.6, zorder=6)
+    gold = unit(theme.truth)
+    axes.scatter(
+        lit[:, 0], lit[:, 1], s=22, color=gold, edgecolors=[edge], linewidths=0.6, zorder=6
+    )
 
 
 def _error_lines(axes: Axes, view: GeoMapInput, ids: np.ndarray, theme: Theme) -> None:
@@ -86,9 +91,7 @@ def draw_cursor(
         if not np.isfinite([x, y]).all():
             continue
         ink = unit(colour)
-        axes.scatter(
-            *([x], [y]), s=70, facecolors="none", edgecolors=[ink], linewidths=1.6, zorder=7
-        )
+        axes.scatter([x], [y], s=70, facecolors="none", edgecolors=[ink], linewidths=1.6, zorder=7)
         if headings is not None and np.isfinite(headings[iid]):
             angle = float(headings[iid])
             tip = (x + length * np.cos(angle), y + length * np.sin(angle))
@@ -101,13 +104,17 @@ def draw_rooms(axes: Axes, view: GeoMapInput, theme: Theme) -> None:
     from matplotlib import patheffects
     from matplotlib.patches import Rectangle
 
-    halo = [patheffects.withStroke(linewidth=2.5, foreground=unit(theme.background))]
+    halo: list[AbstractPathEffect] = [
+        patheffects.withStroke(linewidth=2.5, foreground=unit(theme.background))
+    ]
     named: set[str] = set()
     for room in view.rooms:
         corner, wide, high = (room.x0, room.y0), room.x1 - room.x0, room.y1 - room.y0
         axes.add_patch(
             Rectangle(
-                *(corner, wide, high),
+                corner,
+                wide,
+                high,
                 fill=False,
                 edgecolor=unit(theme.muted),
                 linewidth=0.8,
@@ -119,7 +126,8 @@ def draw_rooms(axes: Axes, view: GeoMapInput, theme: Theme) -> None:
             named.add(room.room)
             top = room.y0 if view.y_down else room.y1
             label = axes.annotate(
-                *(plain(room.room), (room.x0, top)),
+                plain(room.room),
+                (room.x0, top),
                 xytext=(4, -4),
                 textcoords="offset points",
                 ha="left",
@@ -141,9 +149,12 @@ def draw_scale(axes: Axes, area: Bounds, y_down: bool, theme: Theme) -> None:
         length = step(area.width / 10, 1)
     x = area.x0 + 0.03 * area.width
     y = area.y1 - 0.03 * area.height if y_down else area.y0 + 0.03 * area.height
-    halo = [patheffects.withStroke(linewidth=4.5, foreground=unit(theme.background))]
+    halo: list[AbstractPathEffect] = [
+        patheffects.withStroke(linewidth=4.5, foreground=unit(theme.background))
+    ]
     axes.plot(
-        *([x, x + length], [y, y]),
+        [x, x + length],
+        [y, y],
         color=unit(theme.text),
         linewidth=2.2,
         solid_capstyle="butt",
@@ -151,7 +162,8 @@ def draw_scale(axes: Axes, area: Bounds, y_down: bool, theme: Theme) -> None:
         path_effects=halo,
     )
     label = axes.annotate(
-        *(f"{short(length)} m", (x + length / 2, y)),
+        f"{short(length)} m",
+        (x + length / 2, y),
         xytext=(0, 4),
         textcoords="offset points",
         ha="center",
@@ -160,5 +172,7 @@ def draw_scale(axes: Axes, area: Bounds, y_down: bool, theme: Theme) -> None:
         color=unit(theme.text),
         zorder=9,
     )
-    halo_text = [patheffects.withStroke(linewidth=2.5, foreground=unit(theme.background))]
+    halo_text: list[AbstractPathEffect] = [
+        patheffects.withStroke(linewidth=2.5, foreground=unit(theme.background))
+    ]
     label.set_path_effects(halo_text)

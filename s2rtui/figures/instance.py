@@ -96,7 +96,9 @@ def _caption(
 ) -> None:
     wide, high = page.inches
     label = figure.text(
-        *(box[0] / wide, (box[1] + box[3] + 0.06) / high, plain(text)),
+        box[0] / wide,
+        (box[1] + box[3] + 0.06) / high,
+        plain(text),
         ha="left",
         va="bottom",
         fontsize=11,
@@ -108,7 +110,7 @@ def _caption(
 def _row_name(figure: Figure, page: Page, middle: float, text: str) -> None:
     wide, high = page.inches
     label = figure.text(
-        *(0.27 / wide, middle / high, text), ha="center", va="center", rotation=90, fontsize=9
+        0.27 / wide, middle / high, text, ha="center", va="center", rotation=90, fontsize=9
     )
     label.set_color(unit(page.theme.muted))
 

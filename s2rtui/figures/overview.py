@@ -65,7 +65,8 @@ def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> No
         axes.add_patch(ground)
     name = row.run if len(row.run) <= 32 else row.run[:31] + "…"
     label = axes.annotate(
-        *(plain(name), (0, y)),
+        plain(name),
+        (0, y),
         xycoords=("axes fraction", "data"),
         xytext=(-10, 0),
         textcoords="offset points",
@@ -91,7 +92,8 @@ def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> No
             axes.plot(ends, [y, y], color=ink, linewidth=1.3, marker="|", markersize=6, zorder=3)
         if accuracy is not None:
             axes.plot(
-                *([100 * accuracy], [y]),
+                [100 * accuracy],
+                [y],
                 marker="D",
                 markersize=8,
                 markerfacecolor=face,
@@ -101,7 +103,8 @@ def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> No
             )
     if row.sim_accuracy is None and row.real_accuracy is None:
         axes.annotate(
-            *(plain(row.note or "n/a"), (0.02, y)),
+            plain(row.note or "n/a"),
+            (0.02, y),
             xycoords=("axes fraction", "data"),
             va="center",
             fontsize=9,
@@ -120,7 +123,8 @@ def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None)
 
     def put(x: float, y: float, text: str, ink: tuple[int, int, int], bold: bool) -> None:
         label = axes.annotate(
-            *(text, (1, y)),
+            text,
+            (1, y),
             xycoords=("axes fraction", "data"),
             xytext=(x * squeeze, 0),
             textcoords="offset points",
@@ -133,7 +137,8 @@ def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None)
 
     for spot, (name, ink) in zip(spots, names, strict=True):
         label = axes.annotate(
-            *(name, (1, 1)),
+            name,
+            (1, 1),
             xycoords="axes fraction",
             xytext=(spot * squeeze, 12),
             textcoords="offset points",
@@ -174,7 +179,8 @@ def _legend(axes: Axes, model: OverviewModel, page: Page) -> None:
         handles.append(line)
         names.append(f"constant mean position ({_percent(model.baseline)} %)")
     legend = axes.legend(
-        *(handles, names),
+        handles,
+        names,
         loc="lower left",
         bbox_to_anchor=(-0.01, 1.0),
         ncols=4,

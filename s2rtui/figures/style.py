@@ -128,7 +128,7 @@ def colour_scale(
     axes = figure.add_axes(box)
     ramp = np.linspace(0, 1, 256)[:, None]
     axes.imshow(
-        *(colours(ramp),),
+        colours(ramp),
         aspect="auto",
         origin="lower",
         extent=(0, 1, *scale),

@@ -34,7 +34,11 @@ class GeoMapLayout:
 
 
 def geomap_layout(
-    view: GeoMapInput, size: Size, viewport: Bounds | None = None, look: Look | None = None
+    view: GeoMapInput,
+    size: Size,
+    viewport: Bounds | None = None,
+    look: Look | None = None,
+    model: GeoMapModel | None = None,
 ) -> GeoMapLayout:
     """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
     look = look or Look()
@@ -44,7 +48,7 @@ def geomap_layout(
     area = viewport or default_view(view)
     inner = max(1, width - left)
     rough = fit(area, inner, 2 * height, view.y_down)
-    parts = _legend(view, geomap_model(view), rough, inner, look)
+    parts = _legend(view, model or geomap_model(view), rough, inner, look)
     rows = flow(parts, inner)[: 0 if height < 6 else 1 if height < 18 else 2]
     rows_high = max(1, height - below - len(rows))
     frame = fit(area, inner, 2 * rows_high, view.y_down)
@@ -59,7 +63,7 @@ def geomap(
     look = look or Look()
     canvas = Canvas(*size, theme=look.theme)
     model = geomap_model(view)
-    layout = geomap_layout(view, (canvas.width, canvas.height), viewport, look)
+    layout = geomap_layout(view, (canvas.width, canvas.height), viewport, look, model)
     chart = Canvas(layout.width, layout.height, look.theme)
     draw_ground(chart, view, layout.frame, look)
     draw_rooms(chart, view.rooms, layout.frame, look)
@@ -110,7 +114,7 @@ def _inside(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
     """Cell columns and rows of world points, and which of them are in view."""
     cells = frame.to_cells(points)
-    finite = np.isfinite(cells).all(axis=1)
+    finite = np.asarray(np.isfinite(cells).all(axis=1))
     floor = np.floor(np.where(finite[:, None], np.clip(cells, -1e6, 1e6), -1)).astype(np.intp)
     columns, rows = floor[:, 0], floor[:, 1]
     seen = finite & (columns >= 0) & (columns < frame.width) & (rows >= 0)

@@ -32,9 +32,9 @@ def draw_ground(canvas: Canvas, view: GeoMapInput, frame: MapFrame, look: Look) 
         return
     if view.floor_plan is not None and view.bounds.width > 0 and view.bounds.height > 0:
         floor = _paired(sample(view.floor_plan, view.bounds, frame, top_is_y0=view.y_down))
-        levels = luma(floor) if look.theme.dark else 1 - luma(floor)
+        bright = luma(floor) if look.theme.dark else 1 - luma(floor)
         colours = mix(np.array(look.theme.background), np.nan_to_num(floor), 0.6)
-        shade(canvas, 0, 0, levels, FLOOR_RAMPS[look.ascii], colours)
+        shade(canvas, 0, 0, bright, FLOOR_RAMPS[look.ascii], colours)
     heat, _ = heat_layer(view, frame)
     if heat is not None:
         levels = _paired(heat)

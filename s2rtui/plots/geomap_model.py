@@ -112,7 +112,7 @@ def _floor(plan: _Same, bounds: Bounds, y_down: bool, frame: MapFrame, theme: Th
     base[:] = theme.background
     if plan.array is not None and bounds.width > 0 and bounds.height > 0:
         floor = sample(plan.array, bounds, frame, top_is_y0=y_down)
-        seen = np.isfinite(floor).all(axis=-1)
+        seen = np.asarray(np.isfinite(floor).all(axis=-1))
         floor = np.nan_to_num(floor)
         grey = np.repeat((luma(floor) * 255)[..., None], 3, axis=-1)
         share = 0.46 if theme.dark else 0.55

@@ -19,8 +19,10 @@ _GAP = 12
 class PlotView(Widget, can_focus=False):
     """Draws what `show` was given; a new drawing sends only the cells that differ."""
 
-    def __init__(self, name: str, look: Look, tolerance: int = 0) -> None:
+    def __init__(self, name: str, look: Look, tolerance: int = 0, rows: int = 0) -> None:
+        """`rows` is the height that the plot would like; 0 takes what there is."""
         super().__init__(id=name)
+        self.rows = rows
         self._look = look
         self._tolerance = tolerance
         self._draw: Draw | None = None
@@ -54,7 +56,7 @@ class PlotView(Widget, can_focus=False):
         self.refresh()
 
     def get_content_height(self, container: Size, viewport: Size, width: int) -> int:
-        return container.height
+        return self.rows or container.height
 
     def render_lines(self, crop: Region) -> list[Strip]:
         """The strips of a part of the widget."""
