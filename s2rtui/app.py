@@ -45,9 +45,12 @@ class S2RApp(App[None]):
     TITLE = "s2r"
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding(",".join(action.keys), action.name, action.description, show=False)
-        for action in ACTIONS
-    ] + [Binding("escape", "leave_query", "leave the query line", show=False)]
+        *(
+            Binding(",".join(action.keys), action.name, action.description, show=False)
+            for action in ACTIONS
+        ),
+        Binding("escape", "leave_query", "leave the query line", show=False),
+    ]
 
     def __init__(self, session: Session, look: Look, pictures_at: Path | None = None) -> None:
         """`pictures_at` is the folder that snapshots are written to (default: here)."""
@@ -65,8 +68,6 @@ class S2RApp(App[None]):
         self._rest: Timer | None = None
         self._wanted: tuple[object, ...] | None = None
         self.rest_seconds = REST_SECONDS
-        if look.ascii:
-            self.ENABLE_COMMAND_PALETTE = False
 
     def compose(self) -> ComposeResult:
         yield Bar("status")
@@ -394,6 +395,13 @@ class S2RApp(App[None]):
 
     def action_help(self) -> None:
         self.push_screen(HelpScreen())
+
+    def action_command_palette(self) -> None:
+        """The palette's frame is not ASCII; the help screen lists the same actions."""
+        if self.look.ascii:
+            self.action_help()
+        else:
+            super().action_command_palette()
 
     async def action_quit(self) -> None:
         self.exit()

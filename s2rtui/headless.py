@@ -13,7 +13,7 @@ from textual.pilot import Pilot
 
 from s2rtui.app import S2RApp
 from s2rtui.canvas import DARK, Look
-from s2rtui.session import Session
+from s2rtui.session import Session, State
 
 _PATIENCE = 3000
 
@@ -68,10 +68,23 @@ def snapshot(
     return asyncio.run(_snapshot(path, size, keys, look or Look(theme=DARK), run))
 
 
+def screen_of(path: Path, state: State, size: tuple[int, int], look: Look) -> bytes:
+    """The screen of one state as PNG."""
+    shot = asyncio.run(_snapshot(path, size, (), look, state.run, state))
+    return shot.png(look)
+
+
 async def _snapshot(
-    path: Path, size: tuple[int, int], keys: Sequence[str], look: Look, run: str | None
+    path: Path,
+    size: tuple[int, int],
+    keys: Sequence[str],
+    look: Look,
+    run: str | None,
+    state: State | None = None,
 ) -> Snapshot:
-    app = S2RApp(Session(path, run), look)
+    session = Session(path, run)
+    session.state = state or session.state
+    app = S2RApp(session, look)
     app.rest_seconds = 0.001
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)

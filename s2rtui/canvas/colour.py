@@ -168,10 +168,12 @@ ANSI_16: NDArray[np.intp] = np.array(
 
 @lru_cache(1)
 def _ansi_lookup() -> NDArray[np.intp]:
-    """(4096,): the nearest of the 16 for each 4-bit-per-channel colour."""
+    """(4096,): the nearest of the 16 for each colour of 4 bits a channel, hue before brightness."""
     steps = np.arange(16) * 17
     grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 1, 3)
     distance = np.square(grid - ANSI_16[None]).sum(axis=-1)
+    saturation = np.square(grid.max(axis=-1) - grid.min(axis=-1))
+    distance = distance + saturation * (np.ptp(ANSI_16, axis=1) == 0)
     return distance.argmin(axis=1)
 
 

@@ -84,7 +84,7 @@ def _quantised(colours: Pixels, mode: ColourMode, ground: Pixels | None) -> NDAr
     elif mode is ColourMode.ANSI:
         codes = to_16(colours).astype(np.int64)
     else:
-        steps = np.minimum((colours.astype(np.int64) + 4) & ~7, 255)
+        steps = np.minimum((colours.astype(np.int64) + 2) & ~3, 255)
         codes = (steps[..., 0] << 16) | (steps[..., 1] << 8) | steps[..., 2]
     if ground is not None:
         codes[(colours == ground).all(axis=-1)] = _exact(tuple(ground.tolist()), mode)

@@ -11,8 +11,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = actions.add_parser("add", help="register a weights file")
     add.add_argument("name")
     add.add_argument("file", type=Path, help=".pt / .pth state dict, .safetensors or TorchScript")
-    add.add_argument("--arch", required=True,
-                     help="posest, resposenet; with --trust also torchscript or module:factory")  # fmt: skip
+    add.add_argument(
+        "--arch",
+        required=True,
+        help="posest, resposenet; with --trust also torchscript or module:factory",
+    )
     add.add_argument("--store", type=Path, required=True)
     add.add_argument(
         "--convention",

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from s2rtui.cli import output
 
+if TYPE_CHECKING:
+    from s2rstore.headlines import Headline
+
 _NAMES = (
-    "run", "model", "sim", "real", "sim n", "sim accuracy %", "sim 95 %", "sim median m",
-    "real n", "real accuracy %", "real 95 %", "real median m", "baseline %", "note",
+    "run", "model", "sim", "real", "n", "trained on", "sim accuracy %", "sim 95 %",
+    "sim median m", "real accuracy %", "real 95 %", "real median m", "baseline %", "note",
 )  # fmt: skip
 
 
@@ -20,34 +24,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     import s2rstore
     from s2rstore import headlines
+    from s2rstore.records import SIDES
 
     rows = []
     with s2rstore.open(options.store) as store:
+        baseline = round(100 * headlines.baseline(store), 1)
         for run in store.runs.values():
-            sides: list[object] = []
-            for side in ("sim", "real"):
-                found = headlines.headline(store, run.run, side) if run.key else None
-                sides += _side(found)
-            truth = store.instances
-            baseline = headlines.baseline(store) if len(truth) else float("nan")
-            domains = [_described(run.domain(s), run.adjustments(s)) for s in ("sim", "real")]
-            note = "" if run.key else "not computed: s2r precompute"
-            rows.append((run.run, run.model, *domains, *sides, round(100 * baseline, 1), note))
+            domains = [_described(run.domain(s), run.adjustments(s)) for s in SIDES]
+            if run.key is None:
+                figures: list[object] = [None] * 8
+                note = "not computed: s2r precompute"
+            else:
+                sides = [headlines.headline(store, run.run, side) for side in SIDES]
+                figures = [sides[0].n, sides[0].trained_on, *_side(sides[0]), *_side(sides[1])]
+                note = "" if sides[0].n else "trained on every instance"
+            rows.append((run.run, run.model, *domains, *figures, baseline, note))
     output.write(_NAMES, rows, options)
     return 0
 
 
-def _side(found: object) -> list[object]:
-    from s2rstore.headlines import Headline
-
-    if not isinstance(found, Headline):
-        return [None, None, None, None]
-    span = (
-        f"{100 * found.accuracy.low:.1f}..{100 * found.accuracy.high:.1f}" if found.n > 1 else "-"
-    )
-    if not found.n:
-        return [0, None, "all trained on", None]
-    return [found.n, round(100 * found.accuracy.value, 1), span, round(found.median_error, 3)]
+def _side(found: Headline) -> list[object]:
+    """Accuracy in percent, its interval, and the median error in metres."""
+    if found.n < 2:
+        return [None, None, None]
+    span = f"{100 * found.accuracy.low:.1f}..{100 * found.accuracy.high:.1f}"
+    return [round(100 * found.accuracy.value, 1), span, round(found.median_error, 3)]
 
 
 def _described(domain: str, chain: list[dict[str, object]]) -> str:

@@ -137,9 +137,9 @@ def _scales(
     if model.depth_range is not None:
         box = page.box(left, top - high - 0.2, 0.16, high)
         colour_scale(figure, page, box, model.depth_range, "depth (m)", depth_tint)
-        figure.add_axes(page.box(left, top - high - 0.5, 0.16, 0.16), facecolor=unit(NO_DEPTH)).set(
-            xticks=[], yticks=[]
-        )
+        patch = figure.add_axes(page.box(left, top - high - 0.5, 0.16, 0.16))
+        patch.set_axis_off()
+        patch.imshow(np.array([[NO_DEPTH]], dtype=np.uint8), aspect="auto")
         place = ((left + 0.24) / page.inches[0], (top - high - 0.42) / page.inches[1])
         label = figure.text(*place, "no depth", fontsize=8, va="center")
         label.set_color(unit(page.theme.muted))

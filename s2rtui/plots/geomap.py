@@ -95,12 +95,22 @@ def _legend(
     else:
         ramp = ramp_for_values(look)
         parts.append(
-            colour_bar(view.value_label, view.value_unit, model.value_range, look, bar, ramp=ramp)
+            colour_bar(
+                view.value_label,
+                view.value_unit,
+                model.value_range,
+                look,
+                bar,
+                ramp=ramp,
+                room=width,
+            )
         )
     if model.heat_range is not None:
         ramp = None if look.fine else HEAT_RAMPS[look.ascii]
         parts.append(
-            colour_bar(view.heat_label, view.heat_unit, model.heat_range, look, bar, ramp=ramp)
+            colour_bar(
+                view.heat_label, view.heat_unit, model.heat_range, look, bar, ramp=ramp, room=width
+            )
         )
     parts.append(scale_bar(frame.pitch, max(4, width // 6), look))
     if model.grey.any():

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rich.cells import cell_len
 
 from s2rstore.records import Room
-from s2rtui.canvas.colour import luma, mix, turbo
+from s2rtui.canvas.colour import legible, luma, mix, turbo
 from s2rtui.canvas.grid import Canvas
 from s2rtui.canvas.look import Look
 from s2rtui.canvas.raster import ground, half_blocks, shade
@@ -39,7 +39,7 @@ def draw_ground(canvas: Canvas, view: GeoMapInput, frame: MapFrame, look: Look) 
     if heat is not None:
         levels = _paired(heat)
         seen = np.where(levels > FAINT, levels, np.nan)
-        shade(canvas, 0, 0, seen, HEAT_RAMPS[look.ascii], turbo(levels))
+        shade(canvas, 0, 0, seen, HEAT_RAMPS[look.ascii], legible(turbo(levels), look.theme))
 
 
 def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -15,6 +15,8 @@ from s2rtui.plots.scale import short, step, tick_text, ticks
 
 EIGHTHS = " ▁▂▃▄▅▆▇█"
 Counts = NDArray[np.intp]
+LABELS = 9
+"""Columns at the left that the names take."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +61,7 @@ def histogram(view: HistogramInput, size: Size, look: Look | None = None) -> Can
     look = look or Look()
     canvas = Canvas(*size, theme=look.theme)
     theme, glyphs = look.theme, look.glyphs
-    left = 7 if canvas.width >= 20 else 0
+    left = LABELS if canvas.width >= 20 else 0
     model = histogram_model(view, canvas.width - left)
     axis = 1 if canvas.height >= 5 else 0
     upper = max(1, (canvas.height - axis + 1) // 2)
@@ -73,10 +75,14 @@ def histogram(view: HistogramInput, size: Size, look: Look | None = None) -> Can
         if left and rows:
             canvas.text(0, top, f"{glyph} {name}", colour)
             if rows > 1:
-                canvas.text(0, top + 1, f"max {counts[0].max()}"[: left - 1], theme.muted)
+                canvas.text(0, top + 1, _most(int(counts[0].max())), theme.muted)
     if axis:
         _axis(canvas, left, model, view, look)
     return canvas
+
+
+def _most(count: int) -> str:
+    return f"max {count}" if count < 10_000 else f"max {count // 1000}k"
 
 
 def _bars(

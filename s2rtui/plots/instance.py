@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.canvas.colour import Pixels, depth_tint, diverging, turbo
+from s2rtui.canvas.colour import Pixels, depth_tint, diverging, legible, turbo
 from s2rtui.canvas.grid import Canvas, Size
 from s2rtui.canvas.look import Look
 from s2rtui.canvas.raster import picture, resample, shade
@@ -152,7 +152,9 @@ def _heat_glyphs(
     low, high = model.heat_range
     colours, _ = heat_colours(heat, model.heat_range, view.signed)
     ramp = SIGNED_RAMP if view.signed else HEAT_RAMP
-    shade(canvas, panel.x, panel.y, (heat - low) / (high - low), ramp, colours)
+    shade(
+        canvas, panel.x, panel.y, (heat - low) / (high - low), ramp, legible(colours, canvas.theme)
+    )
 
 
 def _titles(canvas: Canvas, layout: InstanceLayout, view: InstanceInput, look: Look) -> None:
@@ -181,12 +183,14 @@ def _bars(view: InstanceInput, model: InstanceModel, look: Look, width: int) -> 
         ramp = None if look.pictures else (SIGNED_RAMP if view.signed else HEAT_RAMP)
         name = model.heat_name or "heat"
         parts.append(
-            colour_bar(name, view.unit, model.heat_range, look, length + 4, spread, ramp=ramp)
+            colour_bar(name, view.unit, model.heat_range, look, length + 4, spread, ramp, width)
         )
     if model.depth_range is not None:
         shades = look.glyphs.shades[::-1]
         ramp = None if look.pictures else (shades if look.theme.dark else shades[::-1])
-        parts.append(colour_bar("depth", "m", model.depth_range, look, length, depth_tint, ramp))
+        parts.append(
+            colour_bar("depth", "m", model.depth_range, look, length, depth_tint, ramp, width)
+        )
     return parts
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.cells import cell_len
 
-from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, turbo
+from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, legible, turbo
 from s2rtui.canvas.grid import Canvas
 from s2rtui.canvas.look import Look
 from s2rtui.plots.scale import Interval, short, step
@@ -44,23 +44,33 @@ def colour_bar(
     length: int = 12,
     colours: Scale = turbo,
     ramp: str | None = None,
+    room: int | None = None,
 ) -> Part:
-    """`label low [bar] high unit`; the bar is of colours, or of `ramp` where colours lack."""
+    """`label low [bar] high unit`; the bar is of colours, or of `ramp` where colours lack.
+
+    Within `room` cells the bar shrinks to no less than 4, then the label goes.
+    """
     low, high = short(scale[0], 2), short(scale[1], 2)
     before, after = f"{label} {low} ".lstrip(), f" {high} {unit}".rstrip()
+    if room is not None:
+        if cell_len(before) + 4 + cell_len(after) > room:
+            before = f"{low} "
+        length = max(1, min(length, room - cell_len(before) - cell_len(after)))
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
         x = canvas.text(x, y, before, look.theme.muted)
         shades = colours(np.linspace(0, 1, max(2, length)))
+        plain = look.pictures and ramp is None
+        if not plain:
+            shades = legible(shades, look.theme)
+        glyphs = ramp or look.glyphs.shades
         for place in range(length):
-            if look.pictures and ramp is None:
-                colour = tuple(int(part) for part in shades[place])
-                canvas.put(x + place, y, " ", bg=(colour[0], colour[1], colour[2]))
+            red, green, blue = (int(part) for part in shades[place])
+            if plain:
+                canvas.put(x + place, y, " ", bg=(red, green, blue))
             else:
-                glyphs = ramp or look.glyphs.shades
                 glyph = glyphs[min(len(glyphs) - 1, place * len(glyphs) // length)]
-                colour = tuple(int(part) for part in shades[place])
-                canvas.put(x + place, y, glyph, (colour[0], colour[1], colour[2]))
+                canvas.put(x + place, y, glyph, (red, green, blue))
         canvas.text(x + length, y, after, look.theme.muted)
 
     return Part(cell_len(before) + length + cell_len(after), draw)

@@ -34,7 +34,7 @@ def overview_rows(store: Store) -> tuple[list[OverviewRow], float]:
                 sim_interval=(sim.accuracy.low, sim.accuracy.high),
                 real_interval=(real.accuracy.low, real.accuracy.high),
                 n=real.n,
-                note="" if sim.n and real.n else "trained on all of a side",
+                note="" if real.n else "the model was trained on every instance",
             )
         )
     return rows, headlines.baseline(store)

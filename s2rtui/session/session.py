@@ -15,7 +15,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.plots.frame import panned, zoomed
 from s2rtui.session.heat import choices
-from s2rtui.session.state import OVERLAYS, HeatChoice, State, View
+from s2rtui.session.state import OVERLAYS, HeatChoice, MapMode, State, View
 
 _HISTORY = 100
 
@@ -63,7 +63,7 @@ class Session:
         worst = rooms[0]
         return (
             f"worst region: {worst.room}, median error {worst.real_median:.2f} m real, "
-            f"{worst.sim_median:.2f} m sim, {worst.n} instances"
+            f"{worst.sim_median:.2f} m sim, {worst.n} instances new to the model"
         )
 
     def _set(self, state: State) -> State:
@@ -195,11 +195,9 @@ class Session:
         )
 
     def change_map_mode(self) -> State:
-        mode = "full" if self.state.map_mode == "colour" else "colour"
+        mode: MapMode = "full" if self.state.map_mode == "colour" else "colour"
         told = "sim, truth and real" if mode == "full" else "truth coloured by the shift"
-        return self._set(
-            replace(self.state, map_mode=mode, message=f"map: {told}", is_error=False)
-        )
+        return self._set(replace(self.state, map_mode=mode, message=f"map: {told}", is_error=False))
 
     def show(self, view: View) -> State:
         return self._set(replace(self.state, view=view))
@@ -236,7 +234,11 @@ class Session:
         runs = tuple(name for name, record in self.store.runs.items() if record.key)
         run = state.run if state.run in runs else runs[0]
         fresh = replace(
-            state, generation=self.store.generation, newest=self.store.generation, runs=runs, run=run
+            state,
+            generation=self.store.generation,
+            newest=self.store.generation,
+            runs=runs,
+            run=run,
         )
         try:
             made = self._selected(fresh, state.expression)

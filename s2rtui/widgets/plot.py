@@ -78,10 +78,12 @@ def changed_regions(before: Canvas, after: Canvas) -> list[Region]:
     differs = (before.char != after.char) | (before.bold != after.bold)
     differs |= (before.fg != after.fg).any(axis=-1) & (after.char != " ")
     differs |= (before.bg != after.bg).any(axis=-1)
-    regions = []
+    regions: list[Region] = []
     for row in np.flatnonzero(differs.any(axis=1)):
         columns = np.flatnonzero(differs[row])
         cuts = np.flatnonzero(np.diff(columns) > _GAP) + 1
-        for span in np.split(columns, cuts):
-            regions.append(Region(int(span[0]), int(row), int(span[-1] - span[0] + 1), 1))
+        regions += [
+            Region(int(span[0]), int(row), int(span[-1] - span[0] + 1), 1)
+            for span in np.split(columns, cuts)
+        ]
     return regions

@@ -14,7 +14,7 @@ MIN_INSTANCES = 5
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A room of one run: median errors in metres over `n` valid instances."""
+    """A room of one run: median errors in metres over `n` instances new to the model."""
 
     room: str
     n: int
@@ -23,12 +23,13 @@ class Region:
 
 
 def regions(store: Store, run: str) -> list[Region]:
-    """Rooms with at least five valid instances, the largest median real error first."""
+    """Rooms with at least five instances new to the model, the largest median real error first."""
     columns = store.run_columns(run)
+    fresh = headlines.held_out(store, run)
     truth = store.instances
     found = []
     for code, name in enumerate(truth.room_names):
-        members = columns.valid & (truth.room == code)
+        members = fresh & (truth.room == code)
         n = int(members.sum())
         if n >= MIN_INSTANCES:
             real = float(np.median(columns.real.error[members]))
@@ -55,7 +56,7 @@ def lines(store: Store) -> list[str]:
         worst = found[0]
         told.append(
             f"worst region of {computed[0]}: {worst.room} (median real error "
-            f"{worst.real_median:.2f} m, sim {worst.sim_median:.2f} m, {worst.n} instances)"
+            f"{worst.real_median:.2f} m, sim {worst.sim_median:.2f} m; {worst.n} new instances)"
         )
     return told
 

@@ -1,4 +1,8 @@
-"""The figures that stand for a run: over the instances that its model was not trained on."""
+"""The figures that stand for a run: over the instances that its model was not trained on.
+
+An instance is a pose: where the model learned from one of its images, the pose is known to it and
+leaves the figures of both sides, so that sim and real are compared on the same instances.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +22,7 @@ _KNOWN = (SPLITS.index("train"), SPLITS.index("validation"))
 class Headline:
     """One side of a run over `n` instances; errors in metres, accuracy with its interval.
 
-    `trained_on` counts the instances that were left out because the model was fitted or chosen
-    on them. Figures are NaN where n is 0.
+    `trained_on` counts the instances that were left out. Figures are NaN where n is 0.
     """
 
     n: int
@@ -29,6 +32,13 @@ class Headline:
     median_error: float
 
 
+def held_out(store: Store, run: str) -> NDArray[np.bool_]:
+    """The valid instances that the model was neither fitted nor chosen on, shape (N,)."""
+    columns = store.run_columns(run)
+    known = np.isin(columns.sim.split, _KNOWN) | np.isin(columns.real.split, _KNOWN)
+    return np.asarray(columns.valid & ~known)
+
+
 def headline(
     store: Store, run: str, side: Side, members: NDArray[np.bool_] | None = None
 ) -> Headline:
@@ -36,12 +46,11 @@ def headline(
     columns = store.run_columns(run)
     chosen = columns.valid if members is None else columns.valid & members
     part = columns.side(side)
-    known = chosen & np.isin(part.split, _KNOWN)
-    keep = chosen & ~known
+    keep = chosen & held_out(store, run)
     errors = part.error[keep]
     return Headline(
         n=int(keep.sum()),
-        trained_on=int(known.sum()),
+        trained_on=int(chosen.sum() - keep.sum()),
         accuracy=stats.bootstrap_mean(part.accuracy[keep]),
         mean_error=float(errors.mean()) if errors.size else float("nan"),
         median_error=float(np.median(errors)) if errors.size else float("nan"),

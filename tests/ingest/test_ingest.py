@@ -271,4 +271,5 @@ def test_the_real_data(real_data: Path, tmp_path: Path) -> None:
         for i in np.flatnonzero((x >= r.x0) & (x <= r.x1) & (y >= r.y0) & (y <= r.y1)):
             inside[i].add(r.room)
     assert sum(len(rooms) > 1 for rooms in inside) == 8
-    assert (x.min() > scan.bounds.x0) and (y.max() < scan.bounds.y1)
+    assert x.min() > scan.bounds.x0
+    assert y.max() < scan.bounds.y1

@@ -64,9 +64,7 @@ def pictures(x: float, y: float, heading: float, seed: int) -> tuple[np.ndarray,
     rng = np.random.default_rng(seed)
     u, v = np.meshgrid(np.linspace(-1, 1, WIDTH), np.linspace(-1, 1, HEIGHT))
     angle = heading + 0.7 * u
-    walls = np.stack(
-        [np.sin(3 * angle + x), np.cos(2 * angle + y), np.sin(angle + x - y)], axis=-1
-    )
+    walls = np.stack([np.sin(3 * angle + x), np.cos(2 * angle + y), np.sin(angle + x - y)], axis=-1)
     rgb = 128 + 90 * walls * (1 - 0.3 * np.abs(v)[..., None]) + rng.normal(0, 4, (*u.shape, 3))
     metres = 1.5 + 2 * (1 + np.sin(angle * 2 + x)) - 0.8 * v + rng.normal(0, 0.02, u.shape)
     depth = np.clip(metres / 10 * 255, 0, 255)

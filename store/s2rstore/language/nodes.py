@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from dataclasses import field as attribute
 from typing import Literal
 
 
@@ -64,7 +65,7 @@ class Named:
 
     field: Field
     value: str
-    column: int = field(default=0, compare=False)
+    column: int = attribute(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +109,7 @@ class Saved:
     """`@name`: a saved selection."""
 
     name: str
-    column: int = field(default=0, compare=False)
+    column: int = attribute(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from functools import cache
 from importlib import resources
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 from lark import Lark, Token, Transformer, v_args
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken, VisitError
@@ -54,7 +54,12 @@ _EXPECTED = {
     "__ANON_1": "+-",
 }
 _SHORT = re.compile(r"(worst|best|min|max)15\Z")
-_WHICH = {"worst": "worst", "min": "worst", "best": "best", "max": "best"}
+_WHICH: dict[str, Literal["worst", "best"]] = {
+    "worst": "worst",
+    "min": "worst",
+    "best": "best",
+    "max": "best",
+}
 
 
 def parse(text: str) -> Node:
@@ -176,8 +181,7 @@ class _Build(Transformer[Token, Any]):
         head = _head(name)
         short = _SHORT.match(head.name)
         if short:
-            which = "worst" if _WHICH[short[1]] == "worst" else "best"
-            return Extreme(which, 15.0, True, Field("real.error", head.run))
+            return Extreme(_WHICH[short[1]], 15.0, True, Field("real.error", head.run))
         if head.run is None and head.name in ("all", "none"):
             return Everything() if head.name == "all" else Nothing()
         if head.run is None and head.name in ("straight", "curved"):

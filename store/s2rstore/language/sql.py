@@ -183,10 +183,10 @@ def _around(node: Around, writer: _Writer) -> str:
         scale = _scale(node.field)
         centre, tolerance = writer.bind(node.centre * scale), writer.bind(node.tolerance * scale)
         return f"{_known(column)} AND abs({column} - {centre}) <= {tolerance}"
-    centre = angles.wrapped(node.centre)
-    first = f"abs({column} - {writer.bind(centre)})"
+    middle = angles.wrapped(node.centre)
+    first = f"abs({column} - {writer.bind(middle)})"
     turn = writer.bind(angles.TURN)
-    second = f"abs({column} - {writer.bind(centre)})"
+    second = f"abs({column} - {writer.bind(middle)})"
     limit = writer.bind(math.radians(node.tolerance) + angles.TOLERANCE)
     return f"{_known(column)} AND least({first}, {turn} - {second}) <= {limit}"
 

@@ -1,0 +1,92 @@
+"""Small made-up views that every test of this room draws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from s2rstore.records import Bounds, Room
+from s2rtui.plots import (
+    GeoMapInput,
+    HistogramInput,
+    InstanceInput,
+    OverviewRow,
+    PoseNumbers,
+    SideView,
+)
+
+N = 60
+BOUNDS = Bounds(0.0, 0.0, 20.0, 10.0)
+
+ROWS = (
+    OverviewRow("vanilla", 0.95, 0.78, (0.94, 0.96), (0.75, 0.81), 542),
+    OverviewRow("dataaug", 0.93, 0.86, (0.92, 0.94), (0.84, 0.88), 542),
+    OverviewRow("seen everything", None, float("nan"), None, None, 0, "no unseen instance"),
+)
+
+
+def geomap_input(**changes: Any) -> GeoMapInput:
+    random = np.random.default_rng(7)
+    along = np.linspace(0, 2 * np.pi, N, endpoint=False)
+    truth = np.stack([10 + 7 * np.cos(along), 5 + 3 * np.sin(along)], axis=1)
+    floor = np.zeros((50, 100, 3), dtype=np.uint8)
+    floor[:, 50:] = 220
+    heat = np.full((25, 50), np.nan)
+    heat[5:10, 5:15] = np.linspace(0.1, 2, 50).reshape(5, 10)
+    view: dict[str, Any] = {
+        "truth": truth,
+        "sim": truth + random.normal(0, 0.3, truth.shape),
+        "real": truth + random.normal(0, 1.5, truth.shape),
+        "values": np.linspace(0, 5, N),
+        "selected": np.arange(N) >= 45,
+        "valid": np.arange(N) != 3,
+        "bounds": BOUNDS,
+        "headings": along,
+        "sim_headings": along,
+        "real_headings": along,
+        "cursor": 50,
+        "floor_plan": floor,
+        "heat": heat,
+        "heat_unit": "m",
+        "rooms": (Room("hall", 0, 0, 0, 10, 10), Room("größer", 1, 10, 0, 20, 10)),
+    }
+    return GeoMapInput(**(view | changes))
+
+
+def side(seed: int, heat: bool = True, depth: bool = True) -> SideView:
+    random = np.random.default_rng(seed)
+    metres = random.uniform(0.5, 8, (32, 32)).astype(np.float32)
+    metres[:4] = np.nan
+    return SideView(
+        rgb=random.integers(0, 256, (32, 32, 3), dtype=np.uint8),
+        depth=metres if depth else None,
+        heat=random.normal(0, 1, (6, 6)).astype(np.float32) if heat else None,
+        pose=PoseNumbers(1.5, -2.25, 0.5, 0.75, 0.1),
+    )
+
+
+def instance_input(**changes: Any) -> InstanceInput:
+    view: dict[str, Any] = {
+        "iid": 12,
+        "sim": side(1),
+        "real": side(2),
+        "truth": (1.0, -2.0, 0.4),
+        "kind": "occlusion",
+        "mode": "rgb",
+        "unit": "m",
+        "signed": True,
+        "notes": (("room", "größer"),),
+    }
+    return InstanceInput(**(view | changes))
+
+
+def histogram_input(**changes: Any) -> HistogramInput:
+    random = np.random.default_rng(5)
+    view: dict[str, Any] = {
+        "sim": random.gamma(2, 0.2, N),
+        "real": random.gamma(2, 0.8, N),
+        "selected": np.arange(N) < 10,
+        "valid": np.ones(N, dtype=np.bool_),
+    }
+    return HistogramInput(**(view | changes))

@@ -1,0 +1,66 @@
+"""Figures: exactly the size asked for, the same bytes, and something on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from io import BytesIO
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from s2rstore.errors import RequestError
+from s2rtui.canvas import DARK, LIGHT, Theme
+from s2rtui.figures import geomap_figure, instance_figure, overview_figure
+from tests.plots.examples import ROWS, geomap_input, instance_input, side
+
+Draw = Callable[[tuple[int, int], Theme], bytes]
+FIGURES: dict[str, Draw] = {
+    "overview": lambda size, theme: overview_figure(ROWS, 0.72, size, theme, selected=1),
+    "map": lambda size, theme: geomap_figure(geomap_input(), size, theme, "vanilla", "worst15"),
+    "full map": lambda size, theme: geomap_figure(geomap_input(mode="full"), size, theme),
+    "instance": lambda size, theme: instance_figure(instance_input(), size, theme, "vanilla"),
+}
+
+
+def opened(data: bytes) -> Image.Image:
+    return Image.open(BytesIO(data))
+
+
+@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize("size", [(801, 603), (64, 48)])
+def test_size_is_exact(name: str, size: tuple[int, int]) -> None:
+    assert opened(FIGURES[name](size, LIGHT)).size == size
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_bytes_repeat_and_carry_no_metadata(name: str) -> None:
+    first, second = (FIGURES[name]((480, 360), DARK) for _ in range(2))
+    assert first == second
+    assert set(opened(first).info) <= {"dpi"}
+
+
+@pytest.mark.parametrize("theme", [LIGHT, DARK])
+def test_ground_is_the_themes_and_all_colours_appear(theme: Theme) -> None:
+    pixels = np.asarray(opened(FIGURES["overview"]((800, 500), theme)).convert("RGB"))
+    assert tuple(pixels[0, 0]) == theme.background
+    for colour in (theme.sim, theme.real, theme.truth):
+        assert (np.abs(pixels.astype(int) - colour).max(axis=-1) <= 3).any()
+
+
+def test_nothing_selected_and_nothing_known() -> None:
+    nothing = np.zeros(60, dtype=np.bool_)
+    view = geomap_input(selected=nothing, cursor=None, heat=None, floor_plan=None, rooms=())
+    assert opened(geomap_figure(view, (300, 200))).size == (300, 200)
+    bare = instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None)
+    assert opened(instance_figure(bare, (300, 200))).size == (300, 200)
+    assert opened(overview_figure([], None, (300, 200))).size == (300, 200)
+
+
+def test_dollar_signs_are_text() -> None:
+    geomap_figure(geomap_input(), (300, 200), run="a$b$c", expression="id$")
+
+
+def test_impossible_size_is_refused_by_name() -> None:
+    with pytest.raises(RequestError, match="--size"):
+        overview_figure(ROWS, None, (0, 100))

@@ -1,0 +1,62 @@
+"""Any size draws something, in any mode, and ASCII means ASCII."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rtui.canvas import LIGHT, Canvas, ColourMode, Look, to_strips
+from s2rtui.plots import geomap, histogram, instance, overview
+from tests.plots.examples import (
+    ROWS,
+    geomap_input,
+    histogram_input,
+    instance_input,
+    side,
+)
+
+Draw = Callable[[tuple[int, int], Look], Canvas]
+VIEWS: dict[str, Draw] = {
+    "overview": lambda size, look: overview(ROWS, 0.72, 1, size, look),
+    "map": lambda size, look: geomap(geomap_input(), size, look),
+    "full map": lambda size, look: geomap(geomap_input(mode="full"), size, look),
+    "bare map": lambda size, look: geomap(
+        geomap_input(floor_plan=None, heat=None, headings=None, cursor=None), size, look
+    ),
+    "instance": lambda size, look: instance(instance_input(), size, look),
+    "plain instance": lambda size, look: instance(
+        instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None),
+        size,
+        look,
+    ),
+    "histogram": lambda size, look: histogram(histogram_input(), size, look),
+}
+LOOKS = [
+    Look(),
+    Look(theme=LIGHT, mode=ColourMode.PALETTE),
+    Look(mode=ColourMode.ANSI),
+    Look(mode=ColourMode.NONE),
+    Look(mode=ColourMode.PALETTE, ascii=True),
+    Look(mode=ColourMode.NONE, ascii=True),
+]
+
+
+@pytest.mark.parametrize("name", VIEWS)
+@settings(max_examples=40, deadline=None)
+@given(width=st.integers(1, 30), height=st.integers(1, 10), look=st.sampled_from(LOOKS))
+def test_small_sizes_are_filled_exactly(name: str, width: int, height: int, look: Look) -> None:
+    canvas = VIEWS[name]((width, height), look)
+    assert canvas.char.shape == (height, width)
+    strips = to_strips(canvas, look.mode, look.ascii)
+    assert [strip.cell_length for strip in strips] == [width] * height
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
+@pytest.mark.parametrize("name", VIEWS)
+def test_ascii_holds_at_every_size(name: str, size: tuple[int, int]) -> None:
+    for mode in (ColourMode.PALETTE, ColourMode.NONE):
+        canvas = VIEWS[name](size, Look(mode=mode, ascii=True))
+        assert "".join(canvas.lines()).isascii()
