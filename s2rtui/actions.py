@@ -56,7 +56,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("overlay", ("o",), "heat", "heat on the map: off, instance, run", "on map"),
     Action("side", ("d",), "heat", "side whose heat lies on the map"),
     Action("map_mode", ("m",), "map", "map: colour or full", "map"),
-    Action("zoom_in", ("plus", "equals_sign"), "map", "zoom in at the instance", "", "+"),
+    Action("zoom_in", ("plus", "equals_sign"), "map", "zoom in at the instance", "", "+ ="),
     Action("zoom_out", ("minus",), "map", "zoom out", "", "-"),
     Action("zoom_all", ("0",), "map", "the whole map"),
     Action("view('overview')", ("1",), "views", "overview", "", ""),
@@ -89,7 +89,11 @@ def help_text() -> str:
         lines.append(title)
         for action in ACTIONS:
             if action.group == group:
-                keys = "  ".join(dict.fromkeys([action.key, *action.keys[1:]]))
+                keys = action.key if " " in action.key else "  ".join(_keys(action))
                 lines.append(f"  {keys:<18}{action.description}")
         lines.append("")
     return "\n".join(lines).rstrip()
+
+
+def _keys(action: Action) -> list[str]:
+    return list(dict.fromkeys([action.key, *action.keys[1:]]))

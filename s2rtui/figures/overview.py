@@ -12,6 +12,7 @@ from s2rtui.plots.overview import OverviewModel, overview_model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 NUMBERS = 2.75
 """Inches at the right that the numbers take."""
@@ -35,7 +36,7 @@ def overview_figure(
     longest = max((len(row.run) for row in model.rows), default=4)
     left = min(0.4 + 0.085 * min(longest, 32), wide * 0.35)
     right = min(NUMBERS, wide * 0.32)
-    box = page.box(left, 0.62, wide - left - right, top - 0.62 - 0.34)
+    box = page.box(left, 0.62, wide - left - right, top - 0.62 - 0.62)
     axes = figure.add_axes(box)
     dress(axes, theme, grid=True)
     axes.spines["left"].set_visible(False)
@@ -48,7 +49,7 @@ def overview_figure(
     for index, row in enumerate(model.rows):
         _row(axes, index, row, page, index == selected)
     _columns(axes, model, page, selected)
-    _legend(axes, model, page)
+    _legend(figure, axes, model, page, top)
     return png(figure, page)
 
 
@@ -63,19 +64,7 @@ def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> No
         ground.set_color(unit(theme.highlight))
         ground.set_clip_on(False)
         axes.add_patch(ground)
-    name = row.run if len(row.run) <= 32 else row.run[:31] + "…"
-    label = axes.annotate(
-        plain(name),
-        (0, y),
-        xycoords=("axes fraction", "data"),
-        xytext=(-10, 0),
-        textcoords="offset points",
-        ha="right",
-        va="center",
-        fontsize=10,
-    )
-    label.set_color(unit(theme.text))
-    label.set_fontweight("bold" if selected else "normal")
+    _name(axes, y, row, page, selected)
     sides = (
         (row.sim_accuracy, row.sim_interval, theme.sim, unit(theme.sim)),
         (row.real_accuracy, row.real_interval, theme.real, unit(theme.background)),
@@ -101,6 +90,24 @@ def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> No
                 markeredgewidth=1.6,
                 zorder=4,
             )
+
+
+def _name(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> None:
+    """The run at the left and, where no accuracy is left, the note in their place."""
+    theme = page.theme
+    name = row.run if len(row.run) <= 32 else row.run[:31] + "…"
+    label = axes.annotate(
+        plain(name),
+        (0, y),
+        xycoords=("axes fraction", "data"),
+        xytext=(-10, 0),
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        fontsize=10,
+    )
+    label.set_color(unit(theme.text))
+    label.set_fontweight("bold" if selected else "normal")
     if row.sim_accuracy is None and row.real_accuracy is None:
         axes.annotate(
             plain(row.note or "n/a"),
@@ -159,7 +166,8 @@ def _percent(value: float | None) -> str:
     return "n/a" if value is None else f"{100 * value:.1f}".replace("-", "−")
 
 
-def _legend(axes: Axes, model: OverviewModel, page: Page) -> None:
+def _legend(figure: Figure, axes: Axes, model: OverviewModel, page: Page, top: float) -> None:
+    """A line of its own, its upper edge `top` inches above the page's foot."""
     from matplotlib.lines import Line2D
 
     theme = page.theme
@@ -178,16 +186,17 @@ def _legend(axes: Axes, model: OverviewModel, page: Page) -> None:
         line.set_zorder(1.5)
         handles.append(line)
         names.append(f"constant mean position ({_percent(model.baseline)} %)")
-    legend = axes.legend(
+    legend = figure.legend(
         handles,
         names,
-        loc="lower left",
-        bbox_to_anchor=(-0.01, 1.0),
+        loc="upper left",
+        bbox_to_anchor=(0.17 / page.inches[0], top / page.inches[1]),
         ncols=4,
         frameon=False,
-        fontsize=9 if page.inches[0] > 7 else 6,
+        fontsize=9 if page.inches[0] > 6 else 6,
         handletextpad=0.4,
         columnspacing=1.4,
+        borderaxespad=0,
     )
     for text in legend.get_texts():
         text.set_color(unit(theme.muted))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
-from s2rtui.canvas.colour import Pixels, Rgb, legible, turbo
+from s2rtui.canvas.colour import Rgb, legible, turbo
 from s2rtui.canvas.grid import Canvas, Size
 from s2rtui.canvas.look import Look, heading_arrow
 from s2rtui.canvas.raster import braille, braille_bits, dot_grid, ground, segment_dots
@@ -119,34 +119,48 @@ def _legend(
     return parts
 
 
-def _inside(
+def _topmost(
     frame: MapFrame, points: Floats
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-    """Cell columns and rows of world points, and which of them are in view."""
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Cell columns and rows that hold points, and the index of the last point in each."""
     cells = frame.to_cells(points)
-    finite = np.asarray(np.isfinite(cells).all(axis=1))
-    floor = np.floor(np.where(finite[:, None], np.clip(cells, -1e6, 1e6), -1)).astype(np.intp)
-    columns, rows = floor[:, 0], floor[:, 1]
-    seen = finite & (columns >= 0) & (columns < frame.width) & (rows >= 0)
-    return columns, rows, seen & (rows < frame.height // 2)
+    with np.errstate(invalid="ignore"):
+        seen = (cells >= 0).all(axis=1) & (cells < (frame.width, frame.height // 2)).all(axis=1)
+    index = np.flatnonzero(seen)
+    columns, rows = cells[index].astype(np.intp).T
+    last = np.full((frame.height // 2, frame.width), -1, dtype=np.intp)
+    last[rows, columns] = index
+    rows, columns = np.nonzero(last >= 0)
+    return columns, rows, last[rows, columns]
 
 
 def _stamp(
-    canvas: Canvas,
-    frame: MapFrame,
-    points: Floats,
-    glyphs: NDArray[np.str_] | str,
-    colours: Pixels | Rgb,
-    bold: bool = True,
+    canvas: Canvas, frame: MapFrame, points: Floats, glyph: str, colour: Rgb, bold: bool = True
 ) -> None:
-    """A glyph at each point, in order: later ones stay on top."""
-    columns, rows, seen = _inside(frame, points)
-    columns, rows = columns[seen], rows[seen]
+    """A glyph at each point."""
+    columns, rows, _ = _topmost(frame, points)
     ground(canvas, columns, rows)
-    canvas.char[rows, columns] = glyphs if isinstance(glyphs, str) else glyphs[seen]
+    canvas.char[rows, columns] = glyph
     canvas.bold[rows, columns] = bold
-    ink = np.asarray(colours, dtype=np.uint8)
-    canvas.fg[rows, columns] = ink if ink.ndim == 1 else ink[seen]
+    canvas.fg[rows, columns] = colour
+
+
+def _stamp_values(
+    canvas: Canvas, frame: MapFrame, points: Floats, shares: NDArray[np.float64], look: Look
+) -> None:
+    """Points coloured by value, the last one of a cell on top; digits where colours lack."""
+    columns, rows, index = _topmost(frame, points)
+    ground(canvas, columns, rows)
+    shares = shares[index]
+    shown = np.isfinite(shares)
+    ink = legible(turbo(shares), look.theme)
+    ink[~shown] = look.theme.text
+    canvas.char[rows, columns] = look.glyphs.selected
+    if (digits := ramp_for_values(look)) is not None:
+        place = np.clip(np.nan_to_num(shares) * len(digits), 0, len(digits) - 1).astype(np.intp)
+        canvas.char[rows, columns] = np.where(shown, np.array(list(digits))[place], "?")
+    canvas.bold[rows, columns] = True
+    canvas.fg[rows, columns] = ink
 
 
 def _points(
@@ -170,15 +184,8 @@ def _points(
         ):
             _stamp(canvas, frame, np.asarray(points)[model.order], glyph, colour)
         return
-    shares = model.fraction[model.order]
-    shown = np.isfinite(shares)
-    ink = legible(turbo(shares), theme)
-    ink[~shown] = theme.text
-    marks: NDArray[np.str_] | str = glyphs.selected
-    if (digits := ramp_for_values(look)) is not None:
-        index = np.clip(np.nan_to_num(shares) * len(digits), 0, len(digits) - 1).astype(np.intp)
-        marks = np.where(shown, np.array(list(digits))[index], "?")
-    _stamp(canvas, frame, np.asarray(view.truth)[model.order], marks, ink)
+    lit = np.asarray(view.truth)[model.order]
+    _stamp_values(canvas, frame, lit, model.fraction[model.order], look)
 
 
 def _lines(
@@ -215,8 +222,8 @@ def _cursor(
         marks.insert(1, (view.real, view.real_headings, glyphs.real, theme.real))
     for points, headings, glyph, colour in marks:
         place = np.asarray(points)[iid : iid + 1]
-        columns, rows, seen = _inside(frame, place)
-        if not seen[0]:
+        columns, rows, _ = _topmost(frame, place)
+        if not columns.size:
             continue
         _stamp(canvas, frame, place, glyph, colour)
         if headings is not None and np.isfinite(headings[iid]):

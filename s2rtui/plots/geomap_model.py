@@ -45,7 +45,8 @@ def geomap_model(view: GeoMapInput) -> GeoMapModel:
     lit = valid & np.asarray(view.selected, dtype=np.bool_)
     shares = fraction(values, scale)
     ids = np.flatnonzero(lit)
-    order = ids[np.argsort(np.nan_to_num(shares[ids], nan=-1.0), kind="stable")]
+    steps = np.nan_to_num(shares[ids] * 65534 + 1).astype(np.uint16)
+    order = ids[np.argsort(steps, kind="stable")]
     cursor = view.cursor
     if cursor is not None and not (0 <= cursor < valid.size and valid[cursor]):
         cursor = None

@@ -23,3 +23,6 @@ class HelpScreen(ModalScreen[None]):
     def compose(self) -> ComposeResult:
         with VerticalScroll(id="help"):
             yield Static(help_text(), markup=False)
+
+    def on_mount(self) -> None:
+        self.query_one("#help", VerticalScroll).focus()

@@ -123,7 +123,7 @@ class LocalGraph:
 
     def signature(self, regions: dict[str, Region]) -> tuple[Any, ...]:
         """Equal for patches that can be computed in one batch."""
-        parts: list[Any] = []
+        parts: list[Any] = [regions[self._input].shape]
         for step in self._steps:
             parts.append(regions[step.name].shape)
             parts.extend(self._offset(step, regions, name) for name in step.inputs)
@@ -150,6 +150,10 @@ class LocalGraph:
         lead = patches.shape[:3]
         parts = {self._input: patches.flatten(0, 2)}
         for step in self._steps:
+            if regions[0][step.name].empty:
+                channels = base.outputs[step.name].shape[1]
+                parts[step.name] = patches.new_empty((math.prod(lead), channels, 0, 0))
+                continue
             crops = [
                 self._pasted(base, parts[name], step, name, regions, lead) for name in step.inputs
             ]
@@ -181,7 +185,9 @@ class LocalGraph:
         grouped = crop.unflatten(0, lead)
         for place, w in enumerate(windows):
             grouped[:, place] = source[:, None, :, w.r0 : w.r1, w.c0 : w.c1]
-        crop[..., row : row + part.shape[-2], col : col + part.shape[-1]] = part
+        top, left = max(row, 0), max(col, 0)
+        seen = part[..., top - row : crop.shape[-2] - row, left - col : crop.shape[-1] - col]
+        crop[..., top : top + seen.shape[-2], left : left + seen.shape[-1]] = seen
         return crop
 
 

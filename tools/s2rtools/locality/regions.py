@@ -18,7 +18,14 @@ class Region:
     def shape(self) -> tuple[int, int]:
         return self.r1 - self.r0, self.c1 - self.c0
 
+    @property
+    def empty(self) -> bool:
+        return self.r0 >= self.r1 or self.c0 >= self.c1
+
     def union(self, other: Region) -> Region:
+        """The smallest region that holds both; an empty one adds nothing."""
+        if self.empty or other.empty:
+            return other if self.empty else self
         return Region(
             min(self.r0, other.r0), max(self.r1, other.r1),
             min(self.c0, other.c0), max(self.c1, other.c1),
@@ -54,6 +61,8 @@ class Window:
 
 def reach(region: Region, rows: Window, cols: Window, size: tuple[int, int]) -> Region:
     """The outputs that see any of a region of an input of `size` rows and columns."""
+    if region.empty:
+        return Region(0, 0, 0, 0)
     r0, r1 = rows.reach(region.r0, region.r1, size[0])
     c0, c1 = cols.reach(region.c0, region.c1, size[1])
     return Region(r0, r1, c0, c1)

@@ -1,0 +1,73 @@
+"""Folding changes nothing; reduced precision is used only where it stays close."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+import torch
+
+from s2rstore.errors import RequestError
+from s2rtools.inference import Backend, choose_backend, open_backend
+from s2rtools.inference.backend import Bfloat16Backend
+from s2rtools.inference.folding import folded
+from tests.support import networks
+
+
+def batch(model, n: int = 3) -> np.ndarray:
+    rng = np.random.default_rng(0)
+    return (rng.random((n, 4, *model.network.input_size)) * 2 - 1).astype(np.float32)
+
+
+@pytest.mark.parametrize("architecture", ["posest", "resposenet"])
+def test_folding_keeps_the_outputs(architecture: str) -> None:
+    model = networks.built(architecture)
+    x = batch(model, 2)
+    with torch.no_grad():
+        wanted = model.convention.decode(model.network(torch.from_numpy(x)).double())
+    made = Backend(model).forward_all(x)
+    assert np.allclose(made.pose, wanted.numpy(), atol=1e-4)
+    assert made.embedding.shape == (2, model.network.embedding_size)
+    names = {type(module).__name__ for module in folded(model.network.trunk).modules()}
+    assert "BatchNorm2d" not in names
+
+
+def test_the_default_is_float32_and_deterministic() -> None:
+    model = networks.built("resposenet")
+    x = batch(model)
+    chosen = choose_backend(model, x)
+    assert (chosen.name, chosen.precision) == ("torch", "float32")
+    assert (chosen.forward_all(x).pose == choose_backend(model, x).forward_all(x).pose).all()
+
+
+def test_a_backend_that_is_too_far_off_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = networks.built("resposenet")
+    x = batch(model)
+    monkeypatch.setattr(Bfloat16Backend, "features", lambda self, x: Backend.features(self, x) * 2)
+    monkeypatch.setattr(Bfloat16Backend, "__init__", Backend.__init__)
+    with pytest.raises(RequestError, match="calibration batch"):
+        choose_backend(model, x, "torch-bfloat16")
+
+
+def test_auto_takes_only_what_stays_close() -> None:
+    model = networks.built("resposenet")
+    x = batch(model)
+    chosen = choose_backend(model, x, "auto")
+    reference = Backend(model).forward_all(x).pose
+    assert np.hypot(*(chosen.forward_all(x).pose - reference)[:, :2].T).max() <= 0.01
+
+
+def test_unknown_and_missing_backends_are_named() -> None:
+    model = networks.built("resposenet")
+    with pytest.raises(RequestError, match="torch-bfloat16"):
+        open_backend(model, "abacus")
+
+
+@pytest.mark.skipif(importlib.util.find_spec("openvino") is None, reason="openvino not installed")
+def test_openvino_gives_the_same_poses() -> None:
+    model = networks.built("resposenet")
+    x = batch(model)
+    reference, made = Backend(model).forward_all(x), open_backend(model, "openvino").forward_all(x)
+    assert np.allclose(made.pose, reference.pose, atol=0.05)
+    assert made.features.shape == reference.features.shape

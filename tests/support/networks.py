@@ -1,0 +1,137 @@
+"""Networks for tests: random weights that give lively outputs, local and not."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from s2rtools.models import build
+from s2rtools.models.contract import LoadedModel, PoseNetwork
+from s2rtools.models.conventions import OutputConvention
+
+
+class Small(PoseNetwork):
+    """A trunk of choice under the usual pooled head."""
+
+    architecture: ClassVar[str] = "small"
+    convention = OutputConvention("cos_sin")
+
+    def __init__(self, trunk: nn.Module, channels: int, size: tuple[int, int]) -> None:
+        super().__init__()
+        self.inner = trunk
+        self.input_size = size
+        self.embedding_size = channels * 4
+        self.out = nn.Linear(self.embedding_size, 4)
+
+    @property
+    def trunk(self) -> nn.Module:
+        return self.inner
+
+    def embed(self, features: Tensor) -> Tensor:
+        return functional.adaptive_avg_pool2d(features, 2).flatten(1)
+
+    def head(self, embedding: Tensor) -> Tensor:
+        return self.out(embedding)
+
+
+class Residual(nn.Module):
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(channels, channels, 3, padding=1)
+        self.norm = nn.BatchNorm2d(channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return torch.relu(x + self.norm(self.conv(x)))
+
+
+class Branches(nn.Module):
+    """Two paths of different reach, joined by channels."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.wide = nn.Conv2d(4, 6, 5, padding=2, stride=2)
+        self.narrow = nn.Conv2d(4, 3, 1, stride=2)
+        self.after = nn.Conv2d(9, 8, 3, padding=1, dilation=1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        joined = torch.cat([self.wide(x), self.narrow(x)], dim=1)
+        return functional.relu(self.after(joined))
+
+
+class SqueezeExcite(nn.Module):
+    def __init__(self) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(4, 8, 3, padding=1)
+        self.gate = nn.Linear(8, 8)
+
+    def forward(self, x: Tensor) -> Tensor:
+        y = self.conv(x)
+        return y * torch.sigmoid(self.gate(y.mean(dim=(2, 3))))[:, :, None, None]
+
+
+def local_trunks() -> dict[str, tuple[nn.Module, int]]:
+    """Trunks that can be recomputed by locality, with their channels."""
+    return {
+        "plain": (nn.Sequential(nn.Conv2d(4, 8, 3, padding=1), nn.ReLU(inplace=True)), 8),
+        "strided": (
+            nn.Sequential(
+                nn.Conv2d(4, 8, 5, stride=2, padding=2), nn.BatchNorm2d(8), nn.ReLU(),
+                nn.MaxPool2d(2), nn.Conv2d(8, 8, 3), nn.LeakyReLU(), nn.AvgPool2d(2),
+            ), 8,
+        ),
+        "overlapping pool": (
+            nn.Sequential(
+                nn.Conv2d(4, 6, 3, padding=1), nn.MaxPool2d(3, stride=2, padding=1),
+                nn.Conv2d(6, 8, 3, padding=2, dilation=2), nn.GELU(),
+            ), 8,
+        ),
+        "residual": (
+            nn.Sequential(nn.Conv2d(4, 8, 3, padding=1), nn.ReLU(), nn.MaxPool2d(2), Residual(8),
+                          Residual(8)), 8,
+        ),
+        "branches": (Branches(), 8),
+    }  # fmt: skip
+
+
+def foreign_trunks() -> dict[str, tuple[nn.Module, int]]:
+    """Trunks with something global in them."""
+    return {
+        "group norm": (nn.Sequential(nn.Conv2d(4, 8, 3, padding=1), nn.GroupNorm(2, 8)), 8),
+        "instance norm": (nn.Sequential(nn.Conv2d(4, 8, 3), nn.InstanceNorm2d(8)), 8),
+        "global pool": (nn.Sequential(nn.Conv2d(4, 8, 3), nn.AdaptiveAvgPool2d(6)), 8),
+        "squeeze excite": (SqueezeExcite(), 8),
+    }
+
+
+def lively(network: nn.Module, seed: int = 0) -> nn.Module:
+    """Weights and statistics under which every layer passes a signal of its size on."""
+    generator = torch.Generator().manual_seed(seed)
+    for module in network.modules():
+        if isinstance(module, nn.Conv2d | nn.Linear):
+            fan = module.weight[0].numel()
+            with torch.no_grad():
+                module.weight.copy_(
+                    torch.randn(module.weight.shape, generator=generator) * (2 / fan) ** 0.5
+                )
+                if module.bias is not None:
+                    module.bias.copy_(torch.randn(module.bias.shape, generator=generator) * 0.1)
+        if isinstance(module, nn.BatchNorm2d):
+            module.running_mean.copy_(torch.randn(module.num_features, generator=generator) * 0.1)
+            module.running_var.copy_(torch.rand(module.num_features, generator=generator) + 0.5)
+    return network.eval().requires_grad_(False)
+
+
+def small(trunk: nn.Module, channels: int, size: tuple[int, int]) -> LoadedModel:
+    network = Small(trunk, channels, size)
+    lively(network)
+    return LoadedModel("small", "small", network, network.convention, "0" * 64)
+
+
+def built(architecture: str) -> LoadedModel:
+    network = build(architecture)
+    lively(network)
+    heading = "cos_sin" if architecture == "resposenet" else "radians"
+    return LoadedModel(architecture, architecture, network, OutputConvention(heading), "0" * 64)
