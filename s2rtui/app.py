@@ -34,7 +34,7 @@ from s2rtui.widgets.help import HelpScreen
 
 REST_SECONDS = 0.15
 WATCH_SECONDS = 2.0
-_PICTURE_TOLERANCE = 10
+_PICTURE_TOLERANCE = 12
 _SMALLEST = (40, 12)
 
 
@@ -63,6 +63,8 @@ class S2RApp(App[None]):
         self._floor_plan: NDArray[np.uint8] | None = None
         self._pictures: plots.InstanceInput | None = None
         self._instance_heat: NDArray[np.float32] | None = None
+        self._run_heat: NDArray[np.float32] | None = None
+        self._run_heat_key: tuple[object, ...] = ()
         self._ticket = 0
         self._answered = 0
         self._rest: Timer | None = None
@@ -173,7 +175,11 @@ class S2RApp(App[None]):
         if state.overlay == "instance":
             return self._instance_heat
         if state.overlay == "run" and state.heat is not None:
-            return heat_source.run_grid(self.session.store, state.run, state.heat)
+            key = (state.generation, state.run, state.heat)
+            if key != self._run_heat_key:
+                self._run_heat_key = key
+                self._run_heat = heat_source.run_grid(self.session.store, state.run, state.heat)
+            return self._run_heat
         return None
 
     # --- pictures, read by a worker ------------------------------------------------------------

@@ -38,8 +38,9 @@ def plain_loop(heat, depth, record: Domain, pose, y_down: bool, ray: str, grid: 
     cells, values = [], []
     for row in range(SAMPLES):
         for col in range(SAMPLES):
-            u, v = (col + 0.5) * FRAME[1] / SAMPLES, (row + 0.5) * FRAME[0] / SAMPLES
-            raw = int(depth[int(v), int(u)])
+            j, i = int((col + 0.5) * FRAME[1] / SAMPLES), int((row + 0.5) * FRAME[0] / SAMPLES)
+            raw = int(depth[i, j])
+            u, v = j + 0.5, i + 0.5
             if not record.depth_raw_min <= raw <= record.depth_raw_max:
                 continue
             d = raw * record.depth_scale
@@ -63,7 +64,7 @@ def plain_loop(heat, depth, record: Domain, pose, y_down: bool, ray: str, grid: 
                     continue
                 share = sv / FRAME[0], su / FRAME[1]
             else:
-                share = (row + 0.5) / SAMPLES, (col + 0.5) / SAMPLES
+                share = v / FRAME[0], u / FRAME[1]
             value = heat[int(share[0] * heat.shape[0]), int(share[1] * heat.shape[1])]
             ahead += record.forward_offset
             sign = 1 if y_down else -1

@@ -25,17 +25,16 @@ class Rays:
     forward: Floats
 
 
-def sample_centres(count: int, extent: int) -> Floats:
-    """Continuous coordinates of the centres of `count` equal cells over `extent` pixels."""
-    return np.asarray((np.arange(count) + 0.5) * (extent / count), dtype=np.float64)
+def sample_pixels(count: int, extent: int) -> NDArray[np.intp]:
+    """Indices of `count` pixels spread evenly over `extent` of them."""
+    return np.asarray(np.floor((np.arange(count) + 0.5) * (extent / count)), dtype=np.intp)
 
 
-def rays(camera: Intrinsics, rows: int, cols: int, frame: tuple[int, int]) -> Rays:
-    """Rays through the centres of rows x cols cells of a frame of (height, width) pixels."""
-    u = sample_centres(cols, frame[1])[None, :]
-    v = sample_centres(rows, frame[0])[:, None]
-    right = np.broadcast_to((u - camera.cx) / camera.fx, (rows, cols))
-    up = np.broadcast_to(-(v - camera.cy) / camera.fy, (rows, cols))
+def rays(camera: Intrinsics, rows: Floats, cols: Floats) -> Rays:
+    """Rays through a grid of continuous image coordinates, rows (r,) by columns (c,)."""
+    shape = rows.size, cols.size
+    right = np.broadcast_to((cols[None, :] - camera.cx) / camera.fx, shape)
+    up = np.broadcast_to(-(rows[:, None] - camera.cy) / camera.fy, shape)
     cos, sin = np.cos(camera.pitch), np.sin(camera.pitch)
     return Rays(right.copy(), sin + cos * up, cos - sin * up)
 

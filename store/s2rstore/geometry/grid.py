@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -32,24 +33,18 @@ class MapGrid:
 
     def cell(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
         """Flat cell index of each point, -1 outside the bounds."""
-        col = np.floor((x - self.bounds.x0) / self.bounds.width * self.cols)
-        row = np.floor((y - self.bounds.y0) / self.bounds.height * self.rows)
+        col = (x - self.bounds.x0) * (self.cols / self.bounds.width)
+        row = (y - self.bounds.y0) * (self.rows / self.bounds.height)
+        inside = (col >= 0) & (col < self.cols) & (row >= 0) & (row < self.rows)
         with np.errstate(invalid="ignore"):
-            inside = (col >= 0) & (col < self.cols) & (row >= 0) & (row < self.rows)
-        return np.where(inside, np.where(inside, row * self.cols + col, 0), -1).astype(np.int64)
+            flat = row.astype(np.int64) * self.cols + col.astype(np.int64)
+        return np.where(inside, flat, -1)
 
     def add(self, cells: NDArray[np.int64], values: NDArray[np.float64]) -> None:
         """Accumulate values, shape (k,), in cells that lie inside."""
-        count = self._count.size
-        self._sum += np.bincount(cells, weights=values, minlength=count)
-        self._count += np.bincount(cells, minlength=count)
-        order = np.argsort(cells, kind="stable")
-        cells, values = cells[order], values[order]
-        if cells.size:
-            starts = np.flatnonzero(np.diff(cells, prepend=-1))
-            tops = np.maximum.reduceat(values, starts)
-            hit = cells[starts]
-            self._max[hit] = np.maximum(self._max[hit], tops)
+        np.add.at(self._sum, cells, values)
+        np.add.at(self._count, cells, 1.0)
+        np.maximum.at(self._max, cells, values)
 
     def aggregates(self) -> NDArray[np.float32]:
         """Shape (4, rows, cols) in the order of `AGGREGATES`; NaN where nothing fell, count 0."""
@@ -64,8 +59,9 @@ class MapGrid:
 class Projector:
     """Back-projects heat of one domain's frames; ray tables are made once.
 
-    Sampling is SAMPLES x SAMPLES depth pixels per frame. Heat of RGB origin is looked up where
-    each depth ray falls in the RGB image; what that image does not see carries no heat.
+    Sampling is SAMPLES x SAMPLES depth pixels per frame, each along the ray through its centre.
+    Heat of RGB origin is looked up where each depth ray falls in the RGB image; what that image
+    does not see carries no heat.
     """
 
     def __init__(
@@ -78,20 +74,21 @@ class Projector:
         """`frame` is the stored (height, width); `heights` above the floor that count, metres."""
         self._domain = domain
         self._y_down = y_down
-        self._heights = heights
-        self._rays = camera.rays(domain.depth, SAMPLES, SAMPLES, frame)
-        self._row = np.floor(camera.sample_centres(SAMPLES, frame[0])).astype(np.intp)
-        self._col = np.floor(camera.sample_centres(SAMPLES, frame[1])).astype(np.intp)
+        rows, cols = (camera.sample_pixels(SAMPLES, extent) for extent in frame)
+        self._pixels = (rows[:, None] * frame[1] + cols[None, :]).ravel()
+        v, u = rows + np.float64(0.5), cols + np.float64(0.5)
+        self._rays = camera.rays(domain.depth, v, u)
+        self._low, self._high = _raw_range(self._rays.up.ravel(), domain, heights)
+        self._shares = v / frame[0], u / frame[1]
         u, v, self._seen = camera.into_rgb(self._rays, domain.rgb, frame)
         self._u, self._v = u / frame[1], v / frame[0]
+        self._lookups: dict[tuple[int, int, Ray], _Lookup] = {}
 
     def lookup(self, shape: tuple[int, int], ray: Ray) -> NDArray[np.int64]:
         """Flat index into a heatmap of (rows, cols) for each depth sample; -1 where unseen."""
         if ray == "depth":
-            share = (np.arange(SAMPLES) + 0.5) / SAMPLES
-            rows = (share * shape[0]).astype(np.int64)[:, None]
-            cols = (share * shape[1]).astype(np.int64)[None, :]
-            return rows * shape[1] + cols
+            across = (self._shares[1] * shape[1]).astype(np.int64)
+            return (self._shares[0] * shape[0]).astype(np.int64)[:, None] * shape[1] + across
         rows = np.clip(np.floor(self._v * shape[0]), 0, shape[0] - 1)
         cols = np.clip(np.floor(self._u * shape[1]), 0, shape[1] - 1)
         return np.where(self._seen, rows * shape[1] + cols, -1).astype(np.int64)
@@ -103,13 +100,12 @@ class Projector:
 
         `depth` (n, H, W) raw values, `poses` (n, 3). Valid excludes heights out of range.
         """
-        raw = depth[:, self._row[:, None], self._col[None, :]]
-        record = self._domain
-        valid = (raw >= record.depth_raw_min) & (raw <= record.depth_raw_max)
-        metres = raw * np.float64(record.depth_scale)
-        x, y, height = camera.to_floor(self._rays, metres, record, poses, self._y_down)
-        valid &= (height >= self._heights[0]) & (height <= self._heights[1])
-        return x, y, height, valid
+        raw = depth.reshape(len(depth), -1)[:, self._pixels]
+        valid = (raw >= self._low) & (raw <= self._high)
+        shape = len(depth), SAMPLES, SAMPLES
+        metres = raw.reshape(shape) * np.float64(self._domain.depth_scale)
+        x, y, height = camera.to_floor(self._rays, metres, self._domain, poses, self._y_down)
+        return x, y, height, valid.reshape(shape)
 
     def project(
         self,
@@ -122,11 +118,80 @@ class Projector:
         """Cells and values of a batch's heat, each (k,).
 
         `heat` (n, h, w) of any size over the whole image, NaN = no value; `depth` (n, H, W);
-        `poses` (n, 3).
+        `poses` (n, 3). One image at a time stays in the processor's cache.
         """
-        x, y, _, valid = self.points(depth, poses)
-        lookup = self.lookup((heat.shape[1], heat.shape[2]), ray)
-        values = heat.reshape(len(heat), -1)[:, np.maximum(lookup, 0)]
-        cells = grid.cell(x, y)
-        keep = valid & (lookup >= 0)[None] & (cells >= 0) & np.isfinite(values)
-        return cells[keep], values[keep].astype(np.float64)
+        lookup = self._seen_lookup((heat.shape[1], heat.shape[2]), ray)
+        parts = [
+            self._one(*item, lookup, grid)
+            for item in zip(heat.reshape(len(heat), -1), depth, poses, strict=True)
+        ]
+        if not parts:
+            return np.empty(0, np.int64), np.empty(0)
+        cells, values = zip(*parts, strict=True)
+        return np.concatenate(cells), np.concatenate(values)
+
+    def _one(
+        self,
+        heat: NDArray[np.float32],
+        depth: NDArray[np.uint8] | NDArray[np.uint16],
+        pose: NDArray[np.float64],
+        lookup: _Lookup,
+        grid: MapGrid,
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Cells and values of one image: heat (h * w,), depth (H, W), pose (3,)."""
+        raw = depth.reshape(-1)[lookup.pixels]
+        picked = np.flatnonzero((raw >= lookup.low) & (raw <= lookup.high))
+        values = heat[lookup.cells[picked]].astype(np.float64)
+        metres = raw[picked] * np.float64(self._domain.depth_scale)
+        forward = metres * lookup.forward[picked] + self._domain.forward_offset
+        right = metres * lookup.right[picked] * (1.0 if self._y_down else -1.0)
+        cos, sin = np.cos(pose[2]), np.sin(pose[2])
+        cells = grid.cell(
+            pose[0] + forward * cos - right * sin, pose[1] + forward * sin + right * cos
+        )
+        keep = (cells >= 0) & np.isfinite(values)
+        return cells[keep], values[keep]
+
+    def _seen_lookup(self, shape: tuple[int, int], ray: Ray) -> _Lookup:
+        """The samples that can carry heat of this shape, with all that is known beforehand."""
+        key = *shape, ray
+        if key not in self._lookups:
+            cells = self.lookup(shape, ray).ravel()
+            seen = np.flatnonzero((cells >= 0) & (self._low <= self._high))
+            self._lookups[key] = _Lookup(
+                self._pixels[seen], self._low[seen], self._high[seen], cells[seen],
+                self._rays.right.ravel()[seen], self._rays.forward.ravel()[seen],
+            )  # fmt: skip
+        return self._lookups[key]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Lookup:
+    """Per depth sample (m,): its pixel, the raw values that count, its heat cell, its ray."""
+
+    pixels: NDArray[np.intp]
+    low: NDArray[np.uint16]
+    high: NDArray[np.uint16]
+    cells: NDArray[np.int64]
+    right: NDArray[np.float64]
+    forward: NDArray[np.float64]
+
+
+def _raw_range(
+    up: NDArray[np.float64], domain: Domain, heights: tuple[float, float]
+) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    """The valid raw depths that put each ray's point between the heights; low > high for none.
+
+    Height is linear in depth along a ray, so that a band of heights is a range of raw values.
+    """
+    rise = up * domain.depth_scale
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.stack([(height - domain.camera_height) / rise for height in heights])
+    level = rise == 0
+    inside = heights[0] <= domain.camera_height <= heights[1]
+    first = np.where(level, 0.0 if inside else np.inf, ends.min(axis=0))
+    last = np.where(level, np.inf if inside else -np.inf, ends.max(axis=0))
+    low = np.clip(np.ceil(first), domain.depth_raw_min, domain.depth_raw_max)
+    high = np.clip(np.floor(last), domain.depth_raw_min, domain.depth_raw_max)
+    none = (first > domain.depth_raw_max) | (last < domain.depth_raw_min)
+    return np.where(none, 1, low).astype(np.uint16), np.where(none, 0, high).astype(np.uint16)

@@ -1,0 +1,201 @@
+"""The application under a pilot: every size, every key twice, keys while loading, plain ASCII."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from textual.widgets import Input
+
+from s2rtui.actions import ACTIONS, footer, help_text
+from s2rtui.app import S2RApp
+from s2rtui.canvas import ColourMode, Look
+from s2rtui.headless import settle, snapshot, take
+from s2rtui.session import Session
+from s2rtui.widgets import PlotView
+from s2rtui.widgets.help import HelpScreen
+
+SIZES = [(80, 24), (120, 40), (200, 60)]
+
+
+def app_on(store: Path, look: Look | None = None, at: Path | None = None) -> S2RApp:
+    app = S2RApp(Session(store), look or Look(), at)
+    app.rest_seconds = 0.001
+    return app
+
+
+@pytest.mark.parametrize("size", SIZES)
+async def test_every_key_twice(tiny_store: Path, tmp_path: Path, size: tuple[int, int]) -> None:
+    app = app_on(tiny_store, at=tmp_path)
+    async with app.run_test(size=size) as pilot:
+        for action in ACTIONS:
+            if action.name == "quit":
+                continue
+            for key in action.keys:
+                for _ in range(2):
+                    await pilot.press(key)
+                    await pilot.pause()
+                while isinstance(app.screen, HelpScreen):
+                    await pilot.press("escape")
+                    await pilot.pause()
+                await pilot.press("escape")
+        await settle(app, pilot)
+        assert not app.session.state.is_error
+        assert len(list(tmp_path.glob("s2r-*.png"))) == 2
+
+
+@pytest.mark.parametrize("size", SIZES)
+async def test_keys_while_loading(tiny_store: Path, size: tuple[int, int]) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=size) as pilot:
+        await pilot.press("right", "r", "h", "right", "o", "w", "v", "left", "R", "3", "right")
+        await settle(app, pilot)
+        state = app.session.state
+        assert app._pictures is not None
+        assert app._pictures.iid == state.cursor
+
+
+@pytest.mark.parametrize(
+    ("size", "views"),
+    [
+        ((80, 24), {"map"}),
+        ((120, 40), {"overview", "map", "instance"}),
+        ((200, 60), {"overview", "errors", "map", "instance"}),
+    ],
+)
+async def test_layouts(tiny_store: Path, size: tuple[int, int], views: set[str]) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=size) as pilot:
+        await settle(app, pilot)
+        seen = {view.id for view in app.query(PlotView) if view.region.area and view.size.height}
+        assert seen == views
+        for view in app.query(PlotView):
+            if view.id in seen:
+                assert view.region.right <= size[0]
+                assert view.region.bottom <= size[1]
+
+
+async def test_number_keys_switch_views_on_a_small_screen(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(80, 24)) as pilot:
+        for key, view in (("1", "overview"), ("3", "instance"), ("2", "map")):
+            await pilot.press(key)
+            await settle(app, pilot)
+            shown = {plot.id for plot in app.query(PlotView) if plot.region.area}
+            assert shown == {view}
+
+
+@pytest.mark.parametrize("size", [(60, 20), (30, 8), (10, 3)])
+async def test_small_terminals_do_not_break(tiny_store: Path, size: tuple[int, int]) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=size) as pilot:
+        await pilot.press("w", "right", "3", "1")
+        await settle(app, pilot)
+        text = take(app).text
+        assert text.strip()
+
+
+async def test_resizing_changes_the_layout(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await settle(app, pilot)
+        for size in ((80, 24), (120, 40), (20, 5), (200, 60)):
+            await pilot.resize_terminal(*size)
+            await settle(app, pilot)
+        assert "errors" in take(app).text
+
+
+async def test_an_expression_is_written_corrected_and_applied(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await pilot.press("c", "slash")
+        query = app.query_one("#query", Input)
+        query.value = "worst15 & room:rihgt"
+        await pilot.press("enter")
+        await pilot.pause()
+        assert "column 16" in app.session.state.message
+        assert app.focused is query
+        assert query.cursor_position == 15
+        assert app.session.state.expression == "all"
+        query.value = "worst15 & room:right"
+        await pilot.press("enter")
+        await pilot.pause()
+        assert app.session.state.expression == "worst15 & room:right"
+        assert app.focused is None
+        assert "worst15 & room:right" in take(app).text
+        await pilot.press("slash", "escape", "w")
+        await pilot.pause()
+        assert app.session.state.expression == "worst15"
+
+
+async def test_letters_go_into_the_query_line_while_it_is_open(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("slash")
+        app.query_one("#query", Input).value = ""
+        await pilot.press("n", "o", "n", "e")
+        assert app.query_one("#query", Input).value == "none"
+        await pilot.press("enter")
+        assert app.session.state.count == "0 of 40"
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("keys", ["", "m,o", "3,v,o,o", "question_mark", "1,slash"])
+def test_ascii_is_ascii_everywhere(tiny_store: Path, size: tuple[int, int], keys: str) -> None:
+    pressed = [key for key in keys.split(",") if key]
+    shot = snapshot(tiny_store, size, pressed, Look(ascii=True))
+    strange = {c for c in shot.text if ord(c) > 126}
+    assert strange == set()
+
+
+@pytest.mark.parametrize("mode", list(ColourMode))
+def test_every_colour_mode_shows_the_same_text(tiny_store: Path, mode: ColourMode) -> None:
+    text = snapshot(tiny_store, (120, 40), ["w"], Look(mode=mode)).text
+    assert "worst15" in text
+    assert "vanilla" in text
+    assert "6 of 40" in text
+
+
+def test_the_same_keys_give_the_same_picture(tiny_store: Path) -> None:
+    shots = [snapshot(tiny_store, (80, 24), ["w", "right", "3"]).png(Look()) for _ in range(2)]
+    assert shots[0] == shots[1]
+    assert shots[0].startswith(b"\x89PNG")
+
+
+def test_numbers_on_the_screen_are_the_stores(tiny_store: Path) -> None:
+    import s2rstore
+    from s2rstore import headlines
+
+    text = snapshot(tiny_store, (120, 40), ["c"]).text
+    with s2rstore.open(tiny_store) as store:
+        for run in store.runs:
+            for side in ("sim", "real"):
+                accuracy = headlines.headline(store, run, side).accuracy.value
+                line = next(row for row in text.splitlines()[1:] if f" {run} " in row)
+                assert f"{100 * accuracy:.1f}" in line
+
+
+def test_key_map_footer_and_help_come_from_one_table() -> None:
+    keys = [key for action in ACTIONS for key in action.keys]
+    assert len(keys) == len(set(keys))
+    for action in ACTIONS:
+        name = action.name.split("(")[0]
+        assert hasattr(S2RApp, f"action_{name}"), name
+        assert action.description in help_text()
+    for width in range(0, 200, 7):
+        shown = footer(width)
+        assert shown[-1][1] == "quit"
+
+
+def test_starting_the_application_loads_no_heavy_package(tiny_store: Path) -> None:
+    import subprocess
+    import sys
+
+    code = (
+        "import sys; from s2rtui.app import S2RApp; from s2rtui.session import Session;"
+        f"Session({str(tiny_store)!r}); "
+        "print([m for m in ('torch', 'matplotlib', 'zarr', 'scipy', 'cv2', 's2rtools') "
+        "if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,146 @@
+"""The session alone: every transition gives a new frozen state that says what is true."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from s2rstore.errors import RequestError
+from s2rstore.language import ExpressionError
+from s2rstore.writer import edit
+from s2rtui.session import Session
+from s2rtui.session.derive import instance_input, map_input, overview_rows
+from s2rtui.session.heat import choices, instance_grid, run_grid
+from tests.support import tiny
+
+
+@pytest.fixture
+def session(tiny_store: Path) -> Session:
+    return Session(tiny_store)
+
+
+def test_the_first_state_shows_a_finding(tmp_path: Path) -> None:
+    session = Session(tiny.build(tmp_path / "s.s2r", n=120))
+    state = session.state
+    assert state.expression.startswith("room:")
+    assert "worst region" in state.message
+    assert 0 < state.selected.sum() < state.base.sum()
+    assert state.cursor is not None
+    assert state.selected[state.cursor]
+
+
+def test_states_are_frozen_and_new(session: Session) -> None:
+    before = session.state
+    after = session.select("best15")
+    assert after is session.state
+    assert before.expression != after.expression
+    with pytest.raises(FrozenInstanceError):
+        after.run = "other"  # type: ignore[misc]
+
+
+def test_a_wrong_expression_changes_nothing(session: Session) -> None:
+    before = session.state
+    with pytest.raises(ExpressionError):
+        session.select("worst15 & room:nowhere")
+    assert session.state is before
+
+
+def test_the_count_is_of_the_base_population(session: Session) -> None:
+    assert session.select("worst15").count == "6 of 40"
+    session.change_trajectory()
+    assert session.state.trajectories == ("a",)
+    assert session.state.count == "4 of 25"
+    session.change_trajectory()
+    assert session.state.count == "3 of 15"
+    session.change_trajectory()
+    assert session.state.trajectories is None
+
+
+def test_the_cursor_walks_the_selection_around(session: Session) -> None:
+    session.select("ids(3, 7, 20)")
+    seen = [session.move_cursor(1).cursor for _ in range(4)]
+    assert set(seen) == {3, 7, 20}
+    assert seen[0] == seen[3]
+    assert session.move_cursor(-1).cursor == seen[2]
+    session.select("none")
+    assert session.state.message == "nothing is selected"
+    assert session.move_cursor(1).cursor is not None
+
+
+def test_undo_goes_back_one_expression_at_a_time(session: Session) -> None:
+    session.select("worst15")
+    session.select("best15")
+    assert session.undo().expression == "worst15"
+    session.undo()
+    assert session.undo().message == "nothing to undo"
+
+
+def test_runs_turn_and_keep_the_expression(session: Session) -> None:
+    session.select("worst15")
+    first = np.flatnonzero(session.state.selected)
+    assert session.change_run(1).run == "dataaug"
+    assert session.state.expression == "worst15"
+    assert not np.array_equal(np.flatnonzero(session.state.selected), first)
+    assert session.change_run(1).run == "vanilla"
+
+
+def test_heat_kinds_modes_and_sides_turn(session: Session) -> None:
+    kinds = {session.state.heat.kind}
+    for _ in range(5):
+        kinds.add(session.change_heat(1).heat.kind)
+    assert kinds == {"activation", "feature_distance", "occlusion"}
+    while session.state.heat.kind != "occlusion":
+        session.change_heat(1)
+    assert {session.change_mode().heat.mode for _ in range(3)} == {"rgb", "depth", "rgbd"}
+    assert session.change_side().heat.side == "sim"
+    assert [session.change_overlay().overlay for _ in range(3)] == ["instance", "run", "off"]
+
+
+def test_a_newer_generation_is_noticed_and_taken_when_asked(own_store: Path) -> None:
+    session = Session(own_store)
+    session.select("worst15")
+    assert not session.notice()
+    with edit(own_store) as draft:
+        draft.delete("run", run="dataaug")
+    assert session.notice()
+    assert session.state.runs == ("vanilla", "dataaug")
+    state = session.move_on()
+    assert state.runs == ("vanilla",)
+    assert (state.generation, state.expression) == (state.newest, "worst15")
+    assert session.move_on().message == "this is the newest generation"
+
+
+def test_a_run_that_is_not_computed_is_refused(own_store: Path) -> None:
+    with edit(own_store) as draft:
+        draft._connection.execute("UPDATE run SET key = NULL WHERE run = 'dataaug'")
+    with pytest.raises(RequestError, match="not computed"):
+        Session(own_store, "dataaug")
+    assert Session(own_store).state.runs == ("vanilla",)
+    with edit(own_store) as draft:
+        draft._connection.execute("UPDATE run SET key = NULL")
+    with pytest.raises(RequestError, match="s2r precompute"):
+        Session(own_store)
+
+
+def test_views_get_the_stores_numbers(session: Session) -> None:
+    rows, baseline = overview_rows(session.store)
+    assert [row.run for row in rows] == ["vanilla", "dataaug"]
+    assert 0 < baseline < 1
+    view = map_input(session.store, session.select("worst15"))
+    assert (view.selected == session.state.selected).all()
+    columns = session.store.run_columns("vanilla")
+    assert np.array_equal(view.real[:, 0], columns.real.x)
+    found = instance_input(session.store, "vanilla", 5, session.state.heat)
+    assert found.real.pose.error == columns.real.error[5]
+    assert np.isnan(found.sim.depth).any()
+    assert choices(session.store, "vanilla")[0] == ("activation", "loss")
+
+
+def test_one_instances_heat_lies_on_the_map(session: Session) -> None:
+    session.select("ids(5)")
+    grid = instance_grid(session.store, "vanilla", session.state.heat, 5)
+    assert np.isfinite(grid).any()
+    assert run_grid(session.store, "vanilla", session.state.heat) is None
