@@ -59,7 +59,7 @@ class S2RApp(App[None]):
         self.session = session
         self.look = look
         self._pictures_at = pictures_at or Path.cwd()
-        self._rows, self._baseline = derive.overview_rows(session.store)
+        self._rows, self._baseline = derive.overview_rows(session.store, (session.state.run,))
         self._floor_plan: NDArray[np.uint8] | None = None
         self._pictures: plots.InstanceInput | None = None
         self._instance_heat: NDArray[np.float32] | None = None
@@ -75,7 +75,7 @@ class S2RApp(App[None]):
         yield Bar("status")
         with Horizontal(id="views"):
             with Vertical(id="side"):
-                yield PlotView("overview", self.look, rows=len(self._rows) + 5)
+                yield PlotView("overview", self.look, rows=len(self.session.state.runs) + 5)
                 yield PlotView("errors", self.look)
             yield PlotView("map", self.look, _PICTURE_TOLERANCE)
             yield PlotView("instance", self.look, _PICTURE_TOLERANCE)
@@ -91,7 +91,7 @@ class S2RApp(App[None]):
         self.query_one("#query", Input).can_focus = False
         self._arrange(self.size.width, self.size.height)
         self._show()
-        self.call_after_refresh(self._load_floor_plan)
+        self.call_after_refresh(self._complete)
         self.set_interval(WATCH_SECONDS, self._watch)
 
     def on_unmount(self) -> None:
@@ -135,7 +135,7 @@ class S2RApp(App[None]):
         self.query_one("#message", Bar).say(_safe(text), "error" if state.is_error else "")
 
     def _show_plots(self, state: State) -> None:
-        selected = state.runs.index(state.run)
+        selected = next((i for i, row in enumerate(self._rows) if row.run == state.run), 0)
         overview = partial(_overview, self._rows, self._baseline, selected)
         self.query_one("#overview", PlotView).show(
             titled("overview", "accuracy, sim and real", overview, state)
@@ -225,7 +225,10 @@ class S2RApp(App[None]):
         self._pictures, self._instance_heat = message.instance, message.heat
         self._show()
 
-    def _load_floor_plan(self) -> None:
+    def _complete(self) -> None:
+        """After the first paint: the other runs' figures, and the floor plan."""
+        self._rows, self._baseline = derive.overview_rows(self.session.store)
+        self._show()
         path = self.session.store.floor_plan_path()
         if path is not None:
             self._read_floor_plan(str(path))

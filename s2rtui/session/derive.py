@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -19,12 +20,15 @@ Pixels = NDArray[np.uint8]
 Grid = NDArray[np.float32]
 
 
-def overview_rows(store: Store) -> tuple[list[OverviewRow], float]:
-    """A row per computed run, and the baseline's accuracy; figures leave out what was learned."""
+def overview_rows(
+    store: Store, runs: Sequence[str] | None = None
+) -> tuple[list[OverviewRow], float]:
+    """A row per computed run (or per named one), and the baseline's accuracy.
+
+    Figures leave out what the model was trained on.
+    """
     rows = []
-    for name, run in store.runs.items():
-        if run.key is None:
-            continue
+    for name in runs or [name for name, run in store.runs.items() if run.key]:
         sim, real = (headlines.headline(store, name, side) for side in ("sim", "real"))
         rows.append(
             OverviewRow(

@@ -10,7 +10,8 @@ import numpy as np
 import s2rstore
 from s2rstore import findings, selection
 from s2rstore.errors import RequestError
-from s2rstore.language import base_population, mask, parse, quoted, to_text
+from s2rstore.language import Node, base_population, mask, parse, to_text
+from s2rstore.language.nodes import Extreme, Field, Named
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.plots.frame import panned, zoomed
@@ -51,10 +52,12 @@ class Session:
         state = self._with_heat(self._selected(state, self._finding(chosen.run)))
         return replace(state, past=(), message=self._finding_text(chosen.run))
 
-    def _finding(self, run: str) -> str:
-        """The first screen's expression: the room where reality is worst."""
+    def _finding(self, run: str) -> Node:
+        """The first screen's selection: the room where reality is worst."""
         rooms = findings.regions(self.store, run)
-        return f"room:{quoted(rooms[0].room)}" if rooms else "worst15"
+        if not rooms:
+            return Extreme("worst", 15, True, Field("real.error"))
+        return Named(Field("room"), rooms[0].room)
 
     def _finding_text(self, run: str) -> str:
         rooms = findings.regions(self.store, run)
@@ -78,8 +81,8 @@ class Session:
         """Select by an expression. Raises ExpressionError; the state stays as it was."""
         return self._set(self._selected(self.state, expression))
 
-    def _selected(self, state: State, expression: str) -> State:
-        node = parse(expression)
+    def _selected(self, state: State, expression: str | Node) -> State:
+        node = parse(expression) if isinstance(expression, str) else expression
         context = selection.context(self.store, state.run, state.trajectories)
         chosen = mask(node, context)
         past = state.past

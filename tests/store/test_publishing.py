@@ -60,7 +60,8 @@ def test_every_table_and_column_is_described(tiny_store: Path) -> None:
                WHERE NOT internal AND coalesce(comment, '') = ''"""
         ).fetchall()
         tables = plain.execute(
-            "SELECT table_name FROM duckdb_tables() WHERE NOT internal AND coalesce(comment, '') = ''"
+            "SELECT table_name FROM duckdb_tables() "
+            "WHERE NOT internal AND coalesce(comment, '') = ''"
         ).fetchall()
         databases = "SELECT tags FROM duckdb_databases() WHERE NOT internal"
         tags = plain.execute(databases).fetchall()

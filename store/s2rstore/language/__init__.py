@@ -9,9 +9,20 @@ from s2rstore.language.context import Vocabulary, expand, used_runs
 from s2rstore.language.errors import ExpressionError
 from s2rstore.language.masks import MaskContext, base_population, mask
 from s2rstore.language.nodes import Node
-from s2rstore.language.parser import parse
 from s2rstore.language.sql import SqlContext, to_sql
 from s2rstore.language.text import quoted, to_text
+
+
+def parse(text: str) -> Node:
+    """The tree of an expression; an empty text means `all`.
+
+    Raises ExpressionError with the column and what could stand there. The grammar is loaded on
+    first use, because the application's first screen needs none.
+    """
+    from s2rstore.language.parser import parse as parse_text
+
+    return parse_text(text)
+
 
 __all__ = [
     "ExpressionError",

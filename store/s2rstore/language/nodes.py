@@ -7,7 +7,7 @@ from dataclasses import field as attribute
 from typing import Literal
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Field:
     """A column by its name in the language, of the named run or (None) the current one."""
 
@@ -15,24 +15,24 @@ class Field:
     run: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Everything:
     """`all`: the base population."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Nothing:
     """`none`: the empty set."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Ids:
     """`ids(3, 7..12)`: closed ranges of instances."""
 
     ranges: tuple[tuple[int, int], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Compare:
     """`gap >= 2`."""
 
@@ -41,7 +41,7 @@ class Compare:
     value: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Between:
     """`seq:100..200`, both ends included; for headings, from the first turning to the second."""
 
@@ -50,7 +50,7 @@ class Between:
     high: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Around:
     """`heading:90+-20`: within a tolerance of a centre."""
 
@@ -59,7 +59,7 @@ class Around:
     tolerance: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Named:
     """`room:right`, `traj:a`, `sim.split:train`: a text column equals a name."""
 
@@ -68,7 +68,7 @@ class Named:
     column: int = attribute(default=0, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Extreme:
     """`worst(20%, sim.error)`: the largest values of the base population; `best` the smallest."""
 
@@ -78,7 +78,7 @@ class Extreme:
     field: Field
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Box:
     """`box(x0, y0, x1, y1)` over two columns, edges included."""
 
@@ -87,7 +87,7 @@ class Box:
     corners: tuple[float, float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Near:
     """`near(x, y, radius)` over two columns, the circle included."""
 
@@ -97,14 +97,14 @@ class Near:
     radius: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Bend:
     """`straight` (|curvature| < 10 degrees) or `curved` (the others)."""
 
     straight: bool
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Saved:
     """`@name`: a saved selection."""
 
@@ -112,24 +112,24 @@ class Saved:
     column: int = attribute(default=0, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Not:
     inner: Node
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class And:
     left: Node
     right: Node
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Minus:
     left: Node
     right: Node
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Or:
     left: Node
     right: Node

@@ -1,0 +1,80 @@
+"""Run all measurements, or those named by --only."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+os.environ.setdefault("GOMP_SPINCOUNT", "0")
+
+from bench import inference, memory, occlusion, projection, startup, wire
+from bench.figures import Figure
+from bench.worlds import frames_store, lively
+
+_ROOMS = ("startup", "wire", "projection", "occlusion", "inference", "memory")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
+    parser.add_argument("--json", action="store_true", help="one JSON object per line")
+    parser.add_argument("--only", choices=_ROOMS, action="append", help="repeatable")
+    parser.add_argument("--store", type=Path, help="for startup and wire: a computed store")
+    parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
+    options = parser.parse_args()
+    wanted = options.only or list(_ROOMS)
+    failed = 0
+    folder = Path(tempfile.mkdtemp())
+    try:
+        for figure in _all(wanted, options, folder):
+            failed += not figure.ok
+            print(json.dumps(figure.row()) if options.json else _line(figure), flush=True)
+    finally:
+        shutil.rmtree(folder)
+    return 1 if failed else 0
+
+
+def _all(wanted: list[str], options: argparse.Namespace, folder: Path) -> Iterator[Figure]:
+    if {"startup", "wire"} & set(wanted):
+        store = options.store or _computed(folder)
+        if "startup" in wanted:
+            yield from startup.figures(store)
+        if "wire" in wanted:
+            yield from wire.figures(store)
+    if "projection" in wanted:
+        yield from projection.figures()
+    if "occlusion" in wanted:
+        yield from occlusion.figures(options.threads)
+    if "inference" in wanted:
+        yield from inference.figures(options.threads)
+    if "memory" in wanted:
+        yield from memory.figures((1_000, 100_000))
+
+
+def _computed(folder: Path) -> Path:
+    from s2rtools.precompute.pipeline import Options, precompute
+
+    class Quiet:
+        def begin(self, what: str, total: int) -> None: ...
+        def advance(self, steps: int) -> None: ...
+        def say(self, line: str) -> None: ...
+
+    path = frames_store(folder / "small.s2r", 64, 256, lively("resposenet"))
+    precompute(path, Quiet(), [], Options(("activation", "feature_distance")))
+    return path
+
+
+def _line(figure: Figure) -> str:
+    budget = "reference" if figure.budget is None else f"{figure.sense} {figure.budget:g}"
+    state = "" if figure.ok else "  OVER"
+    return f"{figure.name:<55} {figure.value:10.4g} {figure.unit:<9} {budget}{state}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,42 @@
+"""A figure with its budget."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from statistics import median
+from typing import Any, Literal
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """`budget` None marks a reference row; `sense` tells on which side of it is good."""
+
+    name: str
+    value: float
+    unit: str
+    budget: float | None = None
+    sense: Literal["at most", "at least"] = "at most"
+
+    @property
+    def ok(self) -> bool:
+        if self.budget is None:
+            return True
+        return self.value <= self.budget if self.sense == "at most" else self.value >= self.budget
+
+    def row(self) -> dict[str, Any]:
+        values = asdict(self)
+        values.pop("sense")
+        return {**values, "value": float(f"{self.value:.4g}"), "ok": self.ok}
+
+
+def seconds(work: Callable[[], Any], times: int = 5) -> float:
+    """Median wall time after one warm-up."""
+    work()
+    taken = []
+    for _ in range(times):
+        began = time.perf_counter()
+        work()
+        taken.append(time.perf_counter() - began)
+    return median(taken)

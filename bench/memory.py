@@ -1,0 +1,53 @@
+"""Memory of a precompute above the loaded process, small and large."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from bench.figures import Figure
+from bench.worlds import frames_store
+
+_CODE = """
+import json, resource, sys
+from pathlib import Path
+import sklearn.decomposition, torch, umap, zarr
+import numpy as np
+from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.projection import joint_umap
+rng = np.random.default_rng(0)
+warm = rng.random((60, 50), dtype=np.float32)
+joint_umap((warm, warm + 1), np.ones(60, bool))
+peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+class Quiet:
+    def begin(self, what, total): pass
+    def advance(self, steps): pass
+    def say(self, line): pass
+torch.set_num_threads(2)
+torch.nn.functional.conv2d(torch.rand(8, 4, 64, 64), torch.rand(24, 4, 5, 5))
+before = peak()
+precompute(Path(sys.argv[1]), Quiet(), [], Options(tuple(sys.argv[2].split(","))))
+print(json.dumps(peak() - before))
+"""
+
+
+def figures(sizes: tuple[int, ...]) -> Iterator[Figure]:
+    """Frames of 32 x 32, the resposenet, the kinds that one pass gives."""
+    from bench.worlds import lively
+
+    for n in sizes:
+        folder = Path(tempfile.mkdtemp())
+        try:
+            path = frames_store(folder / "s.s2r", n, 32, lively("resposenet"))
+            command = [sys.executable, "-c", _CODE, str(path), "feature_distance"]
+            done = subprocess.run(command, check=True, capture_output=True, text=True)
+            grown = float(json.loads(done.stdout.splitlines()[-1]))
+        finally:
+            shutil.rmtree(folder)
+        budget = 200 + 100 * n / 1e6
+        yield Figure(f"memory of precompute, {n} instances", grown, "MB", budget)
