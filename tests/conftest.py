@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import tiny
+from tests.support import pairs, tiny
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
@@ -32,3 +32,22 @@ def real_data() -> Path:
     if not folder:
         pytest.skip("S2R_DATA does not name the Sim2RealViz data")
     return Path(folder)
+
+
+@pytest.fixture(scope="session")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store of 80 pairs with a briefly trained model; nothing is computed yet."""
+    root = tmp_path_factory.mktemp("trained")
+    os.environ["XDG_CACHE_HOME"] = str(root / "cache")
+    from s2rtools.ingest import IMPORTERS
+    from s2rtools.ingest.build import build
+    from s2rtools.ingest.scan import ScanOptions
+    from s2rtools.train.into_store import TrainingRequest, train_into_store
+
+    header = pairs.sim2realviz(root / "data", n=80)
+    options = ScanOptions(header=header, frame=(64, 64))
+    scan = IMPORTERS["sim2realviz"](root / "data", options)
+    build(scan, root / "s.s2r", "s2r ingest", False, lambda steps: None)
+    request = TrainingRequest("vanilla", steps=3)
+    train_into_store(root / "s.s2r", request, lambda *told: None, "s2r train")
+    return root / "s.s2r"

@@ -30,6 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mode", choices=("colour", "full"), default="colour", help="of the map")
     parser.add_argument("--heat", metavar="KIND[:MODE]", help="heat on the map or the pictures")
     parser.add_argument("--side", choices=("sim", "real"), default="real", help="whose heat")
+    parser.add_argument(
+        "--aggregate", choices=("mean", "max", "sum", "count"), default="mean",
+        help="of the heat on the map; count = pixels that fell on each cell",
+    )  # fmt: skip
     parser.add_argument("--dark", action="store_true", help="dark background")
 
 
@@ -61,7 +65,8 @@ def execute(options: argparse.Namespace) -> int:
                 raise RequestError(f"--iid {options.iid}: 0 .. {state.base.size - 1}")
             state = replace(state, cursor=options.iid)
         session.state = replace(state, map_mode=options.mode)
-        picture = _picture(session, options.view, size, DARK if options.dark else LIGHT)
+        theme = DARK if options.dark else LIGHT
+        picture = _picture(session, options.view, size, theme, options.aggregate)
     finally:
         session.close()
     try:
@@ -82,7 +87,9 @@ def _size(text: str | None) -> Pixels | None:
     return int(found[1]), int(found[2])
 
 
-def _picture(session: Session, view: str, size: Pixels, theme: Theme) -> bytes:
+def _picture(session: Session, view: str, size: Pixels, theme: Theme, aggregate: str) -> bytes:
+    from dataclasses import replace
+
     from s2rstore.errors import RequestError
     from s2rtui import figures
     from s2rtui.session import derive, heat
@@ -96,8 +103,12 @@ def _picture(session: Session, view: str, size: Pixels, theme: Theme) -> bytes:
         plan = derive.floor_plan(str(path)) if path else None
         grid = None
         if state.overlay == "run" and state.heat is not None:
-            grid = heat.run_grid(store, state.run, state.heat)
+            grid = heat.run_grid(store, state.run, state.heat, aggregate)
         shown = derive.map_input(store, state, plan, grid)
+        if grid is not None and aggregate != "mean":
+            unit = "pixels" if aggregate == "count" else shown.heat_unit
+            label = f"{shown.heat_label}, {aggregate}"
+            shown = replace(shown, heat_label=label, heat_unit=unit)
         return figures.geomap_figure(shown, size, theme, state.run, state.expression)
     if view == "instance":
         if state.cursor is None:

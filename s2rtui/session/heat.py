@@ -45,12 +45,15 @@ def ray_of(heat: HeatChoice) -> Ray:
     return "depth" if heat.mode == "depth" else "rgb"
 
 
-def run_grid(store: Store, run: str, heat: HeatChoice) -> NDArray[np.float32] | None:
-    """The published mean grid of a run; None where it was not computed."""
+def run_grid(
+    store: Store, run: str, heat: HeatChoice, aggregate: str = "mean"
+) -> NDArray[np.float32] | None:
+    """A published grid of a run, NaN where nothing fell; None where it was not computed."""
     try:
-        return store.map_grid(run, heat.kind, heat.side, heat.mode)
+        grid = store.map_grid(run, heat.kind, heat.side, heat.mode, aggregate)
     except RequestError:
         return None
+    return np.where(grid > 0, grid, np.nan) if aggregate == "count" else grid
 
 
 def instance_grid(store: Store, run: str, heat: HeatChoice, iid: int) -> NDArray[np.float32]:

@@ -27,10 +27,13 @@ class Session:
     def __init__(self, path: Path | str, run: str | None = None) -> None:
         """Raises RequestError where there is no store or no computed run."""
         self.store: Store = s2rstore.open(path)
+        self._retired: Store | None = None
         self.state = self._first_state(run)
 
     def close(self) -> None:
         self.store.close()
+        if self._retired is not None:
+            self._retired.close()
 
     def _first_state(self, run: str | None) -> State:
         chosen = self.store.run(run)
@@ -220,6 +223,12 @@ class Session:
         moved = panned(view, across, down, self.store.dataset.y_down)
         return self._set(replace(self.state, viewport=moved))
 
+    def _retire(self, store: Store) -> None:
+        """Close a store only at the next change: a worker may still be reading it."""
+        if self._retired is not None:
+            self._retired.close()
+        self._retired = store
+
     def notice(self) -> bool:
         """Look for a newer generation; True where there is one that was not known."""
         newest = self.store.latest_generation()
@@ -247,6 +256,6 @@ class Session:
             made = self._selected(fresh, state.expression)
         except RequestError:
             made = self._selected(fresh, "all")
-        old.close()
+        self._retire(old)
         told = f"generation {self.store.generation}"
         return self._set(replace(self._with_heat(made), message=told))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import signal
 import subprocess
@@ -19,16 +18,11 @@ from s2rstore import angles, layout
 from s2rstore.errors import RequestError
 from s2rstore.verify import verify
 from s2rtools.adjust import parse
-from s2rtools.ingest import IMPORTERS
-from s2rtools.ingest.build import build
-from s2rtools.ingest.scan import ScanOptions
 from s2rtools.models.library import load_model
 from s2rtools.models.preprocess import preprocess
 from s2rtools.precompute.pipeline import Options, precompute
 from s2rtools.precompute.registry import add_run
 from s2rtools.precompute.rows import decode_split, encode_split
-from s2rtools.train.into_store import TrainingRequest, train_into_store
-from tests.support import pairs
 
 
 class Quiet:
@@ -45,20 +39,6 @@ class Quiet:
 
     def say(self, line: str) -> None:
         self.lines.append(line)
-
-
-@pytest.fixture(scope="session")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store of 80 pairs with a briefly trained model; nothing is computed yet."""
-    root = tmp_path_factory.mktemp("trained")
-    os.environ["XDG_CACHE_HOME"] = str(root / "cache")
-    header = pairs.sim2realviz(root / "data", n=80)
-    options = ScanOptions(header=header, frame=(64, 64))
-    scan = IMPORTERS["sim2realviz"](root / "data", options)
-    build(scan, root / "s.s2r", "s2r ingest", False, lambda steps: None)
-    request = TrainingRequest("vanilla", steps=3)
-    train_into_store(root / "s.s2r", request, lambda *told: None, "s2r train")
-    return root / "s.s2r"
 
 
 @pytest.fixture(scope="session")

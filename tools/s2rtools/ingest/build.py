@@ -6,10 +6,12 @@ import hashlib
 import json
 import os
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,7 @@ from s2rstore.geometry.trajectory import curvature
 from s2rstore.ledger import Ledger
 from s2rstore.records import Domain
 from s2rstore.writer import Draft, edit
+from s2rtools.ingest.ahead import ahead
 from s2rtools.ingest.images import View, decode
 from s2rtools.ingest.scan import Problem, Scan, Sighting
 
@@ -53,6 +56,7 @@ def build(scan: Scan, target: Path, command: str, strict: bool, progress: Progre
     """
     if target.exists():
         raise RequestError(f"{target}: exists; choose another --store, or remove it")
+    _report_outside(scan)
     _refuse(scan, strict)
     beside = target.with_name(f".{target.name}.building-{os.getpid()}")
     shutil.rmtree(beside, ignore_errors=True)
@@ -65,8 +69,8 @@ def build(scan: Scan, target: Path, command: str, strict: bool, progress: Progre
         kept = {name: rows for name, rows in kept.items() if rows}
         if not kept:
             scan.problems.append(Problem("empty data set", str(scan.root), "no usable pair"))
-        _refuse(scan, strict)
         plan = _write_floor_plan(scan, beside)
+        _refuse(scan, strict)
         with edit(beside) as draft:
             _write_index(draft, scan, kept, plan, command)
         beside.rename(target)
@@ -94,30 +98,65 @@ def _write_trajectory(
 
     The first pass checks every view, so that the arrays get their final length at once.
     """
-    usable = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        checked = pool.map(lambda s: _views(scan, s), sightings)
-        for sighting, views in zip(sightings, checked, strict=True):
-            progress(len(sighting.images))
-            bad = [view for view in views.values() if isinstance(view, Problem)]
-            scan.problems += bad
-            if not bad:
-                usable.append(sighting)
+        usable = _usable(scan, pool, sightings, progress)
         if not usable:
             return
         facts: dict[str, list[_Facts]] = {}
         for domain in scan.domains.values():
-            again = pool.map(lambda s, d=domain: _decoded(scan, d, s), usable)
-            facts[domain.domain] = list(_write_frames(root, name, domain, again, len(usable)))
+            views = ahead(pool, partial(_decoded, scan, domain), usable)
+            facts[domain.domain] = list(_write_frames(root, name, domain, views, len(usable)))
             progress(len(usable))
     for row, sighting in enumerate(usable):
         yield sighting, {domain: facts[domain][row] for domain in facts}
 
 
-def _views(scan: Scan, sighting: Sighting) -> dict[str, View | Problem]:
-    return {
-        name: decode(scan, scan.domains[name], images) for name, images in sighting.images.items()
+def _usable(
+    scan: Scan, pool: Executor, sightings: list[Sighting], progress: Progress
+) -> list[Sighting]:
+    """The sightings whose views all decode to one type of depth per domain."""
+    good: list[tuple[Sighting, dict[str, str]]] = []
+    for sighting, found in zip(
+        sightings, ahead(pool, partial(_depth_types, scan), sightings), strict=True
+    ):
+        progress(len(sighting.images))
+        bad = [problem for problem in found.values() if isinstance(problem, Problem)]
+        scan.problems += bad
+        if not bad:
+            good.append((sighting, {d: t for d, t in found.items() if isinstance(t, str)}))
+    usual = {
+        domain: Counter(types[domain] for _, types in good).most_common(1)[0][0]
+        for domain in (scan.domains if good else ())
     }
+    usable = []
+    for sighting, types in good:
+        odd = [domain for domain in usual if types[domain] != usual[domain]]
+        for domain in odd:
+            file = scan.relative(sighting.images[domain].depth)
+            detail = f"{types[domain]}, the others are {usual[domain]}"
+            scan.problems.append(Problem("mixed depth types", file, detail))
+        if not odd:
+            usable.append(sighting)
+    return usable
+
+
+def _depth_types(scan: Scan, sighting: Sighting) -> dict[str, str | Problem]:
+    """Per domain the type of the depth values, or what is wrong with the view."""
+    found: dict[str, str | Problem] = {}
+    for name, images in sighting.images.items():
+        view = decode(scan, scan.domains[name], images)
+        found[name] = view if isinstance(view, Problem) else str(view.depth.dtype)
+    return found
+
+
+def _report_outside(scan: Scan) -> None:
+    edges = scan.bounds
+    for rows in scan.trajectories.values():
+        for row in rows:
+            if not (edges.x0 <= row.x <= edges.x1 and edges.y0 <= row.y <= edges.y1):
+                file = scan.relative(next(iter(row.images.values())).rgb)
+                detail = f"({row.x:g}, {row.y:g}); kept"
+                scan.problems.append(Problem("pose outside the bounds", file, detail))
 
 
 def _decoded(scan: Scan, domain: Domain, sighting: Sighting) -> View:

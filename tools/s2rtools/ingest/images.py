@@ -15,6 +15,8 @@ from s2rstore.records import Domain
 from s2rtools.ingest.scan import Images, Problem, Scan
 
 _COLOUR_SPREAD = 8
+_PHOTO_DIFFERENCE = 6.0
+_PHOTO_CORRELATION = 0.98
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,13 +49,16 @@ def decode(scan: Scan, domain: Domain, images: Images) -> View | Problem:
         depth = depth[..., 0]
     if depth.dtype not in (np.uint8, np.uint16):
         return Problem("not a depth image", name, f"type {depth.dtype}")
-    for path, image in ((images.rgb, rgb), (images.depth, depth)):
-        if images.size is not None and image.shape[:2] != images.size:
-            found, wanted = _size(image.shape[:2]), _size(images.size)
-            return Problem("wrong size", scan.relative(path), f"{found}, expected {wanted}")
+    expected = ((images.rgb, rgb, images.rgb_size), (images.depth, depth, images.depth_size))
+    for path, image, size in expected:
+        if image.shape[:2] != size:
+            detail = f"{size_text(image.shape)}, expected {size_text(size)}"
+            return Problem("wrong size", scan.relative(path), detail)
     height, width = scan.frame
     rgb = _resized_rgb(rgb, (width, height))
     depth = cv2.resize(depth, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
+    if _is_photo(depth, rgb):
+        return Problem("not a depth image", name, "it repeats the RGB image")
     valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
     return View(rgb, depth, digest.hexdigest(), float(valid.mean()))
 
@@ -93,5 +98,22 @@ def _resized_rgb(rgb: NDArray[Any], size: tuple[int, int]) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(rgb, size, interpolation=mode), dtype=np.uint8)
 
 
-def _size(shape: tuple[int, ...]) -> str:
+def _is_photo(depth: NDArray[Any], rgb: NDArray[np.uint8]) -> bool:
+    """Whether an 8-bit depth image is the grey version of the RGB image."""
+    if depth.dtype != np.uint8:
+        return False
+    grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
+    if float(cv2.absdiff(grey, depth).mean()) >= _PHOTO_DIFFERENCE or not depth.any():
+        return False
+    with np.errstate(invalid="ignore"):
+        return bool(np.corrcoef(grey.ravel(), depth.ravel())[0, 1] > _PHOTO_CORRELATION)
+
+
+def stored_size(path: Path) -> tuple[int, int] | None:
+    """(height, width) of an image file; None where it cannot be decoded."""
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    return None if image is None else (image.shape[0], image.shape[1])
+
+
+def size_text(shape: tuple[int, ...]) -> str:
     return f"{shape[1]}x{shape[0]}"

@@ -30,11 +30,12 @@ class ScanOptions:
 
 @dataclass(frozen=True, slots=True)
 class Images:
-    """The two source files of one view; `size` is the (height, width) that both must have."""
+    """The two source files of one view, and the (height, width) that each must have."""
 
     rgb: Path
     depth: Path
-    size: tuple[int, int] | None = None
+    rgb_size: tuple[int, int]
+    depth_size: tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,70 @@
+"""Two applications and a script read while a precompute publishes: no error, no torn state."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import s2rstore
+from s2rstore.verify import verify
+from tests.support.copies import copied
+
+_APPLICATION = """
+import asyncio, sys
+from pathlib import Path
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.headless import settle
+from s2rtui.session import Session
+async def main(path, stop):
+    app = S2RApp(Session(path), Look())
+    app.rest_seconds = 0.001
+    seen = set()
+    async with app.run_test(size=(120, 40)) as pilot:
+        while not stop.exists():
+            for key in ("w", "right", "h", "o", "r", "g"):
+                await pilot.press(key)
+            await settle(app, pilot)
+            state = app.session.state
+            assert not state.is_error, state.message
+            assert state.count.endswith("of 80"), state.count
+            seen.add(state.generation)
+    print(sorted(seen))
+asyncio.run(main(Path(sys.argv[1]), Path(sys.argv[2])))
+"""
+
+
+def test_readers_while_a_precompute_publishes(trained: Path, tmp_path: Path) -> None:
+    path, stop = copied(trained, tmp_path / "s.s2r"), tmp_path / "stop"
+    precompute = [sys.executable, "-m", "s2rtui", "precompute", str(path)]
+    add = [sys.executable, "-m", "s2rtui", "run", "add", "--store", str(path), "--model", "vanilla"]
+    environment = {**os.environ, "PYTHONPATH": os.getcwd()}
+    subprocess.run([*precompute, "--kinds", "activation,feature_distance"], check=True)
+    for number in range(3):
+        chain = ["--adjust", f"real:brightness=1.{number + 1}", f"more{number}"]
+        subprocess.run([*add, *chain], check=True)
+    readers = [
+        subprocess.Popen(
+            [sys.executable, "-c", _APPLICATION, str(path), str(stop)],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
+        )
+        for _ in range(2)
+    ]  # fmt: skip
+    writer = subprocess.Popen([*precompute, "--kinds", "feature_distance"])
+    counts = set()
+    while writer.poll() is None:
+        with s2rstore.open(path) as store:
+            rows = store.execute("SELECT run, count(*) FROM pair GROUP BY run")
+            assert all(count == 80 for _, count in rows)
+            assert {run for run, _ in rows} == {n for n, r in store.runs.items() if r.key}
+            counts.add(len(rows))
+    assert writer.returncode == 0
+    stop.touch()
+    for reader in readers:
+        out, err = reader.communicate(timeout=120)
+        assert reader.returncode == 0, err
+        assert len(out.split(",")) >= 2, out
+    assert len(counts) >= 2
+    assert verify(path) == []
