@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from bench.figures import Figure
-from bench.worlds import frames_store
+from bench.worlds import Small, frames_store
 
 _CODE = """
 import json, resource, sys
@@ -31,21 +31,19 @@ class Quiet:
 torch.set_num_threads(2)
 torch.nn.functional.conv2d(torch.rand(8, 4, 64, 64), torch.rand(24, 4, 5, 5))
 before = peak()
-precompute(Path(sys.argv[1]), Quiet(), [], Options(tuple(sys.argv[2].split(","))))
+precompute(Path(sys.argv[1]), Quiet(), [], Options((), trust=True))
 print(json.dumps(peak() - before))
 """
 
 
 def figures(sizes: tuple[int, ...]) -> Iterator[Figure]:
-    """Frames of 32 x 32, the resposenet, the kinds that one pass gives."""
-    from bench.worlds import lively
-
+    """Predictions, embeddings, PCA and UMAP of small frames by a small network."""
     for n in sizes:
         folder = Path(tempfile.mkdtemp())
         try:
-            path = frames_store(folder / "s.s2r", n, 32, lively("resposenet"))
-            command = [sys.executable, "-c", _CODE, str(path), "feature_distance"]
-            done = subprocess.run(command, check=True, capture_output=True, text=True)
+            path = frames_store(folder / "s.s2r", n, 16, Small().eval())
+            command = [sys.executable, "-c", _CODE, str(path)]
+            done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
             grown = float(json.loads(done.stdout.splitlines()[-1]))
         finally:
             shutil.rmtree(folder)

@@ -3,18 +3,46 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
+from torch import Tensor, nn
+from torch.nn import functional
 
 from s2rstore import arrays, layout
 from s2rstore.ledger import Ledger
 from s2rstore.writer import Draft, edit
 from s2rtools.models import build
 from s2rtools.models.contract import PoseNetwork
+from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.library import pack, register
 from s2rtools.precompute.registry import insert_run
 
 SHARD = 64
+
+
+class Small(PoseNetwork):
+    """A network of one convolution, for measurements of everything but the network."""
+
+    architecture: ClassVar[str] = "bench.worlds:Small"
+    convention = OutputConvention("cos_sin")
+    input_size = (16, 16)
+    embedding_size = 512
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(4, 32, 3, padding=1)
+        self.out = nn.Linear(self.embedding_size, 4)
+
+    @property
+    def trunk(self) -> nn.Module:
+        return self.conv
+
+    def embed(self, features: Tensor) -> Tensor:
+        return functional.adaptive_avg_pool2d(features, 4).flatten(1)
+
+    def head(self, embedding: Tensor) -> Tensor:
+        return self.out(embedding)
 
 
 def frames_store(path: Path, n: int, size: int, network: PoseNetwork) -> Path:

@@ -37,7 +37,12 @@ def verify(root: Path) -> list[Damage]:
         return [Damage(current.index, "its checksum is not the published one")]
     try:
         with Store(root) as store:
-            return [*_tables(store, current), *_frames(root, store), *_arrays(root, store)]
+            return [
+                *_tables(store, current),
+                *_weights(root, store),
+                *_frames(root, store),
+                *_arrays(root, store),
+            ]
     except (RequestError, duckdb.Error, ValueError, TypeError) as error:
         return [Damage(current.index, str(error).splitlines()[0])]
 
@@ -86,6 +91,16 @@ def _tables(store: Store, current: layout.Current) -> Iterator[Damage]:
         yield Damage(layout.CURRENT, "names another data set than the index")
     for known in schema.TABLES:
         store.execute(f'SELECT {", ".join(known.column_names)} FROM "{known.name}" LIMIT 0')
+
+
+def _weights(root: Path, store: Store) -> Iterator[Damage]:
+    """Weights must be the file that was registered, for a model that came with a ledger entry."""
+    ledger = Ledger(root)
+    entries = ledger.by_key()
+    for model in store.models.values():
+        known = entries.get(f"model:{model.sha256}")
+        if known is not None and not ledger.intact(known[-1]):
+            yield Damage(known[-1].path, "missing, or not the registered weights")
 
 
 def _frames(root: Path, store: Store) -> Iterator[Damage]:

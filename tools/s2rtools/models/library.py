@@ -20,6 +20,7 @@ from torch import Tensor, nn
 
 from s2rstore import layout
 from s2rstore.errors import RequestError
+from s2rstore.ledger import Ledger
 from s2rstore.reader import Store
 from s2rstore.writer import Draft
 from s2rtools.models import ARCHITECTURES, build
@@ -107,7 +108,9 @@ def register(
         )
     folder = root / layout.MODELS
     folder.mkdir(exist_ok=True)
-    layout.write_atomic(folder / f"{weights.sha256}{weights.suffix}", weights.content)
+    file = folder / f"{weights.sha256}{weights.suffix}"
+    layout.write_atomic(file, weights.content)
+    Ledger(root).add(f"model:{weights.sha256}", [(file.relative_to(root).as_posix(), 1)])
     draft.insert_row(
         "model",
         {
