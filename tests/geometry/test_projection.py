@@ -1,14 +1,10 @@
-"""Back-projection against a plain loop, against known walls, and on real data."""
+"""Back-projection against a plain loop and against known walls."""
 
 from __future__ import annotations
 
-import csv
 import math
-import re
 from dataclasses import replace
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -117,6 +113,64 @@ def test_a_wall_straight_ahead_lies_on_a_line_across(
     assert right[0, 0, -1] > 0 > right[0, 0, 0]
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    pitch=st.floats(-0.3, 0.3), height=st.floats(-0.5, 2.5), low=st.floats(-1, 1),
+    band=st.floats(0.01, 2), first=st.integers(0, 255), more=st.integers(0, 255),
+)  # fmt: skip
+def test_valid_points_are_those_of_valid_depth_within_the_heights(
+    pitch: float, height: float, low: float, band: float, first: int, more: int
+) -> None:
+    record = domain(pitch=pitch, camera_height=height, depth_raw_min=first)
+    record = replace(record, depth_raw_max=min(first + more, 255))
+    depth = np.random.default_rng(3).integers(0, 256, (1, *FRAME)).astype(np.uint8)
+    heights = low, low + band
+    _, _, above, valid = Projector(record, FRAME, True, heights).points(depth, np.zeros((1, 3)))
+    raw = depth[:, 1::2, 1::2]
+    wanted = (raw >= record.depth_raw_min) & (raw <= record.depth_raw_max)
+    wanted &= (above >= heights[0]) & (above <= heights[1])
+    clear = np.minimum(abs(above - heights[0]), abs(above - heights[1])) > 1e-9
+    assert (valid == wanted)[clear].all()
+
+
+@pytest.mark.parametrize(("height", "seen"), [(0.6, True), (0.05, False), (2.5, False)])
+def test_a_level_ray_keeps_the_cameras_height(height: float, seen: bool) -> None:
+    record = domain(camera_height=height)
+    level = replace(record, depth=replace(record.depth, cy=127.5))
+    depth = np.full((1, *FRAME), 100, np.uint8)
+    *_, valid = Projector(level, FRAME, True).points(depth, np.zeros((1, 3)))
+    assert (valid[0, 63] == seen).all()
+
+
+def test_a_batch_is_its_images_one_after_another() -> None:
+    rng = np.random.default_rng(7)
+    depth = rng.integers(0, 65536, (3, 60, 100)).astype(np.uint16)
+    heat = rng.normal(0, 1, (3, 6, 6)).astype(np.float32)
+    poses = np.array([[0.0, 0, 0], [1, 1, 1], [2, -1, -2]])
+    record = domain(
+        depth_scale=1e-4, depth_raw_max=60000,
+        rgb=Intrinsics(60, 60, 50, 30), depth=Intrinsics(40, 40, 50, 30),
+    )  # fmt: skip
+    projector, grid = Projector(record, (60, 100), False), MapGrid(BOUNDS)
+    together = projector.project(heat, depth, poses, "rgb", grid)
+    single = [
+        projector.project(heat[i : i + 1], depth[i : i + 1], poses[i : i + 1], "rgb", grid)
+        for i in range(3)
+    ]
+    for got, parts in zip(together, zip(*single, strict=True), strict=True):
+        assert got.size > 0
+        assert (got == np.concatenate(parts)).all()
+    none = projector.project(heat[:0], depth[:0], poses[:0], "rgb", grid)
+    assert [part.size for part in none] == [0, 0]
+
+
+def test_points_outside_the_bounds_or_nowhere_have_no_cell() -> None:
+    grid = MapGrid(BOUNDS, 16)
+    x = np.array([-6.0, 9.999, 10.0, -6.001, np.nan, np.inf, 0.0])
+    y = np.array([-5.0, 6.999, 0.0, 0.0, 0.0, 0.0, np.nan])
+    assert grid.cell(x, y).tolist() == [0, grid.rows * grid.cols - 1, -1, -1, -1, -1, -1]
+
+
 def test_grid_aggregates_are_those_of_a_dictionary() -> None:
     rng = np.random.default_rng(5)
     grid = MapGrid(BOUNDS, 20)
@@ -151,40 +205,3 @@ def test_curvature_is_the_heading_change_over_seven_instances() -> None:
     wanted = [15, 20, 25, 30, 25, 20, 15, 10]
     assert np.allclose(curvature(angles.wrap(heading)), wanted)
     assert curvature(np.array([])).size == 0
-
-
-# --- the real data ---------------------------------------------------------------------------
-
-
-def _sim_edit(folder: Path) -> tuple[np.ndarray, np.ndarray]:
-    depths, poses = [], []
-    with (folder / "traj1" / "sim" / "match.csv").open() as file:
-        names = [row["SIM_RGB"] for row in csv.DictReader(file)]
-    for name in names[::2]:
-        numbers = re.match(r"x(.*?)_y(.*?)_z(.*?)_r(.*?)_rgb", name)
-        assert numbers
-        x, _, z, r = map(float, numbers.groups())
-        poses.append([x, z, float(angles.from_habitat(math.radians(r)))])
-        file_name = name.replace("_rgb", "_depth")
-        picture = cv2.imread(str(folder / "traj1" / "sim_edit" / file_name), cv2.IMREAD_GRAYSCALE)
-        depths.append(cv2.resize(picture, FRAME, interpolation=cv2.INTER_NEAREST_EXACT))
-    return np.stack(depths), np.array(poses)
-
-
-def _entropy(depth: np.ndarray, poses: np.ndarray, hfov: float, y_down: bool = True) -> float:
-    """Nats of the 5 cm top-down histogram of points 0.3 .. 1.5 m above the floor."""
-    x, y, _, valid = Projector(domain(hfov), FRAME, y_down, (0.3, 1.5)).points(depth, poses)
-    cells = np.floor(x[valid] / 0.05).astype(int) * 100_000 + np.floor(y[valid] / 0.05).astype(int)
-    share = np.unique(cells, return_counts=True)[1] / cells.size
-    return float(-(share * np.log(share)).sum())
-
-
-@pytest.mark.real
-def test_declared_calibration_gives_the_sharpest_floor(real_data: Path) -> None:
-    depth, poses = _sim_edit(real_data)
-    declared = _entropy(depth, poses, 80)
-    negated = poses * [1, 1, -1]
-    assert _entropy(depth, poses, 75) - declared >= 0.2
-    assert _entropy(depth, poses, 85) - declared >= 0.2
-    assert _entropy(depth, poses, 80, y_down=False) - declared >= 1
-    assert _entropy(depth, negated, 80) - declared >= 1

@@ -1,8 +1,11 @@
-"""Ingest of both layouts: what is right is stored losslessly, what is wrong is named."""
+"""Ingest of both layouts: what is right is stored losslessly."""
 
 from __future__ import annotations
 
+import json
 import shutil
+import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -14,30 +17,10 @@ from s2rstore import angles
 from s2rstore.errors import RequestError
 from s2rstore.verify import verify
 from s2rtools.ingest import IMPORTERS
-from s2rtools.ingest.build import build
-from s2rtools.ingest.scan import Scan, ScanOptions
+from s2rtools.ingest.ahead import ahead
+from s2rtools.ingest.scan import ScanOptions
+from tests.ingest.helpers import SIZE, ingest, kinds
 from tests.support import pairs
-
-SIZE = (32, 32)
-
-
-def ingest(layout: str, path: Path, store: Path, strict: bool = False, **options) -> Scan:
-    scan = IMPORTERS[layout](path, ScanOptions(frame=SIZE, **options))
-    build(scan, store, "s2r ingest", strict, lambda steps: None)
-    return scan
-
-
-@pytest.fixture
-def data(tmp_path: Path) -> tuple[Path, Path]:
-    header = pairs.sim2realviz(tmp_path / "data", n=8)
-    return tmp_path / "data", header
-
-
-def kinds(scan: Scan) -> dict[str, int]:
-    found: dict[str, int] = {}
-    for problem in scan.problems:
-        found[problem.kind] = found.get(problem.kind, 0) + 1
-    return found
 
 
 def test_pairs_are_stored_in_recording_order(tmp_path: Path) -> None:
@@ -94,104 +77,49 @@ def test_the_repositorys_root_and_a_chosen_trajectory(tmp_path: Path) -> None:
         ingest("sim2realviz", root, tmp_path / "t.s2r", header=header, trajectories=("traj9",))
 
 
-def _first(root: Path, domain: str, what: str) -> Path:
-    return sorted((root / "traj1" / domain).glob(f"*_{what}.jpeg"))[0]
-
-
-def _truncate(root: Path) -> None:
-    path = _first(root, "real", "rgb")
-    path.write_bytes(path.read_bytes()[:-200])
-
-
-def _garbage(root: Path) -> None:
-    _first(root, "sim", "depth").write_bytes(b"not a picture")
-
-
-def _empty(root: Path) -> None:
-    _first(root, "sim", "rgb").write_bytes(b"")
-
-
-def _wrong_size(root: Path) -> None:
-    cv2.imwrite(str(_first(root, "real", "depth")), np.zeros((20, 30), np.uint8))
-
-
-def _colour_depth(root: Path) -> None:
-    shutil.copy(_first(root, "real", "rgb"), _first(root, "real", "depth"))
-
-
-def _missing(root: Path) -> None:
-    _first(root, "real", "depth").unlink()
-
-
-def _bad_row(root: Path) -> None:
-    with (root / "traj1" / "sim" / "match.csv").open("a") as file:
-        file.write("what.jpeg,ever.jpeg\n")
-
-
-def _nan_pose(root: Path) -> None:
-    path = root / "traj1" / "sim" / "match.csv"
-    rows = path.read_text().splitlines()
-    real, sim = rows[1].split(",")
-    for what in ("rgb", "depth"):
-        old = root / "traj1" / "sim" / sim.replace("_rgb", f"_{what}")
-        old.rename(old.with_name(f"xnan_y0.047_z1.0_r4_{what}.jpeg"))
-    rows[1] = f"{real},xnan_y0.047_z1.0_r4_rgb.jpeg"
-    path.write_text("\r\n".join(rows) + "\r\n")
-
-
-def _duplicate(root: Path) -> None:
-    path = root / "traj1" / "sim" / "match.csv"
-    path.write_text(path.read_text() + path.read_text().splitlines()[1] + "\n")
-
-
-@pytest.mark.parametrize(
-    ("harm", "kind", "left"),
-    [
-        (_truncate, "truncated image", 7),
-        (_garbage, "unreadable image", 7),
-        (_empty, "unreadable image", 7),
-        (_wrong_size, "wrong size", 7),
-        (_colour_depth, "not a depth image", 7),
-        (_missing, "missing image", 7),
-        (_bad_row, "bad name", 8),
-        (_nan_pose, "bad pose", 7),
-        (_duplicate, "duplicate row", 8),
-    ],
-)
-def test_bad_input_is_named_left_out_and_refused_when_strict(
-    data, tmp_path: Path, harm, kind: str, left: int
+def test_match_csv_may_have_a_mark_spaces_blank_lines_and_windows_ends(
+    data, tmp_path: Path
 ) -> None:
-    harm(data[0])
-    with pytest.raises(RequestError, match="nothing was ingested"):
-        ingest("sim2realviz", data[0], tmp_path / "strict.s2r", strict=True, header=data[1])
-    assert not list(tmp_path.glob("*strict.s2r*"))
+    path = data[0] / "traj1" / "sim" / "match.csv"
+    rows = [row.replace(",", " , ") for row in path.read_text().splitlines()]
+    path.write_bytes("\r\n".join(["\ufeff " + rows[0], *rows[1:], "", " , ", ""]).encode())
+    assert ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1]).problems == []
+
+
+def test_two_real_images_may_share_a_place_in_sim(data, tmp_path: Path) -> None:
+    path = data[0] / "traj1" / "sim" / "match.csv"
+    rows = path.read_text().splitlines()
+    rows[2] = f"{rows[2].split(',')[0]},{rows[1].split(',')[1]}"
+    path.write_text("\n".join(rows) + "\n")
     scan = ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
-    assert kind in kinds(scan)
-    assert all(problem.file for problem in scan.problems)
+    assert kinds(scan) == {"unmatched image": 2}
     with s2rstore.open(tmp_path / "s.s2r") as store:
-        assert len(store.instances) == left
-        assert store.instances.seq.tolist() == list(range(left))
-    assert verify(tmp_path / "s.s2r") == []
+        assert len(store.instances) == 8
 
 
-def test_images_without_a_row_are_reported(data, tmp_path: Path) -> None:
-    extra = _first(data[0], "real", "rgb")
-    shutil.copy(extra, extra.with_name("x9.000_y9.000_z0.000_r9_rgb.jpeg"))
-    scan = ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
-    assert kinds(scan) == {"unmatched image": 1}
-
-
-@pytest.mark.parametrize("make", ["nothing", "empty", "no images"])
-def test_empty_folders_are_refused(tmp_path: Path, make: str) -> None:
-    root = tmp_path / "data"
-    if make != "nothing":
-        for domain in ("sim", "real"):
-            (root / "traj1" / domain).mkdir(parents=True)
-    if make == "no images":
-        (root / "traj1" / "sim" / "match.csv").write_text("REAL_RGB,SIM_RGB\n")
-    with pytest.raises(RequestError):
-        ingest("sim2realviz", root, tmp_path / "s.s2r")
-    assert not (tmp_path / "s.s2r").exists()
+@pytest.mark.parametrize("left", ["nothing", "an empty folder"])
+def test_sim_edit_of_some_trajectories_is_left_out_and_can_be_kept(
+    tmp_path: Path, left: str
+) -> None:
+    header = pairs.sim2realviz(tmp_path / "data", 6, ("traj1", "traj2"), edit=True)
+    edited = tmp_path / "data" / "traj2" / "sim_edit"
+    shutil.rmtree(edited)
+    if left != "nothing":
+        edited.mkdir()
+    scan = ingest("sim2realviz", tmp_path / "data", tmp_path / "all.s2r", header=header)
+    told = [p for p in scan.problems if p.kind == "domain not everywhere"]
+    assert [(p.file, "--trajectory traj1" in p.detail) for p in told] == [("traj2", True)]
+    assert ("empty folder" in kinds(scan)) == (left != "nothing")
+    with s2rstore.open(tmp_path / "all.s2r") as store:
+        assert set(store.domains) == {"sim", "real"}
+        assert len(store.instances) == 12
+    assert verify(tmp_path / "all.s2r") == []
+    ingest(
+        "sim2realviz", tmp_path / "data", tmp_path / "one.s2r", strict=True,
+        header=header, trajectories=("traj1",),
+    )  # fmt: skip
+    with s2rstore.open(tmp_path / "one.s2r") as store:
+        assert set(store.domains) == {"sim", "real", "sim_edit"}
 
 
 def test_an_existing_store_is_never_overwritten(data, tmp_path: Path) -> None:
@@ -216,45 +144,43 @@ def test_a_manifest(tmp_path: Path, bits: int, dtype: str) -> None:
     assert verify(tmp_path / "s.s2r") == []
 
 
-def _edited(path: Path, old: str, new: str) -> None:
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, 1))
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "kind"),
-    [
-        ("a,0,real", "a,zero,real", "bad seq"),
-        ("a,0,real", "a,0,sim", "duplicate row"),
-        ("sim/1_rgb.png", "sim/no_rgb.png", "missing image"),
-        (",7.0,", ",nan,", "bad pose"),
-    ],
-)
-def test_a_manifests_problems_are_named(tmp_path: Path, old: str, new: str, kind: str) -> None:
+def test_depth_images_may_have_a_size_of_their_own(tmp_path: Path) -> None:
     path = pairs.manifest(tmp_path / "data")
-    _edited(path, old, new)
-    scan = ingest("csv", path, tmp_path / "s.s2r")
-    assert kind in kinds(scan)
+    for file in path.parent.glob("*/*_depth.png"):
+        picture = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(file), cv2.resize(picture, (32, 24), interpolation=cv2.INTER_NEAREST))
+    header = path.with_suffix(".toml")
+    own = "depth = { hfov = 80.0, width = 32, height = 24 }"
+    header.write_text(header.read_text().replace("depth = { hfov = 80.0 }", own))
+    assert ingest("csv", path, tmp_path / "s.s2r").problems == []
     with s2rstore.open(tmp_path / "s.s2r") as store:
-        assert len(store.instances) == 11
+        camera = store.domains["sim"]
+        assert camera.depth == camera.rgb
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "hint"),
-    [
-        ('kind = "real"', 'kind = "other"', 'kind = "sim" or "real"'),
-        ("x1 = 8.0", "x1 = -8.0", "larger"),
-        ("hfov = 80.0", "hfov = true", "must be a number"),
-        ("[bounds]", "[bounds", "data.toml"),
-        ("[domains.real]", "[domains.elsewhere]", "domains.real"),
-    ],
-)
-def test_a_wrong_header_is_refused(tmp_path: Path, old: str, new: str, hint: str) -> None:
+def test_a_json_header_says_the_same(tmp_path: Path) -> None:
     path = pairs.manifest(tmp_path / "data")
-    _edited(path.with_suffix(".toml"), old, new)
-    with pytest.raises(RequestError, match=hint):
-        ingest("csv", path, tmp_path / "s.s2r")
+    given = path.with_suffix(".toml")
+    path.with_suffix(".json").write_text(json.dumps(tomllib.loads(given.read_text())))
+    given.rename(given.with_name("other.toml"))
+    ingest("csv", path, tmp_path / "a.s2r")
+    ingest("csv", path, tmp_path / "b.s2r", header=given.with_name("other.toml"))
+    with s2rstore.open(tmp_path / "a.s2r") as a, s2rstore.open(tmp_path / "b.s2r") as b:
+        assert a.dataset.hash == b.dataset.hash
+
+
+def test_work_ahead_is_in_order_and_bounded() -> None:
+    begun: list[int] = []
+
+    def work(item: int) -> int:
+        begun.append(item)
+        return item * item
+
+    with ThreadPoolExecutor(2) as pool:
+        results = ahead(pool, work, range(50), window=4)
+        assert next(results) == 0
+        assert len(begun) <= 5
+        assert list(results) == [i * i for i in range(1, 50)]
 
 
 @pytest.mark.real

@@ -121,10 +121,8 @@ class Projector:
         `poses` (n, 3). One image at a time stays in the processor's cache.
         """
         lookup = self._seen_lookup((heat.shape[1], heat.shape[2]), ray)
-        parts = [
-            self._one(*item, lookup, grid)
-            for item in zip(heat.reshape(len(heat), -1), depth, poses, strict=True)
-        ]
+        flat = heat.reshape(len(heat), heat.shape[1] * heat.shape[2])
+        parts = [self._one(*item, lookup, grid) for item in zip(flat, depth, poses, strict=True)]
         if not parts:
             return np.empty(0, np.int64), np.empty(0)
         cells, values = zip(*parts, strict=True)

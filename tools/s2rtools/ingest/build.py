@@ -2,49 +2,32 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
-from s2rstore import arrays, layout, stats
+from s2rstore import arrays, layout
 from s2rstore.errors import RequestError
-from s2rstore.geometry.rooms import room_codes
-from s2rstore.geometry.trajectory import curvature
 from s2rstore.ledger import Ledger
 from s2rstore.records import Domain
-from s2rstore.writer import Draft, edit
+from s2rstore.writer import edit
 from s2rtools.ingest.ahead import ahead
 from s2rtools.ingest.images import View, decode
-from s2rtools.ingest.scan import Problem, Scan, Sighting
+from s2rtools.ingest.index import write_index
+from s2rtools.ingest.scan import Facts, Problem, Scan, Sighting
 
 SHARD_ROWS = 64
 _PLAN_PIXELS = 1056
 
 Progress = Callable[[int], None]
-
-
-@dataclass(frozen=True, slots=True)
-class _Facts:
-    """What is kept of a view once its pixels are written."""
-
-    sha256: str
-    valid_fraction: float
-
-
-Trajectories = dict[str, list[tuple[Sighting, dict[str, _Facts]]]]
 
 
 def build(scan: Scan, target: Path, command: str, strict: bool, progress: Progress) -> None:
@@ -72,7 +55,7 @@ def build(scan: Scan, target: Path, command: str, strict: bool, progress: Progre
         plan = _write_floor_plan(scan, beside)
         _refuse(scan, strict)
         with edit(beside) as draft:
-            _write_index(draft, scan, kept, plan, command)
+            write_index(draft, scan, kept, plan, command)
         beside.rename(target)
         layout.sync_folder(target.parent)
     except OSError as error:
@@ -93,7 +76,7 @@ def _refuse(scan: Scan, strict: bool) -> None:
 
 def _write_trajectory(
     scan: Scan, root: Path, name: str, sightings: list[Sighting], progress: Progress
-) -> Iterator[tuple[Sighting, dict[str, _Facts]]]:
+) -> Iterator[tuple[Sighting, dict[str, Facts]]]:
     """Write the usable instances of one trajectory; two passes keep memory small.
 
     The first pass checks every view, so that the arrays get their final length at once.
@@ -102,7 +85,7 @@ def _write_trajectory(
         usable = _usable(scan, pool, sightings, progress)
         if not usable:
             return
-        facts: dict[str, list[_Facts]] = {}
+        facts: dict[str, list[Facts]] = {}
         for domain in scan.domains.values():
             views = ahead(pool, partial(_decoded, scan, domain), usable)
             facts[domain.domain] = list(_write_frames(root, name, domain, views, len(usable)))
@@ -168,7 +151,7 @@ def _decoded(scan: Scan, domain: Domain, sighting: Sighting) -> View:
 
 def _write_frames(
     root: Path, trajectory: str, domain: Domain, views: Iterator[View], count: int
-) -> Iterator[_Facts]:
+) -> Iterator[Facts]:
     ledger = Ledger(root)
     folder = Path(layout.FRAMES, domain.domain, trajectory)
     shard = 0
@@ -186,7 +169,7 @@ def _write_frames(
             key = f"frames:{domain.domain}:{trajectory}:{image}:{shard}"
             ledger.add(key, [(file.relative_to(root).as_posix(), len(rows))])
         shard += 1
-        yield from (_Facts(view.sha256, view.valid_fraction) for view in block)
+        yield from (Facts(view.sha256, view.valid_fraction) for view in block)
 
 
 def _write_floor_plan(scan: Scan, root: Path) -> str | None:
@@ -203,103 +186,3 @@ def _write_floor_plan(scan: Scan, root: Path) -> str | None:
     name = f"{layout.ASSETS}/floor_plan.png"
     cv2.imwrite(str(root / name), small)
     return name
-
-
-def _write_index(
-    draft: Draft, scan: Scan, kept: Trajectories, plan: str | None, command: str
-) -> None:
-    names = sorted(kept)
-    rows = [(name, seq, *row) for name in names for seq, row in enumerate(kept[name])]
-    sightings = [sighting for _, _, sighting, _ in rows]
-    draft.insert_row("dataset", _dataset_row(scan, rows, plan))
-    for name in names:
-        draft.insert_row(
-            "trajectory",
-            {"trajectory": name, "recorded_at": scan.recorded_at.get(name),
-             "instances": len(kept[name])},
-        )  # fmt: skip
-    for room in scan.rooms:
-        draft.insert_row("room", asdict(room))
-    for domain in scan.domains.values():
-        draft.insert_row("domain", _domain_row(domain))
-    draft.insert("instance", _instance_columns(scan, rows))
-    for name in scan.domains:
-        draft.insert(
-            "frame",
-            {
-                "iid": np.arange(len(rows), dtype=np.int32),
-                "domain": np.full(len(rows), name, dtype=object),
-                "rgb_path": [scan.relative(s.images[name].rgb) for s in sightings],
-                "depth_path": [scan.relative(s.images[name].depth) for s in sightings],
-                "sha256": [facts[name].sha256 for *_, facts in rows],
-                "valid_depth_fraction": [facts[name].valid_fraction for *_, facts in rows],
-            },
-        )
-    problems: dict[str, int] = {}
-    for problem in scan.problems:
-        problems[problem.kind] = problems.get(problem.kind, 0) + 1
-    draft.note(
-        "dataset",
-        {"command": command, "ingested_at": datetime.now(UTC).isoformat(timespec="seconds"),
-         "problems": problems},
-    )  # fmt: skip
-    draft.note("statistics", {"bootstrap": asdict(stats.BOOTSTRAP)})
-
-
-def _dataset_row(scan: Scan, rows: list[Any], plan: str | None) -> dict[str, Any]:
-    facts = {
-        "frame": scan.frame,
-        "bounds": asdict(scan.bounds),
-        "rooms": [asdict(room) for room in scan.rooms],
-        "domains": [asdict(domain) for domain in scan.domains.values()],
-        "rows": [
-            (name, seq, s.x, s.y, s.heading, {d: f.sha256 for d, f in facts.items()})
-            for name, seq, s, facts in rows
-        ],
-    }
-    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
-    edges = {f"bounds_{name}": value for name, value in asdict(scan.bounds).items()}
-    return {
-        "name": scan.name,
-        "hash": digest,
-        **edges,
-        "y_down": scan.y_down,
-        "floor_plan": plan,
-        "accuracy_scale": scan.accuracy_scale,
-        "frame_height": scan.frame[0],
-        "frame_width": scan.frame[1],
-    }
-
-
-def _domain_row(domain: Domain) -> dict[str, Any]:
-    row = {key: value for key, value in asdict(domain).items() if not isinstance(value, dict)}
-    for image in ("rgb", "depth"):
-        row |= {f"{image}_{name}": v for name, v in asdict(getattr(domain, image)).items()}
-    return {**row, "source": domain.sources}
-
-
-def _instance_columns(scan: Scan, rows: list[Any]) -> dict[str, Any]:
-    sightings: list[Sighting] = [sighting for _, _, sighting, _ in rows]
-    names = np.array([name for name, *_ in rows], dtype=object)
-    x, y, heading = (np.array([getattr(s, k) for s in sightings]) for k in ("x", "y", "heading"))
-    bend = np.zeros(len(rows))
-    for name in dict.fromkeys(names):
-        bend[names == name] = curvature(heading[names == name])
-    room_names = list(dict.fromkeys(room.room for room in scan.rooms))
-    codes = room_codes(x, y, scan.rooms, room_names)
-    missing = (np.nan, np.nan, np.nan)
-    odometry = np.array([s.odometry or missing for s in sightings], dtype=np.float64)
-    return {
-        "iid": np.arange(len(rows), dtype=np.int32),
-        "trajectory": names,
-        "seq": np.array([seq for _, seq, *_ in rows], dtype=np.int32),
-        "x": x,
-        "y": y,
-        "heading": heading,
-        "room": [room_names[code] if code >= 0 else None for code in codes],
-        "curvature": bend,
-        "odom_x": odometry[:, 0],
-        "odom_y": odometry[:, 1],
-        "odom_heading": odometry[:, 2],
-        "timestamp": np.array([np.nan if s.timestamp is None else s.timestamp for s in sightings]),
-    }

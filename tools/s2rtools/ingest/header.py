@@ -26,7 +26,6 @@ from s2rstore.errors import RequestError
 from s2rstore.layout import checked_name
 from s2rstore.records import Bounds, Domain, Intrinsics, Room
 
-
 Table = dict[str, Any]
 
 _EDGES = ("x0", "y0", "x1", "y1")
@@ -135,9 +134,7 @@ def _size(found: Table, image: str, path: Path, where: str) -> tuple[int, int]:
     return height, width
 
 
-def _camera(
-    found: Table, image: str, frame: tuple[int, int], path: Path, where: str
-) -> Intrinsics:
+def _camera(found: Table, image: str, frame: tuple[int, int], path: Path, where: str) -> Intrinsics:
     height, width = _size(found, image, path, where)
     where = f"{where}.{image}"
     table = _table(found.get(image, {}), path, where)

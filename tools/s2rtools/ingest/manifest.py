@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +21,11 @@ from s2rtools.ingest import header
 from s2rtools.ingest.scan import Images, Problem, Scan, ScanOptions, Sighting
 
 REQUIRED = ("trajectory", "seq", "domain", "rgb", "depth", "x", "y", "heading")
+_NAMING = REQUIRED[:5]
 _POSE_TOLERANCE = 1e-6
 
 Row = dict[str, str]
+Sizes = dict[str, tuple[tuple[int, int], tuple[int, int]]]
 
 
 def scan(path: Path, options: ScanOptions) -> Scan:
@@ -38,41 +39,59 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         name=str(data.get("name", path.stem)),
         root=path.parent,
         frame=options.frame,
-        y_down=bool(data.get("y_down", False)),
+        y_down=header.flag(data, "y_down", False, where),
         bounds=bounds,
-        accuracy_scale=float(data.get("accuracy_scale", bounds.diagonal)),
+        accuracy_scale=header.scale(data, bounds.diagonal, where),
         domains={},
         rooms=header.rooms(data, where),
-        floor_plan=where.parent / plan if plan else None,
+        floor_plan=where.parent / str(plan) if plan else None,
         trajectories={},
-        recorded_at={str(k): str(v) for k, v in data.get("recorded_at", {}).items()},
+        recorded_at=header.recorded_at(data, where),
     )
     if result.floor_plan is not None and not result.floor_plan.is_file():
         result.problems.append(Problem("missing floor plan", str(plan)))
         result.floor_plan = None
-    names = list(dict.fromkeys(row["domain"] for row in rows))
+    rows = _complete(result, path, rows)
+    names = list(dict.fromkeys(row["domain"] for _, row in rows))
     result.domains = {n: header.domain(data, n, options.frame, where) for n in names}
     kinds = {domain.kind for domain in result.domains.values()}
     if kinds != {"sim", "real"}:
         raise RequestError(f"{path}: needs rows of a sim and of a real domain (has: {names})")
-    sizes = {name: header.size(data, name) for name in names}
+    sizes = {name: header.sizes(data, name, where) for name in names}
     _collect(result, path, rows, sizes, options.trajectories)
     return result
 
 
-def _rows(path: Path) -> list[Row]:
+def _rows(path: Path) -> list[tuple[int, Row]]:
+    """Rows with the numbers of their lines."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, skipinitialspace=True)
-            rows = [{k: (v or "").strip() for k, v in row.items() if k} for row in reader]
+            reader = csv.DictReader(file)
+            rows = [
+                (reader.line_num, {k.strip(): (v or "").strip() for k, v in row.items() if k})
+                for row in reader
+            ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise RequestError(f"{path}: cannot be read ({error})") from error
     if not rows:
         raise RequestError(f"{path}: no rows; the first line names {', '.join(REQUIRED)}")
-    missing = [name for name in REQUIRED if name not in rows[0]]
+    missing = [name for name in REQUIRED if name not in rows[0][1]]
     if missing:
         raise RequestError(f"{path}: no column {missing[0]} (needs: {', '.join(REQUIRED)})")
     return rows
+
+
+def _complete(result: Scan, path: Path, rows: list[tuple[int, Row]]) -> list[tuple[int, Row]]:
+    """The rows that say which instance and which files; the others are reported."""
+    whole = []
+    for number, row in rows:
+        blank = [name for name in _NAMING if not row[name]]
+        if blank:
+            where = f"{path.name}:{number}"
+            result.problems.append(Problem("incomplete row", where, f"no {blank[0]}"))
+        else:
+            whole.append((number, row))
+    return whole
 
 
 def _header_of(path: Path) -> Path:
@@ -85,12 +104,12 @@ def _header_of(path: Path) -> Path:
 def _collect(
     result: Scan,
     path: Path,
-    rows: Iterable[Row],
-    sizes: dict[str, tuple[int, int]],
+    rows: list[tuple[int, Row]],
+    sizes: Sizes,
     wanted: tuple[str, ...],
 ) -> None:
     views: dict[str, dict[int, dict[str, tuple[int, Row]]]] = {}
-    for number, row in enumerate(rows, start=2):
+    for number, row in rows:
         where = f"{path.name}:{number}"
         seq = _integer(row["seq"])
         if seq is None:
@@ -122,7 +141,7 @@ def _sighting(
     result: Scan,
     path: Path,
     views: dict[str, tuple[int, Row]],
-    sizes: dict[str, tuple[int, int]],
+    sizes: Sizes,
 ) -> Sighting | None:
     number, first = next(iter(views.values()))
     where = f"{path.name}:{number}"
@@ -146,7 +165,7 @@ def _sighting(
             if not file.is_file():
                 result.problems.append(Problem("missing image", result.relative(file)))
                 return None
-        images[domain] = Images(rgb, depth, sizes[domain])
+        images[domain] = Images(rgb, depth, *sizes[domain])
     real = next(row for name, (_, row) in views.items() if result.domains[name].kind == "real")
     odometry = [_float(real.get(f"odom_{name}")) for name in ("x", "y", "heading")]
     known = all(math.isfinite(value) for value in odometry)

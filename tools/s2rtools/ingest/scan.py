@@ -50,6 +50,14 @@ class Sighting:
     timestamp: float | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What is kept of a view once its pixels are written; the hash is of both files' bytes."""
+
+    sha256: str
+    valid_fraction: float
+
+
 @dataclass(slots=True)
 class Scan:
     """A data set as an importer found it; `domains` hold for the stored frame size.

@@ -1,7 +1,8 @@
 """The layout of the Sim2RealViz data: traj1/{real,sim,sim_edit} with poses in the file names.
 
 `sim/match.csv` (REAL_RGB, SIM_RGB) pairs the images in recording order. The sim pose is the
-ground truth; the real one is the robot's odometry, in a frame of its own.
+ground truth; the real one is the robot's odometry, in a frame of its own. Every instance is seen
+in every domain, so that `sim_edit` counts where all chosen trajectories have it.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -17,14 +19,21 @@ from s2rstore import angles
 from s2rstore.errors import RequestError
 from s2rstore.layout import checked_name
 from s2rtools.ingest import header
+from s2rtools.ingest.images import size_text, stored_size
 from s2rtools.ingest.scan import Images, Problem, Scan, ScanOptions, Sighting
 
 _NAME = re.compile(
-    r"x(?P<x>[^_]+)_y(?P<y>[^_]+)_z(?P<z>[^_]+)_r(?P<r>[^_]+)_(?:rgb|depth)\.(?:jpe?g|png)\Z"
+    r"x(?P<x>[^_]+)_y(?P<y>[^_]+)_z(?P<z>[^_]+)_r(?P<r>[^_]+)_(?P<what>rgb|depth)"
+    r"\.(?:jpe?g|png)\Z",
+    re.IGNORECASE,
 )
 _PLACES = ("", "data_source/traj_cap", "static/assets/data_source/traj_cap", "traj_cap")
 _PLANS = ("map.jpg", "static/assets/images/map.jpg", "../../static/assets/images/map.jpg")
-_DOMAINS = ("sim", "sim_edit", "real")
+_EDITED = "sim_edit"
+_DOMAINS = ("sim", _EDITED, "real")
+_PEEKED = 3
+
+Sizes = dict[str, tuple[tuple[int, int], tuple[int, int]]]
 
 
 def scan(path: Path, options: ScanOptions) -> Scan:
@@ -39,20 +48,20 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         name=str(calibration.get("name", "sim2realviz")),
         root=root,
         frame=options.frame,
-        y_down=bool(calibration.get("y_down", True)),
+        y_down=header.flag(calibration, "y_down", True, where),
         bounds=header.bounds(calibration, where),
-        accuracy_scale=float(calibration.get("accuracy_scale", 26.0)),
+        accuracy_scale=header.scale(calibration, 26.0, where),
         domains={},
         rooms=header.rooms(calibration, where),
         floor_plan=_floor_plan(path, root),
         trajectories={},
     )
-    for folder in _trajectories(root, options.trajectories):
-        _scan_trajectory(result, folder, calibration)
-    names = {name for rows in result.trajectories.values() for row in rows for name in row.images}
-    for name in _DOMAINS:
-        if name in names:
-            result.domains[name] = header.domain(calibration, name, options.frame, where)
+    folders = _trajectories(root, options.trajectories)
+    names = [name for name in _DOMAINS if name != _EDITED or _edited_everywhere(result, folders)]
+    result.domains = {n: header.domain(calibration, n, options.frame, where) for n in names}
+    sizes = {name: header.sizes(calibration, name, where) for name in names}
+    for folder in folders:
+        _scan_trajectory(result, folder, sizes)
     return result
 
 
@@ -98,34 +107,61 @@ def _floor_plan(path: Path, root: Path) -> Path | None:
     return None
 
 
-def _scan_trajectory(result: Scan, folder: Path, calibration: dict[str, Any]) -> None:
-    rows = _matches(result, folder)
-    edited = folder / "sim_edit"
-    seen: set[tuple[str, str]] = set()
-    sightings: list[Sighting] = []
-    for real, sim in rows:
-        if (real, sim) in seen:
-            result.problems.append(Problem("duplicate row", f"{folder.name}/sim/match.csv", real))
+def _edited_everywhere(result: Scan, folders: list[Path]) -> bool:
+    """Whether `sim_edit` can be a domain; where only some trajectories have it, that is told."""
+    recorded = [folder for folder in folders if _pictures(folder / "sim")]
+    with_images = [folder for folder in recorded if _pictures(folder / _EDITED)]
+    for folder in recorded:
+        edited = folder / _EDITED
+        if folder in with_images:
             continue
-        seen.add((real, sim))
-        images = {"sim": folder / "sim" / sim, "real": folder / "real" / real}
         if edited.is_dir():
-            images["sim_edit"] = edited / sim
-        sighting = _sighting(result, images, calibration)
-        if sighting is not None:
-            sightings.append(sighting)
-    _report_unmatched(result, folder, seen)
-    if not sightings:
+            result.problems.append(Problem("empty folder", result.relative(edited)))
+        if with_images:
+            keep = " ".join(f"--trajectory {other.name}" for other in with_images)
+            detail = f"{_EDITED} is left out; {keep} keeps it"
+            result.problems.append(Problem("domain not everywhere", folder.name, detail))
+    return bool(recorded) and len(with_images) == len(recorded)
+
+
+def _scan_trajectory(result: Scan, folder: Path, sizes: Sizes) -> None:
+    rows = _matches(result, folder)
+    images = [_images(folder, real, sim, sizes) for real, sim in rows]
+    images = _as_stored(result, folder, images)
+    _report_unmatched(result, folder, rows, list(sizes))
+    sightings = [_sighting(result, files) for files in images]
+    found = [sighting for sighting in sightings if sighting is not None]
+    if not found:
         result.problems.append(Problem("empty trajectory", folder.name, "no usable pair"))
         return
-    result.trajectories[folder.name] = sightings
+    result.trajectories[folder.name] = found
 
 
 def _matches(result: Scan, folder: Path) -> list[tuple[str, str]]:
+    """The (real, sim) RGB file names of match.csv, each real image once."""
     path = folder / "sim" / "match.csv"
+    made: dict[str, str] = {}
+    for number, row in enumerate(_rows(result, path), start=2):
+        where = f"{result.relative(path)}:{number}"
+        real, sim = (Path(row.get(name, "")).name for name in ("REAL_RGB", "SIM_RGB"))
+        if not real and not sim:
+            continue
+        if not all((match := _NAME.match(name)) and match["what"] == "rgb" for name in (real, sim)):
+            result.problems.append(Problem("bad name", where, f"{real},{sim}"))
+        elif real in made:
+            detail = real if made[real] == sim else f"{real} with another sim image; kept the first"
+            result.problems.append(Problem("duplicate row", where, detail))
+        else:
+            made[real] = sim
+    return list(made.items())
+
+
+def _rows(result: Scan, path: Path) -> list[dict[str, str]]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file, skipinitialspace=True))
+            reader = csv.DictReader(file)
+            rows = [{(k or "").strip(): (v or "").strip() for k, v in row.items() if k is not None}
+                    for row in reader]  # fmt: skip
     except FileNotFoundError:
         result.problems.append(Problem("no match.csv", result.relative(path)))
         return []
@@ -133,31 +169,62 @@ def _matches(result: Scan, folder: Path) -> list[tuple[str, str]]:
         raise RequestError(f"{path}: cannot be read ({error})") from error
     if rows and not {"REAL_RGB", "SIM_RGB"} <= set(rows[0]):
         raise RequestError(f"{path}: the first line must name REAL_RGB and SIM_RGB")
-    made = []
-    for number, row in enumerate(rows, start=2):
-        real, sim = ((row[name] or "").strip() for name in ("REAL_RGB", "SIM_RGB"))
-        if not _NAME.match(Path(real).name) or not _NAME.match(Path(sim).name):
-            where = f"{result.relative(path)}:{number}"
-            result.problems.append(Problem("bad name", where, f"{real},{sim}"))
+    return rows
+
+
+def _images(folder: Path, real: str, sim: str, sizes: Sizes) -> dict[str, Images]:
+    names = {name: real if name == "real" else sim for name in sizes}
+    return {
+        name: Images(folder / name / file, folder / name / _depth_name(file), *sizes[name])
+        for name, file in names.items()
+    }
+
+
+def _depth_name(rgb: str) -> str:
+    return re.sub(r"_rgb(\.\w+)\Z", r"_depth\1", rgb, flags=re.IGNORECASE)
+
+
+def _as_stored(
+    result: Scan, folder: Path, rows: list[dict[str, Images]]
+) -> list[dict[str, Images]]:
+    """Expect another size than the calibration's where a domain's images agree on a scaled one.
+
+    The intrinsics of the stored frame hold for every size of the same shape.
+    """
+    scaled: dict[str, tuple[int, int]] = {}
+    for name in rows[0] if rows else ():
+        images = [row[name] for row in rows[:_PEEKED]]
+        files = [file for image in images for file in (image.rgb, image.depth) if file.is_file()]
+        found = {stored_size(file) for file in files}
+        size = found.pop() if len(found) == 1 else None
+        declared = images[0].rgb_size, images[0].depth_size
+        if size is None or declared == (size, size):
             continue
-        made.append((Path(real).name, Path(sim).name))
-    return made
+        if all(size[0] * wide == size[1] * high for high, wide in declared):
+            scaled[name] = size
+            detail = f"{size_text(size)}, the calibration is for {size_text(declared[0])}; scaled"
+            where = result.relative(folder / name)
+            result.problems.append(Problem("other size than calibrated", where, detail))
+    return [
+        {
+            name: replace(image, rgb_size=scaled[name], depth_size=scaled[name])
+            if name in scaled else image
+            for name, image in row.items()
+        }
+        for row in rows
+    ]  # fmt: skip
 
 
-def _sighting(result: Scan, files: dict[str, Path], calibration: dict[str, Any]) -> Sighting | None:
-    images: dict[str, Images] = {}
-    for domain, rgb in files.items():
-        depth = rgb.with_name(rgb.name.replace("_rgb.", "_depth."))
-        missing = [path for path in (rgb, depth) if not path.is_file()]
-        for path in missing:
-            result.problems.append(Problem("missing image", result.relative(path)))
-        if missing:
-            return None
-        images[domain] = Images(rgb, depth, header.size(calibration, domain))
-    x, _, z, r = _numbers(files["sim"].name)
-    odometry = _numbers(files["real"].name)
+def _sighting(result: Scan, images: dict[str, Images]) -> Sighting | None:
+    files = [file for image in images.values() for file in (image.rgb, image.depth)]
+    missing = [file for file in files if not file.is_file()]
+    result.problems += [Problem("missing image", result.relative(file)) for file in missing]
+    if missing:
+        return None
+    x, _, z, r = _numbers(images["sim"].rgb.name)
+    odometry = _numbers(images["real"].rgb.name)
     if not all(math.isfinite(value) for value in (x, z, r)):
-        result.problems.append(Problem("bad pose", result.relative(files["sim"])))
+        result.problems.append(Problem("bad pose", result.relative(images["sim"].rgb)))
         return None
     return Sighting(
         x=x,
@@ -179,10 +246,18 @@ def _numbers(name: str) -> tuple[float, float, float, float]:
     return values[0], values[1], values[2], values[3]
 
 
-def _report_unmatched(result: Scan, folder: Path, pairs: set[tuple[str, str]]) -> None:
-    named = {"real": {real for real, _ in pairs}, "sim": {sim for _, sim in pairs}}
-    named["sim_edit"] = named["sim"]
-    for domain, names in named.items():
-        for path in sorted((folder / domain).glob("*_rgb.*")):
-            if path.name not in names:
+def _report_unmatched(
+    result: Scan, folder: Path, pairs: list[tuple[str, str]], domains: list[str]
+) -> None:
+    for domain in domains:
+        used = {real if domain == "real" else sim for real, sim in pairs}
+        used |= {_depth_name(name) for name in used}
+        for path in _pictures(folder / domain):
+            if path.name not in used:
                 result.problems.append(Problem("unmatched image", result.relative(path)))
+
+
+def _pictures(folder: Path) -> list[Path]:
+    """Image files by name, whatever their name says."""
+    endings = (".jpg", ".jpeg", ".png")
+    return sorted(path for path in folder.glob("*") if path.suffix.lower() in endings)

@@ -1,0 +1,113 @@
+"""The calibration that ships with the project, held against the real images."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from s2rstore.geometry import camera
+from s2rstore.geometry.grid import Projector
+from s2rstore.records import Domain, Intrinsics
+from s2rtools.ingest import IMPORTERS, header
+from s2rtools.ingest.scan import ScanOptions
+
+FRAME = (256, 256)
+EVERY = 2
+
+pytestmark = pytest.mark.real
+
+
+def declared(name: str) -> Domain:
+    packaged = resources.files("s2rtools.ingest") / "sim2realviz.toml"
+    with resources.as_file(packaged) as path:
+        return header.domain(header.read(path), name, FRAME, path)
+
+
+@pytest.fixture(scope="module")
+def views(real_data: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Depth of every domain, (n, 256, 256) raw values, and the poses (n, 3)."""
+    scan = IMPORTERS["sim2realviz"](real_data, ScanOptions(("traj1",)))
+    rows = scan.trajectories["traj1"][::EVERY]
+    depths = {}
+    for name in ("sim", "sim_edit"):
+        files = [cv2.imread(str(row.images[name].depth), cv2.IMREAD_GRAYSCALE) for row in rows]
+        depths[name] = np.stack(
+            [cv2.resize(file, FRAME, interpolation=cv2.INTER_NEAREST_EXACT) for file in files]
+        )
+    return depths, np.array([[row.x, row.y, row.heading] for row in rows])
+
+
+def hfov(degrees: float, pitch: float = 0.0) -> Intrinsics:
+    f = FRAME[1] / 2 / math.tan(math.radians(degrees) / 2)
+    return Intrinsics(f, f, FRAME[1] / 2, FRAME[0] / 2, pitch)
+
+
+def entropy(record: Domain, depth: np.ndarray, poses: np.ndarray, y_down: bool = True) -> float:
+    """Nats of the 5 cm top-down histogram of points 0.3 .. 1.5 m above the floor."""
+    x, y, _, valid = Projector(record, FRAME, y_down, (0.3, 1.5)).points(depth, poses)
+    cells = np.floor(x[valid] / 0.05).astype(int) * 100_000 + np.floor(y[valid] / 0.05).astype(int)
+    share = np.unique(cells, return_counts=True)[1] / cells.size
+    return float(-(share * np.log(share)).sum())
+
+
+def test_the_declared_camera_of_sim_edit_gives_the_sharpest_map(views) -> None:
+    depth, poses = views[0]["sim_edit"], views[1]
+    record = declared("sim_edit")
+    best = entropy(record, depth, poses)
+    for degrees in (75, 85):
+        assert entropy(replace(record, depth=hfov(degrees)), depth, poses) - best >= 0.2
+    assert entropy(record, depth, poses, y_down=False) - best >= 1
+    assert entropy(record, depth, poses * [1, 1, -1]) - best >= 1
+    assert entropy(replace(record, forward_offset=0.0), depth, poses) > best
+
+
+def test_sim_depth_lies_where_the_depth_of_sim_edit_lies(views) -> None:
+    """Both render the same scan from the same places; the median error is within one quantum."""
+    depths, _ = views
+    sim, edit = declared("sim"), declared("sim_edit")
+    centres = np.arange(4, 256, 8)
+    rays = camera.rays(sim.depth, centres + 0.5, centres + 0.5)
+    raw = depths["sim"][:, centres[:, None], centres[None]]
+    metres = raw * sim.depth_scale
+    ahead = metres * rays.forward + sim.forward_offset - edit.forward_offset
+    up = sim.camera_height + metres * rays.up - edit.camera_height
+    safe = np.maximum(ahead, 0.1)
+    u = edit.depth.cx + edit.depth.fx * metres * rays.right / safe
+    v = edit.depth.cy - edit.depth.fy * up / safe
+    inside = (u >= 0) & (u < FRAME[1]) & (v >= 0) & (v < FRAME[0])
+    rows, cols = (np.where(inside, at, 0).astype(int) for at in (v, u))
+    other = depths["sim_edit"][np.arange(len(raw))[:, None, None], rows, cols]
+    valid = inside & (ahead > 0.3)
+    for values, record in ((raw, sim), (other, edit)):
+        valid &= (values >= record.depth_raw_min) & (values <= record.depth_raw_max)
+    error = (ahead - other * edit.depth_scale)[valid]
+    assert valid.mean() > 0.5
+    assert np.median(np.abs(error)) < 0.04
+    assert abs(np.median(error)) < 0.01
+
+
+def test_match_csv_is_in_recording_order(real_data: Path) -> None:
+    folder = real_data / "traj1"
+    with (folder / "sim" / "match.csv").open() as file:
+        pairs = [row["REAL_RGB"] for row in csv.DictReader(file)]
+    recorded = (folder / "real" / "chrono_list.txt").read_text().split()
+    position = {Path(line).name: number for number, line in enumerate(recorded)}
+    order = [position[name] for name in pairs]
+    assert order == sorted(order)
+
+
+def test_images_have_the_sizes_of_the_calibration_and_grey_depth(real_data: Path) -> None:
+    scan = IMPORTERS["sim2realviz"](real_data, ScanOptions(("traj1",)))
+    for row in scan.trajectories["traj1"][::60]:
+        for images in row.images.values():
+            depth = cv2.imread(str(images.depth), cv2.IMREAD_UNCHANGED)
+            assert depth.dtype == np.uint8
+            assert depth.shape[:2] == images.depth_size
+            assert cv2.imread(str(images.rgb)).shape[:2] == images.rgb_size
