@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.segment import Segment
 from textual.app import App
+from textual.keys import Keys
 from textual.pilot import Pilot
 
 from s2rtui.app import S2RApp
@@ -33,6 +35,17 @@ class Snapshot:
         from s2rtui.paint import paint_png
 
         return paint_png(self.lines, theme=look.theme)
+
+
+def is_key(name: str) -> bool:
+    """Whether a name is a key that can be pressed: a character, or Textual's word for it."""
+    last = name.split("+")[-1]
+    if len(last) == 1 or last in {key.value for key in Keys}:
+        return True
+    try:
+        return bool(unicodedata.lookup(last.replace("_", " ")))
+    except KeyError:
+        return False
 
 
 def take(app: App[None]) -> Snapshot:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import os
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 COMMANDS: dict[str, str] = {
     "demo": "build a store from data, print what it shows, open the application",
@@ -34,12 +36,39 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name, value in _TORCH_ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     arguments = _with_default_command(list(sys.argv[1:] if argv is None else argv))
+    if not _usable(arguments):
+        return 2
     parser = _parser(arguments)
     options = parser.parse_args(arguments)
     if not hasattr(options, "execute"):
         parser.print_help()
         return 2
     return _guarded(options)
+
+
+def _usable(arguments: list[str]) -> bool:
+    """Whether there is an output to write to and arguments that can be encoded."""
+    if sys.stdout is None or sys.stderr is None:
+        if sys.stderr is not None:
+            print("s2r: the standard output is closed", file=sys.stderr)
+        return False
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    for argument in arguments:
+        try:
+            argument.encode()
+        except UnicodeEncodeError:
+            print(f"s2r: argument {argument!a}: not UTF-8", file=sys.stderr)
+            return False
+    return True
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"s2r: {message}; see `{self.prog} --help`\n")
 
 
 def _with_default_command(arguments: list[str]) -> list[str]:
@@ -51,7 +80,7 @@ def _with_default_command(arguments: list[str]) -> list[str]:
 
 
 def _parser(arguments: list[str]) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="s2r",
         description="Find out where and why pose estimates fail in reality.",
         epilog="`s2r COMMAND --help` tells the rest. `s2r STORE.s2r` opens the application.",
@@ -80,13 +109,14 @@ def _version() -> str:
 
 def _guarded(options: argparse.Namespace) -> int:
     from s2rstore.errors import S2RError
+    from s2rstore.text import printable
 
     try:
         return int(options.execute(options) or 0)
     except S2RError as error:
         if options.debug:
             raise
-        print(f"s2r: {error}", file=sys.stderr)
+        print(f"s2r: {_line(error)}", file=sys.stderr)
         return error.exit_code
     except ModuleNotFoundError as error:
         if options.debug or (error.name or "").startswith("s2r"):
@@ -102,9 +132,22 @@ def _guarded(options: argparse.Namespace) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        if options.debug:
+            raise
+        where = error.filename if error.filename is not None else "standard output"
+        print(f"s2r: {printable(str(where))}: {error.strerror or error}", file=sys.stderr)
+        return 2
     except Exception as error:
         if options.debug:
             raise
-        text = f"{type(error).__name__}: {error}".splitlines()[0]
+        text = f"{type(error).__name__}: {_line(error)}"
         print(f"s2r: a fault of the program: {text} (--debug shows where)", file=sys.stderr)
         return 70
+
+
+def _line(error: Exception) -> str:
+    """An error in one printable line."""
+    from s2rstore.text import printable
+
+    return printable(" ".join(str(error).split()))

@@ -1,4 +1,4 @@
-"""`s2r ingest`: make a store from paired images."""
+"""`s2r ingest`: make a store from paired images, or from the default world."""
 
 from __future__ import annotations
 
@@ -11,16 +11,35 @@ _SHOWN = 5
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("layout", choices=("sim2realviz", "csv"), help="what PATH is")
-    parser.add_argument("path", type=Path, help="folder with traj1/ ..., or a CSV manifest")
+    parser.add_argument(
+        "layout",
+        choices=("sim2realviz", "csv", "world"),
+        help="what PATH is; `world` renders the default world and takes no PATH",
+    )
+    parser.add_argument("path", type=Path, nargs="?", default=Path(),
+                        help="folder with traj1/ ..., or a CSV manifest")  # fmt: skip
     parser.add_argument("--store", type=Path, required=True, help="the store to make, NAME.s2r")
     parser.add_argument("--trajectory", action="append", default=[], help="only this one (repeat)")
     parser.add_argument(
         "--calibration", "--header", dest="header", type=Path,
         help="TOML or JSON with bounds, rooms and cameras",
     )  # fmt: skip
-    parser.add_argument("--size", type=int, default=256, help="rows and columns of stored frames")
+    parser.add_argument("--size", type=int, help="rows and columns of stored frames "
+                        "(default 256; world 128)")  # fmt: skip
     parser.add_argument("--strict", action="store_true", help="refuse input with any problem")
+    world = parser.add_argument_group("world")
+    world.add_argument("--seed", type=int, default=1, help="which building (default 1)")
+    world.add_argument("--instances", type=int, default=120, help="on each of the two trajectories")
+    world.add_argument(
+        "--survey", type=int, default=0,
+        help="a training set: so many random views, and one tour of its own",
+    )  # fmt: skip
+    world.add_argument(
+        "--factors",
+        default="",
+        metavar="NAME[=SEVERITY],...",
+        help="what the real side differs by; all at severity 1 by default, `none`",
+    )
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -32,10 +51,15 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtools.ingest.scan import ScanOptions
     from s2rtui.cli.progress import reporter
 
-    if not 16 <= options.size <= 2048:
+    if options.layout != "world" and options.path == Path():
+        raise RequestError(f"PATH: missing; s2r ingest {options.layout} PATH --store NAME.s2r")
+    size = options.size
+    if size is None:
+        size = 128 if options.layout == "world" else 256
+    if not 16 <= size <= 2048:
         raise RequestError("--size: 16 .. 2048")
-    frame = (options.size, options.size)
-    scan_options = ScanOptions(tuple(options.trajectory), options.header, frame)
+    world = _world(options) if options.layout == "world" else {}
+    scan_options = ScanOptions(tuple(options.trajectory), options.header, (size, size), world)
     scan = IMPORTERS[options.layout](options.path, scan_options)
     views = sum(len(s.images) for rows in scan.trajectories.values() for s in rows)
     command = shlex.join(["s2r", *sys.argv[1:]])
@@ -49,15 +73,27 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
+def _world(options: argparse.Namespace) -> dict[str, Any]:
+    """What the world's recipe takes from the command line."""
+    from s2rtools.world.factors import parse_factors
+
+    return {
+        "seed": options.seed, "count": options.instances, "survey": options.survey,
+        "factors": parse_factors(options.factors),
+    }  # fmt: skip
+
+
 def _report(problems: list[Any]) -> None:
     """Print how many problems of each kind there were, with the first file names."""
+    from s2rstore.text import printable
+
     kinds: dict[str, list[Any]] = {}
     for problem in problems:
         kinds.setdefault(problem.kind, []).append(problem)
     for kind, found in kinds.items():
         print(f"{kind}: {len(found)}", file=sys.stderr)
         for problem in found[:_SHOWN]:
-            print(f"  {problem.file} {problem.detail}".rstrip(), file=sys.stderr)
+            print(printable(f"  {problem.file} {problem.detail}".rstrip()), file=sys.stderr)
         if len(found) > _SHOWN:
             print(f"  ... and {len(found) - _SHOWN} more", file=sys.stderr)
 

@@ -7,11 +7,14 @@ import csv
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
+from s2rstore.text import printable
 
 FORMATS = ("table", "csv", "json", "parquet")
 
@@ -55,7 +58,8 @@ def _table(names: Sequence[str], rows: Rows) -> str:
         max([len(name), *(len(row[column]) for row in cells)]) for column, name in enumerate(names)
     ]
     numeric = [
-        any(isinstance(row[column], int | float) for row in rows) for column in range(len(names))
+        any(isinstance(row[column], int | float | Decimal) for row in rows)
+        for column in range(len(names))
     ]
 
     def line(values: Sequence[str]) -> str:
@@ -74,7 +78,7 @@ def _cell(value: Any) -> str:
         return "-"
     if isinstance(value, float):
         return f"{value:.4g}" if abs(value) < 1e6 else f"{value:.6g}"
-    return str(value)
+    return printable(str(value)).replace("\n", " ")
 
 
 def _csv(names: Sequence[str], rows: Rows) -> str:
@@ -88,36 +92,64 @@ def _csv(names: Sequence[str], rows: Rows) -> str:
 
 
 def _json(names: Sequence[str], rows: Rows) -> str:
+    _distinct(names)
     listed = [{name: _plain(v) for name, v in zip(names, row, strict=True)} for row in rows]
     return json.dumps(listed, indent=1, default=str, allow_nan=False) + "\n"
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, Decimal):
+        value = float(value)
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def _distinct(names: Sequence[str]) -> None:
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise RequestError(f"column {twice[0]!r} is there twice; name one of them with AS")
+
+
 def _parquet(names: Sequence[str], rows: Rows, target: Path) -> None:
+    """Columns go in by position, because their names are the user's text."""
     import duckdb
 
+    _distinct(names)
+    types = [_type(rows, column) for column in range(len(names))]
     with duckdb.connect() as connection:
-        columns = ", ".join(f'"{name}" {_type(rows, i)}' for i, name in enumerate(names))
+        columns = ", ".join(f"c{number} {name}" for number, (name, _) in enumerate(types))
         connection.execute(f"CREATE TABLE result ({columns})")
         if rows:
             marks = ", ".join("?" * len(names))
-            connection.executemany(f"INSERT INTO result VALUES ({marks})", [list(r) for r in rows])
+            values = [[None if v is None else make(v) for v, (_, make) in zip(row, types)]  # noqa: B905
+                      for row in rows]  # fmt: skip
+            connection.executemany(f"INSERT INTO result VALUES ({marks})", values)
+        renamed = ", ".join(
+            'c{} AS "{}"'.format(number, name.replace('"', '""'))
+            for number, name in enumerate(names)
+        )
         quoted = str(target).replace("'", "''")
         try:
-            connection.execute(f"COPY result TO '{quoted}' (FORMAT parquet)")
-        except duckdb.IOException as error:
-            raise RequestError(f"{target}: cannot be written") from error
+            connection.execute(
+                f"COPY (SELECT {renamed} FROM result) TO '{quoted}' (FORMAT parquet)"
+            )
+        except duckdb.Error as error:
+            reason = str(error).splitlines()[0]
+            raise RequestError(f"{target}: cannot be written ({reason})") from error
 
 
-def _type(rows: Rows, column: int) -> str:
+def _type(rows: Rows, column: int) -> tuple[str, Callable[[Any], Any]]:
+    """The narrowest type that holds a column, and what brings its values there."""
     values = [row[column] for row in rows if row[column] is not None]
     if values and all(isinstance(value, bool) for value in values):
-        return "BOOLEAN"
-    if values and all(isinstance(value, int) for value in values):
-        return "BIGINT"
-    if values and all(isinstance(value, int | float) for value in values):
-        return "DOUBLE"
-    return "VARCHAR"
+        return "BOOLEAN", bool
+    if values and all(isinstance(v, int) and abs(v) < 2**63 for v in values):
+        return "BIGINT", int
+    if values and all(isinstance(value, int | float | Decimal) for value in values):
+        return "DOUBLE", float
+    if values and all(isinstance(value, datetime) for value in values):
+        return "TIMESTAMP", lambda value: value
+    return "VARCHAR", str

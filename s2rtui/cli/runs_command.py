@@ -28,17 +28,18 @@ def execute(options: argparse.Namespace) -> int:
 
     rows = []
     with s2rstore.open(options.store) as store:
-        baseline = round(100 * headlines.baseline(store), 1)
         for run in store.runs.values():
             domains = [_described(run.domain(s), run.adjustments(s)) for s in SIDES]
             if run.key is None:
-                figures: list[object] = [None] * 8
+                figures: list[object] = [None] * 9
                 note = "not computed: s2r precompute"
             else:
                 sides = [headlines.headline(store, run.run, side) for side in SIDES]
-                figures = [sides[0].n, sides[0].trained_on, *_side(sides[0]), *_side(sides[1])]
+                baseline = round(100 * headlines.baseline(store, run.run), 1)
+                figures = [sides[0].n, sides[0].trained_on, *_side(sides[0]), *_side(sides[1]),
+                           baseline if sides[0].n else None]  # fmt: skip
                 note = "" if sides[0].n else "trained on every instance"
-            rows.append((run.run, run.model, *domains, *figures, baseline, note))
+            rows.append((run.run, run.model, *domains, *figures, note))
     output.write(_NAMES, rows, options)
     return 0
 

@@ -23,8 +23,8 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtui.canvas import DARK, LIGHT, ColourMode, Look
 
     found = re.fullmatch(r"(\d{1,3})x(\d{1,3})", options.size)
-    if not found:
-        raise RequestError(f"--size {options.size}: columns x rows, for example 120x40")
+    if not found or int(found[1]) < 20 or int(found[2]) < 5:
+        raise RequestError(f"--size {options.size}: columns x rows, at least 20x5, such as 120x40")
     if options.out.suffix not in (".png", ".txt"):
         raise RequestError(f"--out {options.out}: must end in .png or .txt")
     try:
@@ -32,9 +32,12 @@ def execute(options: argparse.Namespace) -> int:
     except ValueError:
         raise RequestError(f"--colour {options.colour}: truecolor, 256, 16 or none") from None
     look = Look(LIGHT if options.light else DARK, mode, options.ascii)
-    from s2rtui.headless import snapshot
+    from s2rtui.headless import is_key, snapshot
 
     keys = [key.strip() for key in options.keys.split(",") if key.strip()]
+    unknown = [key for key in keys if not is_key(key)]
+    if unknown:
+        raise RequestError(f"--keys {unknown[0]}: no key; letters, or such as enter, right, tab")
     shot = snapshot(options.store, (int(found[1]), int(found[2])), keys, look, options.run)
     content = shot.text.encode() if options.out.suffix == ".txt" else shot.png(look)
     try:

@@ -22,9 +22,12 @@ def execute(options: argparse.Namespace) -> int:
     with s2rstore.open(options.store) as store:
         try:
             result = store.connection().execute(options.sql)
+            if result is None or not result.description:
+                raise RequestError("sql: no statement that gives rows")
             rows = result.fetchall()
             names = [column[0] for column in result.description or ()]
         except duckdb.Error as error:
-            raise RequestError(f"sql: {' '.join(str(error).split())}") from error
+            reason = str(error).split("Traceback")[0]
+            raise RequestError(f"sql: {' '.join(reason.split())}") from error
     output.write(names, rows, options)
     return 0

@@ -27,8 +27,10 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtools.train.into_store import TrainingRequest, train_into_store
     from s2rtui.cli.progress import percent, reporter
 
-    if options.minutes <= 0 or (options.steps is not None and options.steps < 1):
-        raise RequestError("--minutes, --steps: more than 0")
+    if not 0 < options.minutes <= 10_000 or (options.steps is not None and options.steps < 1):
+        raise RequestError("--minutes, --steps: more than 0; --minutes at most 10000")
+    if not 0 <= options.seed < 2**31:
+        raise RequestError("--seed: 0 .. 2147483647")
     request = TrainingRequest(
         options.recipe, options.name, options.start, options.arch, options.minutes, options.steps,
         options.seed,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from s2rstore import headlines
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.plots import GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView
-from s2rtui.session.heat import SIGNED, ray_of, unit
+from s2rtui.session.heat import SIGNED, ray_of, run_range, unit
 from s2rtui.session.state import HeatChoice, State
 
 Pixels = NDArray[np.uint8]
@@ -23,7 +24,7 @@ Grid = NDArray[np.float32]
 def overview_rows(
     store: Store, runs: Sequence[str] | None = None
 ) -> tuple[list[OverviewRow], float]:
-    """A row per computed run (or per named one), and the baseline's accuracy.
+    """A row per computed run (or per named one), and the baseline of the first one's instances.
 
     Figures leave out what the model was trained on.
     """
@@ -41,7 +42,7 @@ def overview_rows(
                 note="" if real.n else "the model was trained on every instance",
             )
         )
-    return rows, headlines.baseline(store)
+    return rows, headlines.baseline(store, rows[0].run) if rows else math.nan
 
 
 def map_input(
@@ -93,6 +94,7 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
         mode=heat.mode if heat else None,
         unit=unit(store, run, heat) if heat else "",
         signed=bool(heat and heat.kind in SIGNED),
+        heat_range=run_range(store, run, heat) if heat else None,
         over="both" if both else "depth" if on_depth else "rgb",
         notes=(
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
@@ -126,7 +128,7 @@ def _side(store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None)
     x, y, heading, error, turn = (float(column[iid]) for column in values)
     pose = None if math.isnan(x) else PoseNumbers(x, y, heading, error, turn)
     chain = record.adjustments(side)
-    adjusted = " adjusted" if chain else ""
+    adjusted = f", before {_chain_text(chain)}" if chain else ""
     return SideView(
         rgb=frame.rgb,
         depth=metres.astype(np.float32),
@@ -134,6 +136,10 @@ def _side(store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None)
         pose=pose,
         title=f"{domain.domain}{adjusted}" if domain.domain != side or adjusted else "",
     )
+
+
+def _chain_text(chain: list[dict[str, Any]]) -> str:
+    return ", ".join(f"{step['name']}={step['value']:g}" for step in chain)
 
 
 @lru_cache(maxsize=4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import lru_cache
 
 import numpy as np
@@ -38,6 +39,13 @@ def unit(store: Store, run: str, heat: HeatChoice) -> str:
         return _PLANE_UNITS[heat.mode or "loss"]
     record = next((r for r in store.arrays(run) if r.kind == heat.kind), None)
     return _UNITS.get(record.unit, record.unit) if record else ""
+
+
+def run_range(store: Store, run: str, heat: HeatChoice) -> tuple[float, float] | None:
+    """The run's own 1st .. 99th percentile of a heatmap kind; None where it was not noted."""
+    noted = json.loads(store.provenance(f"run:{run}").get("heat ranges", "{}"))
+    found = noted.get(":".join(part for part in (heat.kind, heat.mode) if part))
+    return (float(found[0]), float(found[1])) if found else None
 
 
 def ray_of(heat: HeatChoice) -> Ray:

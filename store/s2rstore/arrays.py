@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.layout import sync_file, sync_folder
 
 if TYPE_CHECKING:
     import zarr
 
+_UNREADABLE = (ValueError, TypeError, KeyError, AttributeError, RuntimeError, OSError)
 _CHUNK_BYTES = 256 * 1024
 
 
@@ -67,6 +69,9 @@ def create(path: Path, layout: Layout, attributes: dict[str, Any] | None = None)
         fill_value=0,
         attributes=attributes or {},
     )
+    sync_file(path / "zarr.json")
+    for folder in (path, path.parent, path.parent.parent):
+        sync_folder(folder)
 
 
 def _shuffle(dtype: str) -> Any:
@@ -75,13 +80,32 @@ def _shuffle(dtype: str) -> Any:
 
 
 def open_read(path: Path) -> zarr.Array[Any]:
-    """Raises RequestError where the array is missing."""
+    """Raises RequestError where the array is missing or its metadata cannot be read."""
     import zarr
 
     try:
         return zarr.open_array(path, mode="r")
-    except (FileNotFoundError, ValueError) as error:
+    except FileNotFoundError as error:
         raise RequestError(f"{path}: no such array; run `s2r verify`") from error
+    except _UNREADABLE as error:
+        raise RequestError(f"{path}: unreadable metadata ({type(error).__name__})") from error
+
+
+def read_rows(array: zarr.Array[Any], start: int, stop: int) -> NDArray[Any]:
+    """Rows [start, stop).
+
+    RequestError where a shard's file is damaged, or missing, which zarr would read as zeros.
+    """
+    rows_per_shard = array.shards[0] if array.shards else array.chunks[0]
+    root = Path(str(array.store_path).removeprefix("file://"))
+    for shard in range(start // rows_per_shard, -(-stop // rows_per_shard)):
+        file = shard_file(root, shard, array.ndim)
+        if not file.exists():
+            raise RequestError(f"{file}: missing; open the store again, or run `s2r verify`")
+    try:
+        return np.asarray(array[start:stop])
+    except _UNREADABLE as error:
+        raise RequestError(f"{root}: damaged ({error}); run `s2r verify`") from error
 
 
 def write_shard(path: Path, shard: int, rows: NDArray[Any]) -> Path:

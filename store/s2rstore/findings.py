@@ -8,6 +8,7 @@ import numpy as np
 
 from s2rstore import headlines
 from s2rstore.reader import Store
+from s2rstore.text import printable
 
 MIN_INSTANCES = 5
 
@@ -46,7 +47,7 @@ def lines(store: Store) -> list[str]:
     truth = store.instances
     told = [
         f"{len(truth)} instances, {len(computed)} runs; predicting the mean position scores "
-        f"{100 * headlines.baseline(store):.1f} % accuracy"
+        f"{100 * headlines.baseline(store, computed[0]):.1f} % accuracy"
     ]
     told += [_run_line(store, name) for name in computed]
     best = max(computed, key=lambda name: _accuracy(store, name))
@@ -58,7 +59,7 @@ def lines(store: Store) -> list[str]:
             f"worst region of {computed[0]}: {worst.room} (median real error "
             f"{worst.real_median:.2f} m, sim {worst.sim_median:.2f} m; {worst.n} new instances)"
         )
-    return told
+    return [printable(line) for line in told]
 
 
 def _accuracy(store: Store, run: str) -> float:

@@ -57,9 +57,8 @@ def headline(
     )
 
 
-def baseline(store: Store, members: NDArray[np.bool_] | None = None) -> float:
-    """Mean accuracy of predicting the mean position for every instance."""
-    truth = store.instances
-    keep = slice(None) if members is None else members
+def baseline(store: Store, run: str) -> float:
+    """Mean accuracy of predicting their mean position for the instances of a run's figures."""
+    truth, keep = store.instances, held_out(store, run)
     values = stats.baseline_accuracy(truth.x[keep], truth.y[keep], store.dataset.accuracy_scale)
     return float(values.mean()) if values.size else float("nan")

@@ -51,13 +51,18 @@ def read_current(root: Path) -> Current:
     """
     path = root / CURRENT
     try:
-        content = json.loads(path.read_bytes())
-        return Current(**content)
+        current = Current(**json.loads(path.read_bytes()))
     except FileNotFoundError:
         kind = "no such folder" if not root.is_dir() else f"no {CURRENT} in it"
         raise RequestError(f"{root}: not a store ({kind}); make one with `s2r ingest`") from None
-    except (OSError, ValueError, TypeError) as error:
-        raise RequestError(f"{path}: unreadable ({error}); run `s2r verify`") from error
+    except (OSError, ValueError, TypeError, RecursionError) as error:
+        raise RequestError(f"{path}: damaged ({type(error).__name__}); restore it") from error
+    numbers = current.generation, current.bytes, current.schema
+    if not all(type(number) is int for number in numbers) or (
+        current.index != index_name(current.generation)
+    ):
+        raise RequestError(f"{path}: damaged (generation and index do not agree); restore it")
+    return current
 
 
 def write_current(root: Path, current: Current) -> None:
@@ -93,6 +98,14 @@ def sync_file(path: Path) -> None:
 def file_sha256(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def inside(root: Path, relative: str | Path) -> Path:
+    """A path that a store's content names; RequestError where it leads out of the store."""
+    path = Path(relative)
+    if path.is_absolute() or ".." in path.parts or "\0" in str(path):
+        raise RequestError(f"{root}: names {str(relative)!r}, which lies outside; do not trust it")
+    return root / path
 
 
 def checked_name(name: str, what: str) -> str:

@@ -37,17 +37,12 @@ class Ledger:
     def entries(self) -> Iterator[Entry]:
         """Every entry that was completely written, in no particular order."""
         for path in sorted(self._folder.glob("*.jsonl")):
+            if not path.is_file():
+                continue
             for line in path.read_bytes().split(b"\n"):
                 entry = _parsed(line)
                 if entry is not None:
                     yield entry
-
-    def by_key(self) -> dict[str, list[Entry]]:
-        """Entries grouped by work unit."""
-        grouped: dict[str, list[Entry]] = {}
-        for entry in self.entries():
-            grouped.setdefault(entry.key, []).append(entry)
-        return grouped
 
     def add(self, key: str, files: list[tuple[str, int]]) -> None:
         """Record a unit whose files, given as (path inside the store, count), are complete.
@@ -58,6 +53,7 @@ class Ledger:
         for relative, count in files:
             path = self._root / relative
             layout.sync_file(path)
+            layout.sync_folder(path.parent)
             entry = Entry(key, relative, path.stat().st_size, layout.file_sha256(path), count)
             lines.append(json.dumps(asdict(entry), separators=(",", ":")) + "\n")
         self._folder.mkdir(exist_ok=True)
@@ -68,19 +64,28 @@ class Ledger:
             file.write("".join(lines).encode())
             file.flush()
             os.fsync(file.fileno())
+        layout.sync_folder(self._folder)
+
+    def by_path(self) -> dict[str, list[Entry]]:
+        """Entries grouped by file: a file that was made again has several."""
+        grouped: dict[str, list[Entry]] = {}
+        for entry in self.entries():
+            grouped.setdefault(entry.path, []).append(entry)
+        return grouped
 
     def proves(self, entries: list[Entry]) -> bool:
-        """Whether every file of a unit lies there with the size and checksum of its entry."""
-        return bool(entries) and all(self.intact(entry) for entry in entries)
-
-    def intact(self, entry: Entry) -> bool:
-        path = self._root / entry.path
+        """Whether one of the entries of a file tells the size and checksum of what lies there."""
+        if not entries:
+            return False
+        path = self._root / entries[0].path
         try:
-            if path.stat().st_size != entry.bytes:
+            size = path.stat().st_size
+            if not any(entry.bytes == size for entry in entries):
                 return False
-            return layout.file_sha256(path) == entry.checksum
+            checksum = layout.file_sha256(path)
         except OSError:
             return False
+        return any((entry.bytes, entry.checksum) == (size, checksum) for entry in entries)
 
     def forget(self, gone: set[str]) -> None:
         """Drop the entries of files that were removed, by their paths inside the store.

@@ -6,7 +6,8 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2rstore import layout, locks, sandbox
+from s2rstore import layout, locks, sandbox, schema
+from s2rstore.errors import RequestError
 from s2rstore.ledger import Ledger
 
 
@@ -22,10 +23,16 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> Pruned:
     """Keep the newest `keep` generations and what they reference; remove the rest.
 
     Takes the compute lock, so that no half-written unit is mistaken for refuse. Raises
-    StoreBusyError while a precompute runs.
+    StoreBusyError while a precompute runs, RequestError for a store that another release wrote
+    or whose published index is missing.
     """
-    current = layout.read_current(root)
+    layout.read_current(root)
     with locks.compute_lock(root), locks.publish_lock(root):
+        current = layout.read_current(root)
+        if current.schema != schema.VERSION:
+            raise RequestError(f"{root}: schema {current.schema}; prune it with its own release")
+        if not (root / current.index).is_file():
+            raise RequestError(f"{root / current.index}: the published index is missing")
         indexes = sorted(
             (number, path)
             for path in (root / layout.INDEX).glob("index-*.duckdb")

@@ -98,7 +98,12 @@ class Store:
     def _rows(self, table: str) -> list[dict[str, Any]]:
         known = schema.BY_NAME[table]
         names = ", ".join(f'"{name}"' for name in known.column_names)
-        found = self.execute(f'SELECT {names} FROM "{table}" ORDER BY {", ".join(known.order)}')
+        try:
+            found = self.execute(f'SELECT {names} FROM "{table}" ORDER BY {", ".join(known.order)}')
+        except duckdb.Error as error:
+            raise RequestError(
+                f"{self._index}: no table {table} as this program knows it; run `s2r verify`"
+            ) from error
         return [dict(zip(known.column_names, row, strict=True)) for row in found]
 
     @cached_property
@@ -113,7 +118,8 @@ class Store:
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:
         """In the order of their instances."""
-        return tuple(Trajectory(**row) for row in self._rows("trajectory"))
+        rows = self._rows("trajectory")
+        return tuple(Trajectory(**row) for row in rows if self._name(row, "trajectory"))
 
     @cached_property
     def rooms(self) -> tuple[Room, ...]:
@@ -122,11 +128,11 @@ class Store:
 
     @cached_property
     def domains(self) -> dict[str, Domain]:
-        return {row["domain"]: _domain(row) for row in self._rows("domain")}
+        return {self._name(row, "domain"): _domain(row) for row in self._rows("domain")}
 
     @cached_property
     def models(self) -> dict[str, Model]:
-        return {row["model"]: Model(**row) for row in self._rows("model")}
+        return {self._name(row, "model"): Model(**row) for row in self._rows("model")}
 
     @cached_property
     def runs(self) -> dict[str, Run]:
@@ -135,8 +141,15 @@ class Store:
         for row in self._rows("run"):
             for side in ("sim", "real"):
                 row[f"{side}_adjustments"] = json.loads(row[f"{side}_adjustments"])
-            runs[row["run"]] = Run(**row)
+            runs[self._name(row, "run")] = Run(**row)
         return runs
+
+    def _name(self, row: dict[str, Any], what: str) -> str:
+        """A name that paths are made of; RequestError where it could lead out of the store."""
+        try:
+            return layout.checked_name(row[what], what)
+        except RequestError as error:
+            raise RequestError(f"{self.path}: {error}") from error
 
     def run(self, name: str | None = None) -> Run:
         """The named run, by default the first computed one; RequestError with the known names."""
@@ -179,8 +192,10 @@ class Store:
             raise RequestError(f"instance {iid}: the store holds 0 .. {len(columns) - 1}")
         row, trajectory = self._row_in_trajectory(iid)
         folder = self.path / layout.FRAMES / domain / trajectory
-        rgb = np.asarray(self._array(folder / "rgb")[row])
-        depth = np.asarray(self._array(folder / "depth")[row])
+        rgb, depth = (
+            arrays.read_rows(self._array(folder / image), row, row + 1)[0]
+            for image in ("rgb", "depth")
+        )
         valid = (depth >= record.depth_raw_min) & (depth <= record.depth_raw_max)
         return Frame(rgb, depth, valid)
 
@@ -196,8 +211,8 @@ class Store:
             if low < high:
                 folder = self.path / layout.FRAMES / domain / trajectory
                 for image in images:
-                    rows = self._array(folder / image)[low - first : high - first]
-                    parts[image].append(np.asarray(rows))
+                    array = self._array(folder / image)
+                    parts[image].append(arrays.read_rows(array, low - first, high - first))
         return {image: _joined(rows) for image, rows in parts.items()}
 
     def first_iid(self, trajectory: str) -> int:
@@ -249,7 +264,7 @@ class Store:
         candidates = self.arrays(run)
         for record in candidates:
             if record.kind == kind and record.side in (side, None) and record.mode == mode:
-                return record, self._array(self.path / layout.RUNS / record.path)
+                return record, self._array(layout.inside(self.path / layout.RUNS, record.path))
         known = ", ".join(sorted({record.kind for record in candidates})) or "nothing"
         asked = " ".join(part for part in (kind, side, mode) if part)
         raise RequestError(f"run {run!r} has no {asked} (has: {known}); run `s2r precompute`")
@@ -265,7 +280,11 @@ class Store:
         planes = _PLANES.get(kind)
         stored_mode = None if planes else mode or _DEFAULT_MODES.get(kind)
         record, array = self.array(run, kind, side, stored_mode)
-        item: NDArray[np.float32] = np.asarray(array[iid], dtype=np.float32)
+        if not 0 <= iid < array.shape[0]:
+            raise RequestError(f"instance {iid}: the store holds 0 .. {array.shape[0] - 1}")
+        item: NDArray[np.float32] = np.asarray(
+            arrays.read_rows(array, iid, iid + 1)[0], dtype=np.float32
+        )
         item = (item - np.float32(record.zero)) * np.float32(record.scale)
         if item.ndim == 2:
             return item
@@ -291,12 +310,13 @@ class Store:
         known = str(array.attrs["aggregates"]).split(",")
         if aggregate not in known:
             raise RequestError(f"aggregate {aggregate!r}: one of {', '.join(known)}")
-        return np.asarray(array[known.index(aggregate)], dtype=np.float32)
+        row = known.index(aggregate)
+        return np.asarray(arrays.read_rows(array, row, row + 1)[0], dtype=np.float32)
 
     def floor_plan_path(self) -> Path | None:
         """The picture of the floor plan; None where the data set has none."""
         name = self.dataset.floor_plan
-        return self.path / name if name else None
+        return layout.inside(self.path, name) if name else None
 
 
 def _domain(row: dict[str, Any]) -> Domain:

@@ -19,7 +19,11 @@ def connect(index: Path) -> duckdb.DuckDBPyConnection:
         return duckdb.connect(
             str(index),
             read_only=True,
-            config={"enable_external_access": "false", "lock_configuration": "true"},
+            config={
+                "enable_external_access": "false",
+                "lock_configuration": "true",
+                "temp_directory": "",
+            },
         )
     except duckdb.Error as error:
         first_line = str(error).splitlines()[0]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore import layout, locks, schema
+from s2rstore.errors import RequestError
 
 ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
 
@@ -94,7 +95,7 @@ def edit(root: Path) -> Iterator[Draft]:
     An exception inside leaves the store at its current generation. A folder without a
     generation gets its first one.
     """
-    (root / layout.INDEX).mkdir(parents=True, exist_ok=True)
+    check_writable(root)
     with locks.publish_lock(root):
         base = layout.read_current(root) if (root / layout.CURRENT).exists() else None
         _remove_leftovers(root)
@@ -110,6 +111,17 @@ def edit(root: Path) -> Iterator[Draft]:
             connection.close()
             beside.unlink(missing_ok=True)
             beside.with_name(beside.name + ".wal").unlink(missing_ok=True)
+
+
+def check_writable(root: Path) -> None:
+    """Raises RequestError where no generation can be published."""
+    folder = root / layout.INDEX
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RequestError(f"{folder}: cannot be written ({error.strerror})") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise RequestError(f"{folder}: cannot be written (the store is read-only)")
 
 
 def _begin(connection: duckdb.DuckDBPyConnection, beside: Path, base: Path | None) -> None:

@@ -189,7 +189,7 @@ def test_a_manifests_problems_are_named(tmp_path: Path, old: str, new: str, kind
         ("[bounds]", "[bounds", "data.toml"),
         ("[domains.real]", "[domains.elsewhere]", "domains.real"),
         ("width = 64", "width = 0", "width must be larger"),
-        ("hfov = 80.0", "hfov = 180.0", "less than 180"),
+        ("hfov = 80.0", "hfov = 180.0", "1 .. 179"),
         ("hfov = 80.0", "fx = 10", "fy must be a number"),
         ("depth = { hfov = 80.0 }", "depth = 3", "must be a table"),
         ("depth_raw_min = 6", 'depth_raw_min = "6"', "must be a number"),

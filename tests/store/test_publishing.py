@@ -127,7 +127,7 @@ def test_the_compute_lock_names_its_holder(own_store: Path) -> None:
 
 @pytest.mark.parametrize(
     ("content", "hint"),
-    [(None, "not a store"), ("{", "unreadable"), ('{"generation": 1}', "unreadable")],
+    [(None, "not a store"), ("{", "damaged"), ('{"generation": 1}', "damaged")],
 )
 def test_what_is_no_store_is_refused(tmp_path: Path, content: str | None, hint: str) -> None:
     if content is not None:

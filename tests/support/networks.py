@@ -61,6 +61,19 @@ class Branches(nn.Module):
         return functional.relu(self.after(joined))
 
 
+class Twice(nn.Module):
+    """One tensor that is joined with itself."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(4, 4, 3, padding=1)
+        self.after = nn.Conv2d(8, 8, 3, padding=1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        y = torch.relu(self.conv(x))
+        return self.after(torch.cat([y, y], 1))
+
+
 class SqueezeExcite(nn.Module):
     def __init__(self) -> None:
         super().__init__()
@@ -93,6 +106,7 @@ def local_trunks() -> dict[str, tuple[nn.Module, int]]:
                           Residual(8)), 8,
         ),
         "branches": (Branches(), 8),
+        "twice": (Twice(), 8),
     }  # fmt: skip
 
 
@@ -103,7 +117,15 @@ def foreign_trunks() -> dict[str, tuple[nn.Module, int]]:
         "instance norm": (nn.Sequential(nn.Conv2d(4, 8, 3), nn.InstanceNorm2d(8)), 8),
         "global pool": (nn.Sequential(nn.Conv2d(4, 8, 3), nn.AdaptiveAvgPool2d(6)), 8),
         "squeeze excite": (SqueezeExcite(), 8),
-    }
+        "batch statistics": (
+            nn.Sequential(
+                nn.Conv2d(4, 8, 3, padding=1), nn.BatchNorm2d(8, track_running_stats=False)
+            ), 8,
+        ),
+        "divided pool": (
+            nn.Sequential(nn.Conv2d(4, 8, 3), nn.AvgPool2d(2, divisor_override=1)), 8,
+        ),
+    }  # fmt: skip
 
 
 def lively(network: nn.Module, seed: int = 0) -> nn.Module:
@@ -118,7 +140,7 @@ def lively(network: nn.Module, seed: int = 0) -> nn.Module:
                 )
                 if module.bias is not None:
                     module.bias.copy_(torch.randn(module.bias.shape, generator=generator) * 0.1)
-        if isinstance(module, nn.BatchNorm2d):
+        if isinstance(module, nn.BatchNorm2d) and module.running_mean is not None:
             module.running_mean.copy_(torch.randn(module.num_features, generator=generator) * 0.1)
             module.running_var.copy_(torch.rand(module.num_features, generator=generator) + 0.5)
     return network.eval().requires_grad_(False)

@@ -18,6 +18,6 @@ def span(low: float, high: float) -> tuple[float, float] | None:
 
     The first end lies above the second where the range passes 180 degrees.
     """
-    if high - low >= 360 or (high < low and low - high >= 360):
+    if high - low >= 360:
         return None
     return wrapped(low) - TOLERANCE, wrapped(high) + TOLERANCE

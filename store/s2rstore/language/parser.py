@@ -43,6 +43,7 @@ _EXPECTED = {
     "AT": "@saved",
     "AND": "&",
     "MINUS": "-",
+    "PLUS": "+",
     "VBAR": "|",
     "COMPARE": "a comparison such as >",
     "COLON": ":",
@@ -53,6 +54,7 @@ _EXPECTED = {
     "__ANON_0": "..",
     "__ANON_1": "+-",
 }
+MAX_LENGTH, MAX_DEPTH, MAX_TERMS, MAX_NUMBER = 20_000, 100, 200, 1e12
 _SHORT = re.compile(r"(worst|best|min|max)15\Z")
 _WHICH: dict[str, Literal["worst", "best"]] = {
     "worst": "worst",
@@ -69,6 +71,7 @@ def parse(text: str) -> Node:
     """
     if not text.strip():
         return Everything()
+    _check_size(text)
     try:
         return cast(Node, _parser().parse(text))
     except VisitError as error:
@@ -81,6 +84,19 @@ def parse(text: str) -> Node:
         raise _unexpected(error, text) from None
     except UnexpectedInput as error:
         raise ExpressionError(getattr(error, "column", 1), "cannot be read") from None
+
+
+def _check_size(text: str) -> None:
+    """Refuse what no person writes, before it exhausts the stack."""
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(MAX_LENGTH, f"longer than {MAX_LENGTH} characters")
+    if sum(text.count(sign) for sign in "&|") > MAX_TERMS or text.count(" - ") > MAX_TERMS:
+        raise ExpressionError(1, f"more than {MAX_TERMS} parts; save some of it and use @name")
+    depth = 0
+    for column, character in enumerate(text, 1):
+        depth += (character in "(!") - (character == ")")
+        if depth > MAX_DEPTH:
+            raise ExpressionError(column, f"more than {MAX_DEPTH} of ( and ! within each other")
 
 
 @cache
@@ -148,6 +164,8 @@ class _Build(Transformer[Token, Any]):
 
     def signed(self, *tokens: Token) -> tuple[float, str]:
         text = "".join(tokens)
+        if abs(float(text)) > MAX_NUMBER:
+            raise ExpressionError(int(tokens[0].column or 1), f"{text} is beyond {MAX_NUMBER:g}")
         return float(text), text
 
     def number(self, value: tuple[float, str]) -> Any:
@@ -190,7 +208,8 @@ class _Build(Transformer[Token, Any]):
             raise ExpressionError(
                 head.column + len(head.name), f"{head.name} needs a condition", [" > 1", ":value"]
             )
-        raise unknown(head.column, "word", head.name, [*fields.WORDS, *fields.FUNCTIONS])
+        words = ["worst15", "best15"] if head.run else [*fields.WORDS, *fields.FUNCTIONS]
+        raise unknown(head.column, "word", head.name, words)
 
     def comparison(self, head: _Head, operator: Token, value: tuple[float, str]) -> Node:
         return Compare(_numeric(head), cast(Any, str(operator)), value[0])
@@ -238,7 +257,7 @@ def _unquoted(token: Token) -> str:
 
 def _numeric(head: _Head) -> Field:
     if head.name not in fields.NUMERIC:
-        raise unknown(head.column, "field", head.name, [*fields.NUMERIC, *fields.TEXT])
+        raise unknown(head.column, "number field", head.name, list(fields.NUMERIC))
     return Field(head.name, head.run)
 
 
@@ -276,8 +295,10 @@ def _extreme(head: _Head, arguments: list[Any]) -> Node:
 
 
 def _id_range(head: _Head, argument: Any) -> tuple[int, int]:
+    if argument[0] not in ("number", "span"):
+        raise ExpressionError(head.column, "ids takes whole numbers", ["ids(3, 7..12)"])
     ends = argument[1] if _is(argument, "span") else (argument[1][0],) * 2
-    if argument[0] not in ("number", "span") or any(end != int(end) for end in ends):
+    if any(end != int(end) for end in ends):
         raise ExpressionError(head.column, "ids takes whole numbers", ["ids(3, 7..12)"])
     if ends[0] > ends[1]:
         raise ExpressionError(head.column, "the range's first end is above its second")

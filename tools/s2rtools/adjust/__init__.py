@@ -49,7 +49,7 @@ def apply_chain(
 def parse(text: str) -> dict[str, list[dict[str, Any]]]:
     """`real:brightness=1.15,contrast=1.1` -> {"real": [{"name": ..., "value": ...}, ...]}.
 
-    A side holds for the steps after it; `black` alone means `black=1`. Raises RequestError naming
+    One side per text; `black` alone means `black=1`. Raises RequestError naming
     the step, with what could stand there.
     """
     sides: dict[str, list[dict[str, Any]]] = {"sim": [], "real": []}

@@ -38,13 +38,17 @@ class Backend:
     name = "torch"
     precision = "float32"
     batch = BATCH
+    uses_gpu = True
 
     def __init__(self, model: LoadedModel, threads: int = 0) -> None:
         """`threads` 0 leaves torch's own setting."""
         if threads:
             torch.set_num_threads(threads)
         self.model = model
-        self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        self.device = torch.device("cuda" if self.uses_gpu and torch.cuda.is_available() else "cpu")
+        if self.device.type == "cuda":
+            torch.backends.cudnn.allow_tf32 = False
+            torch.backends.cuda.matmul.allow_tf32 = False
         self.trunk: nn.Module | None = None
         if model.network.has_features:
             self.trunk = folded(model.network.trunk).to(self.device)
@@ -95,6 +99,7 @@ class OpenVinoBackend(Backend):
 
     name = "openvino"
     precision = "openvino"
+    uses_gpu = False
 
     def __init__(self, model: LoadedModel, threads: int = 0) -> None:
         super().__init__(model, threads)
@@ -142,11 +147,13 @@ def choose_backend(
 ) -> Backend:
     """The named backend, if it stays within 1 cm and 0.5 degrees of float32 on the sample.
 
-    `auto` takes the fastest installed one that does. `sample` (B, 4, h, w). Raises RequestError
+    `auto` stays with torch on a GPU; else it takes the first of OpenVINO and bfloat16 that is
+    installed and does. `sample` (B, 4, h, w). Raises RequestError
     where a backend asked for by name is too far off.
     """
     reference = Backend(model, threads)
-    if name == Backend.name or not model.network.has_features:
+    on_gpu = name == "auto" and reference.device.type == "cuda"
+    if name == Backend.name or on_gpu or not model.network.has_features:
         return reference
     wanted = reference.forward_all(sample).pose
     for candidate in (OpenVinoBackend.name, Bfloat16Backend.name) if name == "auto" else (name,):

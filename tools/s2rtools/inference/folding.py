@@ -28,7 +28,7 @@ def folded(trunk: nn.Module) -> nn.Module:
         if before.op != "call_module" or len(before.users) > 1:
             continue
         conv = modules[before.target]
-        if isinstance(conv, nn.Conv2d):
+        if isinstance(conv, nn.Conv2d) and modules[node.target].running_mean is not None:
             parent, _, name = before.target.rpartition(".")
             fused = fuse_conv_bn_eval(conv, modules[node.target])
             setattr(traced.get_submodule(parent), name, fused)

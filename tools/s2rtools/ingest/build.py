@@ -20,9 +20,8 @@ from s2rstore.ledger import Ledger
 from s2rstore.records import Domain
 from s2rstore.writer import edit
 from s2rtools.ingest.ahead import ahead
-from s2rtools.ingest.images import View, decode
 from s2rtools.ingest.index import write_index
-from s2rtools.ingest.scan import Facts, Problem, Scan, Sighting
+from s2rtools.ingest.scan import Facts, Problem, Scan, Sighting, View
 
 SHARD_ROWS = 64
 _PLAN_PIXELS = 1056
@@ -115,7 +114,7 @@ def _usable(
     for sighting, types in good:
         odd = [domain for domain in usual if types[domain] != usual[domain]]
         for domain in odd:
-            file = scan.relative(sighting.images[domain].depth)
+            file = sighting.images[domain].files(scan)[1] or domain
             detail = f"{types[domain]}, the others are {usual[domain]}"
             scan.problems.append(Problem("mixed depth types", file, detail))
         if not odd:
@@ -125,11 +124,10 @@ def _usable(
 
 def _depth_types(scan: Scan, sighting: Sighting) -> dict[str, str | Problem]:
     """Per domain the type of the depth values, or what is wrong with the view."""
-    found: dict[str, str | Problem] = {}
-    for name, images in sighting.images.items():
-        view = decode(scan, scan.domains[name], images)
-        found[name] = view if isinstance(view, Problem) else str(view.depth.dtype)
-    return found
+    return {
+        name: picture.depth_type(scan, scan.domains[name])
+        for name, picture in sighting.images.items()
+    }
 
 
 def _report_outside(scan: Scan) -> None:
@@ -137,13 +135,13 @@ def _report_outside(scan: Scan) -> None:
     for rows in scan.trajectories.values():
         for row in rows:
             if not (edges.x0 <= row.x <= edges.x1 and edges.y0 <= row.y <= edges.y1):
-                file = scan.relative(next(iter(row.images.values())).rgb)
+                file = next(iter(row.images.values())).files(scan)[0] or scan.name
                 detail = f"({row.x:g}, {row.y:g}); kept"
                 scan.problems.append(Problem("pose outside the bounds", file, detail))
 
 
 def _decoded(scan: Scan, domain: Domain, sighting: Sighting) -> View:
-    view = decode(scan, domain, sighting.images[domain.domain])
+    view = sighting.images[domain.domain].view(scan, domain)
     if isinstance(view, Problem):
         raise RequestError(f"{view.file}: changed while it was read; ingest again")
     return view
@@ -175,10 +173,13 @@ def _write_frames(
 def _write_floor_plan(scan: Scan, root: Path) -> str | None:
     if scan.floor_plan is None:
         return None
-    picture = cv2.imread(str(scan.floor_plan), cv2.IMREAD_COLOR)
-    if picture is None:
-        scan.problems.append(Problem("unreadable floor plan", scan.relative(scan.floor_plan)))
-        return None
+    if isinstance(scan.floor_plan, Path):
+        picture = cv2.imread(str(scan.floor_plan), cv2.IMREAD_COLOR)
+        if picture is None:
+            scan.problems.append(Problem("unreadable floor plan", scan.relative(scan.floor_plan)))
+            return None
+    else:
+        picture = cv2.cvtColor(scan.floor_plan, cv2.COLOR_RGB2BGR)
     scale = min(1.0, _PLAN_PIXELS / max(picture.shape[:2]))
     size = round(picture.shape[1] * scale), round(picture.shape[0] * scale)
     small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)

@@ -30,6 +30,8 @@ Table = dict[str, Any]
 
 _EDGES = ("x0", "y0", "x1", "y1")
 _RAW_MAX = 65535
+_LIMIT = 1e6
+_PIXELS_MAX = 100_000
 
 
 def read(path: Path) -> Table:
@@ -47,9 +49,16 @@ def read(path: Path) -> Table:
 def bounds(data: Table, path: Path) -> Bounds:
     table = _table(data.get("bounds", {}), path, "bounds")
     edges = [_number(table, name, path, "bounds") for name in _EDGES]
-    if edges[2] <= edges[0] or edges[3] <= edges[1]:
-        raise RequestError(f"{path}: bounds: x1 and y1 must be larger than x0 and y0")
+    if edges[2] - edges[0] < 0.01 or edges[3] - edges[1] < 0.01:
+        raise RequestError(f"{path}: bounds: x1 and y1 must be larger than x0 and y0, by 1 cm")
     return Bounds(*edges)
+
+
+def text(data: Table, key: str, default: str, path: Path) -> str:
+    value = data.get(key, default)
+    if not isinstance(value, str) or not value.isprintable():
+        raise RequestError(f"{path}: {key} must be printable text")
+    return value
 
 
 def flag(data: Table, key: str, default: bool, path: Path) -> bool:
@@ -78,13 +87,16 @@ def rooms(data: Table, path: Path) -> tuple[Room, ...]:
         raise RequestError(f"{path}: rooms must be a list, written as [[rooms]]")
     for entry in entries:
         name = _table(entry, path, "rooms").get("room")
-        if not isinstance(name, str) or not name:
-            raise RequestError(f"{path}: rooms: each needs room = its name")
-        for rectangle in entry.get("rectangles", ()):
+        if not isinstance(name, str) or not name or not name.isprintable():
+            raise RequestError(f"{path}: rooms: each needs room = its name, in printable letters")
+        rectangles = entry.get("rectangles", [])
+        for rectangle in rectangles if isinstance(rectangles, list) else [rectangles]:
             corners = dict(zip(_EDGES, rectangle, strict=False)) if _is_four(rectangle) else {}
             if not corners:
                 raise RequestError(f"{path}: room {name!r}: rectangles are 4 numbers")
             edges = [_number(corners, key, path, f"room {name!r}") for key in _EDGES]
+            if edges[2] <= edges[0] or edges[3] <= edges[1]:
+                raise RequestError(f"{path}: room {name!r}: x1, y1 must be larger than x0, y0")
             made.append(Room(name, len(made), *edges))
     return tuple(made)
 
@@ -109,7 +121,7 @@ def domain(data: Table, name: str, frame: tuple[int, int], path: Path) -> Domain
         depth_scale=_positive(found, "depth_scale", path, where),
         depth_raw_min=int(low),
         depth_raw_max=int(high),
-        sources=_table(found.get("source", {}), path, f"{where}.source"),
+        sources=_sources(found, path, where),
     )
 
 
@@ -130,8 +142,17 @@ def _domain(data: Table, name: str, path: Path) -> Table:
 
 def _size(found: Table, image: str, path: Path, where: str) -> tuple[int, int]:
     table = {**found, **_table(found.get(image, {}), path, f"{where}.{image}")}
-    height, width = (int(_positive(table, key, path, where)) for key in ("height", "width"))
-    return height, width
+    height, width = (_positive(table, key, path, where) for key in ("height", "width"))
+    if height != int(height) or width != int(width) or max(height, width) > _PIXELS_MAX:
+        raise RequestError(f"{path}: {where}: width and height are whole numbers of pixels")
+    return int(height), int(width)
+
+
+def _sources(found: Table, path: Path, where: str) -> dict[str, str]:
+    table = _table(found.get("source", {}), path, f"{where}.source")
+    if not all(isinstance(value, str) for value in table.values()):
+        raise RequestError(f'{path}: {where}.source: "declared" or "estimated" for each group')
+    return table
 
 
 def _camera(found: Table, image: str, frame: tuple[int, int], path: Path, where: str) -> Intrinsics:
@@ -140,8 +161,8 @@ def _camera(found: Table, image: str, frame: tuple[int, int], path: Path, where:
     table = _table(found.get(image, {}), path, where)
     if "hfov" in table:
         hfov = _positive(table, "hfov", path, where)
-        if hfov >= 180:
-            raise RequestError(f"{path}: {where}: hfov must be less than 180 degrees")
+        if not 1 <= hfov <= 179:
+            raise RequestError(f"{path}: {where}: hfov is 1 .. 179 degrees")
         fx = fy = width / 2 / math.tan(math.radians(hfov) / 2)
         cx, cy = width / 2, height / 2
     else:
@@ -171,6 +192,6 @@ def _positive(found: Table, key: str, path: Path, where: str) -> float:
 
 def _number(found: Table, key: str, path: Path, where: str) -> float:
     value = found.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise RequestError(f"{path}: {where}: {key} must be a number")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _LIMIT:
+        raise RequestError(f"{path}: {where}: {key} must be a number within +-{_LIMIT:g}")
     return float(value)

@@ -12,21 +12,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Domain
-from s2rtools.ingest.scan import Images, Problem, Scan
+from s2rtools.ingest.scan import Problem, Scan, View
 
 _COLOUR_SPREAD = 8
 _PHOTO_DIFFERENCE = 6.0
 _PHOTO_CORRELATION = 0.98
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class View:
-    """rgb (H, W, 3) uint8 and depth (H, W) raw values at the stored size."""
+@dataclass(frozen=True, slots=True)
+class Images:
+    """The two source files of one view, and the (height, width) that each must have."""
 
-    rgb: NDArray[np.uint8]
-    depth: NDArray[Any]
-    sha256: str
-    valid_fraction: float
+    rgb: Path
+    depth: Path
+    rgb_size: tuple[int, int]
+    depth_size: tuple[int, int]
+
+    def files(self, scan: Scan) -> tuple[str | None, str | None]:
+        return scan.relative(self.rgb), scan.relative(self.depth)
+
+    def depth_type(self, scan: Scan, domain: Domain) -> str | Problem:
+        found = self.view(scan, domain)
+        return found if isinstance(found, Problem) else str(found.depth.dtype)
+
+    def view(self, scan: Scan, domain: Domain) -> View | Problem:
+        return decode(scan, domain, self)
 
 
 def decode(scan: Scan, domain: Domain, images: Images) -> View | Problem:

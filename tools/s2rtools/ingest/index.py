@@ -44,8 +44,8 @@ def write_index(draft: Draft, scan: Scan, kept: Kept, plan: str | None, command:
             {
                 "iid": np.arange(len(rows), dtype=np.int32),
                 "domain": np.full(len(rows), name, dtype=object),
-                "rgb_path": [scan.relative(s.images[name].rgb) for s in sightings],
-                "depth_path": [scan.relative(s.images[name].depth) for s in sightings],
+                "rgb_path": [s.images[name].files(scan)[0] for s in sightings],
+                "depth_path": [s.images[name].files(scan)[1] for s in sightings],
                 "sha256": [facts[name].sha256 for *_, facts in rows],
                 "valid_depth_fraction": [facts[name].valid_fraction for *_, facts in rows],
             },
@@ -58,12 +58,17 @@ def write_index(draft: Draft, scan: Scan, kept: Kept, plan: str | None, command:
         {"command": command, "ingested_at": datetime.now(UTC).isoformat(timespec="seconds"),
          "problems": problems},
     )  # fmt: skip
-    draft.note("statistics", {"bootstrap": asdict(stats.BOOTSTRAP)})
+    for what, facts in scan.notes.items():
+        draft.note(what, facts)
+    rule = "block_length 0: the rounded-up square root of n, in recording order"
+    draft.note("statistics", {"bootstrap": {**asdict(stats.BOOTSTRAP), "rule": rule}})
 
 
 def _dataset_row(scan: Scan, rows: list[Row], plan: str | None) -> dict[str, Any]:
     facts = {
         "frame": scan.frame,
+        "y_down": scan.y_down,
+        "accuracy_scale": scan.accuracy_scale,
         "bounds": asdict(scan.bounds),
         "rooms": [asdict(room) for room in scan.rooms],
         "domains": [asdict(domain) for domain in scan.domains.values()],

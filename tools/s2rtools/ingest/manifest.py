@@ -18,11 +18,13 @@ from typing import Any
 from s2rstore.errors import RequestError
 from s2rstore.layout import checked_name
 from s2rtools.ingest import header
-from s2rtools.ingest.scan import Images, Problem, Scan, ScanOptions, Sighting
+from s2rtools.ingest.images import Images
+from s2rtools.ingest.scan import Problem, Scan, ScanOptions, Sighting
 
 REQUIRED = ("trajectory", "seq", "domain", "rgb", "depth", "x", "y", "heading")
 _NAMING = REQUIRED[:5]
 _POSE_TOLERANCE = 1e-6
+_POSE_LIMIT = 1e6
 
 Row = dict[str, str]
 Sizes = dict[str, tuple[tuple[int, int], tuple[int, int]]]
@@ -36,7 +38,7 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     bounds = header.bounds(data, where)
     plan = data.get("floor_plan")
     result = Scan(
-        name=str(data.get("name", path.stem)),
+        name=header.text(data, "name", path.stem, where),
         root=path.parent,
         frame=options.frame,
         y_down=header.flag(data, "y_down", False, where),
@@ -48,7 +50,7 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         trajectories={},
         recorded_at=header.recorded_at(data, where),
     )
-    if result.floor_plan is not None and not result.floor_plan.is_file():
+    if isinstance(result.floor_plan, Path) and not result.floor_plan.is_file():
         result.problems.append(Problem("missing floor plan", str(plan)))
         result.floor_plan = None
     rows = _complete(result, path, rows)
@@ -150,7 +152,7 @@ def _sighting(
         result.problems.append(Problem("unmatched pair", where, f"no row of {absent[0]}"))
         return None
     pose = _pose(first)
-    if not all(math.isfinite(value) for value in pose):
+    if not all(abs(value) <= _POSE_LIMIT for value in pose):
         result.problems.append(Problem("bad pose", where))
         return None
     for other, row in views.values():
@@ -162,7 +164,7 @@ def _sighting(
         row = views[domain][1]
         rgb, depth = path.parent / row["rgb"], path.parent / row["depth"]
         for file in (rgb, depth):
-            if not file.is_file():
+            if len(file.name) > 255 or not file.is_file():
                 result.problems.append(Problem("missing image", result.relative(file)))
                 return None
         images[domain] = Images(rgb, depth, *sizes[domain])

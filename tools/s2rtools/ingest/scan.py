@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore.records import Bounds, Domain, Room
 
@@ -21,21 +26,37 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class ScanOptions:
-    """`header` is a calibration file (Sim2RealViz) or the manifest's header (CSV)."""
+    """`header` is a calibration file (Sim2RealViz) or the manifest's header (CSV); `world` says
+    what a generated data set is made from.
+    """
 
     trajectories: tuple[str, ...] = ()
     header: Path | None = None
     frame: tuple[int, int] = FRAME
+    world: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class Images:
-    """The two source files of one view, and the (height, width) that each must have."""
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """rgb (H, W, 3) uint8 and depth (H, W) raw values at the stored size."""
 
-    rgb: Path
-    depth: Path
-    rgb_size: tuple[int, int]
-    depth_size: tuple[int, int]
+    rgb: NDArray[np.uint8]
+    depth: NDArray[Any]
+    sha256: str
+    valid_fraction: float
+
+
+class Picture(Protocol):
+    """One view before it is read: image files, or a renderer's promise."""
+
+    def files(self, scan: Scan) -> tuple[str | None, str | None]:
+        """Names of the RGB and the depth file, relative to the scan's root."""
+
+    def depth_type(self, scan: Scan, domain: Domain) -> str | Problem:
+        """The type of the raw depth values, once all is known to be well."""
+
+    def view(self, scan: Scan, domain: Domain) -> View | Problem:
+        """The pixels; a Problem names the file that cannot be used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +66,7 @@ class Sighting:
     x: float
     y: float
     heading: float
-    images: dict[str, Images]
+    images: Mapping[str, Picture]
     odometry: tuple[float, float, float] | None = None
     timestamp: float | None = None
 
@@ -63,7 +84,8 @@ class Scan:
     """A data set as an importer found it; `domains` hold for the stored frame size.
 
     `trajectories` maps names to sightings in recording order; `root` is what file names in
-    reports are relative to.
+    reports are relative to. `floor_plan` is a file or a picture (h, w, 3) uint8 RGB that fills the
+    bounds; `notes` go into the store's provenance under the importer's name.
     """
 
     name: str
@@ -74,10 +96,11 @@ class Scan:
     accuracy_scale: float
     domains: dict[str, Domain]
     rooms: tuple[Room, ...]
-    floor_plan: Path | None
+    floor_plan: Path | NDArray[np.uint8] | None
     trajectories: dict[str, list[Sighting]]
     recorded_at: dict[str, str] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
+    notes: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def relative(self, path: Path) -> str:
         try:

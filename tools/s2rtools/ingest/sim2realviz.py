@@ -19,8 +19,8 @@ from s2rstore import angles
 from s2rstore.errors import RequestError
 from s2rstore.layout import checked_name
 from s2rtools.ingest import header
-from s2rtools.ingest.images import size_text, stored_size
-from s2rtools.ingest.scan import Images, Problem, Scan, ScanOptions, Sighting
+from s2rtools.ingest.images import Images, size_text, stored_size
+from s2rtools.ingest.scan import Problem, Scan, ScanOptions, Sighting
 
 _NAME = re.compile(
     r"x(?P<x>[^_]+)_y(?P<y>[^_]+)_z(?P<z>[^_]+)_r(?P<r>[^_]+)_(?P<what>rgb|depth)"

@@ -245,6 +245,8 @@ def _step(node: fx.Node, modules: dict[str, nn.Module]) -> _Step:
     if node.op == "call_module":
         module = modules[str(node.target)]
         inputs = tuple(_inputs(node))
+        if isinstance(module, nn.BatchNorm2d) and module.running_mean is None:
+            raise NotLocalError(f"{node.target}: batch norm without running statistics")
         if isinstance(module, _POINTWISE):
             return _Step(node.name, inputs, "pointwise", _out_of_place(module))
         if isinstance(module, _WINDOWS):
@@ -264,14 +266,12 @@ def _step(node: fx.Node, modules: dict[str, nn.Module]) -> _Step:
 
 
 def _inputs(node: fx.Node) -> list[str]:
-    return [argument.name for argument in node.all_input_nodes] if _distinct(node) else [
-        argument.name for argument in node.args if isinstance(argument, fx.Node)
-    ]  # fmt: skip
-
-
-def _distinct(node: fx.Node) -> bool:
-    plain = [argument for argument in node.args if isinstance(argument, fx.Node)]
-    return len(set(plain)) == len(plain)
+    """Names of all tensors that a step takes, in order, one as often as it is given."""
+    names: list[str] = []
+    for argument in (*node.args, *node.kwargs.values()):
+        listed = argument if isinstance(argument, list | tuple) else [argument]
+        names += [item.name for item in listed if isinstance(item, fx.Node)]
+    return names
 
 
 def _out_of_place(module: nn.Module) -> nn.Module:
@@ -288,6 +288,8 @@ def _window_step(name: str, inputs: tuple[str, ...], module: nn.Module) -> _Step
     padding_value = getattr(module, "padding", 0)
     if isinstance(padding_value, str) or getattr(module, "padding_mode", "zeros") != "zeros":
         raise NotLocalError(f"{name}: padding {padding_value!r} is not supported")
+    if getattr(module, "divisor_override", None) is not None:
+        raise NotLocalError(f"{name}: divisor_override is not supported")
     if getattr(module, "ceil_mode", False):
         raise NotLocalError(f"{name}: ceil_mode is not supported")
     kernel, padding = _pair(module.kernel_size), _pair(padding_value)  # type: ignore[arg-type]

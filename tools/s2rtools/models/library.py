@@ -152,7 +152,7 @@ def _empty_network(architecture: str, trust: bool) -> PoseNetwork:
     module, _, factory = architecture.partition(":")
     try:
         made = getattr(importlib.import_module(module), factory)()
-    except (ImportError, AttributeError) as error:
+    except (ImportError, AttributeError, ValueError, TypeError) as error:
         known = ", ".join(ARCHITECTURES)
         raise RequestError(f"architecture {architecture}: {error} (built in: {known})") from error
     if isinstance(made, PoseNetwork):

@@ -1,14 +1,13 @@
 """One seeded UMAP over both sides of a run, so that the two panels are comparable.
 
-PCA first, fitted in batches so that memory does not grow with the data set; UMAP fitted on at
-most `FIT_INSTANCES` seeded instances, the others by transform. Source: McInnes et al., "UMAP",
-2018.
+PCA first, fitted in batches of both sides so that memory does not grow with the data set; UMAP
+fitted on at most `fit_instances` seeded instances, the others by transform. Source: McInnes et
+al., "UMAP", 2018.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -26,6 +25,7 @@ class ProjectionSettings:
     neighbours: int = 15
     min_distance: float = 0.1
     seed: int = 7
+    version: int = 2
     fit_instances: int = 20_000
 
     def facts(self) -> dict[str, Any]:
@@ -46,10 +46,14 @@ def principal_components(
     from sklearn.decomposition import IncrementalPCA
 
     rows = _fit_rows(valid, settings)
-    count = min(settings.components, sides[0].shape[1], max(1, 2 * rows.size - 1))
+    if rows.size == 0:
+        missing = [np.full((s.shape[0], settings.components), np.nan, np.float32) for s in sides]
+        return missing[0], missing[1], float("nan")
+    cuts = np.array_split(rows, max(1, rows.size // _BATCH))
+    count = min(settings.components, sides[0].shape[1], 2 * cuts[0].size)
     model = IncrementalPCA(count)
-    for batch in _batches(sides, rows, max(_BATCH, count)):
-        model.partial_fit(batch)
+    for cut in cuts:
+        model.partial_fit(np.concatenate([_gather(side, cut) for side in sides]))
     projected = []
     for side in sides:
         out = np.full((side.shape[0], settings.components), np.nan, dtype=np.float32)
@@ -118,16 +122,6 @@ def _fit_rows(valid: NDArray[np.bool_], settings: ProjectionSettings) -> NDArray
         rng = np.random.default_rng(settings.seed)
         rows = np.sort(rng.choice(rows, limit, replace=False))
     return rows
-
-
-def _batches(
-    sides: tuple[Any, Any], rows: NDArray[np.int64], size: int
-) -> Iterator[NDArray[np.float32]]:
-    """Embeddings of `rows` of both sides in batches of at least `size` rows."""
-    cuts = np.array_split(rows, max(1, rows.size // size))
-    for side in sides:
-        for cut in cuts:
-            yield _gather(side, cut)
 
 
 def _gather(side: Any, rows: NDArray[np.int64]) -> NDArray[np.float32]:

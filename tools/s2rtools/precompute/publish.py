@@ -16,10 +16,12 @@ from s2rstore import arrays, layout, stats
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rstore.writer import edit
+from s2rtools.heatmaps import KINDS
 from s2rtools.precompute.projection import SETTINGS
 from s2rtools.precompute.rows import decode_split, prediction_columns
 from s2rtools.precompute.units import ArraySpec, Stage
 
+_RANGE_ROWS = 512
 _PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit-learn")
 
 
@@ -37,6 +39,7 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
         if {spec.path(run) for spec in specs} <= {record.path for record in listed}:
             return False
         columns = [*_predictions(store, run, stages[0]), *_projections(store, run, stages)]
+        ranges = _heat_ranges(store, run, specs)
     kept = [r for r in listed if (r.kind, r.side, r.mode) not in {_identity(s) for s in specs}]
     with edit(root) as draft:
         for table in ("prediction", "projection", "zarr_array"):
@@ -48,7 +51,7 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
         for spec in specs:
             draft.insert_row("zarr_array", _array_row(run, spec))
         draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
-        draft.note(f"run:{run}", _provenance(specs, backend))
+        draft.note(f"run:{run}", _provenance(specs, backend, ranges))
     return True
 
 
@@ -110,9 +113,33 @@ def _array_row(run: str, spec: ArraySpec) -> dict[str, Any]:
     }
 
 
-def _provenance(specs: Sequence[ArraySpec], backend: dict[str, Any]) -> dict[str, Any]:
+def _heat_ranges(store: Store, run: str, specs: Sequence[ArraySpec]) -> dict[str, list[float]]:
+    """1st and 99th percentile of every heatmap kind and mode, both sides together.
+
+    Over at most `_RANGE_ROWS` instances, evenly spread.
+    """
+    parts: dict[str, list[np.ndarray]] = {}
+    for spec in (s for s in specs if s.kind in KINDS):
+        array = arrays.open_read(store.path / layout.RUNS / spec.path(run))
+        rows = np.unique(np.linspace(0, spec.rows - 1, min(spec.rows, _RANGE_ROWS)).astype(int))
+        values = np.asarray(array.oindex[rows], dtype=np.float32)
+        planes = KINDS[spec.kind].planes
+        for number, mode in enumerate(planes or (spec.mode,)):
+            name = ":".join(part for part in (spec.kind, mode) if part)
+            plane = values[:, number] if values.ndim == 4 else values
+            parts.setdefault(name, []).append(plane[np.isfinite(plane)])
+    return {
+        name: [round(float(v), 6) for v in np.percentile(np.concatenate(found), [1, 99])]
+        for name, found in parts.items() if sum(map(len, found))
+    }  # fmt: skip
+
+
+def _provenance(
+    specs: Sequence[ArraySpec], backend: dict[str, Any], ranges: dict[str, list[float]]
+) -> dict[str, Any]:
     facts: dict[str, Any] = {
         "backend": backend,
+        "heat ranges": ranges,
         "projection": SETTINGS.facts(),
         "bootstrap": asdict(stats.BOOTSTRAP),
         "python": platform.python_version(),

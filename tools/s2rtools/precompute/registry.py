@@ -31,6 +31,7 @@ def add_model(
         raise RequestError(f"--convention: {architecture} does not say how to read its output")
     read = parse_convention(convention) if convention else DEFAULT_CONVENTIONS[architecture]
     with edit(root) as draft:
+        refuse_taken(draft, "model", name)
         register(root, draft, name, weights, read)
         draft.note(f"model:{name}", {"file": file.name, "file_sha256": weights.sha256})
 
@@ -47,6 +48,7 @@ def add_run(
             raise RequestError(f"--model {model}: not in {root} (models: {known})")
         domains = domain_of(store, "sim", sim), domain_of(store, "real", real)
     with edit(root) as draft:
+        refuse_taken(draft, "run", name)
         insert_run(draft, name, model, domains, chains)
     return name
 
@@ -68,6 +70,12 @@ def insert_run(
             "created_at": datetime.now(UTC).isoformat(timespec="microseconds"),
         },
     )
+
+
+def refuse_taken(draft: Draft, table: str, name: str) -> None:
+    """Raises RequestError where another process took the name since it was looked up."""
+    if draft.rows(f'SELECT 1 FROM "{table}" WHERE "{table}" = ?', [name]):
+        raise RequestError(f"{table} {name!r}: somebody else has just taken it; choose another")
 
 
 def domain_of(store: Store, kind: Side, wanted: str | None) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from s2rstore import stats
 from s2rstore.columns import InstanceColumns
+from s2rstore.errors import RequestError
 from s2rstore.records import SPLITS
 
 UNSEEN = SPLITS.index("unseen")
@@ -62,11 +63,14 @@ def encode_split(codes: NDArray[np.int8]) -> str:
 
 
 def decode_split(text: str | None, n: int) -> NDArray[np.int8]:
-    """Codes into `records.SPLITS`, shape (n,); all `unseen` without a text."""
+    """Codes into `records.SPLITS`, shape (n,); all `unseen` without a text.
+
+    Raises RequestError for a split of another number of instances.
+    """
     if text is None:
         return np.full(n, UNSEEN, dtype=np.int8)
-    runs = json.loads(text)
-    codes = np.concatenate([np.full(count, code, dtype=np.int8) for code, count in runs])
+    runs = [np.full(count, code, dtype=np.int8) for code, count in json.loads(text)]
+    codes = np.concatenate([np.empty(0, dtype=np.int8), *runs])
     if codes.size != n:
-        return np.full(n, UNSEEN, dtype=np.int8)
+        raise RequestError(f"the model's split is one of {codes.size} instances, not of {n}")
     return codes

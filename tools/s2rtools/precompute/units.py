@@ -147,13 +147,12 @@ def run_facts(store: Store, run: Run, backend: dict[str, Any]) -> dict[str, Any]
 def missing_units(root: Path, stages: Sequence[Stage]) -> Iterator[Unit]:
     """The units that ledger and checksums do not prove done."""
     ledger = Ledger(root)
-    entries = {entry.path: entry for entry in ledger.entries()}
+    entries = ledger.by_path()
     for stage in stages:
         for shard in stage.shards():
-            missing = []
-            for spec in stage.specs:
-                entry = entries.get(stage.file(spec, shard))
-                if entry is None or not ledger.intact(entry):
-                    missing.append(spec)
+            missing = tuple(
+                spec for spec in stage.specs
+                if not ledger.proves(entries.get(stage.file(spec, shard), []))
+            )  # fmt: skip
             if missing:
-                yield Unit(stage, shard, tuple(missing))
+                yield Unit(stage, shard, missing)

@@ -17,11 +17,11 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.layout import checked_name
 from s2rstore.reader import Store
-from s2rstore.writer import edit
+from s2rstore.writer import check_writable, edit
 from s2rtools.models import build
 from s2rtools.models.contract import LoadedModel
 from s2rtools.models.library import load_model, pack, register
-from s2rtools.precompute.registry import domain_of, insert_run
+from s2rtools.precompute.registry import domain_of, insert_run, refuse_taken
 from s2rtools.precompute.rows import decode_split, encode_split
 from s2rtools.train.figures import Splits
 from s2rtools.train.frames import DomainFrames, TrainingFrames
@@ -52,6 +52,7 @@ def train_into_store(root: Path, request: TrainingRequest, report: Report, comma
     """
     name = checked_name(request.name or request.recipe, "run")
     recipe = recipe_named(request.recipe)
+    check_writable(root)
     with s2rstore.open(root) as store:
         if name in store.runs or name in store.models:
             raise RequestError(f"--name {name}: already in {root}; choose another")
@@ -122,6 +123,8 @@ def _publish(
 ) -> None:
     weights = pack(result.network)
     with edit(root) as draft:
+        for table in ("model", "run"):
+            refuse_taken(draft, table, name)
         trained_by = f"{result.provenance['recipe']}: {command}"
         register(root, draft, name, weights, result.convention, trained_by)
         insert_run(draft, name, name, domains)

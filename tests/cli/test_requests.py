@@ -1,0 +1,99 @@
+"""Wrong requests: exit code 2, one line that names what is wrong, nothing half written."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from decimal import Decimal
+from pathlib import Path
+
+import duckdb
+import pytest
+
+from s2rstore.errors import RequestError
+from s2rtui.cli import main, output
+
+WRONG = [
+    ("query STORE 'ids(all)'", "whole numbers"),
+    ("query STORE 'ids(1e999)'", "beyond"),
+    ("query STORE 'worst(1e30, gap)'", "beyond"),
+    ("query STORE '" + "!" * 3000 + "all'", "within each other"),
+    ("query STORE '" + " & ".join(["all"] * 2000) + "'", "more than 200 parts"),
+    ("query STORE 'heading:90'  --run nobody", "nobody"),
+    ("sql STORE ''", "no statement"),
+    ("sql STORE ';'", "no statement"),
+    ("sql STORE 'SELECT 1 AS a, 2 AS a' --json", "twice"),
+    ("sql STORE 'SELECT 1' --format parquet", "--out"),
+    ("snapshot STORE --keys nosuchkey --out a.txt", "nosuchkey"),
+    ("snapshot STORE --size 0x0 --out a.txt", "0x0"),
+    ("train --recipe vanilla --minutes nan --store STORE", "--minutes"),
+    ("train --recipe vanilla --minutes inf --store STORE", "--minutes"),
+    ("train --recipe vanilla --seed -1 --store STORE", "--seed"),
+    ("ingest csv --store x.s2r", "PATH"),
+    ("ingest csv m.csv --size 0 --store x.s2r", "--size"),
+    ("ingest world --factors moon --store x.s2r", "moon"),
+    ("ingest world --factors lights=3 --store x.s2r", "0 .. 2"),
+    ("ingest world --instances 0 --store x.s2r", "--instances"),
+    ("query", "required"),
+    ("nosuchcommand", "nosuchcommand"),
+    ("runs /nowhere/x.s2r", "no such folder"),
+    ("query STORE \udcff", "UTF-8"),
+]
+
+
+@pytest.mark.parametrize(("words", "told"), WRONG, ids=[str(n) for n in range(len(WRONG))])
+def test_a_wrong_request_is_one_line(
+    words: str, told: str, tiny_store: Path, tmp_path: Path, capsys, monkeypatch
+) -> None:
+    import shlex
+
+    monkeypatch.chdir(tmp_path)
+    arguments = [str(tiny_store) if word == "STORE" else word for word in shlex.split(words)]
+    try:
+        code = main(arguments)
+    except SystemExit as stop:
+        code = int(stop.code or 0)
+    err = capsys.readouterr().err
+    assert code == 2, err
+    assert err.count("\n") == 1, err
+    assert told in err
+    assert not list(tmp_path.iterdir())
+
+
+def _written(tmp_path: Path, names: list[str], rows: list[tuple[object, ...]]) -> list[tuple]:
+    target = tmp_path / "out.parquet"
+    output.write(names, rows, argparse.Namespace(format="parquet", out=target))
+    with duckdb.connect() as connection:
+        return connection.execute(f"SELECT * FROM '{target}'").fetchall()
+
+
+def test_column_names_are_data_not_statements(tmp_path: Path) -> None:
+    leak = tmp_path / "leak.csv"
+    evil = f"a\" INTEGER); COPY (SELECT 1) TO '{leak}'; CREATE TABLE q (\"b"
+    assert _written(tmp_path, [evil], [(1,)]) == [(1,)]
+    assert not leak.exists()
+
+
+def test_numbers_keep_their_types_in_parquet(tmp_path: Path) -> None:
+    rows = [(1, 2**70, Decimal("1.5"), True, None), (2, 1, 2.5, False, "x")]
+    assert _written(tmp_path, list("abcde"), rows) == [
+        (1, float(2**70), 1.5, True, None), (2, 1.0, 2.5, False, "x"),
+    ]  # fmt: skip
+
+
+def test_json_has_numbers_and_null(capsys) -> None:
+    rows = [(Decimal("1.5"), [float("nan"), 1.0], {"k": float("inf")})]
+    output.write(["a", "b", "c"], rows, argparse.Namespace(format="json", out=None))
+    assert json.loads(capsys.readouterr().out) == [{"a": 1.5, "b": [None, 1.0], "c": {"k": None}}]
+
+
+def test_a_terminal_is_not_steered_by_data(capsys) -> None:
+    output.write(
+        ["room"], [("\x1b]0;title\x07\x1b[2J",)], argparse.Namespace(format="table", out=None)
+    )
+    assert "\x1b" not in capsys.readouterr().out
+
+
+def test_duplicate_names_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(RequestError, match="twice"):
+        _written(tmp_path, ["a", "a"], [(1, 2)])

@@ -1,0 +1,57 @@
+"""Data sets of a few instances, and two processes that want the same name."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.verify import verify
+from s2rtools.precompute.projection import joint_umap, principal_components
+from s2rtools.precompute.registry import add_run
+from s2rtools.precompute.rows import decode_split, encode_split
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 10, 30, 49, 60])
+def test_few_instances_have_a_projection(n: int) -> None:
+    rng = np.random.default_rng(n)
+    sides = rng.normal(size=(2, n, 128)).astype(np.float16)
+    valid = np.ones(n, dtype=bool)
+    sim, real, _ = principal_components((sides[0], sides[1]), valid)
+    assert sim.shape == real.shape == (n, 50)
+    for plane in joint_umap((sim, real), valid):
+        assert plane.shape == (n, 2)
+        assert np.isfinite(plane).all()
+
+
+def test_no_valid_instance_has_no_projection() -> None:
+    side = np.ones((5, 16), np.float16)
+    sim, _, _ = principal_components((side, side), np.zeros(5, bool))
+    assert np.isnan(sim).all()
+
+
+def test_a_name_is_given_once(own_store: Path) -> None:
+    def add(_: int) -> bool:
+        try:
+            add_run(own_store, "dup", "vanilla", None, None, {"sim": [], "real": []})
+        except RequestError:
+            return False
+        return True
+
+    with ThreadPoolExecutor(3) as pool:
+        assert sorted(pool.map(add, range(3))) == [False, False, True]
+    with s2rstore.open(own_store) as store:
+        assert store.execute("SELECT count(*) FROM run WHERE run = 'dup'") == [(1,)]
+    assert verify(own_store) == []
+
+
+def test_a_split_of_another_data_set_is_refused() -> None:
+    codes = np.array([0, 0, 1, 2], np.int8)
+    assert (decode_split(encode_split(codes), 4) == codes).all()
+    assert decode_split("[]", 0).size == 0
+    with pytest.raises(RequestError, match="4 instances"):
+        decode_split(encode_split(codes), 5)

@@ -1,0 +1,145 @@
+"""A store that lies: damaged, hostile or half there, it is refused or found out."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import time
+from pathlib import Path
+
+import duckdb
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore import arrays, layout
+from s2rstore.errors import RequestError
+from s2rstore.prune import prune
+from s2rstore.verify import verify
+from s2rstore.writer import edit
+
+
+def _changed(root: Path, **values: object) -> None:
+    path = root / layout.CURRENT
+    path.write_text(json.dumps({**json.loads(path.read_text()), **values}))
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"generation": 1_000}, {"generation": "a"}, {"index": ""}, {"index": "/etc/hostname"},
+        {"index": "../x.duckdb"}, {"bytes": 1}, {"sha256": "0"},
+    ],
+)  # fmt: skip
+def test_a_current_file_that_lies_is_found_and_never_pruned_by(own_store: Path, values) -> None:
+    _changed(own_store, **values)
+    before = sorted(own_store.rglob("*"))
+    assert verify(own_store)
+    if "bytes" not in values and "sha256" not in values:
+        with pytest.raises(RequestError):
+            prune(own_store, keep=1)
+        assert sorted(own_store.rglob("*")) == before
+
+
+def test_prune_refuses_what_it_does_not_know(own_store: Path) -> None:
+    _changed(own_store, schema=99)
+    with pytest.raises(RequestError, match="schema 99"):
+        prune(own_store)
+
+
+def _publish_slowly(root: Path, started) -> None:
+    with edit(root) as draft:
+        draft.note("late", {"a": 1})
+        started.set()
+        time.sleep(0.7)
+
+
+def test_prune_spares_what_is_published_while_it_waits(own_store: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    started = context.Event()
+    writer = context.Process(target=_publish_slowly, args=(own_store, started))
+    writer.start()
+    assert started.wait(60)
+    prune(own_store, keep=1)
+    writer.join()
+    with s2rstore.open(own_store) as store:
+        assert store.provenance("late") == {"a": "1"}
+    assert verify(own_store) == []
+
+
+def _sql(root: Path, statement: str) -> None:
+    """Change the published index behind the store's back, checksums included."""
+    current = layout.read_current(root)
+    index = root / current.index
+    with duckdb.connect(str(index)) as connection:
+        connection.execute(statement)
+    _changed(root, sha256=layout.file_sha256(index), bytes=index.stat().st_size)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE prediction SET rank = 1 WHERE side = 'real'",
+        "UPDATE prediction SET loss = loss + 1 WHERE iid = 3",
+        "UPDATE prediction SET accuracy = 0.5 WHERE iid = 3",
+        "DELETE FROM prediction WHERE iid > 30 AND side = 'sim'",
+        "UPDATE instance SET iid = 4 WHERE iid = 5",
+        "UPDATE instance SET iid = 90 WHERE iid = 39",
+        "INSERT INTO run SELECT * FROM run LIMIT 1",
+        "INSERT INTO model SELECT * FROM model LIMIT 1",
+    ],
+)
+def test_verify_recomputes_what_the_index_says(own_store: Path, statement: str) -> None:
+    assert verify(own_store) == []
+    _sql(own_store, statement)
+    assert verify(own_store)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE run SET run = '../../evil' WHERE run = 'vanilla'",
+        "UPDATE domain SET domain = '../x' WHERE domain = 'sim'",
+        "UPDATE dataset SET floor_plan = '/etc/hostname'",
+        "UPDATE dataset SET floor_plan = '../../secret'",
+        "UPDATE zarr_array SET path = '../../frames'",
+        "DROP VIEW pair; DROP TABLE room",
+    ],
+)
+def test_names_do_not_lead_out_of_the_store(own_store: Path, statement: str) -> None:
+    _sql(own_store, statement)
+    with pytest.raises(RequestError):
+        _read_all(own_store)
+    assert verify(own_store)
+
+
+def _read_all(root: Path) -> None:
+    with s2rstore.open(root) as store:
+        for table in (store.runs, store.domains, store.trajectories, store.rooms):
+            assert table
+        store.floor_plan_path()
+        store.heatmap("vanilla", "occlusion", "real", 0)
+
+
+def test_a_missing_or_damaged_shard_is_no_picture(own_store: Path) -> None:
+    with s2rstore.open(own_store) as store:
+        record, _ = store.array("vanilla", "occlusion", "real", "rgbd")
+        assert np.abs(store.heatmap("vanilla", "occlusion", "real", 0)).max() > 0
+    shard = arrays.shard_file(own_store / "runs.zarr" / record.path, 0, len(record.shape))
+    content = shard.read_bytes()
+    shard.unlink()
+    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="missing"):
+        store.heatmap("vanilla", "occlusion", "real", 0)
+    shard.write_bytes(content[:-40])
+    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="damaged"):
+        store.heatmap("vanilla", "occlusion", "real", 0)
+    (own_store / "runs.zarr" / record.path / "zarr.json").write_text("[]")
+    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="metadata"):
+        store.heatmap("vanilla", "occlusion", "real", 0)
+    assert verify(own_store)
+
+
+@pytest.mark.parametrize("iid", [-1, 40])
+def test_there_is_no_heatmap_of_no_instance(tiny_store: Path, iid: int) -> None:
+    with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match="holds 0"):
+        store.heatmap("vanilla", "occlusion", "real", iid)

@@ -1,0 +1,137 @@
+"""A world as a data set: its poses, its views on either side, and what a store notes about it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.reader import Store
+from s2rstore.records import Side
+from s2rtools.world.factors import severities
+from s2rtools.world.renderer import Renderer, Views
+from s2rtools.world.routes import Poses
+from s2rtools.world.world import (
+    TRAJECTORIES,
+    World,
+    facts,
+    raw_depth,
+    side_camera,
+    through_sensor,
+)
+
+NOTES = "world"
+SURVEY, TOUR = "survey", "tour"
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """All that a data set is made from; equal recipes give equal bytes.
+
+    `count` instances on each of the two trajectories. A training set has `survey` random instances
+    over the whole floor instead, and `count` on a tour of its own. `frame` is the side of the
+    square images; `factors` are the severities of the real side.
+    """
+
+    seed: int = 1
+    count: int = 120
+    survey: int = 0
+    frame: int = 128
+    factors: Mapping[str, float] = field(default_factory=severities)
+
+    def __post_init__(self) -> None:
+        """Raises RequestError for counts that make no data set."""
+        if not 0 <= self.seed < 2**31:
+            raise RequestError(f"--seed {self.seed}: 0 .. 2147483647")
+        if not 0 <= self.count <= 5000 or not 0 <= self.survey <= 200_000:
+            raise RequestError("--instances: 0 .. 5000 for each trajectory; --survey: 0 .. 200000")
+        if self.count < (0 if self.survey else 2):
+            raise RequestError("--instances: at least 2")
+
+
+class WorldData:
+    """The instances of a recipe, and their views on demand."""
+
+    def __init__(self, recipe: Recipe) -> None:
+        self.recipe = recipe
+        self.world = World(recipe.seed)
+
+    @classmethod
+    def of_store(cls, store: Store) -> WorldData | None:
+        """The world that a store was made from; None for other data."""
+        notes = store.provenance(NOTES)
+        if "recipe" not in notes:
+            return None
+        return cls(Recipe(**json.loads(notes["recipe"])))
+
+    @cached_property
+    def poses(self) -> dict[str, Poses]:
+        """Poses (n, 3) of every trajectory by name: x, y in metres, heading in radians."""
+        recipe = self.recipe
+        if recipe.survey:
+            tour = {TOUR: self.world.tour(recipe.count)} if recipe.count else {}
+            return {SURVEY: self.world.survey(recipe.survey)} | tour
+        return {name: self.world.poses(name, recipe.count) for name in TRAJECTORIES}
+
+    def severities(self, side: Side) -> dict[str, float]:
+        return dict(self.recipe.factors) if side == "real" else {}
+
+    def views(
+        self, side: Side, poses: Poses, numbers: NDArray[np.intp],
+        factors: Mapping[str, float] | None = None, renderer: Renderer | None = None,
+    ) -> Views:  # fmt: skip
+        """Views (n, h, w, ...) of some poses; `numbers` (n,) seed the noise of each.
+
+        `factors` and `renderer` replace those of the side.
+        """
+        wanted = self.severities(side) if factors is None else factors
+        engine = renderer or self.renderer(side)
+        camera = side_camera(self.recipe.frame, wanted)
+        return through_sensor(engine.render(poses, camera), wanted, self.recipe.seed, numbers)
+
+    def renderer(self, side: Side) -> Renderer:
+        return self._renderers[side]
+
+    @cached_property
+    def _renderers(self) -> dict[Side, Renderer]:
+        return {
+            "sim": self.world.renderer({}),
+            "real": self.world.renderer(self.severities("real")),
+        }
+
+    def raw(self, views: Views) -> NDArray[np.uint16]:
+        """Depth as it is stored."""
+        return raw_depth(views.depth)
+
+    def odometry(self, name: str) -> Poses:
+        """Wheel odometry of a trajectory: each step a little wrong, so that the error grows."""
+        poses = self.poses[name]
+        rng = np.random.default_rng([self.recipe.seed, 7, len(poses)])
+        heading = poses[:, 2]
+        turn = (np.diff(heading) + math.pi) % (2 * math.pi) - math.pi
+        moved = np.diff(poses[:, :2], axis=0)
+        cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
+        local = np.stack([moved[:, 0] * cos + moved[:, 1] * sin,
+                          moved[:, 1] * cos - moved[:, 0] * sin], axis=1)  # fmt: skip
+        local *= 1.02 + 0.03 * rng.standard_normal((len(local), 1))
+        turn = turn * 0.985 + 0.004 * rng.standard_normal(len(turn))
+        angle = heading[0] + np.concatenate([[0.0], np.cumsum(turn)])
+        cos, sin = np.cos(angle[:-1]), np.sin(angle[:-1])
+        steps = np.stack([local[:, 0] * cos - local[:, 1] * sin,
+                          local[:, 0] * sin + local[:, 1] * cos], axis=1)  # fmt: skip
+        at = poses[0, :2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+        return np.concatenate([at, ((angle + math.pi) % (2 * math.pi) - math.pi)[:, None]], axis=1)
+
+    def notes(self) -> dict[str, Any]:
+        """What a store keeps in its provenance: the recipe, and the labelled changes."""
+        recipe = asdict(self.recipe) | {"factors": dict(self.recipe.factors)}
+        changed = set(self.world.changed(self.severities("real")))
+        objects = [fact for fact in facts(self.world) if fact["object"] in changed]
+        return {"recipe": recipe, "changes": objects}

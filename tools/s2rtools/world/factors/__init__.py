@@ -1,0 +1,55 @@
+"""Why the real side differs: `FACTORS` lists the reasons. Adding one is a file and a line here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from s2rstore.errors import RequestError
+from s2rtools.world.factors.camera import Mount
+from s2rtools.world.factors.contract import Factor
+from s2rtools.world.factors.depth_sensor import DepthSensor
+from s2rtools.world.factors.exposure import Exposure
+from s2rtools.world.factors.lights import Lights
+from s2rtools.world.factors.objects import Objects
+from s2rtools.world.factors.sensor import Sensor
+
+__all__ = ["FACTORS", "Factor", "Severities", "severities"]
+
+Severities = Mapping[str, float]
+
+FACTORS: dict[str, Factor] = {
+    factor.name: factor
+    for factor in (Lights(), Exposure(), Sensor(), DepthSensor(), Mount(), Objects())
+}
+
+
+def severities(given: Severities | None = None) -> dict[str, float]:
+    """Severity of every factor: 1 by default, as `given` for those that it names.
+
+    Raises RequestError for unknown names and severities outside 0 .. 2.
+    """
+    chosen = dict.fromkeys(FACTORS, 1.0)
+    for name, value in (given or {}).items():
+        if name not in FACTORS:
+            raise RequestError(f"factor {name!r}: one of {', '.join(FACTORS)}")
+        if not 0 <= value <= 2:
+            raise RequestError(f"factor {name}: severity 0 .. 2, not {value:g}")
+        chosen[name] = float(value)
+    return chosen
+
+
+def parse_factors(text: str) -> dict[str, float]:
+    """Severities from `lights=0.5,objects`: those that are not named are 0; all 1 for nothing.
+
+    Raises RequestError for what it cannot read.
+    """
+    if not text:
+        return severities()
+    chosen = dict.fromkeys(FACTORS, 0.0)
+    for item in text.split(",") if text != "none" else ():
+        name, _, value = item.strip().partition("=")
+        try:
+            chosen |= {name: severities({name: float(value) if value else 1.0})[name]}
+        except ValueError as error:
+            raise RequestError(f"--factors {item}: {value!r} is no number") from error
+    return chosen

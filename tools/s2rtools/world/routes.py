@@ -1,0 +1,144 @@
+"""Where the robot drives: shortest ways with room to spare, sampled as poses that see something."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse import csgraph
+
+Poses = NDArray[np.float64]
+Sees = Callable[[Poses], NDArray[np.bool_]]
+
+CELL = 0.1
+CLEARANCE = 0.26
+BODY = 1.0
+"""The robot's height: what hangs higher is no obstacle."""
+_COMFORT = 0.45
+_TURN = math.radians(22)
+
+
+def clearance(taken: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Distance of every cell to the nearest one that is taken, metres."""
+    return np.asarray(ndimage.distance_transform_edt(~taken) * CELL)
+
+
+class Floor:
+    """Free space of a building on a grid of 0.1 m, with ways through it."""
+
+    def __init__(self, taken: NDArray[np.bool_]) -> None:
+        """`taken` [y, x] marks cells that something covers on either side."""
+        self.clearance = clearance(taken)
+        self.free = self.clearance >= CLEARANCE
+        self._cells = taken.shape[0]
+        self._graph = self._edges()
+
+    def _edges(self) -> sparse.csr_matrix:
+        n = self._cells
+        cost = 1.0 + 6.0 * np.exp(-self.clearance / _COMFORT)
+        index = np.arange(n * n).reshape(n, n)
+        rows, cols, weights = [], [], []
+        for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            a = index[: n - dy, max(0, -dx) : n - max(0, dx)]
+            b = index[dy:, max(0, dx) : n - max(0, -dx)]
+            both = self.free.flat[a.ravel()] & self.free.flat[b.ravel()]
+            length = math.hypot(dx, dy)
+            mean = (cost.flat[a.ravel()] + cost.flat[b.ravel()]) * 0.5 * length
+            rows.append(a.ravel()[both])
+            cols.append(b.ravel()[both])
+            weights.append(mean[both])
+        joined = tuple(np.concatenate(part) for part in (weights, rows, cols))
+        return sparse.csr_matrix((joined[0], (joined[1], joined[2])), shape=(n * n, n * n))
+
+    def roomiest(self, x0: float, y0: float, x1: float, y1: float) -> tuple[float, float]:
+        """The point of a rectangle with the most clearance, metres."""
+        rows = slice(round(y0 / CELL), round(y1 / CELL))
+        cols = slice(round(x0 / CELL), round(x1 / CELL))
+        i, j = np.unravel_index(
+            self.clearance[rows, cols].argmax(), self.clearance[rows, cols].shape
+        )
+        return (cols.start + int(j) + 0.5) * CELL, (rows.start + int(i) + 0.5) * CELL
+
+    def way(self, stops: Sequence[tuple[float, float]]) -> NDArray[np.float64]:
+        """A smooth polyline (k, 2) through all stops that can be reached, metres."""
+        legs: list[int] = []
+        here = self._index(stops[0])
+        for stop in stops[1:]:
+            there = self._index(stop)
+            length, before = csgraph.dijkstra(
+                self._graph, directed=False, indices=here, return_predecessors=True
+            )
+            if not np.isfinite(length[there]):
+                continue
+            cells = [there]
+            while cells[-1] != here:
+                cells.append(int(before[cells[-1]]))
+            legs += cells[::-1][1 if legs else 0 :]
+            here = there
+        at = np.array(legs)
+        line = np.stack([(at % self._cells + 0.5) * CELL, (at // self._cells + 0.5) * CELL], axis=1)
+        return self._smoothed(line)
+
+    def _index(self, point: tuple[float, float]) -> int:
+        """The free cell nearest to a point."""
+        rows, cols = np.nonzero(self.free)
+        distance = np.hypot((cols + 0.5) * CELL - point[0], (rows + 0.5) * CELL - point[1])
+        best = int(distance.argmin())
+        return int(rows[best]) * self._cells + int(cols[best])
+
+    def _smoothed(self, line: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Round the corners, where that keeps clear of everything."""
+        round_ = ndimage.gaussian_filter1d(line, 4.0, axis=0, mode="nearest")
+        i, j = (np.clip((round_[:, k] / CELL).astype(int), 0, self._cells - 1) for k in (1, 0))
+        safe = ndimage.binary_erosion(self.free[i, j], iterations=3, border_value=1)
+        weight = ndimage.uniform_filter1d(safe.astype(float), 7)[:, None]
+        return weight * round_ + (1 - weight) * line
+
+    def samples(self, rng: np.random.Generator, count: int, sees: Sees) -> Poses:
+        """Random poses (count, 3) that see something, anywhere that is free."""
+        rows, cols = np.nonzero(self.clearance >= CLEARANCE)
+        found: list[Poses] = []
+        while sum(map(len, found)) < count:
+            pick = rng.integers(len(rows), size=count)
+            x = (cols[pick] + rng.random(count)) * CELL
+            y = (rows[pick] + rng.random(count)) * CELL
+            poses = np.stack([x, y, rng.uniform(-math.pi, math.pi, count)], axis=1)
+            found.append(poses[sees(poses)])
+        return np.concatenate(found)[:count]
+
+
+def drive(line: NDArray[np.float64], rng: np.random.Generator, count: int, sees: Sees) -> Poses:
+    """`count` poses (count, 3) along a polyline, in order.
+
+    The robot looks where it will be, sways a little, turns on the spot at sharp bends, and skips
+    views of nothing but a near wall.
+    """
+    step = np.hypot(*np.diff(line, axis=0).T)
+    way = np.concatenate([[0.0], np.cumsum(step)])
+    dense = np.arange(0.0, way[-1], 0.02)
+    x, y = (np.interp(dense, way, line[:, k]) for k in (0, 1))
+    ahead = np.minimum(np.arange(len(dense)) + 45, len(dense) - 1)
+    back = np.maximum(ahead - 45, 0)
+    heading = np.unwrap(np.arctan2(y[ahead] - y[back], x[ahead] - x[back]))
+    heading = ndimage.gaussian_filter1d(heading, 8)
+    sway = np.radians(9) * np.sin(dense * 1.3 + rng.uniform(0, 6.28))
+    poses = np.stack([x, y, _wrapped(heading + sway)], axis=1)[:-45]
+    turning = np.abs(np.diff(np.unwrap(poses[:, 2]), prepend=poses[0, 2])) / _TURN
+    clock = np.cumsum(0.02 / 0.25 + turning)
+    poses = poses[sees(poses)] if len(poses) < 2 else _thinned(poses, clock, sees, count)
+    return poses
+
+
+def _thinned(poses: Poses, clock: NDArray[np.float64], sees: Sees, count: int) -> Poses:
+    """Evenly in driving time, of the poses that see something."""
+    keep = np.flatnonzero(sees(poses[::3])) * 3
+    at = np.interp(np.linspace(0, len(keep) - 1, count), np.arange(len(keep)), clock[keep])
+    nearest = np.clip(np.searchsorted(clock[keep], at), 0, len(keep) - 1)
+    return poses[np.unique(keep[nearest])]
+
+
+def _wrapped(heading: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray((heading + math.pi) % (2 * math.pi) - math.pi)
