@@ -21,6 +21,7 @@ COMMANDS: dict[str, str] = {
     "runs": "list the runs of a store with their figures",
     "query": "print the instances that an expression selects",
     "sql": "run a read-only SQL query on the index",
+    "score": "how far heatmaps and reasons are right, where the truth is known",
     "export": "write a figure as PNG",
     "snapshot": "write the application's screen after given keys",
     "verify": "check that a store is complete and undamaged",

@@ -42,7 +42,7 @@ def write(names: Sequence[str], rows: Rows, options: argparse.Namespace) -> None
             raise RequestError("--format parquet: give a file with --out")
         _parquet(names, rows, options.out)
         return
-    text = {"table": _table, "csv": _csv, "json": _json}[options.format](names, rows)
+    text = {"table": table, "csv": _csv, "json": _json}[options.format](names, rows)
     if options.out is None:
         sys.stdout.write(text)
         return
@@ -52,7 +52,7 @@ def write(names: Sequence[str], rows: Rows, options: argparse.Namespace) -> None
         raise RequestError(f"{options.out}: cannot be written ({error.strerror})") from error
 
 
-def _table(names: Sequence[str], rows: Rows) -> str:
+def table(names: Sequence[str], rows: Rows) -> str:
     cells = [[_cell(value) for value in row] for row in rows]
     widths = [
         max([len(name), *(len(row[column]) for row in cells)]) for column, name in enumerate(names)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.geometry.alignment import NearerSurface
 from s2rstore.geometry.grid import MapGrid, Projector, Ray
 from s2rstore.reader import Store
-from s2rstore.records import Domain
+from s2rstore.records import Domain, Run, Side
 from s2rtui.session.state import HeatChoice
 
 SIGNED = ("activation", "occlusion")
+_ORDER: dict[Side, tuple[Side, Side]] = {"sim": ("sim", "real"), "real": ("real", "sim")}
 _NOT_HEAT = ("prediction", "embedding", "pca", "umap")
 _PLANES = {"activation": ("loss", "x", "y", "heading")}
 _UNITS = {"m degrees": "m", "m m rad loss": ""}
@@ -66,19 +69,33 @@ def run_grid(
 
 def instance_grid(store: Store, run: str, heat: HeatChoice, iid: int) -> NDArray[np.float32]:
     """The mean grid of one instance's heatmap, (rows, cols), NaN where nothing fell."""
-    record = store.run(run)
-    domain = store.domains[record.domain(heat.side)]
     dataset = store.dataset
+    frame = dataset.frame_height, dataset.frame_width
+    domain, depth = _surface(store, store.run(run), heat, iid, frame)
     grid = MapGrid(dataset.bounds)
-    projector = _projector(
-        domain.domain, _Held(domain), (dataset.frame_height, dataset.frame_width), dataset.y_down
-    )
+    projector = _projector(domain.domain, _Held(domain), frame, dataset.y_down)
     values = store.heatmap(run, heat.kind, heat.side, iid, heat.mode)
     truth = store.instances
     pose = np.array([[truth.x[iid], truth.y[iid], truth.heading[iid]]])
-    depth = store.frame(iid, domain.domain).depth[None]
     grid.add(*projector.project(values[None], depth, pose, ray_of(heat), grid))
     return np.asarray(grid.aggregates()[0])
+
+
+def _surface(
+    store: Store, run: Run, heat: HeatChoice, iid: int, frame: tuple[int, int]
+) -> tuple[Domain, NDArray[Any]]:
+    """The rig that carries the heat, and raw depth (1, H, W) where it lies, as in precompute."""
+    own, other = (store.domains[run.domain(side)] for side in _ORDER[heat.side])
+    depth = store.frame(iid, own.domain).depth[None]
+    noted = json.loads(store.provenance(f"run:{run.run}").get("surfaces", "{}"))
+    correction = store.correction(run.sim_domain, run.real_domain)
+    if heat.kind not in noted or correction is None:
+        return own, depth
+    own, other = (correction.applied(d) if d.kind == "real" else d for d in (own, other))
+    if noted[heat.kind] == "nearer":
+        away = store.frame(iid, other.domain).depth[None]
+        depth = NearerSurface(own, other, frame)(depth, away)
+    return own, depth
 
 
 class _Held:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from s2rstore import arrays, dense, layout, sandbox, schema
 from s2rstore.columns import InstanceColumns, RunColumns
 from s2rstore.errors import RequestError
+from s2rstore.geometry.alignment import Correction
 from s2rstore.records import (
     ArrayRecord,
     Bounds,
@@ -184,6 +185,15 @@ class Store:
         )
         return dict(found)
 
+    def correction(self, sim: str, real: str) -> Correction | None:
+        """What the declared real rig was found to be off by; None where nobody has looked."""
+        noted = self.provenance(f"alignment:{sim}|{real}")
+        try:
+            return Correction(float(noted["height"]), float(noted["zoom"])) if noted else None
+        except (KeyError, ValueError) as error:
+            message = f"{self.path}: the alignment of {sim} and {real} makes no sense"
+            raise RequestError(message) from error
+
     def frame(self, iid: int, domain: str) -> Frame:
         """Raises RequestError for an unknown instance or domain."""
         record = self._known_domain(domain)
@@ -277,20 +287,25 @@ class Store:
         `mode` picks x, y, heading or loss for `activation`; rgb, depth or rgbd for `occlusion`;
         rgb or depth for `pixel_difference`. Occlusion gives its metres.
         """
+        count = len(self.instances)
+        if not 0 <= iid < count:
+            raise RequestError(f"instance {iid}: the store holds 0 .. {count - 1}")
+        return np.asarray(self.heatmaps(run, kind, side, iid, iid + 1, mode)[0])
+
+    def heatmaps(
+        self, run: str, kind: str, side: Side, start: int, stop: int, mode: str | None = None
+    ) -> NDArray[np.float32]:
+        """Heatmaps of iids [start, stop) as in `heatmap`, shape (n, rows, columns)."""
         planes = _PLANES.get(kind)
         stored_mode = None if planes else mode or _DEFAULT_MODES.get(kind)
         record, array = self.array(run, kind, side, stored_mode)
-        if not 0 <= iid < array.shape[0]:
-            raise RequestError(f"instance {iid}: the store holds 0 .. {array.shape[0] - 1}")
-        item: NDArray[np.float32] = np.asarray(
-            arrays.read_rows(array, iid, iid + 1)[0], dtype=np.float32
-        )
-        item = (item - np.float32(record.zero)) * np.float32(record.scale)
-        if item.ndim == 2:
-            return item
+        block = np.asarray(arrays.read_rows(array, start, min(stop, array.shape[0])), np.float32)
+        block = (block - np.float32(record.zero)) * np.float32(record.scale)
+        if block.ndim == 3:
+            return block
         if planes and mode not in planes:
             raise RequestError(f"{kind} has no mode {mode!r} (modes: x, y, heading, loss)")
-        return np.asarray(item[planes[mode] if planes else 0])
+        return np.asarray(block[:, planes[mode] if planes else 0])
 
     def map_grid(
         self,

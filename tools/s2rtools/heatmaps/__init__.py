@@ -5,11 +5,20 @@ from __future__ import annotations
 from s2rtools.heatmaps.activation import Activation
 from s2rtools.heatmaps.contract import HeatmapKind, OutputSpec, PairBatch, SideBatch
 from s2rtools.heatmaps.feature_distance import FeatureDistance
+from s2rtools.heatmaps.harmonised import HarmonisedDifference, HarmonisedDistance
 from s2rtools.heatmaps.occlusion import Occlusion
 from s2rtools.heatmaps.pixel_difference import PixelDifference
 
 __all__ = ["KINDS", "HeatmapKind", "OutputSpec", "PairBatch", "SideBatch"]
 
 KINDS: dict[str, HeatmapKind] = {
-    kind.name: kind for kind in (Activation(), FeatureDistance(), PixelDifference(), Occlusion())
+    kind.name: kind
+    for kind in (
+        Activation(),
+        FeatureDistance(),
+        PixelDifference(),
+        HarmonisedDistance(),
+        HarmonisedDifference(),
+        Occlusion(),
+    )
 }

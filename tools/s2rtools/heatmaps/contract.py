@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from s2rstore.errors import RequestError
+from s2rtools.heatmaps.harmonise import Alignment, Harmonised
 from s2rtools.inference import Backend
 from s2rtools.models.contract import LoadedModel
 
@@ -37,14 +39,28 @@ class SideBatch:
     truth: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PairBatch:
-    """Both sides of a batch, after the forward pass."""
+    """Both sides of a batch, after the forward pass; `alignment` for the kinds that want one."""
 
     model: LoadedModel
     backend: Backend
     sim: SideBatch
     real: SideBatch
+    alignment: Alignment | None = None
+
+    def aligned(self) -> Alignment:
+        """The rigs of both sides. Raises RequestError where nothing is known of them."""
+        if self.alignment is None:
+            raise RequestError("the two rigs are not aligned yet: no harmonised heatmaps")
+        return self.alignment
+
+    @cached_property
+    def harmonised(self) -> list[Harmonised]:
+        """Each pair in the sim view; made once for all kinds."""
+        view = self.aligned().sim_view
+        sides = (zip(s.rgb, s.depth, s.valid, strict=True) for s in (self.sim, self.real))
+        return [view.harmonised(sim, real) for sim, real in zip(*sides, strict=True)]
 
     def side(self, side: str | None) -> SideBatch:
         return self.sim if side == "sim" else self.real
@@ -75,7 +91,8 @@ class HeatmapKind(ABC):
 
     `version` changes whenever its values would. `cost` is `forward` where one pass suffices.
     `planes` names the first axis of an array that holds several maps per instance.
-    `model_free` kinds need no network.
+    `model_free` kinds need no network; `aligned` kinds compare both views through their rigs.
+    Heat lies on the floor at its own side's surface, or at the nearer of both.
     """
 
     name: ClassVar[str]
@@ -84,6 +101,12 @@ class HeatmapKind(ABC):
     cost: ClassVar[Literal["forward", "many"]] = "forward"
     planes: ClassVar[tuple[str, ...]] = ()
     model_free: ClassVar[bool] = False
+    aligned: ClassVar[bool] = False
+    surface: ClassVar[Literal["own", "nearer"]] = "own"
+
+    def suits(self, model: LoadedModel) -> bool:
+        """Whether the method can be computed for a model."""
+        return self.model_free or model.network.has_features
 
     @abstractmethod
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:

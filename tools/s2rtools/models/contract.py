@@ -36,6 +36,11 @@ class PoseNetwork(nn.Module):
     def trunk(self) -> nn.Module:
         raise NotImplementedError(f"{type(self).__name__}.trunk")
 
+    @property
+    def early(self) -> nn.Module | None:
+        """The first convolution up to its activation, (B, 4, h, w) -> (B, C, eh, ew), if known."""
+        return None
+
     def embed(self, features: Tensor) -> Tensor:
         """(B, C, fh, fw) -> (B, embedding_size)."""
         raise NotImplementedError(f"{type(self).__name__}.embed")

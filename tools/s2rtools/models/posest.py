@@ -46,6 +46,10 @@ class PosEst(PoseNetwork):
     def trunk(self) -> nn.Module:
         return self.conv_head
 
+    @property
+    def early(self) -> nn.Module:
+        return self.conv_head[:3]
+
     def embed(self, features: Tensor) -> Tensor:
         return torch.flatten(self.avgpool(features), 1)
 

@@ -13,7 +13,7 @@ DEPTH_LIMIT = 10.0
 
 
 def preprocess(
-    rgb: NDArray[np.uint8],
+    rgb: NDArray[Any],
     depth: NDArray[Any],
     depth_scale: float,
     input_size: tuple[int, int],

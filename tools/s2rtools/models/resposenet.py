@@ -74,6 +74,10 @@ class ResPoseNet(PoseNetwork):
     def trunk(self) -> nn.Module:
         return self.backbone
 
+    @property
+    def early(self) -> nn.Module:
+        return self.backbone[:3]
+
     def embed(self, features: Tensor) -> Tensor:
         return torch.flatten(self.pool(features), 1)
 

@@ -14,9 +14,10 @@ import s2rstore
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
+from s2rtools.heatmaps.harmonise import Alignment
 from s2rtools.inference import Backend, open_backend
 from s2rtools.models.library import load_model
-from s2rtools.precompute import maps, projection
+from s2rtools.precompute import align, maps, projection
 from s2rtools.precompute.frames import PairFrames, read_pairs
 from s2rtools.precompute.units import ArraySpec, Unit
 
@@ -59,8 +60,9 @@ class Computer:
         start, stop = unit.stage.span(unit.shard)
         parts: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
         size = backend.model.network.input_size
+        aligned = align.alignment(self._store, run)
         for iid, frames in read_pairs(self._store, run, size, start, stop, backend.batch):
-            pair = pair_batch(self._store, backend, iid, frames)
+            pair = pair_batch(self._store, backend, iid, frames, aligned)
             for spec, values in _pair_values(pair, unit.missing).items():
                 parts[spec].append(values)
         return {spec: np.concatenate(found) for spec, found in parts.items()}
@@ -75,7 +77,9 @@ def _open(backends: dict[str, str], trust: bool, root: Path, threads: int) -> Co
     return Computer(root, backends, trust, threads)
 
 
-def pair_batch(store: Store, backend: Backend, iid: int, frames: PairFrames) -> PairBatch:
+def pair_batch(
+    store: Store, backend: Backend, iid: int, frames: PairFrames, aligned: Alignment | None = None
+) -> PairBatch:
     """Both sides of a batch after the forward pass; the first instance is `iid`."""
     rows = slice(iid, iid + len(frames["sim"].x))
     truth = store.instances
@@ -95,7 +99,7 @@ def pair_batch(store: Store, backend: Backend, iid: int, frames: PairFrames) -> 
             prediction=forward.pose,
             truth=poses,
         )
-    return PairBatch(backend.model, backend, sides["sim"], sides["real"])
+    return PairBatch(backend.model, backend, sides["sim"], sides["real"], aligned)
 
 
 def _pair_values(pair: PairBatch, specs: tuple[ArraySpec, ...]) -> Values:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from s2rstore.geometry import grid as map_geometry
 from s2rstore.reader import Store
 from s2rstore.records import Run, Side
-from s2rtools.heatmaps import KINDS
+from s2rtools.heatmaps import KINDS, HeatmapKind
+from s2rtools.precompute import align
 from s2rtools.precompute.stages import MAP_SETTINGS
 from s2rtools.precompute.units import ArraySpec, Unit
 
@@ -20,13 +21,15 @@ _READ_ROWS = 64
 def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
     """Mean, max, sum and count grids of one kind on one side, for each of its modes.
 
-    Heat goes through that side's own valid depth and calibrated rays.
+    Heat goes through that side's own valid depth and calibrated rays; for kinds that compare both
+    views, through the aligned rays at the nearer of both surfaces.
     """
     stage = unit.stage
     side: Side = "sim" if stage.name.endswith(":sim") else "real"
     kind = stage.specs[0].kind.removeprefix("map:")
     valid = stage.valid(store.path)
-    domain = store.domains[run.domain(side)]
+    surface = _Surface(store, run, side, KINDS[kind])
+    domain = surface.domain
     poses = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
     maps = {spec: map_geometry.MapGrid(store.dataset.bounds, MAP_SETTINGS["cells"])
             for spec in unit.missing}  # fmt: skip
@@ -39,12 +42,37 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
         rows = np.flatnonzero(valid[start:stop])
         if not rows.size:
             continue
-        depth = store.frames(domain.domain, start, stop, ("depth",))["depth"][rows]
+        depth = surface.depth(start, stop, rows)
         for spec, target in maps.items():
             heat = _heat(stage.source, store, kind, side, spec.mode, start, stop)[rows]
             ray = KINDS[kind].ray(spec.mode)
             target.add(*projector.project(heat, depth, poses[start:stop][rows], ray, target))
     return {spec: target.aggregates() for spec, target in maps.items()}
+
+
+class _Surface:
+    """The rig whose rays carry a kind's heat to the floor, and the depth at which it lies."""
+
+    def __init__(self, store: Store, run: Run, side: Side, kind: HeatmapKind) -> None:
+        self._store = store
+        self.domain = store.domains[run.domain(side)]
+        self._nearer = None
+        aligned = align.alignment(store, run) if kind.aligned else None
+        if aligned is not None:
+            self.domain = aligned.domain(side)
+        if aligned is not None and kind.surface == "nearer":
+            self._other = run.domain("real" if side == "sim" else "sim")
+            self._nearer = aligned.nearer(side)
+
+    def depth(self, start: int, stop: int, rows: NDArray[np.intp]) -> NDArray[Any]:
+        """Raw depth (k, H, W) of some of the instances [start, stop)."""
+        own = self._read(self.domain.domain, start, stop)[rows]
+        if self._nearer is None:
+            return own
+        return self._nearer(own, self._read(self._other, start, stop)[rows])
+
+    def _read(self, domain: str, start: int, stop: int) -> NDArray[Any]:
+        return self._store.frames(domain, start, stop, ("depth",))["depth"]
 
 
 def _heat(

@@ -17,6 +17,7 @@ from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import KINDS
 from s2rtools.inference import choose_backend
 from s2rtools.models.library import load_model
+from s2rtools.precompute import align
 from s2rtools.precompute import stages as run_stages
 from s2rtools.precompute.compute import opener
 from s2rtools.precompute.frames import read_pairs
@@ -72,11 +73,16 @@ def _compute_run(
     root: Path, name: str, kinds: Sequence[str], options: Options, reporter: Reporter
 ) -> bool:
     """Bring one run up to date; whether that published a new generation."""
+    if any(KINDS[kind].aligned for kind in kinds):
+        with s2rstore.open(root) as store:
+            record = store.run(name)
+        if align.ensure(root, record):
+            reporter.say(f"{record.sim_domain} | {record.real_domain}: rigs aligned")
     with s2rstore.open(root) as store:
         run = store.run(name)
         backend = _backend(store, run, options)
         model = load_model(store, run.model, options.trust)
-        allowed = [kind for kind in kinds if model.network.has_features or KINDS[kind].model_free]
+        allowed = [kind for kind in kinds if KINDS[kind].suits(model)]
         forward = run_stages.forward_stage(store, run, model, backend, allowed)
         others = run_stages.occlusion_stages(store, run, model, backend, allowed)
         second = [run_stages.projection_stage(store, forward)]

@@ -145,6 +145,8 @@ def _provenance(
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
     }
+    aligned = {spec.kind for spec in specs if spec.kind in KINDS and KINDS[spec.kind].aligned}
+    facts["surfaces"] = {kind: KINDS[kind].surface for kind in sorted(aligned)}
     for spec in specs:
         for name, value in spec.attributes:
             if name == "method":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from s2rstore.geometry import grid as map_geometry
@@ -24,8 +25,7 @@ def forward_stage(
     """Predictions, embeddings and every heatmap kind that needs no more than a forward pass."""
     facts = run_facts(store, run, backend)
     key = content_key({**facts, "kind": "prediction"})
-    n = len(store.instances)
-    size = model.network.embedding_size
+    n, size = len(store.instances), model.network.embedding_size
     specs = [
         ArraySpec(kind, side, None, item, dtype, ("iid", axis), unit, key, n)
         for kind, item, dtype, axis, unit in (
@@ -36,7 +36,7 @@ def forward_stage(
     ]
     for kind in kinds:
         if KINDS[kind].cost == "forward":
-            specs += _kind_specs(facts, kind, model, n)
+            specs += _kind_specs(store, run, facts, kind, model)
     return Stage("forward", run.run, tuple(specs), FORWARD_ROWS)
 
 
@@ -45,20 +45,24 @@ def occlusion_stages(
 ) -> list[Stage]:
     """One stage per heatmap kind that recomputes the network many times."""
     facts = run_facts(store, run, backend)
-    n = len(store.instances)
     return [
-        Stage(kind, run.run, tuple(_kind_specs(facts, kind, model, n)), OCCLUSION_ROWS)
+        Stage(kind, run.run, tuple(_kind_specs(store, run, facts, kind, model)), OCCLUSION_ROWS)
         for kind in kinds
         if KINDS[kind].cost != "forward"
     ]
 
 
-def _kind_specs(facts: dict[str, Any], name: str, model: LoadedModel, rows: int) -> list[ArraySpec]:
+def _kind_specs(
+    store: Store, run: Run, facts: dict[str, Any], name: str, model: LoadedModel
+) -> list[ArraySpec]:
     kind = KINDS[name]
+    if kind.aligned:
+        correction = store.correction(run.sim_domain, run.real_domain)
+        facts = {**facts, "correction": correction and asdict(correction)}
     key = content_key({**facts, "kind": name, "version": kind.version, "params": kind.params})
     return [
         ArraySpec(name, out.side, out.mode, tuple(out.shape), out.dtype, ("iid", *out.axes),
-                  out.unit, key, rows, tuple(sorted(out.attributes.items())))
+                  out.unit, key, len(store.instances), tuple(sorted(out.attributes.items())))
         for out in kind.outputs(model)
     ]  # fmt: skip
 

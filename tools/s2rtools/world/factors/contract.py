@@ -22,6 +22,8 @@ class Factor:
 
     name: ClassVar[str]
     description: ClassVar[str]
+    shapes_scene: ClassVar[bool] = False
+    """Whether another severity is another scene, beyond the camera and its sensors."""
 
     def scene(self, scene: Scene, severity: float) -> Scene:
         """Other lights."""

@@ -20,6 +20,7 @@ class Lights(Factor):
 
     name = "lights"
     description = "lamps off, warmer light, brighter windows, white balance"
+    shapes_scene = True
 
     def scene(self, scene: Scene, severity: float) -> Scene:
         lamps = []

@@ -12,3 +12,4 @@ class Objects(Factor):
 
     name = "objects"
     description = "objects removed, added, moved, doors closed"
+    shapes_scene = True

@@ -1,0 +1,90 @@
+"""Two camera rigs at one pose: where a pixel of one falls in the other, and the nearer surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.geometry.camera import Floats, rays
+from s2rstore.records import Domain, Intrinsics
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What a declared rig is off by: metres of height, a factor of the focal lengths."""
+
+    height: float = 0.0
+    zoom: float = 1.0
+
+    def applied(self, domain: Domain) -> Domain:
+        """The domain as it really is."""
+        return replace(
+            domain, rgb=_zoomed(domain.rgb, self.zoom), depth=_zoomed(domain.depth, self.zoom),
+            camera_height=domain.camera_height + self.height,
+        )  # fmt: skip
+
+
+def _zoomed(lens: Intrinsics, zoom: float) -> Intrinsics:
+    return replace(lens, fx=lens.fx * zoom, fy=lens.fy * zoom)
+
+
+class Crossing:
+    """What the pixels of one camera (`lens` of the rig `view`) see, in another rig's cameras."""
+
+    def __init__(
+        self, view: Domain, lens: Intrinsics, other: Domain, frame: tuple[int, int]
+    ) -> None:
+        """`frame` is the stored (height, width) of both."""
+        rows, cols = (np.arange(extent, dtype=np.float64) + 0.5 for extent in frame)
+        self.rays = rays(lens, rows, cols)
+        self._frame = frame
+        self._rise = view.camera_height - other.camera_height
+        self._ahead = view.forward_offset - other.forward_offset
+
+    def targets(
+        self, metres: Floats, lens: Intrinsics
+    ) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
+        """Continuous column and row, and planar depth, in the other rig's camera `lens`.
+
+        `metres` (..., h, w) is planar depth in this camera; NaN where unknown. The last array says
+        which pixels fall inside the other image.
+        """
+        with np.errstate(invalid="ignore", divide="ignore"):
+            right = metres * self.rays.right
+            up = metres * self.rays.up + self._rise
+            ahead = metres * self.rays.forward + self._ahead
+            cos, sin = np.cos(lens.pitch), np.sin(lens.pitch)
+            depth = cos * ahead + sin * up
+            u = lens.cx + lens.fx * right / depth
+            v = lens.cy - lens.fy * (cos * up - sin * ahead) / depth
+            inside = (u >= 0) & (u < self._frame[1]) & (v >= 0) & (v < self._frame[0])
+            return u, v, depth, inside & (depth > 0.05)
+
+
+class NearerSurface:
+    """For each depth pixel of one rig, the nearer of what the two rigs see along its ray."""
+
+    def __init__(self, view: Domain, other: Domain, frame: tuple[int, int]) -> None:
+        self._view, self._other = view, other
+        self._crossing = Crossing(view, view.depth, other, frame)
+
+    def __call__(self, depth: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+        """Raw depth of `view` (n, h, w), shortened where the other's raw depth (n, h, w) is less.
+
+        Pixels that either rig did not measure keep the value of `view`.
+        """
+        a, b = self._view, self._other
+        known = (depth >= a.depth_raw_min) & (depth <= a.depth_raw_max)
+        metres = np.where(known, depth * np.float64(a.depth_scale), np.nan)
+        u, v, expected, inside = self._crossing.targets(metres, b.depth)
+        col, row = (np.where(inside, value, 0).astype(np.intp) for value in (u, v))
+        seen = other[np.arange(len(other))[:, None, None], row, col]
+        measured = inside & (seen >= b.depth_raw_min) & (seen <= b.depth_raw_max)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.where(measured, seen * np.float64(b.depth_scale) / expected, 1.0)
+        nearer = np.rint(depth * np.minimum(share, 1.0))
+        least = np.maximum(nearer, a.depth_raw_min)
+        return np.where(measured, least, depth).astype(depth.dtype)

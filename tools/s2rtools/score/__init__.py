@@ -1,0 +1,1 @@
+"""How far heatmaps and reasons are right, where the truth is known."""

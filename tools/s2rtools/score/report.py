@@ -1,0 +1,109 @@
+"""A store's whole score: heatmaps against the labelled changes, factors and objects against error.
+
+The report is plain data with six decimals, so that one seed gives one text; the store keeps it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.reader import Store
+from s2rstore.stats import Interval
+from s2rstore.writer import edit
+from s2rtools.models.library import load_model
+from s2rtools.precompute.pipeline import Reporter
+from s2rtools.score import heatmaps
+from s2rtools.score.factors import Counterfactuals
+from s2rtools.score.truth import Truth
+
+Report = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """`instances` of the counterfactual table, spread over the data set; `seed` breaks ties."""
+
+    runs: tuple[str, ...] = ()
+    instances: int = 120
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.instances <= 100_000:
+            raise RequestError("--instances: 2 .. 100000")
+        if not 0 <= self.seed < 2**31:
+            raise RequestError("--seed: 0 .. 2147483647")
+
+
+def score(root: Path, settings: Settings, reporter: Reporter) -> Report:
+    """Score the computed runs of a world's store.
+
+    Raises RequestError where no truth is known or nothing is computed.
+    """
+    with s2rstore.open(root) as store:
+        truth = Truth(store)
+        runs = _computed(store, settings.runs)
+        reporter.begin("score", 2 + len(runs))
+        maps = heatmaps.scores(truth, runs, settings.seed)
+        reporter.advance(1)
+        table = Counterfactuals(truth, settings.instances)
+        factors, objects = [], []
+        for name in runs:
+            run = store.run(name)
+            model = load_model(store, run.model)
+            factors += table.factor_scores(run, model)
+            objects += table.object_scores(run, model)
+            reporter.advance(1)
+        reporter.advance(1)
+        return {
+            "seed": settings.seed,
+            "instances": len(table.iids),
+            "recipe": json.loads(store.provenance("world")["recipe"]),
+            "heatmaps": [_plain(row) for row in maps],
+            "factors": [_plain(row) for row in factors],
+            "objects": [_plain(row) for row in objects],
+        }
+
+
+def keep(root: Path, report: Report) -> bool:
+    """Publish the report in the store's provenance; False where it holds the very same."""
+    text = json.dumps(report, sort_keys=True)
+    with s2rstore.open(root) as store:
+        if store.provenance("score").get("report") == text:
+            return False
+    with edit(root) as draft:
+        draft.note("score", {"report": report})
+    return True
+
+
+def _computed(store: Store, wanted: Sequence[str]) -> list[str]:
+    runs = [store.run(name) for name in wanted] or list(store.runs.values())
+    found = [run.run for run in runs if run.key]
+    if len(found) < max(1, len(wanted)):
+        raise RequestError(f"{store.path}: nothing to score; run `s2r precompute` first")
+    return found
+
+
+def _plain(row: Any) -> dict[str, Any]:
+    """A record as JSON can hold it: intervals as three figures, NaN as null."""
+    made: dict[str, Any] = {}
+    for field in fields(row):
+        value = getattr(row, field.name)
+        if isinstance(value, Interval):
+            low_high = asdict(value)
+            made[field.name] = _figure(low_high["value"])
+            made[f"{field.name}_low"] = _figure(low_high["low"])
+            made[f"{field.name}_high"] = _figure(low_high["high"])
+        else:
+            made[field.name] = _figure(value) if isinstance(value, float) else value
+    return made
+
+
+def _figure(value: float) -> float | None:
+    return round(value, 6) if math.isfinite(value) else None
