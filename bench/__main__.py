@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import shutil
@@ -16,7 +17,6 @@ os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
 from bench import inference, memory, occlusion, projection, startup, wire
 from bench.figures import Figure
-from bench.worlds import frames_store, lively
 
 _ROOMS = ("startup", "wire", "projection", "occlusion", "inference", "memory")
 
@@ -58,15 +58,21 @@ def _all(wanted: list[str], options: argparse.Namespace, folder: Path) -> Iterat
 
 
 def _computed(folder: Path) -> Path:
+    """The default world at 256 x 256, with heatmaps of one model."""
     from s2rtools.precompute.pipeline import Options, precompute
+    from s2rtools.world import shipped
+    from s2rtui.cli import main as s2r
 
     class Quiet:
         def begin(self, what: str, total: int) -> None: ...
         def advance(self, steps: int) -> None: ...
         def say(self, line: str) -> None: ...
 
-    path = frames_store(folder / "small.s2r", 64, 256, lively("resposenet"))
-    precompute(path, Quiet(), [], Options(("activation", "feature_distance")))
+    path = folder / "world.s2r"
+    with contextlib.redirect_stdout(sys.stderr):
+        s2r(["ingest", "world", "--instances", "32", "--size", "256", "--store", str(path)])
+    shipped.add(path)
+    precompute(path, Quiet(), ["vanilla"], Options(("activation", "feature_distance")))
     return path
 
 

@@ -19,10 +19,11 @@ from pathlib import Path
 import sklearn.decomposition, torch, umap, zarr
 import numpy as np
 from s2rtools.precompute.pipeline import Options, precompute
-from s2rtools.precompute.projection import joint_umap
+from s2rtools.precompute.projection import ProjectionSettings, joint_umap
 rng = np.random.default_rng(0)
-warm = rng.random((60, 50), dtype=np.float32)
-joint_umap((warm, warm + 1), np.ones(60, bool))
+for n in (60, 2400):  # the second compiles the search for neighbours, and transform
+    warm = rng.random((n, 50), dtype=np.float32)
+    joint_umap((warm, warm + 1), np.ones(n, bool), ProjectionSettings(fit_instances=4200))
 def status(name):
     text = Path("/proc/self/status").read_text()
     return int(re.search(name + r":\\s+(\\d+)", text)[1]) / 1024

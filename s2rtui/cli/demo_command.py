@@ -1,15 +1,27 @@
-"""`s2r demo`: from a folder of paired images to findings, pictures and the application."""
+"""`s2r demo`: from nothing (or a folder of images) to findings, pictures and the application."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from s2rstore.reader import Store
 
 STORE = "demo.s2r"
+TRAINING = "training.s2r"
+QUICK = "quick"
+INSTANCES = 100
+_KNOWN_WORLD = 1
+_QUICK_VIEWS = 1500
+_QUICK_MINUTES = 2.0
+_SCORED = 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,12 +33,20 @@ class _Stage:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--data", type=Path, required=True,
-                        help="a folder in the Sim2RealViz layout (it holds traj1/)")  # fmt: skip
     parser.add_argument("--out", type=Path, default=Path("demo-out"))
-    parser.add_argument("--minutes", type=float, default=1.5, help="per training (default 1.5)")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--no-open", action="store_true", help="do not open the application")
+    parser.add_argument("--minutes", type=float, help="per training (default 2; with --data 1.5)")
+    world = parser.add_argument_group("the default world")
+    world.add_argument("--seed", type=int, default=_KNOWN_WORLD,
+                       help="which building; another than 1 is trained live")  # fmt: skip
+    world.add_argument("--instances", type=int, default=INSTANCES, help="on each trajectory")
+    world.add_argument("--factors", default="", help="as in s2r ingest world")
+    world.add_argument(
+        "--retrain", choices=(QUICK,), help="train one model live, beside the others"
+    )
+    data = parser.add_argument_group("your own images")
+    data.add_argument("--data", type=Path, help="a folder in the Sim2RealViz layout (traj1/ ...)")
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -37,7 +57,8 @@ def execute(options: argparse.Namespace) -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     store = options.out / STORE
     timings = []
-    for stage in _stages(options, store):
+    stages = _data_stages(options, store) if options.data else _world_stages(options, store)
+    for stage in stages:
         if stage.run is not None and _has_run(store, stage.run):
             continue
         began = time.monotonic()
@@ -48,50 +69,128 @@ def execute(options: argparse.Namespace) -> int:
         timings.append((" ".join(stage.words[:3]), time.monotonic() - began))
     with s2rstore.open(store) as opened:
         print("\n".join(findings.lines(opened)))
-    _pictures(options.out, store)
-    for what, seconds in timings:
+        if QUICK in opened.runs:
+            print(_worth(opened))
+    opens = not options.no_open and sys.stdin.isatty() and sys.stdout.isatty()
+    if timings or not opens:
+        began = time.monotonic()
+        _pictures(options.out, store)
+        timings.append(("pictures", time.monotonic() - began))
+    for what, seconds in [*timings, ("in all", sum(seconds for _, seconds in timings))]:
         print(f"{seconds:7.1f} s  {what}", file=sys.stderr)
-    if options.no_open or not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if not opens:
         print(f"open it with: s2r {store}")
         return 0
     return main(["tui", str(store)])
 
 
-def _stages(options: argparse.Namespace, store: Path) -> list[_Stage]:
-    path, data, minutes = str(store), str(options.data), f"{options.minutes:g}"
-    stages = []
+def _world_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
+    """The default world; each stage is asked for when those before it are done."""
+    path = str(store)
+    world = ["--seed", str(options.seed)]
+    world += ["--factors", options.factors] if options.factors else []
     if not store.exists():
-        stages.append(_Stage(("ingest", "sim2realviz", data, "--store", path)))
+        count = str(options.instances)
+        words = ("ingest", "world", *world, "--instances", count, "--store", path)
+        yield _Stage(words)
+    _refuse_other(options, store)
+    if options.seed == _KNOWN_WORLD and not _has_run(store, "vanilla"):
+        yield _Stage(("model", "shipped", "--store", path))
+    if options.retrain or options.seed != _KNOWN_WORLD:
+        yield from _live_training(options, store, world)
+    if not _asked(store, _is_complete):
+        yield _Stage(("precompute", path, "--workers", str(options.workers)))
+        yield _Stage(("score", path, "--instances", str(_SCORED), "--quiet"))
+
+
+def _live_training(options: argparse.Namespace, store: Path, world: list[str]) -> Iterator[_Stage]:
+    """Train a model on views of its own of the same world, and take it over."""
+    if _has_run(store, QUICK):
+        return
+    training = options.out / TRAINING
+    minutes = f"{options.minutes or _QUICK_MINUTES:g}"
+    if not training.exists():
+        views = ("--survey", str(_QUICK_VIEWS), "--instances", "0")
+        yield _Stage(("ingest", "world", *world, *views, "--store", str(training)))
+    if not _has_run(training, QUICK):
+        budget = ("--minutes", minutes, "--name", QUICK)
+        yield _Stage(("train", "--recipe", "vanilla", *budget, "--store", str(training)))
+    digest = _asked(training, lambda opened: opened.models[QUICK].sha256)
+    weights = training / "models" / f"{digest}.safetensors"
+    words = ("model", "add", QUICK, str(weights), "--arch", "resposenet", "--store", str(store))
+    yield _Stage(words)
+    yield _Stage(("run", "add", QUICK, "--model", QUICK, "--store", str(store)))
+
+
+def _refuse_other(options: argparse.Namespace, store: Path) -> None:
+    """Raises RequestError where the folder holds a demo of something else."""
+    from s2rstore.errors import RequestError
+
+    recipe = _asked(store, lambda opened: opened.provenance("world").get("recipe"))
+    if recipe is None:
+        raise RequestError(f"{store}: holds other data; choose another --out")
+    held = json.loads(recipe)
+    asked = {"seed": options.seed, "count": options.instances}
+    if options.factors:
+        from s2rtools.world.factors import parse_factors
+
+        asked["factors"] = parse_factors(options.factors)
+    for name, value in asked.items():
+        if held[name] != value:
+            raise RequestError(f"{store}: was made with {name} {held[name]}; choose another --out")
+
+
+def _is_complete(store: Store) -> bool:
+    scored = store.provenance("score").get("report")
+    runs = {row["run"] for row in json.loads(scored)["factors"]} if scored else set()
+    return bool(runs) and all(run.key and run.run in runs for run in store.runs.values())
+
+
+def _worth(store: Store) -> str:
+    """What the live training is worth, in a line."""
+    from s2rstore.headlines import headline
+
+    real, sim = (headline(store, QUICK, side) for side in ("real", "sim"))
+    told = (
+        f"trained live: median error {sim.median_error:.2f} m in simulation, "
+        f"{real.median_error:.2f} m in reality"
+    )
+    if "vanilla" in store.runs:
+        shipped = headline(store, "vanilla", "sim")
+        told += f"; the shipped vanilla, trained longer, {shipped.median_error:.2f} m in simulation"
+    return told
+
+
+def _data_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
+    path, data, minutes = str(store), str(options.data), f"{options.minutes or 1.5:g}"
+    if not store.exists():
+        yield _Stage(("ingest", "sim2realviz", data, "--store", path))
     for recipe, start in (("vanilla", ()), ("dataaug", ()), ("perlin", ()),
                           ("finetune", ("--from", "dataaug"))):  # fmt: skip
         words = ("train", "--recipe", recipe, *start, "--minutes", minutes, "--store", path)
-        stages.append(_Stage(words, recipe))
-    if (options.data / "traj1" / "sim_edit").is_dir() or _has_domain(store, "sim_edit"):
+        yield _Stage(words, recipe)
+    if _asked(store, lambda opened: "sim_edit" in opened.domains):
         words = ("run", "add", "dataaug-edit", "--model", "dataaug", "--sim", "sim_edit")
-        stages.append(_Stage((*words, "--store", path), "dataaug-edit"))
+        yield _Stage((*words, "--store", path), "dataaug-edit")
     adjusted = (("vanilla-bright", "real:brightness=1.15"), ("vanilla-black", "real:black"))
     for name, chain in adjusted:
         words = ("run", "add", name, "--model", "vanilla", "--adjust", chain, "--store", path)
-        stages.append(_Stage(words, name))
-    stages.append(_Stage(("precompute", path, "--workers", str(options.workers))))
-    return stages
+        yield _Stage(words, name)
+    yield _Stage(("precompute", path, "--workers", str(options.workers)))
 
 
 def _has_run(store: Path, run: str) -> bool:
-    return _asked(store, lambda opened: run in opened.runs)
+    return bool(_asked(store, lambda opened: run in opened.runs))
 
 
-def _has_domain(store: Path, domain: str) -> bool:
-    return _asked(store, lambda opened: domain in opened.domains)
-
-
-def _asked(store: Path, question: Any) -> bool:
+def _asked(store: Path, question: Callable[[Store], Any]) -> Any:
+    """What a store answers; None where there is none."""
     import s2rstore
 
     if not store.exists():
-        return False
+        return None
     with s2rstore.open(store) as opened:
-        return bool(question(opened))
+        return question(opened)
 
 
 def _pictures(out: Path, store: Path) -> None:

@@ -1,4 +1,4 @@
-"""`s2r model add`: register a trained model from a weights file."""
+"""`s2r model`: register a weights file, or the models that come with the program."""
 
 from __future__ import annotations
 
@@ -22,12 +22,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="HEADING[,FRAME] of the output: degrees, radians or cos_sin; map or habitat",
     )
     add.add_argument("--trust", action="store_true", help="allow formats that execute code")
+    shipped = actions.add_parser(
+        "shipped", help="register the models of the default world, each with a run"
+    )
+    shipped.add_argument("--store", type=Path, required=True)
+    add.set_defaults(action=_add)
+    shipped.set_defaults(action=_shipped)
 
 
 def execute(options: argparse.Namespace) -> int:
+    options.action(options)
+    return 0
+
+
+def _add(options: argparse.Namespace) -> None:
     from s2rtools.precompute.registry import add_model
 
     add_model(options.store, options.name, options.file, options.arch, options.convention,
               options.trust)  # fmt: skip
     print(f"{options.store}: model {options.name} registered; `s2r run add` makes a run of it")
-    return 0
+
+
+def _shipped(options: argparse.Namespace) -> None:
+    from s2rtools.world import shipped
+
+    added = shipped.add(options.store)
+    print(f"{options.store}: {', '.join(added) or 'nothing'} registered; `s2r precompute` fills it")

@@ -17,6 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1, help="breaks ties (default 1)")
     parser.add_argument("--no-keep", action="store_true", help="do not note the score in the store")
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--quiet", action="store_true", help="print no tables")
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -31,7 +32,7 @@ def execute(options: argparse.Namespace) -> int:
     if options.json:
         json.dump(found, sys.stdout, indent=1, sort_keys=True)
         print()
-    else:
+    elif not options.quiet:
         print("\n".join(_tables(found)))
     return 0
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +61,47 @@ def lines(store: Store) -> list[str]:
             f"worst region of {computed[0]}: {worst.room} (median real error "
             f"{worst.real_median:.2f} m, sim {worst.sim_median:.2f} m; {worst.n} new instances)"
         )
-    return [printable(line) for line in told]
+    return [printable(line) for line in [*told, *_score_lines(store)]]
+
+
+def _score_lines(store: Store) -> list[str]:
+    """Why, and which heatmap to trust: where `s2r score` has noted it."""
+    noted = store.provenance("score").get("report")
+    if noted is None:
+        return []
+    report = json.loads(noted)
+    told = []
+    causes = [row for row in report["factors"] if row["cost"] is not None]
+    if causes:
+        run = causes[0]["run"]
+        worst = max((row for row in causes if row["run"] == run), key=lambda row: row["cost"])
+        told.append(
+            f"costliest factor of {run}: {worst['factor']}, alone +{worst['cost']:.2f} m "
+            f"({worst['cost_low']:.2f} .. {worst['cost_high']:.2f}); leaving it out gains "
+            f"{worst['gain']:.2f} m ({worst['gain_low']:.2f} .. {worst['gain_high']:.2f})"
+        )
+    floors = [row for row in report["heatmaps"]
+              if row["place"] == "floor" and row["auroc"] is not None]  # fmt: skip
+    if floors:
+        best = max(floors, key=lambda row: row["auroc"])
+        told.append(
+            f"best heatmap: {best['kind']} of {best['run']} finds the changed objects on the floor "
+            f"at AUROC {best['auroc']:.2f} ({best['auroc_low']:.2f} .. {best['auroc_high']:.2f}), "
+            f"{100 * best['precision']:.0f} % of its top cells are right (chance "
+            f"{100 * best['base_rate']:.0f} %)"
+        )
+        told.append("  beside it: " + ", ".join(_rivals(floors, best)))
+    return told
+
+
+def _rivals(floors: list[dict[str, Any]], best: dict[str, Any]) -> list[str]:
+    """The other kinds at their best."""
+    found: dict[str, float] = {}
+    for row in floors:
+        if row["kind"] != best["kind"]:
+            found[row["kind"]] = max(row["auroc"], found.get(row["kind"], 0.0))
+    ordered = sorted(found.items(), key=lambda item: -item[1])
+    return [f"{kind} {auroc:.2f}" for kind, auroc in ordered]
 
 
 def _accuracy(store: Store, run: str) -> float:

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from s2rstore.geometry.alignment import Correction
+from s2rstore.records import Domain, Intrinsics
 from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.activation import pose_loss
+from s2rtools.heatmaps.harmonise import Alignment
 from s2rtools.inference import Backend
 from s2rtools.models.contract import LoadedModel
 from s2rtools.models.preprocess import preprocess
@@ -28,7 +31,10 @@ def make_pair(model: LoadedModel) -> PairBatch:
             made.x, rgb, depth, (depth > 5) & (depth < 250), 10 / 255, made.features,
             made.embedding, made.pose, TRUTH,
         )  # fmt: skip
-    return PairBatch(model, backend, sides["sim"], sides["real"])
+    lens = Intrinsics(30.0, 30.0, 24.0, 24.0, 0.0)
+    rigs = [Domain(side, side, lens, lens, 0.6, 0.0, 10 / 255, 6, 249) for side in ("sim", "real")]
+    aligned = Alignment(*rigs, (48, 48), Correction(-0.05, 1.03))
+    return PairBatch(model, backend, sides["sim"], sides["real"], aligned)
 
 
 @pytest.fixture(scope="module")

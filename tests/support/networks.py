@@ -30,6 +30,10 @@ class Small(PoseNetwork):
     def trunk(self) -> nn.Module:
         return self.inner
 
+    @property
+    def early(self) -> nn.Module | None:
+        return self.inner[:2] if isinstance(self.inner, nn.Sequential) else None
+
     def embed(self, features: Tensor) -> Tensor:
         return functional.adaptive_avg_pool2d(features, 2).flatten(1)
 

@@ -1,0 +1,118 @@
+"""Harmonising: equal rigs change nothing, a shifted rig is found, and only change remains."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from s2rstore.geometry.alignment import Correction, Crossing, NearerSurface
+from s2rstore.records import Domain, Intrinsics
+from s2rtools.heatmaps.harmonise import Alignment
+from s2rtools.precompute.align import calibrate
+from s2rtools.world.dataset import Recipe, WorldData
+from s2rtools.world.world import raw_depth
+
+FRAME = (96, 96)
+LENS = Intrinsics(66.0, 66.0, 48.0, 48.0, 0.0)
+RIG = Domain("sim", "sim", LENS, LENS, 0.62, 0.0, 0.001, 1, 10_000)
+
+
+@pytest.fixture(scope="module")
+def data() -> WorldData:
+    return WorldData(Recipe(seed=3, count=12, frame=96, factors={"camera": 1.0}))
+
+
+def images(data: WorldData, side: str, rows: slice = slice(None)) -> list:
+    poses = data.poses["traj1"][rows]
+    views = data.views(side, poses, np.arange(len(poses)))
+    depth = raw_depth(views.depth)
+    return [(rgb, raw, raw > 0) for rgb, raw in zip(views.rgb, depth, strict=True)]
+
+
+def rig(data: WorldData, name: str) -> Domain:
+    from s2rtools.world.world import standard_camera
+
+    camera = standard_camera(96)
+    return Domain(name, name, camera.lens, camera.lens, camera.height, 0.0, 0.001, 1, 10_000)
+
+
+def test_equal_rigs_and_images_stay_as_they_are(data: WorldData) -> None:
+    own = images(data, "sim")[0]
+    sim, real = rig(data, "sim"), rig(data, "real")
+    made = Alignment(sim, real, FRAME, Correction()).sim_view.harmonised(own, own)
+    inner = made.seen
+    assert inner.mean() > 0.9
+    assert np.abs(made.real - made.sim)[inner].max() < 1.0
+    assert np.abs(made.real_depth - made.sim_depth).max() < 1e-3
+
+
+def test_a_colour_cast_is_taken_out(data: WorldData) -> None:
+    rgb, depth, valid = images(data, "sim")[1]
+    cast = np.clip(rgb * np.array([0.9, 0.7, 0.5]) + 20, 0, 255).astype(np.uint8)
+    sim, real = rig(data, "sim"), rig(data, "real")
+    made = Alignment(sim, real, FRAME, Correction()).sim_view.harmonised(
+        (rgb, depth, valid), (cast, depth, valid)
+    )
+    before = np.abs(cast.astype(float) - rgb).mean()
+    assert np.abs(made.real - made.sim).mean() < 0.15 * before
+
+
+def test_the_true_offset_is_found_and_helps(data: WorldData) -> None:
+    pairs = list(zip(images(data, "sim"), images(data, "real"), strict=True))
+    sim, real = rig(data, "sim"), rig(data, "real")
+    found = calibrate(sim, real, FRAME, pairs)
+    assert found.height == pytest.approx(-0.09, abs=0.03)
+    assert found.zoom == pytest.approx(1.06, abs=0.02)
+
+    def misfit(correction: Correction) -> float:
+        view = Alignment(sim, real, FRAME, correction).sim_view
+        made = [view.harmonised(*pair) for pair in pairs]
+        return float(np.mean([np.abs(m.real - m.sim)[m.seen].mean() for m in made]))
+
+    assert misfit(found) < 0.75 * misfit(Correction())
+
+
+def test_heat_comes_back_to_the_pixel_it_left(data: WorldData) -> None:
+    """Through the sim view and back, a map that lies on surfaces is where it was."""
+    sim, real = rig(data, "sim"), rig(data, "real")
+    aligned = Alignment(sim, real, FRAME, Correction(-0.09, 1.06))
+    (_, depth, valid), (_, away, away_valid) = images(data, "sim")[2], images(data, "real")[2]
+    columns = np.broadcast_to(np.arange(96, dtype=np.float32), FRAME).copy()
+    over = aligned.sim_view.fetched(columns, depth, valid)
+    back = aligned.real_view.fetched(np.nan_to_num(over, nan=-500.0), away, away_valid)
+    good = np.isfinite(back) & (back > 0)
+    assert good.mean() > 0.5
+    assert np.median(np.abs(back - columns)[good]) < 0.6
+
+
+def test_crossing_is_its_own_inverse() -> None:
+    other = replace(RIG, camera_height=0.4, forward_offset=0.1)
+    metres = np.full(FRAME, 2.5)
+    u, v, depth, inside = Crossing(RIG, LENS, other, FRAME).targets(metres, LENS)
+    row, col = 40, 60
+    assert inside[row, col]
+    x = (u[row, col] - LENS.cx) / LENS.fx * depth[row, col]
+    y = -(v[row, col] - LENS.cy) / LENS.fy * depth[row, col]
+    there = np.array([x, y + 0.4, depth[row, col] + 0.1])
+    here = np.array([(col + 0.5 - 48) / 66 * 2.5, -(row + 0.5 - 48) / 66 * 2.5 + 0.62, 2.5])
+    assert np.allclose(there, here)
+
+
+@settings(max_examples=40, deadline=None)
+@given(arrays.arrays(np.uint16, (2, 12, 12), elements=st.integers(0, 12_000)),
+       arrays.arrays(np.uint16, (2, 12, 12), elements=st.integers(0, 12_000)))  # fmt: skip
+def test_the_nearer_surface_is_never_farther(own: np.ndarray, other: np.ndarray) -> None:
+    lens = Intrinsics(8.0, 8.0, 6.0, 6.0, 0.0)
+    a = replace(RIG, rgb=lens, depth=lens)
+    b = replace(a, domain="real", kind="real")
+    nearer = NearerSurface(a, b, (12, 12))(own, other)
+    assert (nearer <= own).all()
+    known = (own >= 1) & (own <= 10_000)
+    both = known & (other >= 1) & (other <= 10_000)
+    assert np.array_equal(nearer[~both], own[~both])
+    assert np.array_equal(nearer[both], np.minimum(own, other)[both])

@@ -1,0 +1,106 @@
+"""The models that come with the program, trained on the default world by `s2r train`.
+
+Beside each file of weights stands how it came to be: recipe, seed, data hash, figures. They are
+kept by `python -m s2rtools.world.shipped STORE ...`, from stores in which they were trained.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.reader import Store
+from s2rstore.records import SIDES
+from s2rstore.writer import edit
+from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register
+from s2rtools.precompute.registry import domain_of, insert_run, refuse_taken
+from s2rtools.world.dataset import Recipe, WorldData
+
+NAMES = ("vanilla", "dataaug", "finetune", "perlin")
+WORLD_SEED = 1
+"""The building that they know."""
+FOLDER = Path(str(files("s2rtools.world"))) / "checkpoints"
+GOLDEN = FOLDER / "golden.npz"
+"""Views of the world as it was when they were trained."""
+
+
+def facts(name: str) -> dict[str, Any]:
+    """What is known of a model: recipe, seed, steps, data hash, figures by side and split."""
+    found: dict[str, Any] = json.loads((FOLDER / f"{name}.json").read_text())
+    return found
+
+
+def add(root: Path) -> list[str]:
+    """Register the models that a store lacks, each with a run of it; gives their names."""
+    with s2rstore.open(root) as store:
+        missing = [name for name in NAMES if name not in store.models and name not in store.runs]
+        domains = domain_of(store, "sim", None), domain_of(store, "real", None)
+    for name in missing:
+        told = facts(name)
+        weights = read_weights(FOLDER / f"{name}.safetensors", told["architecture"])
+        with edit(root) as draft:
+            for table in ("model", "run"):
+                refuse_taken(draft, table, name)
+            convention = DEFAULT_CONVENTIONS[told["architecture"]]
+            register(root, draft, name, weights, convention, f"{name}: {told['command']}")
+            insert_run(draft, name, name, domains)
+            draft.note(f"model:{name}", told)
+    return missing
+
+
+def keep(store: Store, name: str) -> None:
+    """Write a trained model of a store, and what is known of it, into the package."""
+    if name not in store.models:
+        raise RequestError(f"{store.path}: no model {name!r}")
+    model, noted = store.models[name], store.provenance(f"model:{name}")
+    content = (store.path / "models" / f"{model.sha256}.safetensors").read_bytes()
+    told = {key: _plain(text) for key, text in noted.items() if not key.startswith("split:")}
+    recipe = json.loads(store.provenance("world")["recipe"])
+    told["command"] = str(told["command"]).split(" --store")[0]
+    told["golden"] = hashlib.sha256(GOLDEN.read_bytes()).hexdigest()
+    told["data_hash"] = store.dataset.hash
+    told["data"] = (
+        f"s2r ingest world --survey {recipe['survey']} --instances {recipe['count']} "
+        f"--seed {recipe['seed']}"
+    )
+    (FOLDER / f"{name}.safetensors").write_bytes(content)
+    (FOLDER / f"{name}.json").write_text(json.dumps(told, indent=1, sort_keys=True) + "\n")
+
+
+def golden_views() -> dict[str, NDArray[Any]]:
+    """A few views of the default building, small: colour, raw depth and ids of both sides."""
+    data = WorldData(Recipe(seed=WORLD_SEED, count=2, frame=48))
+    poses = data.world.survey(4)
+    made: dict[str, NDArray[Any]] = {}
+    for side in SIDES:
+        views = data.views(side, poses, np.arange(len(poses)))
+        made |= {f"{side}_rgb": views.rgb, f"{side}_depth": data.raw(views),
+                 f"{side}_identity": views.identity}  # fmt: skip
+    return made
+
+
+def _plain(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    views: dict[str, Any] = golden_views()
+    np.savez_compressed(GOLDEN, **views)
+    for path in sys.argv[1:]:
+        with s2rstore.open(path) as opened:
+            for chosen in NAMES:
+                if chosen in opened.models:
+                    keep(opened, chosen)
