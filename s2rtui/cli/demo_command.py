@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 STORE = "demo.s2r"
 TRAINING = "training.s2r"
 QUICK = "quick"
-INSTANCES = 100
+INSTANCES = 60
 _KNOWN_WORLD = 1
 _QUICK_VIEWS = 1500
 _QUICK_MINUTES = 2.0
-_SCORED = 80
+_SCORED = 60
 
 
 @dataclass(frozen=True, slots=True)

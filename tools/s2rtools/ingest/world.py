@@ -84,7 +84,7 @@ def _domain(side: Side, frame: int) -> Domain:
 
 def _sightings(data: WorldData, name: str) -> list[Sighting]:
     poses, odometry = data.poses[name], data.odometry(name)
-    first = 1_000_000 * list(data.poses).index(name)
+    first = 1_000_000 * data.names.index(name)
     return [
         Sighting(
             x=float(pose[0]), y=float(pose[1]), heading=float(pose[2]),

@@ -26,7 +26,7 @@ class ProjectionSettings:
     min_distance: float = 0.1
     seed: int = 7
     version: int = 2
-    fit_instances: int = 20_000
+    fit_instances: int = 10_000
 
     def facts(self) -> dict[str, Any]:
         return asdict(self)

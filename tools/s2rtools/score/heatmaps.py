@@ -80,13 +80,13 @@ def _image_scores(
             for start in range(0, len(truth.poses), _ROWS)
         )
         cells = np.concatenate([to_cells(block) for block in blocks])
-        auroc, precision, base, without = _per_frame(cells, truth.cells(side), seed)
+        auroc, precision, base, without = _per_frame(cells, truth.cells[side], seed)
         yield HeatScore(run, kind, mode, side, "image", stats.bootstrap_mean(auroc),
                         stats.bootstrap_mean(precision), base, len(auroc), without)  # fmt: skip
 
 
 def _random_image(truth: Truth, seed: int) -> HeatScore:
-    positive = truth.cells("real")
+    positive = truth.cells["real"]
     cells = np.random.default_rng([seed, 1]).random(positive.shape)
     auroc, precision, base, without = _per_frame(cells, positive, seed)
     return HeatScore("-", "random", None, "real", "image", stats.bootstrap_mean(auroc),

@@ -78,7 +78,7 @@ def keep(root: Path, report: Report) -> bool:
         if store.provenance("score").get("report") == text:
             return False
     with edit(root) as draft:
-        draft.note("score", {"report": report})
+        draft.note("score", {"report": text})
     return True
 
 

@@ -57,7 +57,7 @@ class Truth:
         self.poses = np.stack([columns.x, columns.y, columns.heading], axis=1)
         first = {t.trajectory: store.first_iid(t.trajectory) for t in store.trajectories}
         self.numbers = np.empty(len(columns), dtype=np.intp)
-        names = list(data.poses)
+        names = data.names
         for iid in range(len(columns)):
             name = columns.trajectory_names[int(columns.trajectory[iid])]
             self.numbers[iid] = 1_000_000 * names.index(name) + iid - first[name]
@@ -83,9 +83,13 @@ class Truth:
         sim, real = (np.concatenate(ids[scene]) for scene in SIDES)
         return Seen(sim, real, np.concatenate(depths))
 
-    def cells(self, side: Side) -> NDArray[np.bool_]:
+    @cached_property
+    def cells(self) -> dict[Side, NDArray[np.bool_]]:
         """(N, CELLS, CELLS): cells of the image that labelled objects cover by a quarter."""
-        return np.asarray(to_cells(self.seen[side].mask.astype(np.float32)) >= SHARE)
+        return {
+            side: np.asarray(to_cells(self.seen[side].mask.astype(np.float32)) >= SHARE)
+            for side in SIDES
+        }
 
     def floor(self, side: Side, shape: tuple[int, int]) -> tuple[Plane, Plane]:
         """Samples of labelled objects and of everything per floor cell, each (rows, columns).

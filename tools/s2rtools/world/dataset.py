@@ -71,6 +71,13 @@ class WorldData:
             return None
         return cls(Recipe(**json.loads(notes["recipe"])))
 
+    @property
+    def names(self) -> list[str]:
+        """The trajectories, in order; a view's noise is seeded by its place in them."""
+        if not self.recipe.survey:
+            return list(TRAJECTORIES)
+        return [SURVEY, TOUR] if self.recipe.count else [SURVEY]
+
     @cached_property
     def poses(self) -> dict[str, Poses]:
         """Poses (n, 3) of every trajectory by name: x, y in metres, heading in radians."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from s2rstore.records import Intrinsics
 from s2rtools.world import kernel
-from s2rtools.world.scene import Lamp, Packed, Scene, footprint, pack
+from s2rtools.world.scene import Lamp, Packed, Part, Scene, footprint, pack
 
 LIGHT_CELL = 0.1
 SAMPLES = 2
@@ -87,11 +87,8 @@ class RayCaster:
         """Light per cell (rows, cols, 4); the last channel is how open the floor is."""
         scene = self._scene
         cells = round(scene.size / LIGHT_CELL)
-        walls = footprint([p for p in scene.building if p.high > 2.5 and p.low < 0.5],
-                          cells, LIGHT_CELL, 2.5)  # fmt: skip
-        lamps = np.array([_lamp(lamp) for lamp in scene.lamps], dtype=np.float64).reshape(-1, 6)
-        light = kernel.light_map(lamps, walls, LIGHT_CELL)
-        light = _spread(light, walls) * np.array(scene.gain) + np.array(scene.ambient)
+        walls = tuple(p for p in scene.building if p.high > 2.5 and p.low < 0.5)
+        light = _lit(scene.lamps, walls, cells) * np.array(scene.gain) + np.array(scene.ambient)
         parts = [part for _, parts in scene.things for part in parts]
         low = [part for part in (*scene.building, *parts) if part.low < 0.3]
         distance = ndimage.distance_transform_edt(
@@ -136,6 +133,14 @@ class RayCaster:
     @cached_property
     def _palette(self) -> NDArray[np.float64]:
         return np.array([(m, *colour, seed) for m, colour, seed in self._scene.palette])
+
+
+@lru_cache(maxsize=8)
+def _lit(lamps: tuple[Lamp, ...], walls: tuple[Part, ...], cells: int) -> NDArray[np.float64]:
+    """Light of all lamps per cell (cells, cells, 3), whatever stands in the rooms."""
+    taken = footprint(list(walls), cells, LIGHT_CELL, 2.5)
+    rows = np.array([_lamp(lamp) for lamp in lamps], dtype=np.float64).reshape(-1, 6)
+    return _spread(kernel.light_map(rows, taken, LIGHT_CELL), taken)
 
 
 def _lamp(lamp: Lamp) -> tuple[float, ...]:
