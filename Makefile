@@ -1,4 +1,4 @@
-# `make demo DATA=folder` and `make test` install everything by themselves.
+# `make demo` (`DATA=folder` for your own images) and `make test` install everything by themselves.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -6,7 +6,7 @@ OUT ?= demo-out
 export OMP_WAIT_POLICY = PASSIVE
 export GOMP_SPINCOUNT = 0
 
-.PHONY: install demo test check format lint types contracts bench clean
+.PHONY: install demo test check format lint types contracts bench checkpoints clean
 
 install: $(VENV)/.installed
 
@@ -18,8 +18,7 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 	touch $@
 
 demo: install
-	@test -n "$(DATA)" || { echo "make demo: DATA= names a folder in the Sim2RealViz layout"; exit 2; }
-	$(BIN)/s2r demo --data "$(DATA)" --out "$(OUT)"
+	$(BIN)/s2r demo --out "$(OUT)" $(if $(DATA),--data "$(DATA)") $(DEMO)
 
 test: install
 	$(BIN)/python -m pytest -n 2 --dist loadgroup
@@ -45,6 +44,16 @@ contracts: install
 
 bench: install
 	$(BIN)/python -m bench --json
+
+# The shipped models, trained again: about an hour. Needed after a change of what the world looks like.
+checkpoints: install
+	rm -rf build/checkpoints.s2r
+	$(BIN)/s2r ingest world --survey 6000 --instances 500 --store build/checkpoints.s2r
+	$(BIN)/s2r train --recipe vanilla --minutes 13 --store build/checkpoints.s2r
+	$(BIN)/s2r train --recipe perlin --minutes 13 --store build/checkpoints.s2r
+	$(BIN)/s2r train --recipe dataaug --minutes 18 --store build/checkpoints.s2r
+	$(BIN)/s2r train --recipe finetune --from dataaug --minutes 9 --store build/checkpoints.s2r
+	$(BIN)/python -m s2rtools.world.shipped build/checkpoints.s2r
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info $(OUT)

@@ -128,6 +128,24 @@ def test_depth_agrees_with_geometry() -> None:
     assert (views.identity[0][floor] == 0).all()
 
 
+def test_the_camera_stays_adjustable(data: WorldData) -> None:
+    """Height, field of view and pitch move what is seen, neutral values nothing."""
+    poses = data.poses["traj1"][:6]
+    numbers = np.arange(6)
+    own = data.camera("sim")
+    plain = data.views("sim", poses, numbers)
+    same = data.views("sim", poses, numbers, camera=own.moved())
+    assert np.array_equal(plain.rgb, same.rgb)
+    raised = data.views("sim", poses, numbers, camera=own.moved(height=0.2))
+    wide = data.views("sim", poses, numbers, camera=own.moved(zoom=0.8))
+    tilted = data.views("sim", poses, numbers, camera=own.moved(pitch=0.2))
+    for other in (raised, wide, tilted):
+        assert np.abs(other.depth - plain.depth).mean() > 0.01
+    floor = plain.depth[:, 60:, 20:44].mean()
+    assert raised.depth[:, 60:, 20:44].mean() > floor
+    assert tilted.depth[:, 60:, 20:44].mean() > floor
+
+
 def test_odometry_drifts(data: WorldData) -> None:
     poses, odometry = data.poses["traj1"], data.odometry("traj1")
     away = np.hypot(*(odometry - poses)[:, :2].T)

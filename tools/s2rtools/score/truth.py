@@ -13,7 +13,6 @@ from s2rstore.geometry.grid import MapGrid, Projector
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Side
 from s2rtools.world.dataset import WorldData
-from s2rtools.world.world import side_camera
 
 CELLS = 32
 SHARE = 0.25
@@ -69,7 +68,7 @@ class Truth:
         return {side: self._seen(side) for side in SIDES}
 
     def _seen(self, side: Side) -> Seen:
-        camera = side_camera(self.data.recipe.frame, self.data.severities(side))
+        camera = self.data.camera(side)
         ids: dict[Side, list[NDArray[np.int16]]] = {"sim": [], "real": []}
         depths = []
         for start in range(0, len(self.poses), _BATCH):
@@ -113,7 +112,7 @@ class Truth:
         return np.nan_to_num(planes[2]), planes[3]
 
     def _true_domain(self, side: Side) -> Domain:
-        camera = side_camera(self.data.recipe.frame, self.data.severities(side))
+        camera = self.data.camera(side)
         declared = self.store.domains[side]
         return Domain(
             declared.domain, side, camera.lens, camera.lens, camera.height, camera.forward_offset,

@@ -16,7 +16,7 @@ from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtools.world.factors import severities
-from s2rtools.world.renderer import Renderer, Views
+from s2rtools.world.renderer import Camera, Renderer, Views
 from s2rtools.world.routes import Poses
 from s2rtools.world.world import (
     TRAJECTORIES,
@@ -93,15 +93,21 @@ class WorldData:
     def views(
         self, side: Side, poses: Poses, numbers: NDArray[np.intp],
         factors: Mapping[str, float] | None = None, renderer: Renderer | None = None,
+        camera: Camera | None = None,
     ) -> Views:  # fmt: skip
         """Views (n, h, w, ...) of some poses; `numbers` (n,) seed the noise of each.
 
-        `factors` and `renderer` replace those of the side.
+        `factors`, `renderer` and `camera` replace those of the side; `camera(side).moved(...)` is
+        one at another height, pitch or field of view.
         """
         wanted = self.severities(side) if factors is None else factors
         engine = renderer or self.renderer(side)
-        camera = side_camera(self.recipe.frame, wanted)
-        return through_sensor(engine.render(poses, camera), wanted, self.recipe.seed, numbers)
+        mounted = camera or side_camera(self.recipe.frame, wanted)
+        return through_sensor(engine.render(poses, mounted), wanted, self.recipe.seed, numbers)
+
+    def camera(self, side: Side) -> Camera:
+        """The camera that a side really has."""
+        return side_camera(self.recipe.frame, self.severities(side))
 
     def renderer(self, side: Side) -> Renderer:
         return self._renderers[side]
