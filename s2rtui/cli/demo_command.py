@@ -21,7 +21,7 @@ INSTANCES = 50
 _KNOWN_WORLD = 1
 _QUICK_VIEWS = 1500
 _QUICK_MINUTES = 2.0
-_SCORED = 60
+_SCORED = 48
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ def _world_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
         count = str(options.instances)
         words = ("ingest", "world", *world, "--instances", count, "--store", path)
         yield _Stage(words)
-    _refuse_other(options, store)
+    _refuse_other(options, store, count=options.instances)
     if options.seed == _KNOWN_WORLD and not _has_run(store, "vanilla"):
         yield _Stage(("model", "shipped", "--store", path))
     if options.retrain or options.seed != _KNOWN_WORLD:
@@ -112,6 +112,7 @@ def _live_training(options: argparse.Namespace, store: Path, world: list[str]) -
     if not training.exists():
         views = ("--survey", str(_QUICK_VIEWS), "--instances", "0")
         yield _Stage(("ingest", "world", *world, *views, "--store", str(training)))
+    _refuse_other(options, training, survey=_QUICK_VIEWS)
     if not _has_run(training, QUICK):
         budget = ("--minutes", minutes, "--name", QUICK)
         yield _Stage(("train", "--recipe", "vanilla", *budget, "--store", str(training)))
@@ -122,28 +123,29 @@ def _live_training(options: argparse.Namespace, store: Path, world: list[str]) -
     yield _Stage(("run", "add", QUICK, "--model", QUICK, "--store", str(store)))
 
 
-def _refuse_other(options: argparse.Namespace, store: Path) -> None:
-    """Raises RequestError where the folder holds a demo of something else."""
+def _refuse_other(options: argparse.Namespace, store: Path, **asked: int) -> None:
+    """Raises RequestError where a store was not made by the options of now."""
     from s2rstore.errors import RequestError
+    from s2rtools.world.factors import parse_factors
 
     recipe = _asked(store, lambda opened: opened.provenance("world").get("recipe"))
     if recipe is None:
         raise RequestError(f"{store}: holds other data; choose another --out")
     held = json.loads(recipe)
-    asked = {"seed": options.seed, "count": options.instances}
-    if options.factors:
-        from s2rtools.world.factors import parse_factors
-
-        asked["factors"] = parse_factors(options.factors)
-    for name, value in asked.items():
+    wanted = {**asked, "seed": options.seed, "factors": parse_factors(options.factors)}
+    for name, value in wanted.items():
         if held[name] != value:
-            raise RequestError(f"{store}: was made with {name} {held[name]}; choose another --out")
+            raise RequestError(
+                f"{store}: was made with {name} {held[name]}, not {value}; choose another --out"
+            )
 
 
 def _is_complete(store: Store) -> bool:
-    scored = store.provenance("score").get("report")
-    runs = {row["run"] for row in json.loads(scored)["factors"]} if scored else set()
-    return bool(runs) and all(run.key and run.run in runs for run in store.runs.values())
+    """Whether the score that the store keeps is of all runs as they are."""
+    noted = json.loads(store.provenance("score").get("report", "{}")).get("runs", {})
+    return bool(store.runs) and all(
+        run.key is not None and noted.get(run.run) == run.key for run in store.runs.values()
+    )
 
 
 def _worth(store: Store) -> str:

@@ -11,7 +11,12 @@ from typing import Any
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path)
-    parser.add_argument("--run", action="append", default=[], help="only this run (repeat)")
+    parser.add_argument(
+        "--run",
+        action="append",
+        default=[],
+        help="only this run (repeat); the store keeps the score of all alone",
+    )
     parser.add_argument("--instances", type=int, default=120,
                         help="of the counterfactual table (default 120)")  # fmt: skip
     parser.add_argument("--seed", type=int, default=1, help="breaks ties (default 1)")
@@ -27,7 +32,7 @@ def execute(options: argparse.Namespace) -> int:
     settings = report.Settings(tuple(options.run), options.instances, options.seed)
     with reporter() as told:
         found = report.score(options.store, settings, told)
-    if not options.no_keep:
+    if not options.no_keep and not options.run:
         report.keep(options.store, found)
     if options.json:
         json.dump(found, sys.stdout, indent=1, sort_keys=True)

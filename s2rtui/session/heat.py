@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.geometry.alignment import NearerSurface
+from s2rstore.geometry.alignment import Surface
 from s2rstore.geometry.grid import MapGrid, Projector, Ray
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Run, Side
@@ -86,16 +86,11 @@ def _surface(
 ) -> tuple[Domain, NDArray[Any]]:
     """The rig that carries the heat, and raw depth (1, H, W) where it lies, as in precompute."""
     own, other = (store.domains[run.domain(side)] for side in _ORDER[heat.side])
-    depth = store.frame(iid, own.domain).depth[None]
     noted = json.loads(store.provenance(f"run:{run.run}").get("surfaces", "{}"))
     correction = store.correction(run.sim_domain, run.real_domain)
-    if heat.kind not in noted or correction is None:
-        return own, depth
-    own, other = (correction.applied(d) if d.kind == "real" else d for d in (own, other))
-    if noted[heat.kind] == "nearer":
-        away = store.frame(iid, other.domain).depth[None]
-        depth = NearerSurface(own, other, frame)(depth, away)
-    return own, depth
+    surface = Surface(own, other, frame, heat.side == "real", correction, noted.get(heat.kind))
+    away = store.frame(iid, other.domain).depth[None] if surface.needs_other else None
+    return surface.domain, surface.depth(store.frame(iid, own.domain).depth[None], away)
 
 
 class _Held:

@@ -65,43 +65,53 @@ def lines(store: Store) -> list[str]:
 
 
 def _score_lines(store: Store) -> list[str]:
-    """Why, and which heatmap to trust: where `s2r score` has noted it."""
+    """Why, and which heatmap to trust: what `s2r score` noted of the first run that it fits."""
     noted = store.provenance("score").get("report")
     if noted is None:
         return []
     report = json.loads(noted)
-    told = []
-    causes = [row for row in report["factors"] if row["cost"] is not None]
-    if causes:
-        run = causes[0]["run"]
-        worst = max((row for row in causes if row["run"] == run), key=lambda row: row["cost"])
-        told.append(
-            f"costliest factor of {run}: {worst['factor']}, alone +{worst['cost']:.2f} m "
-            f"({worst['cost_low']:.2f} .. {worst['cost_high']:.2f}); leaving it out gains "
-            f"{worst['gain']:.2f} m ({worst['gain_low']:.2f} .. {worst['gain_high']:.2f})"
-        )
-    floors = [row for row in report["heatmaps"]
-              if row["place"] == "floor" and row["auroc"] is not None]  # fmt: skip
-    if floors:
-        best = max(floors, key=lambda row: row["auroc"])
-        told.append(
-            f"best heatmap: {best['kind']} of {best['run']} finds the changed objects on the floor "
-            f"at AUROC {best['auroc']:.2f} ({best['auroc_low']:.2f} .. {best['auroc_high']:.2f}), "
-            f"{100 * best['precision']:.0f} % of its top cells are right (chance "
-            f"{100 * best['base_rate']:.0f} %)"
-        )
-        told.append("  beside it: " + ", ".join(_rivals(floors, best)))
-    return told
+    known = report.get("runs", {})
+    runs = [name for name, run in store.runs.items() if run.key and run.key == known.get(name)]
+    if not runs:
+        return []
+    mine = [
+        [row for row in report[part] if row["run"] == runs[0]] for part in ("factors", "heatmaps")
+    ]
+    return [*_cause_lines(runs[0], mine[0]), *_heatmap_lines(runs[0], mine[1])]
 
 
-def _rivals(floors: list[dict[str, Any]], best: dict[str, Any]) -> list[str]:
-    """The other kinds at their best."""
-    found: dict[str, float] = {}
-    for row in floors:
+def _cause_lines(run: str, causes: list[dict[str, Any]]) -> list[str]:
+    known = [row for row in causes if row["cost"] is not None]
+    if not known:
+        return []
+    worst = max(known, key=lambda row: row["cost"])
+    return [
+        f"costliest factor of {run}: {worst['factor']}, alone +{worst['cost']:.2f} m "
+        f"({worst['cost_low']:.2f} .. {worst['cost_high']:.2f}); leaving it out gains "
+        f"{worst['gain']:.2f} m ({worst['gain_low']:.2f} .. {worst['gain_high']:.2f})"
+    ]
+
+
+def _heatmap_lines(run: str, heatmaps: list[dict[str, Any]]) -> list[str]:
+    """On the floor as both sides paint it, so that all kinds answer for the same cells."""
+    floors = [row for row in heatmaps if (row["place"], row["side"]) == ("floor", "both")]
+    known = sorted((row for row in floors if row["auroc"] is not None), key=lambda r: -r["auroc"])
+    if not known:
+        return []
+    best = known[0]
+    others: dict[str, float] = {}
+    for row in known[1:]:
         if row["kind"] != best["kind"]:
-            found[row["kind"]] = max(row["auroc"], found.get(row["kind"], 0.0))
-    ordered = sorted(found.items(), key=lambda item: -item[1])
-    return [f"{kind} {auroc:.2f}" for kind, auroc in ordered]
+            others.setdefault(row["kind"], row["auroc"])
+    told = [
+        f"best heatmap of {run}: {best['kind']} finds the changed objects on the floor at AUROC "
+        f"{best['auroc']:.2f} ({best['auroc_low']:.2f} .. {best['auroc_high']:.2f}); "
+        f"{100 * best['precision']:.0f} % of its top cells are right (chance "
+        f"{100 * best['base_rate']:.0f} %)"
+    ]
+    if others:
+        told.append("  beside it: " + ", ".join(f"{k} {v:.2f}" for k, v in others.items()))
+    return told
 
 
 def _accuracy(store: Store, run: str) -> float:

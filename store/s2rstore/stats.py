@@ -76,10 +76,12 @@ def baseline_accuracy(
 
 
 def bootstrap_mean(values: NDArray[np.float64], settings: Bootstrap = BOOTSTRAP) -> Interval:
-    """Mean with its percentile interval by moving blocks of neighbouring values.
+    """Mean with its percentile interval by circular blocks of neighbouring values.
 
-    `values` (n,) are in recording order, without NaN. NaN bounds below two values. Source:
-    Kuensch, "The jackknife and the bootstrap for general stationary observations", 1989.
+    `values` (n,) are in recording order, without NaN. NaN bounds below two values. Deviations from
+    the mean are widened by sqrt(b / (b - 1)), b the number of blocks, because b blocks know no more
+    than b values. Source: Politis and Romano, "A circular block-resampling procedure for stationary
+    data", 1992.
     """
     n = values.size
     if n == 0:
@@ -87,13 +89,14 @@ def bootstrap_mean(values: NDArray[np.float64], settings: Bootstrap = BOOTSTRAP)
     mean = float(values.mean())
     if n == 1:
         return Interval(mean, np.nan, np.nan)
-    length = min(settings.block_length or int(np.ceil(np.sqrt(n))), n)
+    length = min(settings.block_length or int(np.ceil(np.sqrt(n))), n // 2)
     blocks = -(-n // length)
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    sums = total[length:] - total[:-length]
+    around = np.concatenate([[0.0], np.cumsum(np.concatenate([values, values[: length - 1]]))])
+    sums = around[length:] - around[:-length]
     rng = np.random.default_rng(settings.seed)
-    starts = rng.integers(0, sums.size, size=(settings.replicates, blocks))
+    starts = rng.integers(0, n, size=(settings.replicates, blocks))
     means = sums[starts].sum(axis=1) / (blocks * length)
+    means = mean + (means - mean) * np.sqrt(blocks / (blocks - 1))
     tail = 50 * (1 - settings.level)
     low, high = np.percentile(means, [tail, 100 - tail])
     return Interval(mean, float(low), float(high))

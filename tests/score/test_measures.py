@@ -37,10 +37,16 @@ def test_ties_are_broken_by_the_seed_and_fair() -> None:
     assert again == drawn[7]
 
 
-def test_what_has_no_value_lies_lowest() -> None:
-    values = np.array([np.nan, -5.0, 3.0, np.nan])
-    positive = np.array([False, True, True, False])
-    assert Ranked.of(values, positive, np.random.default_rng(0)).auroc() == 1.0
+def test_what_has_no_value_says_nothing() -> None:
+    values = np.array([np.nan, -5.0, 0.0, 3.0, np.nan])
+    high = Ranked.of(values, np.array([0, 0, 0, 1, 0], bool), np.random.default_rng(0))
+    low = Ranked.of(values, np.array([0, 1, 0, 0, 0], bool), np.random.default_rng(0))
+    assert (high.auroc(), low.auroc()) == (1.0, 0.0)
+    blank = np.full(400, np.nan)
+    drawn = [
+        Ranked.of(blank, np.arange(400) < 90, np.random.default_rng(s)).auroc() for s in range(100)
+    ]
+    assert np.mean(drawn) == pytest.approx(0.5, abs=0.02)
 
 
 def test_precision_counts_the_top_share() -> None:

@@ -9,14 +9,19 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore import findings
+from s2rstore import findings, headlines
 from s2rstore.errors import RequestError
+from s2rtools.inference import open_backend
+from s2rtools.models.library import load_model
 from s2rtools.precompute.pipeline import Options, precompute
 from s2rtools.score import report
+from s2rtools.score.factors import Counterfactuals
 from s2rtools.score.heatmaps import floor_truth
 from s2rtools.score.truth import Truth
+from s2rtools.train.into_store import TrainingRequest, train_into_store
 from s2rtools.world import shipped
 from s2rtui.cli import main
+from tests.support.copies import copied
 
 pytestmark = pytest.mark.xdist_group("world")
 
@@ -30,7 +35,7 @@ class Quiet:
 
 
 def make(path: Path, factors: str) -> Path:
-    words = ["ingest", "world", "--instances", "24", "--factors", factors, "--store", str(path)]
+    words = ["ingest", "world", "--instances", "16", "--factors", factors, "--store", str(path)]
     assert main(words) == 0
     shipped.add(path)
     precompute(path, Quiet(), ["vanilla"], Options(KINDS))
@@ -65,8 +70,8 @@ def rows(scored: report.Report, **wanted: str) -> list[dict]:
 def test_object_changes_are_found(objects_scored: report.Report) -> None:
     """Nothing else differs, so every honest method is near the truth, and chance is chance."""
     for kind in KINDS:
-        best = max(row["auroc"] for row in rows(objects_scored, place="floor", kind=kind))
-        assert best > 0.9, kind
+        found = rows(objects_scored, place="floor", kind=kind, side="both")
+        assert max(row["auroc"] for row in found) > 0.88, kind
     (chance,) = rows(objects_scored, place="image", kind="random")
     assert chance["auroc"] == pytest.approx(0.5, abs=0.06)
     assert chance["precision"] == pytest.approx(chance["base_rate"], abs=0.06)
@@ -82,24 +87,87 @@ def test_only_the_active_factor_is_to_blame(objects_scored: report.Report) -> No
     assert objects_scored["objects"]
 
 
-def test_counterfactuals_begin_and_end_at_the_stored_predictions(objects_only: Path) -> None:
-    """Without factors the error is the sim prediction's, with all the real prediction's."""
-    from s2rtools.models.library import load_model
-    from s2rtools.score.factors import Counterfactuals
+@pytest.fixture(scope="module")
+def everything(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("world") / "all.s2r"
+    words = ["ingest", "world", "--instances", "6", "--store", str(path)]
+    assert main(words) == 0
+    shipped.add(path)
+    precompute(path, Quiet(), ["vanilla", "finetune"], Options(()))
+    return path
 
-    with s2rstore.open(objects_only) as store:
-        table = Counterfactuals(Truth(store), 10)
-        run, model = store.run("vanilla"), load_model(store, "vanilla")
-        columns = store.run_columns("vanilla")
-        for factors, side in (({}, columns.sim), (table.active, columns.real)):
-            errors = table.errors(run, model, factors)
-            assert np.allclose(errors, side.error[table.iids], atol=1e-3)
+
+def test_counterfactuals_begin_and_end_at_the_stored_predictions(everything: Path) -> None:
+    """Without factors the error is the sim prediction's, with all of them the real one's."""
+    with s2rstore.open(everything) as store:
+        judges = [
+            (store.run(name), open_backend(load_model(store, name), "torch"))
+            for name in ("vanilla", "finetune")
+        ]
+        table = Counterfactuals(Truth(store), judges, 10)
+        errors = table.errors({"sim": {}, "real": table.active})
+        for name in ("vanilla", "finetune"):
+            columns = store.run_columns(name)
+            for side in ("sim", "real"):
+                stored = columns.side(side).error[table.iids]
+                assert np.allclose(errors[side][name], stored, atol=1e-4)
+        for row in table.factor_scores():
+            assert row.n == len(table.iids)
+            assert row.cost.value == pytest.approx(
+                row.alone.value - errors["sim"][row.run].mean(), abs=1e-9
+            )
+            assert row.gain.value == pytest.approx(
+                errors["real"][row.run].mean() - row.without.value, abs=1e-9
+            )
+
+
+def test_trained_on_instances_are_left_out(everything: Path, tmp_path: Path) -> None:
+    own = copied(everything, tmp_path / "own.s2r")
+    request = TrainingRequest("vanilla", name="mine", steps=1)
+    train_into_store(own, request, lambda *told: None, "s2r train")
+    precompute(own, Quiet(), ["mine"], Options(()))
+    scored = report.score(own, report.Settings(("mine",), 12), Quiet())
+    with s2rstore.open(own) as store:
+        fresh = int(headlines.held_out(store, "mine").sum())
+    if fresh:
+        assert {(row["n"], row["left_out"]) for row in scored["factors"]} == {(fresh, 12 - fresh)}
+    else:
+        assert scored["factors"] == []
+    assert fresh < 12
+    assert scored["objects"] == []
+
+
+def test_the_shipped_models_keep_the_order_of_the_story(everything: Path) -> None:
+    """Finetuning on real images closes most of the gap; simulation is easy for all."""
+    with s2rstore.open(everything) as store:
+        real = {name: headlines.headline(store, name, "real") for name in ("vanilla", "finetune")}
+        sim = headlines.headline(store, "vanilla", "sim")
+    assert real["finetune"].mean_error < 0.8 * real["vanilla"].mean_error
+    assert sim.mean_error < 0.4 * real["vanilla"].mean_error
+
+
+def test_images_of_another_version_are_refused(everything: Path, monkeypatch) -> None:
+    from s2rtools.world.dataset import WorldData
+
+    with s2rstore.open(everything) as store:
+        true = WorldData.raw
+        monkeypatch.setattr(WorldData, "raw", lambda self, views: true(self, views) // 2)
+        with pytest.raises(RequestError, match="ingest the world again"):
+            Truth(store)
+
+
+def test_shipped_models_know_their_own_building_alone(tmp_path: Path) -> None:
+    path = tmp_path / "other.s2r"
+    words = ["ingest", "world", "--instances", "2", "--size", "32", "--seed", "4"]
+    assert main([*words, "--store", str(path)]) == 0
+    with pytest.raises(RequestError, match="--seed 1"):
+        shipped.add(path)
 
 
 def test_without_object_changes_there_are_no_positives(light_scored: report.Report) -> None:
     for row in rows(light_scored, place="image"):
         assert row["auroc"] is None
-        assert (row["n"], row["without"]) == (0, 48)
+        assert (row["n"], row["without"]) == (0, 32)
     for row in rows(light_scored, place="floor"):
         assert row["auroc"] is None
         assert row["base_rate"] == 0
@@ -122,7 +190,7 @@ def test_a_score_is_kept_once_and_told(objects_only: Path, objects_scored: repor
     with s2rstore.open(objects_only) as store:
         told = "\n".join(findings.lines(store))
     assert "costliest factor of vanilla: objects" in told
-    assert "best heatmap: " in told
+    assert "best heatmap of vanilla: harmonised" in told
 
 
 def test_positive_floor_lies_where_the_objects_stand(objects_only: Path) -> None:

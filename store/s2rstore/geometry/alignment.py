@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from s2rstore.geometry.camera import Floats, rays
 from s2rstore.records import Domain, Intrinsics
 
+_ROWS = 8
+"""Frames at a time, so that memory does not grow with the batch."""
+
 
 @dataclass(frozen=True, slots=True)
 class Correction:
@@ -76,6 +79,13 @@ class NearerSurface:
 
         Pixels that either rig did not measure keep the value of `view`.
         """
+        parts = [
+            self._some(depth[row : row + _ROWS], other[row : row + _ROWS])
+            for row in range(0, len(depth), _ROWS)
+        ]
+        return np.concatenate(parts) if parts else depth
+
+    def _some(self, depth: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
         a, b = self._view, self._other
         known = (depth >= a.depth_raw_min) & (depth <= a.depth_raw_max)
         metres = np.where(known, depth * np.float64(a.depth_scale), np.nan)
@@ -88,3 +98,34 @@ class NearerSurface:
         nearer = np.rint(depth * np.minimum(share, 1.0))
         least = np.maximum(nearer, a.depth_raw_min)
         return np.where(measured, least, depth).astype(depth.dtype)
+
+
+class Surface:
+    """The rig whose rays carry one side's heat to the floor, and the depth at which it lies.
+
+    `surface` None is the side's own, as declared; `own` the corrected rig's, `nearer` the nearer of
+    both rigs'.
+    """
+
+    def __init__(
+        self, view: Domain, other: Domain, frame: tuple[int, int], is_real: bool,
+        correction: Correction | None, surface: str | None,
+    ) -> None:  # fmt: skip
+        self.domain, self._nearer = view, None
+        if surface is None or correction is None:
+            return
+        if is_real:
+            self.domain = view = correction.applied(view)
+        else:
+            other = correction.applied(other)
+        if surface == "nearer":
+            self._nearer = NearerSurface(view, other, frame)
+
+    @property
+    def needs_other(self) -> bool:
+        """Whether `depth` wants the other rig's images too."""
+        return self._nearer is not None
+
+    def depth(self, own: NDArray[Any], other: NDArray[Any] | None) -> NDArray[Any]:
+        """Raw depth (n, h, w) at which heat lies."""
+        return own if self._nearer is None or other is None else self._nearer(own, other)

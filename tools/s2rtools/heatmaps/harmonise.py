@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry.alignment import Correction, Crossing, NearerSurface
+from s2rstore.geometry.alignment import Correction, Crossing
 from s2rstore.geometry.camera import into_rgb
 from s2rstore.records import Domain, Side
 
@@ -109,11 +109,6 @@ class Alignment:
     @cached_property
     def real_view(self) -> View:
         return View(self.domain("real"), self.domain("sim"), self._frame)
-
-    def nearer(self, side: Side) -> NearerSurface:
-        """The surface that heat of both views is projected at."""
-        other: Side = "real" if side == "sim" else "sim"
-        return NearerSurface(self.domain(side), self.domain(other), self._frame)
 
 
 def _sampled(

@@ -14,19 +14,25 @@ from torch.nn import functional
 
 from s2rstore.records import SIDES
 from s2rtools.heatmaps.contract import HeatmapKind, OutputSpec, PairBatch
+from s2rtools.heatmaps.harmonise import COLOUR_FLOOR
 from s2rtools.models.contract import LoadedModel
 from s2rtools.models.preprocess import preprocess
 
 MAX_SIDE = 128
+_SHARE = 0.25
+"""Of a cell's pixels that must have a value."""
 
 
 class _Harmonised(HeatmapKind):
-    """A comparison in the view of the sim RGB camera; the real side gets it through its own depth,
-    NaN where that is unknown. On the floor it lies at the nearer of both surfaces.
+    """A comparison in the view of the sim RGB camera, NaN where the real one did not look; the
+    real side gets it through its own depth, NaN where that is unknown. On the floor it lies at
+    the nearer of both surfaces.
     """
 
     aligned = True
     unit: ClassVar[str]
+    needs_depth: ClassVar[bool] = False
+    params = {"colour_floor": COLOUR_FLOOR, "size": MAX_SIDE, "share": _SHARE}  # noqa: RUF012
     surface = "nearer"
 
     @abstractmethod
@@ -35,7 +41,7 @@ class _Harmonised(HeatmapKind):
 
     @abstractmethod
     def distance(self, pair: PairBatch) -> NDArray[np.float32]:
-        """(B, rows, columns) in the sim view."""
+        """(B, rows, columns) in the sim view; what was not seen may hold anything."""
 
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         size = self.size(model)
@@ -43,8 +49,11 @@ class _Harmonised(HeatmapKind):
                 for side in SIDES]  # fmt: skip
 
     def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+        sim = [
+            _within(heat, made.measured if self.needs_depth else made.seen)
+            for heat, made in zip(self.distance(pair), pair.harmonised, strict=True)
+        ]
         size = self.size(pair.model)
-        sim = self.distance(pair)
         view = pair.aligned().real_view
         real = np.stack(
             [_shrunk(view.fetched(heat, depth, valid), size)
@@ -93,12 +102,14 @@ class HarmonisedDistance(_Harmonised):
 
 class HarmonisedDifference(_Harmonised):
     """The model-free rival: sqrt(c d), c the mean |RGB difference| over channels in deviations of
-    the sim image, d the depth difference relative to the sim depth, 0 where not measured.
+    the sim image, d the depth difference relative to the sim depth; both are means of 3 x 3
+    pixels. NaN where either depth is unknown.
     """
 
     name = "harmonised_difference"
     unit = ""
     model_free = True
+    needs_depth = True
 
     def size(self, model: LoadedModel) -> tuple[int, int]:
         return MAX_SIDE, MAX_SIDE
@@ -111,6 +122,13 @@ class HarmonisedDifference(_Harmonised):
             depth = np.abs(view.real_depth - view.sim_depth) / np.maximum(view.sim_depth, 0.1)
             made.append(np.sqrt(_soft(colour) * _soft(np.where(view.measured, depth, 0.0))))
         return np.stack(made).astype(np.float32)
+
+
+def _within(heat: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Heat (fh, fw), NaN where most of what a cell covers is not known (h, w)."""
+    flat = heat.shape[1], heat.shape[0]
+    share = cv2.resize(known.astype(np.float32), flat, interpolation=cv2.INTER_AREA)
+    return np.where(share > _SHARE, heat, np.float32(np.nan))
 
 
 def _early(model: LoadedModel, x: Tensor) -> Tensor:
@@ -138,4 +156,4 @@ def _shrunk(heat: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.floa
     share = cv2.resize(known.astype(np.float32), flat, interpolation=cv2.INTER_AREA)
     total = cv2.resize(np.where(known, heat, 0), flat, interpolation=cv2.INTER_AREA)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(share > 0.25, total / share, np.nan).astype(np.float32)
+        return np.where(share > _SHARE, total / share, np.nan).astype(np.float32)

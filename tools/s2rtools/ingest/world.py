@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rstore.records import Bounds, Domain, Room, Side
+from s2rstore.records import SIDES, Bounds, Domain, Room, Side
 from s2rtools.ingest.scan import Problem, Scan, ScanOptions, Sighting, View
 from s2rtools.world.dataset import NOTES, Recipe, WorldData
 from s2rtools.world.plan import SIZE
@@ -84,11 +84,10 @@ def _domain(side: Side, frame: int) -> Domain:
 
 def _sightings(data: WorldData, name: str) -> list[Sighting]:
     poses, odometry = data.poses[name], data.odometry(name)
-    first = 1_000_000 * data.names.index(name)
     return [
         Sighting(
             x=float(pose[0]), y=float(pose[1]), heading=float(pose[2]),
-            images={side: Rendering(data, pose, first + row, side) for side in ("sim", "real")},
+            images={side: Rendering(data, pose, data.number(name, row), side) for side in SIDES},
             odometry=(float(odom[0]), float(odom[1]), float(odom[2])),
             timestamp=_SECONDS * row,
         )

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry import grid as map_geometry
+from s2rstore.geometry.alignment import Surface
 from s2rstore.reader import Store
 from s2rstore.records import Run, Side
-from s2rtools.heatmaps import KINDS, HeatmapKind
-from s2rtools.precompute import align
+from s2rtools.heatmaps import KINDS
 from s2rtools.precompute.stages import MAP_SETTINGS
 from s2rtools.precompute.units import ArraySpec, Unit
 
@@ -28,13 +28,18 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
     side: Side = "sim" if stage.name.endswith(":sim") else "real"
     kind = stage.specs[0].kind.removeprefix("map:")
     valid = stage.valid(store.path)
-    surface = _Surface(store, run, side, KINDS[kind])
-    domain = surface.domain
+    frame = store.dataset.frame_height, store.dataset.frame_width
+    names = run.domain(side), run.domain("real" if side == "sim" else "sim")
+    surface = Surface(
+        store.domains[names[0]], store.domains[names[1]], frame, side == "real",
+        store.correction(run.sim_domain, run.real_domain),
+        KINDS[kind].surface if KINDS[kind].aligned else None,
+    )  # fmt: skip
     poses = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
     maps = {spec: map_geometry.MapGrid(store.dataset.bounds, MAP_SETTINGS["cells"])
             for spec in unit.missing}  # fmt: skip
     projector = map_geometry.Projector(
-        domain, (store.dataset.frame_height, store.dataset.frame_width), store.dataset.y_down,
+        surface.domain, frame, store.dataset.y_down,
         tuple(MAP_SETTINGS["heights"]),
     )  # fmt: skip
     for start in range(0, valid.size, _READ_ROWS):
@@ -42,7 +47,7 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
         rows = np.flatnonzero(valid[start:stop])
         if not rows.size:
             continue
-        depth = surface.depth(start, stop, rows)
+        depth = _depth(store, surface, *names, slice(start, stop), rows)
         for spec, target in maps.items():
             heat = _heat(stage.source, store, kind, side, spec.mode, start, stop)[rows]
             ray = KINDS[kind].ray(spec.mode)
@@ -50,29 +55,15 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
     return {spec: target.aggregates() for spec, target in maps.items()}
 
 
-class _Surface:
-    """The rig whose rays carry a kind's heat to the floor, and the depth at which it lies."""
+def _depth(
+    store: Store, surface: Surface, own: str, other: str, span: slice, rows: NDArray[np.intp]
+) -> NDArray[Any]:
+    """Raw depth (k, H, W) of some of the instances of `span`, where their heat lies."""
 
-    def __init__(self, store: Store, run: Run, side: Side, kind: HeatmapKind) -> None:
-        self._store = store
-        self.domain = store.domains[run.domain(side)]
-        self._nearer = None
-        aligned = align.alignment(store, run) if kind.aligned else None
-        if aligned is not None:
-            self.domain = aligned.domain(side)
-        if aligned is not None and kind.surface == "nearer":
-            self._other = run.domain("real" if side == "sim" else "sim")
-            self._nearer = aligned.nearer(side)
+    def read(domain: str) -> NDArray[Any]:
+        return store.frames(domain, span.start, span.stop, ("depth",))["depth"][rows]
 
-    def depth(self, start: int, stop: int, rows: NDArray[np.intp]) -> NDArray[Any]:
-        """Raw depth (k, H, W) of some of the instances [start, stop)."""
-        own = self._read(self.domain.domain, start, stop)[rows]
-        if self._nearer is None:
-            return own
-        return self._nearer(own, self._read(self._other, start, stop)[rows])
-
-    def _read(self, domain: str, start: int, stop: int) -> NDArray[Any]:
-        return self._store.frames(domain, start, stop, ("depth",))["depth"]
+    return surface.depth(read(own), read(other) if surface.needs_other else None)
 
 
 def _heat(

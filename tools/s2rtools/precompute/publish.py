@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import platform
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -40,6 +41,7 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
             return False
         columns = [*_predictions(store, run, stages[0]), *_projections(store, run, stages)]
         ranges = _heat_ranges(store, run, specs)
+        noted = store.provenance(f"run:{run}") if same else {}
     kept = [r for r in listed if (r.kind, r.side, r.mode) not in {_identity(s) for s in specs}]
     with edit(root) as draft:
         for table in ("prediction", "projection", "zarr_array"):
@@ -51,7 +53,7 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
         for spec in specs:
             draft.insert_row("zarr_array", _array_row(run, spec))
         draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
-        draft.note(f"run:{run}", _provenance(specs, backend, ranges))
+        draft.note(f"run:{run}", _provenance(specs, backend, ranges, noted))
     return True
 
 
@@ -135,18 +137,23 @@ def _heat_ranges(store: Store, run: str, specs: Sequence[ArraySpec]) -> dict[str
 
 
 def _provenance(
-    specs: Sequence[ArraySpec], backend: dict[str, Any], ranges: dict[str, list[float]]
+    specs: Sequence[ArraySpec],
+    backend: dict[str, Any],
+    ranges: dict[str, list[float]],
+    noted: dict[str, str],
 ) -> dict[str, Any]:
+    """Facts about a run; what `noted` says of kinds that stay listed is kept."""
     facts: dict[str, Any] = {
         "backend": backend,
-        "heat ranges": ranges,
+        "heat ranges": json.loads(noted.get("heat ranges", "{}")) | ranges,
         "projection": SETTINGS.facts(),
         "bootstrap": asdict(stats.BOOTSTRAP),
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
     }
     aligned = {spec.kind for spec in specs if spec.kind in KINDS and KINDS[spec.kind].aligned}
-    facts["surfaces"] = {kind: KINDS[kind].surface for kind in sorted(aligned)}
+    surfaces = {kind: KINDS[kind].surface for kind in sorted(aligned)}
+    facts["surfaces"] = json.loads(noted.get("surfaces", "{}")) | surfaces
     for spec in specs:
         for name, value in spec.attributes:
             if name == "method":

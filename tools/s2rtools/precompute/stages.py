@@ -108,7 +108,8 @@ def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[St
 
 
 def _map_spec(spec: ArraySpec, side: str, mode: str | None, shape: tuple[int, int]) -> ArraySpec:
-    key = content_key({"heat": spec.key, **MAP_SETTINGS})
+    surface = {"surface": KINDS[spec.kind].surface} if KINDS[spec.kind].aligned else {}
+    key = content_key({"heat": spec.key, **MAP_SETTINGS, **surface})
     names = ",".join(map_geometry.AGGREGATES)
     return ArraySpec(
         f"map:{spec.kind}", side, mode, shape, "float32", ("aggregate", "row", "column"),

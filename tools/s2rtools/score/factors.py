@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore import stats
+from s2rstore import headlines, stats
 from s2rstore.records import Run
 from s2rtools.adjust import apply_chain
-from s2rtools.inference import Backend, open_backend
-from s2rtools.models.contract import LoadedModel
+from s2rtools.inference import Backend
 from s2rtools.models.preprocess import preprocess
 from s2rtools.score.truth import Truth
 from s2rtools.world.factors import FACTORS
 from s2rtools.world.renderer import Renderer, Views
-from s2rtools.world.world import DEPTH_SCALE, facts, side_camera, through_sensor
+from s2rtools.world.world import facts, side_camera, through_sensor
 
+DENSE = 240
+"""Poses along each route, among which views of an object are looked for."""
 MIN_SHARE = 0.004
 """Of a view's pixels, for an object to count as seen."""
 MIN_VIEWS = 5
-MAX_FRAMES = 40
-"""Per object, spread over those that see it."""
+MAX_VIEWS = 12
+_LOOK = 32
+_BATCH = 32
+_APART = 100_000_000
+
+Factors = Mapping[str, float]
+Judges = Sequence[tuple[Run, Backend]]
+Errors = dict[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +38,7 @@ class FactorScore:
     """Real error in metres with one factor alone and with all but it, over `n` instances.
 
     `cost` is what the factor alone adds to the error without any; `gain` what leaving it out takes
-    from the error with all.
+    from the error with all. `left_out` instances were trained on.
     """
 
     run: str
@@ -44,11 +50,15 @@ class FactorScore:
     cost: stats.Interval
     gain: stats.Interval
     n: int
+    left_out: int
 
 
 @dataclass(frozen=True, slots=True)
 class ObjectScore:
-    """What restoring one changed object takes from the real error where it is seen, metres."""
+    """What restoring one changed object takes from the real error where it is seen, metres.
+
+    Over at most `MAX_VIEWS` views of it along the routes; fewer than `MIN_VIEWS` have no interval.
+    """
 
     run: str
     object: int
@@ -59,123 +69,156 @@ class ObjectScore:
 
 
 class Counterfactuals:
-    """Errors of models on views of the world under other factors; renderings are shared."""
+    """Errors of models on views of the world as it is not; a rendering serves all of them."""
 
-    def __init__(self, truth: Truth, instances: int) -> None:
-        self._truth = truth
+    def __init__(self, truth: Truth, judges: Judges, instances: int) -> None:
+        self._truth, self._judges = truth, judges
         n = len(truth.poses)
         self.iids = np.unique(np.linspace(0, n - 1, min(n, instances)).astype(int))
         self.active = {k: v for k, v in truth.data.severities("real").items() if v > 0}
-        self._rendered: dict[tuple[object, ...], Views] = {}
-        self._backends: dict[str, Backend] = {}
         self._renderers: dict[tuple[object, ...], Renderer] = {}
 
-    def factor_scores(self, run: Run, model: LoadedModel) -> list[FactorScore]:
-        none, everything = self.errors(run, model, {}), self.errors(run, model, self.active)
+    def factor_scores(self) -> list[FactorScore]:
+        """Each active factor for each run that has instances it was not trained on."""
+        names = [name for name in FACTORS if name in self.active]
+        conditions: dict[str, Factors] = {"none": {}, "all": self.active}
+        for name in names:
+            conditions[f"only {name}"] = {name: self.active[name]}
+            conditions[f"no {name}"] = {k: v for k, v in self.active.items() if k != name}
+        errors = self.errors(conditions)
         found = []
-        for name in [name for name in FACTORS if name in self.active]:
-            alone = self.errors(run, model, {name: self.active[name]})
-            rest = {k: v for k, v in self.active.items() if k != name}
-            without = self.errors(run, model, rest)
-            found.append(
-                FactorScore(
-                    run.run, name, stats.bootstrap_mean(alone), stats.bootstrap_mean(without),
-                    float(np.median(alone)), float(np.median(without)),
-                    stats.bootstrap_mean(alone - none), stats.bootstrap_mean(everything - without),
-                    len(alone),
-                )
-            )  # fmt: skip
+        for run, _ in self._judges:
+            fresh = headlines.held_out(self._truth.store, run.run)[self.iids]
+            if not fresh.any():
+                continue
+            of = {label: made[run.run][fresh] for label, made in errors.items()}
+            for name in names:
+                alone, without = of[f"only {name}"], of[f"no {name}"]
+                found.append(
+                    FactorScore(
+                        run.run, name, stats.bootstrap_mean(alone), stats.bootstrap_mean(without),
+                        float(np.median(alone)), float(np.median(without)),
+                        stats.bootstrap_mean(alone - of["none"]),
+                        stats.bootstrap_mean(of["all"] - without),
+                        int(fresh.sum()), int((~fresh).sum()),
+                    )
+                )  # fmt: skip
         return found
 
-    def errors(
-        self, run: Run, model: LoadedModel, factors: Mapping[str, float]
-    ) -> NDArray[np.float64]:
-        """Position errors (n,) in metres of `iids`, through the run's real adjustments."""
-        rendered = self._views(factors)
-        numbers = self._truth.numbers[self.iids]
-        views = through_sensor(rendered, factors, self._truth.data.recipe.seed, numbers)
-        return self._judge(run, model, views, self.iids)
+    def errors(self, conditions: Mapping[str, Factors]) -> dict[str, Errors]:
+        """Position errors (n,) in metres of `iids` by condition and run."""
+        truth = self._truth
+        parts: dict[str, list[Errors]] = {label: [] for label in conditions}
+        for start in range(0, len(self.iids), _BATCH):
+            iids = self.iids[start : start + _BATCH]
+            rendered: dict[tuple[object, ...], Views] = {}
+            for label, factors in conditions.items():
+                camera = side_camera(truth.data.recipe.frame, factors)
+                scene = {k: v for k, v in factors.items() if FACTORS[k].shapes_scene}
+                key = (camera, *sorted(scene.items()))
+                if key not in rendered:
+                    rendered[key] = self._renderer(scene).render(truth.poses[iids], camera)
+                parts[label].append(
+                    self._errors(rendered[key], truth.poses[iids], factors, truth.numbers[iids])
+                )
+        return {label: _joined(found) for label, found in parts.items()}
 
-    def _views(self, factors: Mapping[str, float]) -> Views:
-        frame = self._truth.data.recipe.frame
-        camera = side_camera(frame, factors)
-        scene = {k: v for k, v in factors.items() if FACTORS[k].shapes_scene}
-        key = (*sorted(scene.items()), camera)
-        if key not in self._rendered:
-            poses = self._truth.poses[self.iids]
-            self._rendered[key] = self._renderer(scene).render(poses, camera)
-        return self._rendered[key]
-
-    def _renderer(self, scene: Mapping[str, float]) -> Renderer:
+    def _renderer(self, scene: Factors) -> Renderer:
         key = tuple(sorted(scene.items()))
         if key not in self._renderers:
             self._renderers[key] = self._truth.data.world.renderer(scene)
         return self._renderers[key]
 
-    def object_scores(self, run: Run, model: LoadedModel) -> list[ObjectScore]:
-        """Each labelled object put back as it is in simulation, the rest of the gap kept."""
+    def _errors(
+        self, views: Views, poses: NDArray[np.float64], factors: Factors, numbers: NDArray[np.intp]
+    ) -> Errors:
+        """Errors by run of rendered views, once the factors' sensors have had their part."""
+        made = through_sensor(views, factors, self._truth.data.recipe.seed, numbers)
+        return {run.run: self._judged(run, backend, made, poses) for run, backend in self._judges}
+
+    def object_scores(self) -> list[ObjectScore]:
+        """Each labelled object put back as it is in simulation, the rest of the gap kept.
+
+        For runs whose model was trained on none of the store's instances: the views lie between
+        them.
+        """
         known = {fact["object"]: fact for fact in facts(self._truth.data.world)}
+        fresh = {
+            run.run: headlines.held_out(self._truth.store, run.run).all() for run, _ in self._judges
+        }
         found = []
-        for number, (iids, restored) in self._restored.items():
-            before = self._judge(run, model, self._stored(run, iids), iids)
-            gain = before - self._judge(run, model, restored, iids)
-            found.append(
-                ObjectScore(run.run, number, known[number]["name"], known[number]["change"],
-                            _spread(gain), len(iids))
-            )  # fmt: skip
+        for number, before, after in self._restored():
+            for run, _ in self._judges:
+                gain = before[run.run] - after[run.run]
+                if fresh[run.run]:
+                    found.append(
+                        ObjectScore(run.run, number, known[number]["name"],
+                                    known[number]["change"], _spread(gain), gain.size)
+                    )  # fmt: skip
+        order = {run.run: place for place, (run, _) in enumerate(self._judges)}
+        return sorted(found, key=lambda row: (order[row.run], row.object))
+
+    def _restored(self) -> Iterator[tuple[int, Errors, Errors]]:
+        """Per object that is seen at all: errors on the same views without and with it put back."""
+        data = self._truth.data
+        poses = np.concatenate([data.world.poses(name, DENSE) for name in data.names])
+        numbers = _APART + np.arange(len(poses))
+        views = self._views_of_objects(poses)
+        if not views:
+            return
+        used = np.unique(np.concatenate(list(views.values())))
+        real, camera = data.renderer("real"), data.camera("real")
+        parts = [
+            self._errors(real.render(poses[rows], camera), poses[rows], self.active, numbers[rows])
+            for rows in np.split(used, range(_BATCH, len(used), _BATCH))
+        ]
+        before = _joined(parts)
+        for number, rows in views.items():
+            places = np.searchsorted(used, rows)
+            restored = data.world.renderer(self.active, restored=number)
+            views_after = restored.render(poses[rows], camera)
+            after = self._errors(views_after, poses[rows], self.active, numbers[rows])
+            yield number, {run: errors[places] for run, errors in before.items()}, after
+
+    def _views_of_objects(self, poses: NDArray[np.float64]) -> dict[int, NDArray[np.intp]]:
+        """Rows of `poses` that see each labelled object, in either scene, spread over them."""
+        data = self._truth.data
+        camera = side_camera(_LOOK, self.active)
+        shares = np.zeros((len(self._truth.changed), len(poses)))
+        for start in range(0, len(poses), 256):
+            span = slice(start, start + 256)
+            ids = [data.renderer(scene).render(poses[span], camera, samples=0).identity
+                   for scene in ("sim", "real")]  # fmt: skip
+            for place, number in enumerate(self._truth.changed):
+                seen = (ids[0] == number) | (ids[1] == number)
+                shares[place, span] = seen.mean(axis=(1, 2))
+        found = {}
+        for number, share in zip(self._truth.changed, shares, strict=True):
+            rows = np.flatnonzero(share >= MIN_SHARE)
+            if rows.size:
+                spread = np.linspace(0, rows.size - 1, min(rows.size, MAX_VIEWS)).astype(int)
+                found[number] = rows[np.unique(spread)]
         return found
 
-    @cached_property
-    def _restored(self) -> dict[int, tuple[NDArray[np.intp], Views]]:
-        """Per object the instances that see it, and their real views with it put back."""
-        truth, found = self._truth, {}
-        data, seen = truth.data, truth.seen["real"]
-        camera = side_camera(data.recipe.frame, self.active)
-        for number in truth.changed:
-            share = ((seen.sim == number) | (seen.real == number)).mean(axis=(1, 2))
-            iids = np.flatnonzero(share >= MIN_SHARE)
-            if not iids.size:
-                continue
-            spread = np.linspace(0, iids.size - 1, min(iids.size, MAX_FRAMES)).astype(int)
-            iids = iids[np.unique(spread)]
-            renderer = data.world.renderer(self.active, restored=number)
-            views = renderer.render(truth.poses[iids], camera)
-            found[number] = (
-                iids,
-                through_sensor(views, self.active, data.recipe.seed, truth.numbers[iids]),
-            )
-        return found
-
-    def _stored(self, run: Run, iids: NDArray[np.intp]) -> Views:
-        """The real views that the store holds."""
-        shots = [self._truth.store.frame(int(iid), run.real_domain) for iid in iids]
-        depth = np.stack([shot.depth.astype(np.float32) for shot in shots]) * np.float32(
-            DEPTH_SCALE
-        )
-        return Views(np.stack([shot.rgb for shot in shots]), depth, np.zeros(depth.shape, np.int16))
-
-    def _judge(
-        self, run: Run, model: LoadedModel, views: Views, iids: NDArray[np.intp]
+    def _judged(
+        self, run: Run, backend: Backend, views: Views, poses: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Position errors (n,) in metres on real views, through the run's adjustments."""
-        truth = self._truth
-        domain = truth.store.domains[run.real_domain]
-        depth = truth.data.raw(views)
+        domain = self._truth.store.domains[run.real_domain]
+        depth = self._truth.data.raw(views)
         valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
         rgb, depth = apply_chain(views.rgb, depth, valid, run.real_adjustments)
-        x = preprocess(rgb, depth, domain.depth_scale, model.network.input_size)
-        backend = self._backend(model)
-        poses = [
+        x = preprocess(rgb, depth, domain.depth_scale, backend.model.network.input_size)
+        found = [
             backend.forward_all(x[start : start + backend.batch]).pose
             for start in range(0, len(x), backend.batch)
         ]
-        away = np.concatenate(poses)[:, :2] - truth.poses[iids, :2]
+        away = np.concatenate(found)[:, :2] - poses[:, :2]
         return np.asarray(np.hypot(away[:, 0], away[:, 1]), dtype=np.float64)
 
-    def _backend(self, model: LoadedModel) -> Backend:
-        if model.sha256 not in self._backends:
-            self._backends = {model.sha256: open_backend(model, "torch", 0)}
-        return self._backends[model.sha256]
+
+def _joined(parts: list[Errors]) -> Errors:
+    return {run: np.concatenate([part[run] for part in parts]) for run in parts[0]}
 
 
 def _spread(values: NDArray[np.float64]) -> stats.Interval:

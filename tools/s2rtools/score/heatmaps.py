@@ -11,20 +11,17 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from s2rstore import stats
-from s2rstore.geometry.grid import MapGrid
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.heatmaps import KINDS
-from s2rtools.precompute.stages import MAP_SETTINGS
 from s2rtools.score.measures import TOP, Ranked
-from s2rtools.score.truth import SHARE, Truth, to_cells
+from s2rtools.score.truth import REBIN, SHARE, Truth, to_cells
 
 Place = Literal["image", "floor"]
 
-REBIN = 3
-"""Published grid cells on each side of a scored floor cell."""
 SMOOTH = 0.6
-TILE = 4
+TILE = 12
+"""Cells on each side of a resampled tile of the floor: larger than an object."""
 REPLICATES = 300
 MIN_SAMPLES = 3
 _ROWS = 64
@@ -80,13 +77,13 @@ def _image_scores(
             for start in range(0, len(truth.poses), _ROWS)
         )
         cells = np.concatenate([to_cells(block) for block in blocks])
-        auroc, precision, base, without = _per_frame(cells, truth.cells[side], seed)
+        auroc, precision, base, without = _per_frame(cells, truth.seen[side].cells, seed)
         yield HeatScore(run, kind, mode, side, "image", stats.bootstrap_mean(auroc),
                         stats.bootstrap_mean(precision), base, len(auroc), without)  # fmt: skip
 
 
 def _random_image(truth: Truth, seed: int) -> HeatScore:
-    positive = truth.cells["real"]
+    positive = truth.seen["real"].cells
     cells = np.random.default_rng([seed, 1]).random(positive.shape)
     auroc, precision, base, without = _per_frame(cells, positive, seed)
     return HeatScore("-", "random", None, "real", "image", stats.bootstrap_mean(auroc),
@@ -162,13 +159,12 @@ def floor_truth(
 
     A cell is positive where a quarter of either side's samples show a labelled object.
     """
-    grid = MapGrid(truth.store.dataset.bounds, MAP_SETTINGS["cells"])
-    shape = grid.rows // REBIN, grid.cols // REBIN
+    shape = truth.seen["sim"].samples.shape
     positive, visited = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
     for own in SIDES:
-        hits, samples = truth.floor(own, shape)
-        enough = samples >= MIN_SAMPLES
-        positive |= enough & (hits >= SHARE * samples)
+        seen = truth.seen[own]
+        enough = seen.samples >= MIN_SAMPLES
+        positive |= enough & (seen.hits >= SHARE * seen.samples)
         if side in (own, "both"):
             visited |= enough
     return positive & visited, visited

@@ -12,8 +12,9 @@ TOP = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Ranked:
-    """Cells in ascending order of their value; NaN lies lowest. Source of the area: Mann and
-    Whitney, 1947.
+    """Cells in ascending order of their value; "no value", NaN, ranks as the median.
+
+    Source of the area: Mann and Whitney, 1947.
     """
 
     order: NDArray[np.intp]
@@ -25,7 +26,8 @@ class Ranked:
     ) -> Ranked:
         """`values` and `positive` of equal size; `rng` decides between equal values."""
         flat = np.asarray(values, dtype=np.float64).ravel()
-        flat = np.where(np.isnan(flat), -np.inf, flat)
+        known = np.isfinite(flat)
+        flat = np.where(known, flat, np.median(flat[known]) if known.any() else 0.0)
         order = np.lexsort((rng.random(flat.size), flat))
         return cls(order, positive.ravel()[order])
 

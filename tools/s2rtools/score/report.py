@@ -17,6 +17,7 @@ from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.stats import Interval
 from s2rstore.writer import edit
+from s2rtools.inference import open_backend
 from s2rtools.models.library import load_model
 from s2rtools.precompute.pipeline import Reporter
 from s2rtools.score import heatmaps
@@ -49,22 +50,23 @@ def score(root: Path, settings: Settings, reporter: Reporter) -> Report:
     with s2rstore.open(root) as store:
         truth = Truth(store)
         runs = _computed(store, settings.runs)
-        reporter.begin("score", 2 + len(runs))
+        reporter.begin("score", 3)
         maps = heatmaps.scores(truth, runs, settings.seed)
         reporter.advance(1)
-        table = Counterfactuals(truth, settings.instances)
-        factors, objects = [], []
-        for name in runs:
-            run = store.run(name)
-            model = load_model(store, run.model)
-            factors += table.factor_scores(run, model)
-            objects += table.object_scores(run, model)
-            reporter.advance(1)
+        judges = [
+            (store.run(name), open_backend(load_model(store, store.run(name).model), "torch"))
+            for name in runs
+        ]
+        table = Counterfactuals(truth, judges, settings.instances)
+        factors = table.factor_scores()
+        reporter.advance(1)
+        objects = table.object_scores()
         reporter.advance(1)
         return {
             "seed": settings.seed,
             "instances": len(table.iids),
             "recipe": json.loads(store.provenance("world")["recipe"]),
+            "runs": {name: store.run(name).key for name in runs},
             "heatmaps": [_plain(row) for row in maps],
             "factors": [_plain(row) for row in factors],
             "objects": [_plain(row) for row in objects],

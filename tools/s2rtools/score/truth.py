@@ -12,38 +12,36 @@ from s2rstore.errors import RequestError
 from s2rstore.geometry.grid import MapGrid, Projector
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Side
+from s2rtools.precompute.stages import MAP_SETTINGS
 from s2rtools.world.dataset import WorldData
 
 CELLS = 32
 SHARE = 0.25
-_BATCH = 64
+REBIN = 3
+"""Published grid cells on each side of a scored floor cell."""
+_BATCH = 32
 
 Plane = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """What one side's true camera sees, of either scene: ids (N, h, w) of labelled objects, 0 for
-    the rest; `depth` (N, h, w) is the raw true depth of the side's own scene.
+    """What one side's true camera sees.
+
+    `cells` (N, CELLS, CELLS): where labelled objects of either scene cover a quarter of a cell.
+    `hits` and `samples` (rows, columns): how many samples per floor cell show a labelled object of
+    the side's own scene, and how many there are, through its true depth.
     """
 
-    sim: NDArray[np.int16]
-    real: NDArray[np.int16]
-    depth: NDArray[np.uint16]
-
-    @property
-    def mask(self) -> NDArray[np.bool_]:
-        """(N, h, w): the union of both scenes' labelled objects."""
-        return (self.sim > 0) | (self.real > 0)
-
-    def own(self, side: Side) -> NDArray[np.bool_]:
-        return (self.sim if side == "sim" else self.real) > 0
+    cells: NDArray[np.bool_]
+    hits: Plane
+    samples: Plane
 
 
 class Truth:
-    """The labelled changes of a store's world, as each instance sees them.
+    """The labelled changes of a store's world, as its instances see them.
 
-    Raises RequestError for a store that is not of a world.
+    Raises RequestError for a store of no world, or of one that is rendered otherwise now.
     """
 
     def __init__(self, store: Store) -> None:
@@ -51,16 +49,15 @@ class Truth:
         if data is None:
             raise RequestError(f"{store.path}: no truth is known; `s2r ingest world` makes data "
                                "whose truth is")  # fmt: skip
+        if not data.matches(store):
+            raise RequestError(f"{store.path}: its images are not what this version renders; "
+                               "ingest the world again")  # fmt: skip
         self.store, self.data = store, data
         columns = store.instances
         self.poses = np.stack([columns.x, columns.y, columns.heading], axis=1)
-        first = {t.trajectory: store.first_iid(t.trajectory) for t in store.trajectories}
-        self.numbers = np.empty(len(columns), dtype=np.intp)
-        names = data.names
-        for iid in range(len(columns)):
-            name = columns.trajectory_names[int(columns.trajectory[iid])]
-            self.numbers[iid] = 1_000_000 * names.index(name) + iid - first[name]
-        self._floors: dict[tuple[Side, tuple[int, int]], tuple[Plane, Plane]] = {}
+        self.numbers = np.array([
+            data.number(t.trajectory, row) for t in store.trajectories for row in range(t.instances)
+        ], dtype=np.intp)  # fmt: skip
         self.changed = data.world.changed(data.severities("real"))
 
     @cached_property
@@ -68,48 +65,24 @@ class Truth:
         return {side: self._seen(side) for side in SIDES}
 
     def _seen(self, side: Side) -> Seen:
-        camera = self.data.camera(side)
-        ids: dict[Side, list[NDArray[np.int16]]] = {"sim": [], "real": []}
-        depths = []
+        camera, dataset = self.data.camera(side), self.store.dataset
+        fine = MapGrid(dataset.bounds, MAP_SETTINGS["cells"])
+        grid = MapGrid(dataset.bounds, max(fine.rows, fine.cols) // REBIN)
+        projector = Projector(self._true_domain(side), camera.frame, dataset.y_down)
+        cells = []
         for start in range(0, len(self.poses), _BATCH):
             poses = self.poses[start : start + _BATCH]
+            mask = np.zeros((len(poses), *camera.frame), dtype=bool)
             for scene in SIDES:
                 views = self.data.renderer(scene).render(poses, camera, samples=0)
                 labelled = np.isin(views.identity, self.changed)
-                ids[scene].append(np.where(labelled, views.identity, 0).astype(np.int16))
+                mask |= labelled
                 if scene == side:
-                    depths.append(self.data.raw(views))
-        sim, real = (np.concatenate(ids[scene]) for scene in SIDES)
-        return Seen(sim, real, np.concatenate(depths))
-
-    @cached_property
-    def cells(self) -> dict[Side, NDArray[np.bool_]]:
-        """(N, CELLS, CELLS): cells of the image that labelled objects cover by a quarter."""
-        return {
-            side: np.asarray(to_cells(self.seen[side].mask.astype(np.float32)) >= SHARE)
-            for side in SIDES
-        }
-
-    def floor(self, side: Side, shape: tuple[int, int]) -> tuple[Plane, Plane]:
-        """Samples of labelled objects and of everything per floor cell, each (rows, columns).
-
-        Through the true depth and the true camera of a side's own scene.
-        """
-        key = side, shape
-        if key not in self._floors:
-            self._floors[key] = self._floor(side, shape)
-        return self._floors[key]
-
-    def _floor(self, side: Side, shape: tuple[int, int]) -> tuple[Plane, Plane]:
-        seen = self.seen[side]
-        dataset = self.store.dataset
-        domain = self._true_domain(side)
-        grid = MapGrid(dataset.bounds, max(shape))
-        projector = Projector(domain, seen.depth.shape[1:], dataset.y_down)
-        heat = seen.own(side).astype(np.float32)
-        grid.add(*projector.project(heat, seen.depth, self.poses, "rgb", grid))
+                    heat, depth = labelled.astype(np.float32), self.data.raw(views)
+                    grid.add(*projector.project(heat, depth, poses, "rgb", grid))
+            cells.append(to_cells(mask.astype(np.float32)) >= SHARE)
         planes = grid.aggregates()
-        return np.nan_to_num(planes[2]), planes[3]
+        return Seen(np.concatenate(cells), np.nan_to_num(planes[2]), planes[3])
 
     def _true_domain(self, side: Side) -> Domain:
         camera = self.data.camera(side)

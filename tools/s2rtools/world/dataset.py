@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
-from s2rstore.records import Side
+from s2rstore.records import SIDES, Side
 from s2rtools.world.factors import severities
 from s2rtools.world.renderer import Camera, Renderer, Views
 from s2rtools.world.routes import Poses
@@ -92,22 +92,43 @@ class WorldData:
 
     def views(
         self, side: Side, poses: Poses, numbers: NDArray[np.intp],
-        factors: Mapping[str, float] | None = None, renderer: Renderer | None = None,
         camera: Camera | None = None,
     ) -> Views:  # fmt: skip
         """Views (n, h, w, ...) of some poses; `numbers` (n,) seed the noise of each.
 
-        `factors`, `renderer` and `camera` replace those of the side; `camera(side).moved(...)` is
-        one at another height, pitch or field of view.
+        `camera` replaces the side's own; `camera(side).moved(...)` is one at another height, pitch
+        or field of view.
         """
-        wanted = self.severities(side) if factors is None else factors
-        engine = renderer or self.renderer(side)
-        mounted = camera or side_camera(self.recipe.frame, wanted)
-        return through_sensor(engine.render(poses, mounted), wanted, self.recipe.seed, numbers)
+        views = self.renderer(side).render(poses, camera or self.camera(side))
+        return through_sensor(views, self.severities(side), self.recipe.seed, numbers)
 
     def camera(self, side: Side) -> Camera:
         """The camera that a side really has."""
         return side_camera(self.recipe.frame, self.severities(side))
+
+    def matches(self, store: Store) -> bool:
+        """Whether what is rendered now is what the store holds, in a view of each trajectory.
+
+        Processors round differently: a few pixels may.
+        """
+        for trajectory in store.trajectories:
+            name, first = trajectory.trajectory, store.first_iid(trajectory.trajectory)
+            row = trajectory.instances // 2
+            if name not in self.names or row >= len(self.poses[name]):
+                return False
+            number = np.array([self.number(name, row)])
+            for side in SIDES:
+                made = self.views(side, self.poses[name][row : row + 1], number)
+                held = store.frame(first + row, side)
+                away = np.abs(made.rgb[0].astype(np.float32) - held.rgb)
+                far = np.abs(self.raw(made)[0].astype(np.float32) - held.depth)
+                if (away > 3).mean() > 0.01 or (far > 20).mean() > 0.01:
+                    return False
+        return True
+
+    def number(self, name: str, row: int) -> int:
+        """What seeds the noise of a view."""
+        return 1_000_000 * self.names.index(name) + row
 
     def renderer(self, side: Side) -> Renderer:
         return self._renderers[side]

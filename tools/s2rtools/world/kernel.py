@@ -10,9 +10,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
+from s2rtools.world.compiled import njit, prange
 from s2rtools.world.materials import noise, textured
 
 _FAR = 1e9
@@ -422,7 +422,7 @@ def render(
                     red += min(r, 2.0)
                     green += min(g, 2.0)
                     blue += min(b, 2.0)
-            share = lens[7] / max(samples * samples, 1)
+            share = 1.0 / max(samples * samples, 1)
             rgb[n, i, j, 0] = _srgb(red * share)
             rgb[n, i, j, 1] = _srgb(green * share)
             rgb[n, i, j, 2] = _srgb(blue * share)

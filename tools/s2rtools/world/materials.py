@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from enum import IntEnum
 
-from numba import njit
+from s2rtools.world.compiled import njit
 
 
 class Material(IntEnum):

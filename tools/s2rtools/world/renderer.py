@@ -88,7 +88,7 @@ class RayCaster:
         scene = self._scene
         cells = round(scene.size / LIGHT_CELL)
         walls = tuple(p for p in scene.building if p.high > 2.5 and p.low < 0.5)
-        light = _lit(scene.lamps, walls, cells) * np.array(scene.gain) + np.array(scene.ambient)
+        light = _lit(scene.lamps, walls, cells) + np.array(scene.ambient)
         parts = [part for _, parts in scene.things for part in parts]
         low = [part for part in (*scene.building, *parts) if part.low < 0.3]
         distance = ndimage.distance_transform_edt(
@@ -105,7 +105,7 @@ class RayCaster:
         )
         lens = np.array(
             [camera.lens.fx, camera.lens.fy, camera.lens.cx, camera.lens.cy, camera.lens.pitch,
-             camera.height, camera.forward_offset, 1.0]
+             camera.height, camera.forward_offset]
         )  # fmt: skip
         arguments = (
             np.ascontiguousarray(poses, dtype=np.float64), lens, samples, scene.ceiling,
@@ -121,11 +121,13 @@ class RayCaster:
         """The scene from above without its ceiling, (pixels, pixels, 3) uint8; walls are dark."""
         scene, packed = self._scene, self._packed
         rgb = np.empty((pixels, pixels, 3), np.uint8)
-        kernel.render_plan(
+        arguments = (
             pixels, scene.size, _PLAN_HEIGHT,
             packed.numbers, packed.codes, packed.start, packed.members, packed.cell, packed.cells,
             scene.floor, self._palette, self._light, LIGHT_CELL, rgb,
         )  # fmt: skip
+        with _ONE_AT_A_TIME:
+            kernel.render_plan(*arguments)
         tall = [part for part in scene.building if part.low < 0.5]
         rgb[footprint(tall, pixels, scene.size / pixels, 0.5)] = (52, 54, 58)
         return rgb

@@ -85,7 +85,7 @@ class Scene:
     """One side of a world, ready for a renderer.
 
     `things` are (id, parts), ids from 1; 0 is the building. `floor` holds a row of the palette
-    per cell of `floor_cell` metres, [y, x]; `walls` marks cells that stop light.
+    per cell of `floor_cell` metres, [y, x].
     """
 
     size: float
@@ -97,7 +97,6 @@ class Scene:
     floor_cell: float
     palette: tuple[tuple[Material, Colour, int], ...]
     ambient: Colour = (0.34, 0.34, 0.35)
-    gain: Colour = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -40,9 +40,18 @@ def facts(name: str) -> dict[str, Any]:
 
 
 def add(root: Path) -> list[str]:
-    """Register the models that a store lacks, each with a run of it; gives their names."""
+    """Register the models that a store lacks, each with a run of it; gives their names.
+
+    Raises RequestError for a store of anything but the building that they know.
+    """
     with s2rstore.open(root) as store:
-        missing = [name for name in NAMES if name not in store.models and name not in store.runs]
+        recipe = json.loads(store.provenance("world").get("recipe", "{}"))
+        if recipe.get("seed") != WORLD_SEED:
+            raise RequestError(
+                f"{root}: the shipped models know the world of --seed {WORLD_SEED} alone; "
+                "train your own with `s2r train`"
+            )
+        missing = [name for name in NAMES if name not in store.models]
         domains = domain_of(store, "sim", None), domain_of(store, "real", None)
     for name in missing:
         told = facts(name)
@@ -61,6 +70,9 @@ def keep(store: Store, name: str) -> None:
     """Write a trained model of a store, and what is known of it, into the package."""
     if name not in store.models:
         raise RequestError(f"{store.path}: no model {name!r}")
+    data = WorldData.of_store(store)
+    if data is None or not data.matches(store):
+        raise RequestError(f"{store.path}: its images are not what is rendered now; train again")
     model, noted = store.models[name], store.provenance(f"model:{name}")
     content = (store.path / "models" / f"{model.sha256}.safetensors").read_bytes()
     told = {key: _plain(text) for key, text in noted.items() if not key.startswith("split:")}

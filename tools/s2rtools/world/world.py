@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Intrinsics
 from s2rtools.world import plan as planning
-from s2rtools.world.factors import FACTORS
+from s2rtools.world.factors import FACTORS, active
 from s2rtools.world.furnish import furnish
 from s2rtools.world.materials import Material
 from s2rtools.world.renderer import Camera, RayCaster, Renderer, Views
@@ -95,9 +95,9 @@ class World:
         ]
         return drive(self.floor.way(stops), rng, count, self.sees)
 
-    def survey(self, count: int, part: int = 0) -> Poses:
+    def survey(self, count: int) -> Poses:
         """Random poses (count, 3) over the whole floor."""
-        return self.floor.samples(np.random.default_rng([self.seed, 5, part]), count, self.sees)
+        return self.floor.samples(np.random.default_rng([self.seed, 5, 0]), count, self.sees)
 
     def sees(self, poses: Poses) -> NDArray[np.bool_]:
         """Whether a view holds more than a near wall: on either side, by its depth."""
@@ -121,9 +121,8 @@ class World:
             for number, thing in enumerate(self.things, 1)
         )
         scene = self._bare
-        for name, severity in factors.items():
-            if severity > 0:
-                scene = FACTORS[name].scene(scene, severity)
+        for factor, severity in active(factors):
+            scene = factor.scene(scene, severity)
         fixtures = tuple(_fixture(lamp) for lamp in scene.lamps if not lamp.window)
         return replace(scene, things=things, building=scene.building + fixtures)
 
@@ -162,9 +161,8 @@ def standard_camera(frame: int) -> Camera:
 def side_camera(frame: int, factors: Mapping[str, float]) -> Camera:
     """The camera with what the factors do to it."""
     camera = standard_camera(frame)
-    for name, severity in factors.items():
-        if severity > 0:
-            camera = FACTORS[name].camera(camera, severity)
+    for factor, severity in active(factors):
+        camera = factor.camera(camera, severity)
     return camera
 
 
@@ -172,12 +170,12 @@ def through_sensor(
     views: Views, factors: Mapping[str, float], seed: int, numbers: Iterable[int]
 ) -> Views:
     """What the factors' sensors make of rendered views; `numbers` seed the noise of each."""
-    active = [(FACTORS[name], value) for name, value in factors.items() if value > 0]
+    working = active(factors)
     rgb, depth = views.rgb.copy(), views.depth.copy()
     for row, number in enumerate(numbers):
         colour = views.rgb[row].astype(np.float32)
         metres = views.depth[row]
-        for factor, severity in active:
+        for factor, severity in working:
             stream = [seed, 6, number, list(FACTORS).index(factor.name)]
             rng = np.random.default_rng(stream)
             colour = factor.rgb(colour, views.depth[row], rng, severity)

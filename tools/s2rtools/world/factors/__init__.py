@@ -13,7 +13,7 @@ from s2rtools.world.factors.lights import Lights
 from s2rtools.world.factors.objects import Objects
 from s2rtools.world.factors.sensor import Sensor
 
-__all__ = ["FACTORS", "Factor", "Severities", "severities"]
+__all__ = ["FACTORS", "Factor", "Severities", "active", "severities"]
 
 Severities = Mapping[str, float]
 
@@ -36,6 +36,11 @@ def severities(given: Severities | None = None) -> dict[str, float]:
             raise RequestError(f"factor {name}: severity 0 .. 2, not {value:g}")
         chosen[name] = float(value)
     return chosen
+
+
+def active(given: Severities) -> list[tuple[Factor, float]]:
+    """The factors that do something, in the one order in which they act."""
+    return [(factor, given[name]) for name, factor in FACTORS.items() if given.get(name, 0) > 0]
 
 
 def parse_factors(text: str) -> dict[str, float]:
