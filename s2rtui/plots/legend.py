@@ -50,7 +50,8 @@ def colour_bar(
 
     Within `room` cells the bar shrinks to no less than 4, then the label goes.
     """
-    low, high = short(scale[0], 2), short(scale[1], 2)
+    small = 0.005 * max(abs(scale[0]), abs(scale[1]))
+    low, high = (short(0.0 if abs(end) < small else end, 2) for end in scale)
     before, after = f"{label} {low} ".lstrip(), f" {high} {unit}".rstrip()
     if room is not None:
         if cell_len(before) + 4 + cell_len(after) > room:
