@@ -40,7 +40,7 @@ class Snapshot:
 def is_key(name: str) -> bool:
     """Whether a name is a key that can be pressed: a character, or Textual's word for it."""
     last = name.split("+")[-1]
-    if len(last) == 1 or last in {key.value for key in Keys}:
+    if len(last) == 1 or last in {key.value for key in Keys} or name == "plus":
         return True
     try:
         return bool(unicodedata.lookup(last.replace("_", " ")))

@@ -39,8 +39,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _with_default_command(list(sys.argv[1:] if argv is None else argv))
     if not _usable(arguments):
         return 2
+    debug = "--debug" in arguments
     parser = _parser(arguments)
-    options = parser.parse_args(arguments)
+    options = parser.parse_args([word for word in arguments if word != "--debug"])
+    options.debug = debug
     if not hasattr(options, "execute"):
         parser.print_help()
         return 2

@@ -40,8 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     world = parser.add_argument_group("the default world")
     world.add_argument("--seed", type=int, default=_KNOWN_WORLD,
                        help="which building; another than 1 is trained live")  # fmt: skip
-    world.add_argument("--instances", type=int, default=INSTANCES, help="on each trajectory")
-    world.add_argument("--factors", default="", help="as in s2r ingest world")
+    world.add_argument("--instances", type=int, help=f"on each trajectory (default {INSTANCES})")
+    world.add_argument("--factors", default="all", help="as in s2r ingest world")
     world.add_argument(
         "--retrain", choices=(QUICK,), help="train one model live, beside the others"
     )
@@ -54,6 +54,7 @@ def execute(options: argparse.Namespace) -> int:
     from s2rstore import findings
     from s2rtui.cli import main
 
+    _check(options)
     options.out.mkdir(parents=True, exist_ok=True)
     store = options.out / STORE
     timings = []
@@ -84,13 +85,29 @@ def execute(options: argparse.Namespace) -> int:
     return main(["tui", str(store)])
 
 
+def _check(options: argparse.Namespace) -> None:
+    """Raises RequestError for options that a later stage would refuse."""
+    from s2rstore.errors import RequestError
+
+    if options.workers < 1:
+        raise RequestError("--workers: at least 1")
+    if options.minutes is not None and not 0 < options.minutes < 10_000:
+        raise RequestError("--minutes: more than 0")
+    if options.data is not None:
+        world = options.instances, options.retrain
+        if options.seed != _KNOWN_WORLD or options.factors != "all" or any(world):
+            raise RequestError("--data: takes no options of the default world")
+        if not options.data.is_dir():
+            raise RequestError(f"--data {options.data}: no such folder")
+
+
 def _world_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
     """The default world; each stage is asked for when those before it are done."""
     path = str(store)
     world = ["--seed", str(options.seed)]
-    world += ["--factors", options.factors] if options.factors else []
+    world += ["--factors", options.factors] if options.factors != "all" else []
     if not store.exists():
-        count = str(options.instances)
+        count = str(options.instances or INSTANCES)
         words = ("ingest", "world", *world, "--instances", count, "--store", path)
         yield _Stage(words)
     _refuse_other(options, store, count=options.instances)
@@ -118,31 +135,45 @@ def _live_training(options: argparse.Namespace, store: Path, world: list[str]) -
         yield _Stage(("train", "--recipe", "vanilla", *budget, "--store", str(training)))
     digest = _asked(training, lambda opened: opened.models[QUICK].sha256)
     weights = training / "models" / f"{digest}.safetensors"
-    words = ("model", "add", QUICK, str(weights), "--arch", "resposenet", "--store", str(store))
-    yield _Stage(words)
+    if not _asked(store, lambda opened: QUICK in opened.models):
+        words = ("model", "add", QUICK, str(weights), "--arch", "resposenet", "--store", str(store))
+        yield _Stage(words)
     yield _Stage(("run", "add", QUICK, "--model", QUICK, "--store", str(store)))
 
 
-def _refuse_other(options: argparse.Namespace, store: Path, **asked: int) -> None:
+_OPTIONS = {"count": "--instances", "survey": "--survey", "seed": "--seed", "factors": "--factors"}
+
+
+def _refuse_other(options: argparse.Namespace, store: Path, **asked: int | None) -> None:
     """Raises RequestError where a store was not made by the options of now."""
     from s2rstore.errors import RequestError
-    from s2rtools.world.factors import parse_factors
+    from s2rtools.world.dataset import WorldData
+    from s2rtools.world.factors import factors_text, parse_factors
 
-    recipe = _asked(store, lambda opened: opened.provenance("world").get("recipe"))
-    if recipe is None:
+    data = _asked(store, WorldData.of_store)
+    if data is None:
         raise RequestError(f"{store}: holds other data; choose another --out")
-    held = json.loads(recipe)
-    wanted = {**asked, "seed": options.seed, "factors": parse_factors(options.factors)}
+    held = {"seed": data.recipe.seed, "count": data.recipe.count, "survey": data.recipe.survey,
+            "factors": factors_text(data.recipe.factors)}  # fmt: skip
+    wanted = {
+        **asked,
+        "seed": options.seed,
+        "factors": factors_text(parse_factors(options.factors)),
+    }
     for name, value in wanted.items():
-        if held[name] != value:
+        if value is not None and held[name] != value:
             raise RequestError(
-                f"{store}: was made with {name} {held[name]}, not {value}; choose another --out"
+                f"{store}: was made with {_OPTIONS[name]} {held[name]}, not {value}; "
+                "choose another --out"
             )
 
 
 def _is_complete(store: Store) -> bool:
     """Whether the score that the store keeps is of all runs as they are."""
-    noted = json.loads(store.provenance("score").get("report", "{}")).get("runs", {})
+    try:
+        noted = dict(json.loads(store.provenance("score").get("report", "{}")).get("runs", {}))
+    except (ValueError, TypeError, AttributeError):
+        return False
     return bool(store.runs) and all(
         run.key is not None and noted.get(run.run) == run.key for run in store.runs.values()
     )
@@ -167,6 +198,7 @@ def _data_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
     path, data, minutes = str(store), str(options.data), f"{options.minutes or 1.5:g}"
     if not store.exists():
         yield _Stage(("ingest", "sim2realviz", data, "--store", path))
+    _refuse_world(store)
     for recipe, start in (("vanilla", ()), ("dataaug", ()), ("perlin", ()),
                           ("finetune", ("--from", "dataaug"))):  # fmt: skip
         words = ("train", "--recipe", recipe, *start, "--minutes", minutes, "--store", path)
@@ -179,6 +211,13 @@ def _data_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
         words = ("run", "add", name, "--model", "vanilla", "--adjust", chain, "--store", path)
         yield _Stage(words, name)
     yield _Stage(("precompute", path, "--workers", str(options.workers)))
+
+
+def _refuse_world(store: Path) -> None:
+    from s2rstore.errors import RequestError
+
+    if _asked(store, lambda opened: opened.provenance("world")):
+        raise RequestError(f"{store}: holds the default world; choose another --out")
 
 
 def _has_run(store: Path, run: str) -> bool:

@@ -11,23 +11,26 @@ _SHOWN = 5
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "layout",
-        choices=("sim2realviz", "csv", "world"),
-        help="what PATH is; `world` renders the default world and takes no PATH",
+    layouts = parser.add_subparsers(metavar="LAYOUT", dest="layout", required=True)
+    pictures = layouts.add_parser(
+        "sim2realviz", help="a folder that holds traj1/, or the repository"
     )
-    parser.add_argument("path", type=Path, nargs="?", default=Path(),
-                        help="folder with traj1/ ..., or a CSV manifest")  # fmt: skip
-    parser.add_argument("--store", type=Path, required=True, help="the store to make, NAME.s2r")
-    parser.add_argument("--trajectory", action="append", default=[], help="only this one (repeat)")
-    parser.add_argument(
-        "--calibration", "--header", dest="header", type=Path,
-        help="TOML or JSON with bounds, rooms and cameras",
-    )  # fmt: skip
-    parser.add_argument("--size", type=int, help="rows and columns of stored frames "
-                        "(default 256; world 128)")  # fmt: skip
-    parser.add_argument("--strict", action="store_true", help="refuse input with any problem")
-    world = parser.add_argument_group("world")
+    manifest = layouts.add_parser("csv", help="a CSV manifest with a header beside it")
+    world = layouts.add_parser("world", help="the default world, rendered; takes no PATH")
+    for files in (pictures, manifest):
+        files.add_argument("path", type=Path)
+        files.add_argument(
+            "--calibration", "--header", dest="header", type=Path,
+            help="TOML or JSON with bounds, rooms and cameras",
+        )  # fmt: skip
+    for layout in (pictures, manifest, world):
+        size = 128 if layout is world else 256
+        layout.add_argument("--store", type=Path, required=True, help="the store to make")
+        layout.add_argument("--trajectory", action="append", default=[],
+                            help="only this one (repeat)")  # fmt: skip
+        layout.add_argument("--size", type=int, default=size,
+                            help=f"rows and columns of stored frames (default {size})")  # fmt: skip
+        layout.add_argument("--strict", action="store_true", help="refuse input with any problem")
     world.add_argument("--seed", type=int, default=1, help="which building (default 1)")
     world.add_argument("--instances", type=int, default=120, help="on each of the two trajectories")
     world.add_argument(
@@ -35,11 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a training set: so many random views, and one tour of its own",
     )  # fmt: skip
     world.add_argument(
-        "--factors",
-        default="",
-        metavar="NAME[=SEVERITY],...",
-        help="what the real side differs by; all at severity 1 by default, `none`",
-    )
+        "--factors", default="all", metavar="NAME[=SEVERITY],...",
+        help="what the real side differs by; all (at severity 1) by default, none",
+    )  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -51,16 +52,13 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtools.ingest.scan import ScanOptions
     from s2rtui.cli.progress import reporter
 
-    if options.layout != "world" and options.path == Path():
-        raise RequestError(f"PATH: missing; s2r ingest {options.layout} PATH --store NAME.s2r")
-    size = options.size
-    if size is None:
-        size = 128 if options.layout == "world" else 256
-    if not 16 <= size <= 2048:
+    if not 16 <= options.size <= 2048:
         raise RequestError("--size: 16 .. 2048")
     world = _world(options) if options.layout == "world" else {}
-    scan_options = ScanOptions(tuple(options.trajectory), options.header, (size, size), world)
-    scan = IMPORTERS[options.layout](options.path, scan_options)
+    frame = options.size, options.size
+    header = getattr(options, "header", None)
+    scan_options = ScanOptions(tuple(options.trajectory), header, frame, world)
+    scan = IMPORTERS[options.layout](getattr(options, "path", Path()), scan_options)
     views = sum(len(s.images) for rows in scan.trajectories.values() for s in rows)
     command = shlex.join(["s2r", *sys.argv[1:]])
     try:

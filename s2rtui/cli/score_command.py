@@ -21,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="of the counterfactual table (default 120)")  # fmt: skip
     parser.add_argument("--seed", type=int, default=1, help="breaks ties (default 1)")
     parser.add_argument("--no-keep", action="store_true", help="do not note the score in the store")
+    parser.add_argument("--trust", action="store_true", help="allow models that execute code")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--quiet", action="store_true", help="print no tables")
 
@@ -29,10 +30,13 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtools.score import report
     from s2rtui.cli.progress import reporter
 
-    settings = report.Settings(tuple(options.run), options.instances, options.seed)
+    keeps = not options.no_keep and not options.run
+    if keeps:
+        _check_kept(options.store)
+    settings = report.Settings(tuple(options.run), options.trust, options.instances, options.seed)
     with reporter() as told:
         found = report.score(options.store, settings, told)
-    if not options.no_keep and not options.run:
+    if keeps:
         report.keep(options.store, found)
     if options.json:
         json.dump(found, sys.stdout, indent=1, sort_keys=True)
@@ -40,6 +44,19 @@ def execute(options: argparse.Namespace) -> int:
     elif not options.quiet:
         print("\n".join(_tables(found)))
     return 0
+
+
+def _check_kept(store: Path) -> None:
+    """Raises RequestError before the work where its result could not be kept."""
+    import s2rstore
+    from s2rstore.errors import RequestError
+    from s2rstore.writer import check_writable
+
+    s2rstore.open(store).close()
+    try:
+        check_writable(store)
+    except RequestError as error:
+        raise RequestError(f"{error}; --no-keep scores without noting it") from error
 
 
 def _tables(found: dict[str, Any]) -> list[str]:

@@ -6,6 +6,8 @@ import argparse
 import re
 from pathlib import Path
 
+_NAMES = {"+": "plus", "-": "minus", "/": "slash", "?": "question_mark"}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path)
@@ -24,7 +26,7 @@ def execute(options: argparse.Namespace) -> int:
 
     found = re.fullmatch(r"(\d{1,3})x(\d{1,3})", options.size)
     if not found or int(found[1]) < 20 or int(found[2]) < 5:
-        raise RequestError(f"--size {options.size}: columns x rows, at least 20x5, such as 120x40")
+        raise RequestError(f"--size {options.size}: 20x5 .. 999x999 columns x rows, as 120x40")
     if options.out.suffix not in (".png", ".txt"):
         raise RequestError(f"--out {options.out}: must end in .png or .txt")
     try:
@@ -34,7 +36,7 @@ def execute(options: argparse.Namespace) -> int:
     look = Look(LIGHT if options.light else DARK, mode, options.ascii)
     from s2rtui.headless import is_key, snapshot
 
-    keys = [key.strip() for key in options.keys.split(",") if key.strip()]
+    keys = [_NAMES.get(k.strip(), k.strip()) for k in options.keys.split(",") if k.strip()]
     unknown = [key for key in keys if not is_key(key)]
     if unknown:
         raise RequestError(f"--keys {unknown[0]}: no key; letters, or such as enter, right, tab")

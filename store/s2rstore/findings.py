@@ -69,8 +69,14 @@ def _score_lines(store: Store) -> list[str]:
     noted = store.provenance("score").get("report")
     if noted is None:
         return []
-    report = json.loads(noted)
-    known = report.get("runs", {})
+    try:
+        return _told(store, json.loads(noted))
+    except (ValueError, TypeError, KeyError, AttributeError):
+        return ["the noted score makes no sense; run `s2r score` again"]
+
+
+def _told(store: Store, report: dict[str, Any]) -> list[str]:
+    known = report["runs"]
     runs = [name for name, run in store.runs.items() if run.key and run.key == known.get(name)]
     if not runs:
         return []

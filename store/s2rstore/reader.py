@@ -189,7 +189,12 @@ class Store:
         """What the declared real rig was found to be off by; None where nobody has looked."""
         noted = self.provenance(f"alignment:{sim}|{real}")
         try:
-            return Correction(float(noted["height"]), float(noted["zoom"])) if noted else None
+            if not noted:
+                return None
+            found = Correction(float(noted["height"]), float(noted["zoom"]))
+            if not (abs(found.height) < 10 and 0.1 < found.zoom < 10):
+                raise ValueError("out of range")
+            return found
         except (KeyError, ValueError) as error:
             message = f"{self.path}: the alignment of {sim} and {real} makes no sense"
             raise RequestError(message) from error

@@ -107,6 +107,9 @@ def edit(root: Path) -> Iterator[Draft]:
             dataset_hash = _finish(connection)
             connection.close()
             _publish(root, beside, _next_generation(root, base), dataset_hash)
+        except duckdb.IOException as error:
+            reason = " ".join(str(error).split())
+            raise RequestError(f"{root}: the index cannot be written ({reason})") from error
         finally:
             connection.close()
             beside.unlink(missing_ok=True)

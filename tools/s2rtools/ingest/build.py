@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import shutil
 from collections import Counter
@@ -41,7 +42,7 @@ def build(scan: Scan, target: Path, command: str, strict: bool, progress: Progre
     _report_outside(scan)
     _refuse(scan, strict)
     beside = target.with_name(f".{target.name}.building-{os.getpid()}")
-    shutil.rmtree(beside, ignore_errors=True)
+    _remove_leftovers(target)
     try:
         beside.mkdir(parents=True)
         kept = {
@@ -61,6 +62,24 @@ def build(scan: Scan, target: Path, command: str, strict: bool, progress: Progre
         raise RequestError(f"{target}: cannot be written ({error.strerror})") from error
     finally:
         shutil.rmtree(beside, ignore_errors=True)
+
+
+def _remove_leftovers(target: Path) -> None:
+    """What killed ingests of the same store have left beside it."""
+    for folder in target.parent.glob(f".{glob.escape(target.name)}.building-*"):
+        number = folder.name.rpartition("-")[2]
+        if number.isdigit() and (int(number) == os.getpid() or not _is_running(int(number))):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def _refuse(scan: Scan, strict: bool) -> None:

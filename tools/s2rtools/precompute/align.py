@@ -20,6 +20,8 @@ from s2rtools.heatmaps.harmonise import Alignment, Images, View
 MAX_FRAMES = 24
 MAX_SIDE = 128
 MIN_OVERLAP = 0.1
+MIN_GAIN = 0.02
+"""Of correlation, for a correction to be believed."""
 VERSION = 2
 COARSE_HEIGHT = np.round(np.arange(-0.24, 0.241, 0.06), 3)
 COARSE_ZOOM = np.round(np.arange(0.84, 1.161, 0.04), 3)
@@ -99,7 +101,8 @@ def calibrate(
 
     Searched are 24 cm up and down and 16 % of the focal length, coarsely on a few pairs, then by
     2 cm and 2 % on all; pitch is taken as declared. The score is the mean correlation of gradient
-    magnitudes between the sim and the warped real image. No correction where none is better.
+    magnitudes between the sim and the warped real image. No correction where none is
+    better by `MIN_GAIN`.
     """
 
     def score(correction: Correction, some: list[tuple[Images, Images]]) -> float:
@@ -116,7 +119,7 @@ def calibrate(
     best, chosen = score(Correction(), pairs), Correction()
     for correction in fine:
         found = score(correction, pairs)
-        if found > best + 1e-9:
+        if found > best + (MIN_GAIN if chosen == Correction() else 1e-9):
             best, chosen = found, correction
     return chosen
 

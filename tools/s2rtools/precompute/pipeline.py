@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -120,6 +121,6 @@ def _compute_stages(
     names = list(dict.fromkeys(unit.stage.name for unit in units))
     label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
     reporter.begin(f"{units[0].stage.run}: {label}", sum(unit.rows for unit in units))
-    workers = min(options.workers, len(units))
+    workers = min(options.workers, len(units), os.cpu_count() or 1)
     for unit in run_units(root, units, opener(backends, options.trust), workers):
         reporter.advance(unit.rows)

@@ -24,6 +24,7 @@ TILE = 12
 """Cells on each side of a resampled tile of the floor: larger than an object."""
 REPLICATES = 300
 MIN_SAMPLES = 3
+MIN_FRAMES = 8
 _ROWS = 64
 
 
@@ -78,16 +79,16 @@ def _image_scores(
         )
         cells = np.concatenate([to_cells(block) for block in blocks])
         auroc, precision, base, without = _per_frame(cells, truth.seen[side].cells, seed)
-        yield HeatScore(run, kind, mode, side, "image", stats.bootstrap_mean(auroc),
-                        stats.bootstrap_mean(precision), base, len(auroc), without)  # fmt: skip
+        yield HeatScore(run, kind, mode, side, "image", _mean(auroc),
+                        _mean(precision), base, len(auroc), without)  # fmt: skip
 
 
 def _random_image(truth: Truth, seed: int) -> HeatScore:
     positive = truth.seen["real"].cells
     cells = np.random.default_rng([seed, 1]).random(positive.shape)
     auroc, precision, base, without = _per_frame(cells, positive, seed)
-    return HeatScore("-", "random", None, "real", "image", stats.bootstrap_mean(auroc),
-                     stats.bootstrap_mean(precision), base, len(auroc), without)  # fmt: skip
+    return HeatScore("-", "random", None, "real", "image", _mean(auroc),
+                     _mean(precision), base, len(auroc), without)  # fmt: skip
 
 
 def _per_frame(
@@ -192,3 +193,11 @@ def _interval(value: float, replicates: list[float]) -> stats.Interval:
         return stats.Interval(value, float("nan"), float("nan"))
     low, high = np.percentile(known, [2.5, 97.5])
     return stats.Interval(value, float(low), float(high))
+
+
+def _mean(values: NDArray[np.float64]) -> stats.Interval:
+    """The mean of shares; without an interval where there are too few frames for blocks."""
+    found = stats.bootstrap_mean(values)
+    if values.size < MIN_FRAMES:
+        return stats.Interval(found.value, float("nan"), float("nan"))
+    return stats.Interval(found.value, max(found.low, 0.0), min(found.high, 1.0))

@@ -16,7 +16,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.stats import Interval
-from s2rstore.writer import edit
+from s2rstore.writer import check_writable, edit
 from s2rtools.inference import open_backend
 from s2rtools.models.library import load_model
 from s2rtools.precompute.pipeline import Reporter
@@ -32,6 +32,7 @@ class Settings:
     """`instances` of the counterfactual table, spread over the data set; `seed` breaks ties."""
 
     runs: tuple[str, ...] = ()
+    trust: bool = False
     instances: int = 120
     seed: int = 1
 
@@ -54,7 +55,10 @@ def score(root: Path, settings: Settings, reporter: Reporter) -> Report:
         maps = heatmaps.scores(truth, runs, settings.seed)
         reporter.advance(1)
         judges = [
-            (store.run(name), open_backend(load_model(store, store.run(name).model), "torch"))
+            (
+                store.run(name),
+                open_backend(load_model(store, store.run(name).model, settings.trust), "torch"),
+            )
             for name in runs
         ]
         table = Counterfactuals(truth, judges, settings.instances)
@@ -75,6 +79,7 @@ def score(root: Path, settings: Settings, reporter: Reporter) -> Report:
 
 def keep(root: Path, report: Report) -> bool:
     """Publish the report in the store's provenance; False where it holds the very same."""
+    check_writable(root)
     text = json.dumps(report, sort_keys=True)
     with s2rstore.open(root) as store:
         if store.provenance("score").get("report") == text:
@@ -85,11 +90,12 @@ def keep(root: Path, report: Report) -> bool:
 
 
 def _computed(store: Store, wanted: Sequence[str]) -> list[str]:
-    runs = [store.run(name) for name in wanted] or list(store.runs.values())
-    found = [run.run for run in runs if run.key]
-    if len(found) < max(1, len(wanted)):
-        raise RequestError(f"{store.path}: nothing to score; run `s2r precompute` first")
-    return found
+    runs = [store.run(name) for name in dict.fromkeys(wanted)] or list(store.runs.values())
+    missing = [run.run for run in runs if not run.key]
+    if len(missing) == len(runs) or (wanted and missing):
+        told = ", ".join(missing) or "no run"
+        raise RequestError(f"{store.path}: {told} not computed; run `s2r precompute` first")
+    return [run.run for run in runs if run.key]
 
 
 def _plain(row: Any) -> dict[str, Any]:

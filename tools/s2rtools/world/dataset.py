@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -48,6 +48,9 @@ class Recipe:
 
     def __post_init__(self) -> None:
         """Raises RequestError for counts that make no data set."""
+        for number in (self.seed, self.count, self.survey, self.frame):
+            if type(number) is not int:
+                raise TypeError(f"{number!r} is no whole number")
         if not 0 <= self.seed < 2**31:
             raise RequestError(f"--seed {self.seed}: 0 .. 2147483647")
         if not 0 <= self.count <= 5000 or not 0 <= self.survey <= 200_000:
@@ -69,7 +72,17 @@ class WorldData:
         notes = store.provenance(NOTES)
         if "recipe" not in notes:
             return None
-        return cls(Recipe(**json.loads(notes["recipe"])))
+        try:
+            recipe = Recipe(**json.loads(notes["recipe"]))
+            frame = store.dataset.frame_height, store.dataset.frame_width
+            if frame != (recipe.frame, recipe.frame):
+                raise ValueError("another frame size")
+            given = severities(recipe.factors)
+            return cls(replace(recipe, factors={name: given[name] for name in recipe.factors}))
+        except (TypeError, ValueError, AttributeError, RequestError) as error:
+            raise RequestError(
+                f"{store.path}: its note on the world's recipe makes no sense; ingest it again"
+            ) from error
 
     @property
     def names(self) -> list[str]:

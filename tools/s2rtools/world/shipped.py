@@ -22,7 +22,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rstore.writer import edit
 from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register
-from s2rtools.precompute.registry import domain_of, insert_run, refuse_taken
+from s2rtools.precompute.registry import domain_of, insert_run
 from s2rtools.world.dataset import Recipe, WorldData
 
 NAMES = ("vanilla", "dataaug", "finetune", "perlin")
@@ -51,19 +51,27 @@ def add(root: Path) -> list[str]:
                 f"{root}: the shipped models know the world of --seed {WORLD_SEED} alone; "
                 "train your own with `s2r train`"
             )
-        missing = [name for name in NAMES if name not in store.models]
+        models = {name: model.sha256 for name, model in store.models.items()}
+        runs = {name: run.model for name, run in store.runs.items()}
         domains = domain_of(store, "sim", None), domain_of(store, "real", None)
-    for name in missing:
+    added = []
+    for name in NAMES:
         told = facts(name)
         weights = read_weights(FOLDER / f"{name}.safetensors", told["architecture"])
+        if models.get(name, weights.sha256) != weights.sha256 or runs.get(name, name) != name:
+            raise RequestError(f"{root}: {name!r} is something else there; the shipped model "
+                               "needs that name")  # fmt: skip
+        if name in models and name in runs:
+            continue
         with edit(root) as draft:
-            for table in ("model", "run"):
-                refuse_taken(draft, table, name)
-            convention = DEFAULT_CONVENTIONS[told["architecture"]]
-            register(root, draft, name, weights, convention, f"{name}: {told['command']}")
-            insert_run(draft, name, name, domains)
-            draft.note(f"model:{name}", told)
-    return missing
+            if name not in models:
+                convention = DEFAULT_CONVENTIONS[told["architecture"]]
+                register(root, draft, name, weights, convention, f"{name}: {told['command']}")
+                draft.note(f"model:{name}", told)
+            if name not in runs:
+                insert_run(draft, name, name, domains)
+        added.append(name)
+    return added
 
 
 def keep(store: Store, name: str) -> None:

@@ -13,7 +13,7 @@ from s2rtools.world.factors.lights import Lights
 from s2rtools.world.factors.objects import Objects
 from s2rtools.world.factors.sensor import Sensor
 
-__all__ = ["FACTORS", "Factor", "Severities", "active", "severities"]
+__all__ = ["FACTORS", "Factor", "Severities", "active", "factors_text", "severities"]
 
 Severities = Mapping[str, float]
 
@@ -31,7 +31,7 @@ def severities(given: Severities | None = None) -> dict[str, float]:
     chosen = dict.fromkeys(FACTORS, 1.0)
     for name, value in (given or {}).items():
         if name not in FACTORS:
-            raise RequestError(f"factor {name!r}: one of {', '.join(FACTORS)}")
+            raise RequestError(f"factor {name!r}: one of {', '.join(FACTORS)}; or all, none")
         if not 0 <= value <= 2:
             raise RequestError(f"factor {name}: severity 0 .. 2, not {value:g}")
         chosen[name] = float(value)
@@ -44,17 +44,30 @@ def active(given: Severities) -> list[tuple[Factor, float]]:
 
 
 def parse_factors(text: str) -> dict[str, float]:
-    """Severities from `lights=0.5,objects`: those that are not named are 0; all 1 for nothing.
+    """Severities from `lights=0.5,objects`: those that are not named are 0; `all`, `none`.
 
     Raises RequestError for what it cannot read.
     """
-    if not text:
+    if text in ("", "all"):
         return severities()
     chosen = dict.fromkeys(FACTORS, 0.0)
+    named: set[str] = set()
     for item in text.split(",") if text != "none" else ():
-        name, _, value = item.strip().partition("=")
+        name, equals, value = (part.strip() for part in item.partition("="))
+        if name in named:
+            raise RequestError(f"--factors {text}: {name} is named twice")
+        named.add(name)
         try:
-            chosen |= {name: severities({name: float(value) if value else 1.0})[name]}
+            severity = float(value) if equals else 1.0
         except ValueError as error:
             raise RequestError(f"--factors {item}: {value!r} is no number") from error
+        chosen[name] = severities({name: severity})[name]
     return chosen
+
+
+def factors_text(given: Severities) -> str:
+    """What `parse_factors` reads back."""
+    if all(given.get(name, 0) == 1 for name in FACTORS):
+        return "all"
+    named = [f"{name}={given[name]:g}" for name in FACTORS if given.get(name, 0) > 0]
+    return ",".join(named) or "none"

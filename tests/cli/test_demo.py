@@ -1,0 +1,77 @@
+"""The demo: from nothing to findings, and from where it was cut off."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore.writer import edit
+from s2rtools.world import shipped
+from s2rtools.world.dataset import WorldData
+from s2rtui.cli import main
+
+pytestmark = pytest.mark.xdist_group("world")
+WORDS = ["demo", "--no-open", "--instances", "4", "--out"]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A demo that was cut off after its models were registered, and taken up again."""
+    out = tmp_path_factory.mktemp("demo")
+    words = ["ingest", "world", "--instances", "4", "--store", str(out / "demo.s2r")]
+    assert main(words) == 0
+    shipped.add(out / "demo.s2r")
+    assert main([*WORDS, str(out)]) == 0
+    return out
+
+
+def test_the_demo_ends_with_findings_and_pictures(made: Path, capsys) -> None:
+    assert main([*WORDS, str(made)]) == 0
+    said = capsys.readouterr()
+    for told in ("4 runs", "best in reality: finetune", "costliest factor of vanilla",
+                 "best heatmap of vanilla: harmonised"):  # fmt: skip
+        assert told in said.out
+    assert "s2r precompute" not in said.err
+    for name in ("overview", "geomap", "instance", "screen"):
+        assert (made / f"{name}.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("words", [["--seed", "2"], ["--factors", "none"], ["--instances", "5"]])
+def test_another_world_needs_another_folder(made: Path, words: list[str], capsys) -> None:
+    assert main(["demo", "--no-open", *words, "--out", str(made)]) == 2
+    assert words[0] in capsys.readouterr().err
+
+
+def test_own_images_need_another_folder(made: Path, tmp_path: Path, capsys) -> None:
+    assert main(["demo", "--no-open", "--data", str(tmp_path), "--out", str(made)]) == 2
+    assert "holds the default world" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("recipe", ["[]", "{", "null", '{"seed": "x"}', '{"moon": 1}',
+                                    '{"frame": 64}', '{"factors": {"lights": 9}}'])  # fmt: skip
+def test_a_damaged_recipe_is_told(tiny_store: Path, tmp_path: Path, recipe: str) -> None:
+    from s2rstore.errors import RequestError
+    from tests.support.copies import copied
+
+    path = copied(tiny_store, tmp_path / "x.s2r")
+    with edit(path) as draft:
+        draft.note("world", {"recipe": recipe})
+    with s2rstore.open(path) as store, pytest.raises(RequestError, match="makes no sense"):
+        WorldData.of_store(store)
+
+
+@pytest.mark.parametrize("report", ["{", "[]", "null", json.dumps({"runs": {}, "factors": 3})])
+def test_a_damaged_score_does_not_stop_the_findings(
+    tiny_store: Path, tmp_path: Path, report: str
+) -> None:
+    from s2rstore import findings
+    from tests.support.copies import copied
+
+    path = copied(tiny_store, tmp_path / "x.s2r")
+    with edit(path) as draft:
+        draft.note("score", {"report": report})
+    with s2rstore.open(path) as store:
+        assert findings.lines(store)
