@@ -141,31 +141,45 @@ def _live_training(options: argparse.Namespace, store: Path, world: list[str]) -
     yield _Stage(("run", "add", QUICK, "--model", QUICK, "--store", str(store)))
 
 
+_FACTORS = ("lights", "exposure", "sensor", "depth", "camera", "objects")
 _OPTIONS = {"count": "--instances", "survey": "--survey", "seed": "--seed", "factors": "--factors"}
 
 
 def _refuse_other(options: argparse.Namespace, store: Path, **asked: int | None) -> None:
     """Raises RequestError where a store was not made by the options of now."""
     from s2rstore.errors import RequestError
-    from s2rtools.world.dataset import WorldData
-    from s2rtools.world.factors import factors_text, parse_factors
 
-    data = _asked(store, WorldData.of_store)
-    if data is None:
+    noted = _asked(store, lambda opened: opened.provenance("world").get("recipe"))
+    if noted is None:
         raise RequestError(f"{store}: holds other data; choose another --out")
-    held = {"seed": data.recipe.seed, "count": data.recipe.count, "survey": data.recipe.survey,
-            "factors": factors_text(data.recipe.factors)}  # fmt: skip
-    wanted = {
-        **asked,
-        "seed": options.seed,
-        "factors": factors_text(parse_factors(options.factors)),
-    }
+    try:
+        held = dict(json.loads(noted))
+        severities = held["factors"] = {name: float(v) for name, v in held["factors"].items() if v}
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise RequestError(f"{store}: its note on the world's recipe makes no sense") from error
+    wanted = {**asked, "seed": options.seed, "factors": _severities(options.factors)}
     for name, value in wanted.items():
-        if value is not None and held[name] != value:
+        if value is not None and held.get(name) != value:
+            told = _text(severities) if name == "factors" else held.get(name)
             raise RequestError(
-                f"{store}: was made with {_OPTIONS[name]} {held[name]}, not {value}; "
+                f"{store}: was made with {_OPTIONS[name]} {told}, not {_text(value)}; "
                 "choose another --out"
             )
+
+
+def _severities(text: str) -> dict[str, float]:
+    """The active factors; without importing the world for the usual case."""
+    if text == "all":
+        return dict.fromkeys(_FACTORS, 1.0)
+    from s2rtools.world.factors import parse_factors
+
+    return {name: value for name, value in parse_factors(text).items() if value}
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, dict):
+        return str(value)
+    return ",".join(f"{name}={severity:g}" for name, severity in sorted(value.items())) or "none"
 
 
 def _is_complete(store: Store) -> bool:

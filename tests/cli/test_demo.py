@@ -11,7 +11,8 @@ import s2rstore
 from s2rstore.writer import edit
 from s2rtools.world import shipped
 from s2rtools.world.dataset import WorldData
-from s2rtui.cli import main
+from s2rtools.world.factors import FACTORS
+from s2rtui.cli import demo_command, main
 
 pytestmark = pytest.mark.xdist_group("world")
 WORDS = ["demo", "--no-open", "--instances", "4", "--out"]
@@ -43,6 +44,10 @@ def test_the_demo_ends_with_findings_and_pictures(made: Path, capsys) -> None:
 def test_another_world_needs_another_folder(made: Path, words: list[str], capsys) -> None:
     assert main(["demo", "--no-open", *words, "--out", str(made)]) == 2
     assert words[0] in capsys.readouterr().err
+
+
+def test_the_demo_knows_every_factor() -> None:
+    assert tuple(FACTORS) == demo_command._FACTORS
 
 
 def test_own_images_need_another_folder(made: Path, tmp_path: Path, capsys) -> None:

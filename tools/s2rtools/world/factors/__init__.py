@@ -13,7 +13,7 @@ from s2rtools.world.factors.lights import Lights
 from s2rtools.world.factors.objects import Objects
 from s2rtools.world.factors.sensor import Sensor
 
-__all__ = ["FACTORS", "Factor", "Severities", "active", "factors_text", "severities"]
+__all__ = ["FACTORS", "Factor", "Severities", "active", "severities"]
 
 Severities = Mapping[str, float]
 
@@ -63,11 +63,3 @@ def parse_factors(text: str) -> dict[str, float]:
             raise RequestError(f"--factors {item}: {value!r} is no number") from error
         chosen[name] = severities({name: severity})[name]
     return chosen
-
-
-def factors_text(given: Severities) -> str:
-    """What `parse_factors` reads back."""
-    if all(given.get(name, 0) == 1 for name in FACTORS):
-        return "all"
-    named = [f"{name}={given[name]:g}" for name in FACTORS if given.get(name, 0) > 0]
-    return ",".join(named) or "none"
