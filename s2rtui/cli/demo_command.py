@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from s2rstore.reader import Store
 
 STORE = "demo.s2r"
+WORLD = "world.s2r"
 TRAINING = "training.s2r"
 QUICK = "quick"
 INSTANCES = 50
@@ -56,7 +57,7 @@ def execute(options: argparse.Namespace) -> int:
 
     _check(options)
     options.out.mkdir(parents=True, exist_ok=True)
-    store = options.out / STORE
+    store = options.out / (STORE if options.data else WORLD)
     timings = []
     stages = _data_stages(options, store) if options.data else _world_stages(options, store)
     for stage in stages:
@@ -212,7 +213,6 @@ def _data_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
     path, data, minutes = str(store), str(options.data), f"{options.minutes or 1.5:g}"
     if not store.exists():
         yield _Stage(("ingest", "sim2realviz", data, "--store", path))
-    _refuse_world(store)
     for recipe, start in (("vanilla", ()), ("dataaug", ()), ("perlin", ()),
                           ("finetune", ("--from", "dataaug"))):  # fmt: skip
         words = ("train", "--recipe", recipe, *start, "--minutes", minutes, "--store", path)
@@ -225,13 +225,6 @@ def _data_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
         words = ("run", "add", name, "--model", "vanilla", "--adjust", chain, "--store", path)
         yield _Stage(words, name)
     yield _Stage(("precompute", path, "--workers", str(options.workers)))
-
-
-def _refuse_world(store: Path) -> None:
-    from s2rstore.errors import RequestError
-
-    if _asked(store, lambda opened: opened.provenance("world")):
-        raise RequestError(f"{store}: holds the default world; choose another --out")
 
 
 def _has_run(store: Path, run: str) -> bool:
