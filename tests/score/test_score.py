@@ -193,6 +193,16 @@ def test_a_score_is_kept_once_and_told(objects_only: Path, objects_scored: repor
     assert "best heatmap of vanilla: harmonised" in told
 
 
+def test_what_is_noted_of_a_kind_outlives_other_kinds(objects_only: Path, tmp_path: Path) -> None:
+    own = copied(objects_only, tmp_path / "own.s2r")
+    precompute(own, Quiet(), ["vanilla"], Options(("feature_distance",)))
+    with s2rstore.open(objects_only) as before, s2rstore.open(own) as after:
+        old, new = (store.provenance("run:vanilla") for store in (before, after))
+    assert json.loads(new["surfaces"]) == json.loads(old["surfaces"])
+    ranges = json.loads(new["heat ranges"])
+    assert set(ranges) == {*json.loads(old["heat ranges"]), "feature_distance"}
+
+
 def test_positive_floor_lies_where_the_objects_stand(objects_only: Path) -> None:
     with s2rstore.open(objects_only) as store:
         truth = Truth(store)
