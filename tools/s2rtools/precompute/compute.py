@@ -113,11 +113,13 @@ def _pair_values(pair: PairBatch, specs: tuple[ArraySpec, ...]) -> Values:
         else:
             if spec.kind not in computed:
                 computed[spec.kind] = KINDS[spec.kind].compute(pair)
-            values[spec] = computed[spec.kind][spec.side, spec.mode].astype(spec.dtype)
+            made = computed[spec.kind][spec.side, spec.mode]
+            values[spec] = _half(made) if spec.dtype == "float16" else made.astype(spec.dtype)
     return values
 
 
 def _half(values: NDArray[np.float32]) -> NDArray[np.float16]:
+    """Values that float16 cannot hold become its largest; NaN stays."""
     limit = np.finfo(np.float16).max
     return np.clip(values, -limit, limit).astype(np.float16)
 

@@ -52,8 +52,9 @@ def principal_components(
     cuts = np.array_split(rows, max(1, rows.size // _BATCH))
     count = min(settings.components, sides[0].shape[1], 2 * cuts[0].size)
     model = IncrementalPCA(count)
-    for cut in cuts:
-        model.partial_fit(np.concatenate([_gather(side, cut) for side in sides]))
+    with np.errstate(invalid="ignore", divide="ignore"):  # no variance at all
+        for cut in cuts:
+            model.partial_fit(np.concatenate([_gather(side, cut) for side in sides]))
     projected = []
     for side in sides:
         out = np.full((side.shape[0], settings.components), np.nan, dtype=np.float32)
