@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 COMMANDS: dict[str, str] = {
-    "demo": "build a store from data, print what it shows, open the application",
-    "ingest": "make a store from paired images",
+    "demo": "the default world, or your images, from nothing to findings on the screen",
+    "ingest": "make a store from paired images, or from the default world",
     "train": "train a model with one of the recipes and register a run of it",
-    "model": "register a trained model",
+    "model": "register a trained model, or those that come with the program",
     "run": "register a run: a model on two domains, with adjustments",
     "precompute": "compute what is missing for runs and publish it",
     "tui": "open the application on a store",

@@ -34,7 +34,8 @@ class _Stage:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", type=Path, default=Path("demo-out"))
+    parser.add_argument("--out", type=Path, default=Path("demo-out"),
+                        help="folder for store and pictures (default demo-out)")  # fmt: skip
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--no-open", action="store_true", help="do not open the application")
     parser.add_argument("--minutes", type=float, help="per training (default 2; with --data 1.5)")
