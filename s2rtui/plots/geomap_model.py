@@ -12,6 +12,7 @@ from s2rstore.records import Bounds
 from s2rtui.canvas.colour import Pixels, Theme, luma, mix, turbo
 from s2rtui.plots.frame import MapFrame, sample
 from s2rtui.plots.inputs import GeoMapInput, Interval
+from s2rtui.plots.same import Same
 from s2rtui.plots.scale import fraction, percentile_range
 
 LINES_UP_TO = 24
@@ -80,27 +81,12 @@ def default_view(view: GeoMapInput) -> Bounds:
     return Bounds(float(x0), float(y0), float(x1), float(y1))
 
 
-class _Same:
-    """An array as a key of a cache: equal only to itself, and kept alive by it."""
-
-    __slots__ = ("array",)
-
-    def __init__(self, array: NDArray[np.generic] | None) -> None:
-        self.array = array
-
-    def __hash__(self) -> int:
-        return id(self.array)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other.array is self.array
-
-
 def ground_layer(view: GeoMapInput, frame: MapFrame, theme: Theme) -> Pixels:
     """(height, width, 3), read-only: the floor plan dimmed towards the background, heat on it.
 
     Kept for the last few frames: floor plan and heat are taken as never changed in place.
     """
-    base = _floor(_Same(view.floor_plan), view.bounds, view.y_down, frame, theme)
+    base = _floor(Same(view.floor_plan), view.bounds, view.y_down, frame, theme)
     layer, opacity = heat_layer(view, frame)
     if layer is None:
         return base
@@ -108,7 +94,7 @@ def ground_layer(view: GeoMapInput, frame: MapFrame, theme: Theme) -> Pixels:
 
 
 @lru_cache(8)
-def _floor(plan: _Same, bounds: Bounds, y_down: bool, frame: MapFrame, theme: Theme) -> Pixels:
+def _floor(plan: Same, bounds: Bounds, y_down: bool, frame: MapFrame, theme: Theme) -> Pixels:
     base = np.empty((frame.height, frame.width, 3), dtype=np.uint8)
     base[:] = theme.background
     if plan.array is not None and bounds.width > 0 and bounds.height > 0:
@@ -130,10 +116,10 @@ def heat_layer(
     scale = heat_scale(view)
     if scale is None or view.bounds.width <= 0 or view.bounds.height <= 0:
         return None, np.zeros(())
-    shares = fraction(_heat(_Same(view.heat), view.bounds, frame), scale)
+    shares = fraction(_heat(Same(view.heat), view.bounds, frame), scale)
     return shares, 0.12 + 0.74 * np.nan_to_num(shares) ** 0.7
 
 
 @lru_cache(8)
-def _heat(heat: _Same, bounds: Bounds, frame: MapFrame) -> NDArray[np.float32]:
+def _heat(heat: Same, bounds: Bounds, frame: MapFrame) -> NDArray[np.float32]:
     return sample(np.asarray(heat.array), bounds, frame, top_is_y0=True)
