@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 class Same:
-    """An array as a key: equal only to itself, kept alive by it, taken as never changed in place."""
+    """An array as a key: equal only to itself, kept alive by it, never changed in place."""
 
     __slots__ = ("array",)
 
