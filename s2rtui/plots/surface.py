@@ -14,7 +14,7 @@ from s2rtui.canvas.raster import braille, dot_grid, ground, segment_dots
 
 Point = tuple[float, float]
 Shape = Literal["plane", "range", "turn", "steps"]
-"""plane: x and y. range: x alone. turn: x alone, in degrees that wrap. steps: whole y, 0 .. n - 1."""
+"""plane: x and y. range: x. turn: x, degrees that wrap. steps: whole y, 0 .. n - 1."""
 
 
 @dataclass(frozen=True, slots=True)
