@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 Group = Literal["select", "move", "heat", "map", "views", "program"]
+Need = Literal["", "models"]
 
 GROUPS: dict[Group, str] = {
     "select": "Select",
@@ -21,7 +23,8 @@ GROUPS: dict[Group, str] = {
 class Action:
     """`name` is the application's method `action_NAME`; `short` the footer's word, if any.
 
-    `keys` are Textual's names, the first one shown.
+    `keys` are Textual's names, the first one shown. `needs` names what a session must be allowed to
+    do for the action to be offered.
     """
 
     name: str
@@ -30,6 +33,7 @@ class Action:
     description: str
     short: str = ""
     shown: str = ""
+    needs: Need = ""
 
     @property
     def key(self) -> str:
@@ -69,9 +73,9 @@ ACTIONS: tuple[Action, ...] = (
 )
 
 
-def footer(width: int) -> list[tuple[str, str]]:
+def footer(width: int, actions: Sequence[Action] = ACTIONS) -> list[tuple[str, str]]:
     """Pairs of key and word that fit into `width` columns; help and quit always do, if anything."""
-    words = [(action.key, action.short) for action in ACTIONS if action.short]
+    words = [(action.key, action.short) for action in actions if action.short]
     last = [pair for pair in words if pair[1] in ("help", "quit")]
     room = width - sum(len(key) + len(word) + 3 for key, word in last)
     shown = []
@@ -82,12 +86,12 @@ def footer(width: int) -> list[tuple[str, str]]:
     return [*shown, *last]
 
 
-def help_text() -> str:
-    """All actions by group, in plain text."""
+def help_text(actions: Sequence[Action] = ACTIONS) -> str:
+    """Actions by group, in plain text."""
     lines = []
     for group, title in GROUPS.items():
         lines.append(title)
-        for action in ACTIONS:
+        for action in actions:
             if action.group == group:
                 keys = action.key if " " in action.key else "  ".join(_keys(action))
                 lines.append(f"  {keys:<18}{action.description}")

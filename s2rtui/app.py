@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 from textual import events, work
-from textual.app import App, ComposeResult, SystemCommand
+from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.content import Content
@@ -21,6 +21,8 @@ from textual.widgets import Input
 from s2rstore.errors import S2RError
 from s2rstore.language import ExpressionError
 from s2rtui import plots
+from s2rtui.access import Access
+from s2rtui.access.guard import GuardedApp
 from s2rtui.actions import ACTIONS, footer
 from s2rtui.canvas import Canvas, ColourMode, Look
 from s2rtui.messages import FloorPlanReady, PicturesReady
@@ -38,7 +40,7 @@ _PICTURE_TOLERANCE = 12
 _SMALLEST = (40, 12)
 
 
-class S2RApp(App[None]):
+class S2RApp(GuardedApp):
     """One store, one user, one screen."""
 
     CSS_PATH = "app.tcss"
@@ -52,13 +54,20 @@ class S2RApp(App[None]):
         Binding("escape", "leave_query", "leave the query line", show=False),
     ]
 
-    def __init__(self, session: Session, look: Look, pictures_at: Path | None = None) -> None:
-        """`pictures_at` is the folder that snapshots are written to (default: here)."""
-        super().__init__()
+    def __init__(
+        self,
+        session: Session,
+        look: Look,
+        pictures_at: Path | None = None,
+        access: Access | None = None,
+    ) -> None:
+        """`pictures_at` is the folder that snapshots are written to (default: here, if allowed)."""
+        super().__init__(ansi_color=look.mode in (ColourMode.ANSI, ColourMode.NONE))
         self.animation_level = "none"
         self.session = session
         self.look = look
-        self._pictures_at = pictures_at or Path.cwd()
+        self.access = access or Access.of(session.store.path)
+        self._pictures_at = pictures_at or self.access.pictures
         self._rows, self._baseline = derive.overview_rows(session.store, (session.state.run,))
         self._floor_plan: NDArray[np.uint8] | None = None
         self._pictures: plots.InstanceInput | None = None
@@ -123,7 +132,10 @@ class S2RApp(App[None]):
             status_markup(self.session.store, state, self.size.width, self.look)
         )
         self._show_message(state)
-        keys = "  ".join(f"[b]{_safe(key)}[/b] {word}" for key, word in footer(self.size.width - 2))
+        keys = "  ".join(
+            f"[b]{_safe(key)}[/b] {word}"
+            for key, word in footer(self.size.width - 2, self.access.actions)
+        )
         self.query_one("#keys", Bar).say(keys)
         self._show_plots(state)
         self._fetch(state)
@@ -403,7 +415,7 @@ class S2RApp(App[None]):
         self._show()
 
     def action_help(self) -> None:
-        self.push_screen(HelpScreen())
+        self.push_screen(HelpScreen(self.access.actions))
 
     def action_command_palette(self) -> None:
         """The palette's frame is not ASCII; the help screen lists the same actions."""
@@ -412,11 +424,15 @@ class S2RApp(App[None]):
         else:
             super().action_command_palette()
 
+    def tell_refusal(self, told: str) -> None:
+        self.session.tell(told, is_error=True)
+        self._show()
+
     async def action_quit(self) -> None:
         self.exit()
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        for action in ACTIONS:
+        for action in self.access.actions:
             run = partial(self.run_action, action.name)
             yield SystemCommand(f"{action.description} ({action.key})", action.group, run)
 
@@ -447,14 +463,12 @@ def _blank(size: tuple[int, int], look: Look) -> Canvas:
     return Canvas(*size, theme=look.theme)
 
 
-def run_app(path: Path, run: str | None, colour: str, ascii: bool) -> None:
+def run_app(path: Path, run: str | None, colour: str, ascii: bool, access: Access) -> None:
     """Open the application on a store. Raises RequestError where it cannot run."""
-    from s2rtui.terminal import detect, prepare_environment, refuse_unusable
+    from s2rtui.terminal import detect, prepare_environment
 
-    refuse_unusable()
     terminal = detect(colour, ascii)
     prepare_environment(terminal)
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
-    app = S2RApp(Session(path, run), look)
-    app.ansi_color = terminal.mode is ColourMode.ANSI
+    app = S2RApp(Session(path, run), look, access=access)
     app.run(mouse=terminal.mode is not ColourMode.NONE)
