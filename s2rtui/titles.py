@@ -8,7 +8,8 @@ from textual.content import Content
 
 from s2rstore.reader import Store
 from s2rtui.canvas import Canvas, Look
-from s2rtui.session.state import VIEWS, State
+from s2rtui.session.state import SIGNS, State
+from s2rtui.views import Scene, View
 
 Draw = Callable[[tuple[int, int], Look], Canvas]
 
@@ -22,6 +23,8 @@ def status_markup(store: Store, state: State, width: int, look: Look) -> str:
     tail = f"{separator}gen {state.generation}"
     room = max(8, width - 2 - len(head) - len(tail))
     text = state.expression
+    if state.operator != "replace":
+        text += f" {SIGNS[state.operator]} _"
     if len(text) > room:
         text = text[: room - 1] + ("~" if look.ascii else "…")
     return f"{_safe(head)}[b]{_safe(text)}[/b]{_safe(tail)}"
@@ -31,16 +34,17 @@ def _safe(text: str) -> str:
     return Content(text).markup
 
 
-def titled(name: str, told: str, draw: Draw, state: State | None) -> Draw:
-    """A drawing with a line above it: the view's number, name and what it shows."""
-    number = VIEWS.index(name) + 1 if name in VIEWS else 0
-    active = state is not None and state.view == name
-    label = f"{number} {name}" if number else name
+def titled(view: View, scene: Scene, draw: Draw) -> Draw:
+    """A drawing with a line above it: the view's key, name and what it shows."""
+    active = scene.state.view == view.name
+    label, told = f"{view.key} {view.name}", view.told(scene)
 
     def drawn(size: tuple[int, int], look: Look) -> Canvas:
         width, height = size
         canvas = Canvas(width, height, theme=look.theme)
         theme = look.theme
+        if active:
+            canvas.fill(0, 0, width, 1, theme.highlight)
         canvas.text(0, 0, label, fg=theme.text if active else theme.muted, bold=active)
         start = len(label) + 2
         if start < width:
