@@ -195,8 +195,11 @@ ACTIONS: tuple[Action, ...] = (
     *(Action(f"view('{v.name}')", (v.key,), "views", v.description) for v in VIEWS),
     Action("next_view", ("tab",), "views", "next view", short="view", when="still"),
     Action("previous_view", ("shift+tab",), "views", "previous view", when="still"),
+    Action("jump", ("space",), "views", "jump to anything by a letter", when="still"),
     Action("move_on", ("g",), "program", "move on to the newest generation", Session.move_on),
     Action("snapshot", ("s",), "program", "write the screen as PNG", short="snapshot"),
+    Action("doctor", ("D",), "program", "what this terminal can do"),
+    Action("tour", ("T",), "program", "the tour again"),
     Action("help", ("question_mark",), "program", "all keys", short="help", shown="?"),
     Action("quit", ("q",), "program", "quit", short="quit"),
 )  # fmt: skip

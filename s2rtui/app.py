@@ -16,7 +16,7 @@ from textual.content import Content
 from textual.screen import Screen
 
 from s2rstore.errors import RequestError, S2RError
-from s2rtui import arrangement
+from s2rtui import arrangement, notebook
 from s2rtui.actions import ACTIONS, BY_NAME, footer
 from s2rtui.arrangement import Place, SizeClass
 from s2rtui.brushes import Brushes
@@ -27,13 +27,16 @@ from s2rtui.notebook import Notebook
 from s2rtui.prompts import Prompts
 from s2rtui.session import Session, State, sharing, showing
 from s2rtui.themes import textual_theme
-from s2rtui.titles import status_markup, titled
+from s2rtui.titles import StatusLine, status_line, titled
 from s2rtui.views import BY_NAME as VIEW_BY_NAME
 from s2rtui.views import VIEWS, Resources
 from s2rtui.widgets import Bar, PlotView
+from s2rtui.widgets.doctor import DoctorScreen
 from s2rtui.widgets.help import HelpScreen
+from s2rtui.widgets.jump import JumpScreen, Target
 from s2rtui.widgets.panes import Panes
 from s2rtui.widgets.query import QueryLine
+from s2rtui.widgets.tour import TourScreen
 
 WATCH_SECONDS = 2.0
 _PICTURE_TOLERANCE = {"map": 12, "instance": 12}
@@ -63,6 +66,7 @@ class S2RApp(Brushes, Prompts):
         self.feeding = Feeding(self)
         self._pictures_at = pictures_at or Path.cwd()
         self._size_class: SizeClass = "narrow"
+        self.first_run = False
 
     def compose(self) -> ComposeResult:
         yield Bar("status")
@@ -80,6 +84,8 @@ class S2RApp(Brushes, Prompts):
         self._resized(self.size.width, self.size.height)
         self.refresh_views()
         self.set_interval(WATCH_SECONDS, self._watch)
+        if self.first_run:
+            self.action_tour()
 
     def on_unmount(self) -> None:
         state = self.session.state
@@ -117,10 +123,17 @@ class S2RApp(Brushes, Prompts):
         emptied = self.feeding.ask(self.session.store, state)
         if emptied:
             self.resources = replace(self.resources, **emptied)
-        status.say(status_markup(self.session.store, state, self.size.width, self.look))
+        status.say(_safe_bold(*self._status(state)))
         self.show_message()
         self._show_keys(state)
         self._show_plots()
+
+    def _status(self, state: State) -> StatusLine:
+        return status_line(self.session.store, state, self.size.width, self.look)
+
+    def status_text(self) -> str:
+        """The status line in plain text."""
+        return "".join(self._status(self.session.state))
 
     def show_message(self) -> None:
         state = self.session.state
@@ -243,6 +256,33 @@ class S2RApp(Brushes, Prompts):
             self.session.tell(f"wrote {target}")
         self.refresh_views()
 
+    def action_jump(self) -> None:
+        self.push_screen(JumpScreen(self._targets()), self._jumped)
+
+    def _targets(self) -> list[Target]:
+        """The views on the screen, and the parts of the status line."""
+        found = []
+        for view in VIEWS:
+            region = self.query_one(f"#{view.name}", PlotView).region
+            if region.area and self.query_one(f"#{view.name}", PlotView).placed:
+                found.append(Target(region.x, region.y, f"view('{view.name}')"))
+        for part, action in (("traj ", "do('trajectory')"), ("run ", "do('next_run')"),
+                             (self.session.state.expression[:6], "edit")):  # fmt: skip
+            column = self.status_text().find(part)
+            if column >= 0:
+                found.append(Target(column + 1, 0, action))
+        return found
+
+    async def _jumped(self, action: str | None) -> None:
+        if action:
+            await self.run_action(action)
+
+    def action_doctor(self) -> None:
+        self.push_screen(DoctorScreen(self.look))
+
+    def action_tour(self) -> None:
+        self.push_screen(TourScreen())
+
     def action_help(self) -> None:
         self.push_screen(HelpScreen())
 
@@ -268,6 +308,10 @@ def _safe(text: str) -> str:
     return Content(text).markup
 
 
+def _safe_bold(before: str, bold: str, after: str) -> str:
+    return f"{_safe(before)}[b]{_safe(bold)}[/b]{_safe(after)}"
+
+
 def run_app(path: Path, run: str | None, colour: str, ascii: bool) -> None:
     """Open the application on a store. Raises RequestError where it cannot run."""
     from s2rtui.terminal import detect, prepare_environment, refuse_unusable
@@ -278,4 +322,5 @@ def run_app(path: Path, run: str | None, colour: str, ascii: bool) -> None:
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
     app = S2RApp(Session(path, run, Notebook), look)
     app.ansi_color = terminal.mode is ColourMode.ANSI
+    app.first_run = notebook.first_run()
     app.run(mouse=terminal.mode is not ColourMode.NONE)

@@ -204,6 +204,19 @@ def user_folder() -> Path:
     return Path(base) / "s2rtui"
 
 
+def first_run() -> bool:
+    """Whether this user opens the application for the first time; asked once, it is so no more."""
+    marker = user_folder() / "toured"
+    if marker.exists():
+        return False
+    try:
+        marker.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        marker.touch()
+    except OSError:
+        return False
+    return True
+
+
 def checked(name: str, what: str) -> str:
     """A name of a selection or a tag, without blanks around it. Raises RequestError."""
     name = name.strip().lstrip("@")

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from textual.content import Content
-
 from s2rstore.reader import Store
 from s2rtui.canvas import Canvas, Look
 from s2rtui.session.state import SIGNS, State
 from s2rtui.views import Scene, View
 
+StatusLine = tuple[str, str, str]
 Draw = Callable[[tuple[int, int], Look], Canvas]
 
 
-def status_markup(store: Store, state: State, width: int, look: Look) -> str:
-    """Store, trajectory, run, count, expression and generation, cut to the width."""
+def status_line(store: Store, state: State, width: int, look: Look) -> StatusLine:
+    """Store, trajectory, run, count; the expression; generation. Cut to the width."""
     trajectory = "all" if state.trajectories is None else ", ".join(state.trajectories)
     separator = " | " if look.ascii else " │ "
     parts = [store.path.name, f"traj {trajectory}", f"run {state.run}", state.count]
@@ -27,11 +26,7 @@ def status_markup(store: Store, state: State, width: int, look: Look) -> str:
         text += f" {SIGNS[state.operator]} _"
     if len(text) > room:
         text = text[: room - 1] + ("~" if look.ascii else "…")
-    return f"{_safe(head)}[b]{_safe(text)}[/b]{_safe(tail)}"
-
-
-def _safe(text: str) -> str:
-    return Content(text).markup
+    return head, text, tail
 
 
 def titled(view: View, scene: Scene, draw: Draw) -> Draw:
