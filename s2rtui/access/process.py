@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
+import termios
+import tty
 from collections.abc import Callable, Iterable, MutableMapping
 from functools import partial
 from pathlib import Path
@@ -48,9 +49,18 @@ def confine(access: Access) -> None:
     A guard against mistakes of the program, not a sandbox against code that already runs in it.
     """
     clean_environment(os.environ)
+    _silence_keys()
     sys.dont_write_bytecode = True
-    signal.signal(signal.SIGTSTP, signal.SIG_IGN)
     sys.addaudithook(_hook(access))
+
+
+def _silence_keys() -> None:
+    """Let ctrl+z and its like be keys from now on: one pressed now would stop the program."""
+    if not os.isatty(0):
+        return
+    attributes = termios.tcgetattr(0)
+    attributes[tty.LFLAG] &= ~termios.ISIG
+    termios.tcsetattr(0, termios.TCSANOW, attributes)
 
 
 def _hook(access: Access) -> Callable[[str, tuple[Any, ...]], None]:

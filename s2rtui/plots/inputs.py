@@ -13,7 +13,7 @@ from s2rstore.records import Bounds, Room
 Floats = NDArray[np.floating]
 Bools = NDArray[np.bool_]
 Interval = tuple[float, float]
-MapMode = Literal["colour", "full"]
+MapMode = Literal["colour", "glyph", "full"]
 
 
 @dataclass(frozen=True, slots=True)

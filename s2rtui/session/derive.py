@@ -14,6 +14,7 @@ from s2rstore import headlines
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.plots import GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView
+from s2rtui.plots.same import Same
 from s2rtui.session.heat import SIGNED, ray_of, run_range, unit
 from s2rtui.session.state import HeatChoice, State
 
@@ -74,7 +75,13 @@ def map_input(
 
 
 def _points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.stack([x, y], axis=1)
+    """(N, 2); the same array for the same columns, so that plots can keep what they made of it."""
+    return _stacked(Same(x), Same(y))
+
+
+@lru_cache(24)
+def _stacked(x: Same, y: Same) -> NDArray[np.float64]:
+    return np.stack([np.asarray(x.array), np.asarray(y.array)], axis=1)
 
 
 def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) -> InstanceInput:
