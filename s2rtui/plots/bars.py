@@ -65,10 +65,11 @@ def _stamp(
     part, full = (np.clip(steps[: room[0], : room[1]], 0, 8) for steps in (lit, grey))
     full = np.maximum(part, full)
     drawn, some = full > 0, part > 0
-    if look.ascii or look.mode is ColourMode.NONE:
-        dense, thin = ("#", ".") if look.ascii else ("█", "░")
+    if look.ascii:
         lower = np.broadcast_to(foot, lit.shape)[: room[0], : room[1]]
-        inked = np.where(some & ((2 * part >= full) | lower), dense, thin)
+        inked = np.where(some & ((2 * part >= full) | lower), "#", ".")
+    elif look.mode is ColourMode.NONE:
+        inked = np.where(some, glyphs[part], "░")
     else:
         inked = np.where(some, glyphs[part], glyphs[full])
         canvas.bg[into][some & (part < full) & (full == 8)] = grey_ink

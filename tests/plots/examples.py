@@ -11,9 +11,12 @@ from s2rtui.plots import (
     GeoMapInput,
     HistogramInput,
     InstanceInput,
+    OrientationInput,
     OverviewRow,
     PoseNumbers,
+    RoomsInput,
     SideView,
+    UmapInput,
 )
 
 N = 60
@@ -90,3 +93,57 @@ def histogram_input(**changes: Any) -> HistogramInput:
         "valid": np.ones(N, dtype=np.bool_),
     }
     return HistogramInput(**(view | changes))
+
+
+def umap_input(**changes: Any) -> UmapInput:
+    """Two clusters; instance 4 has no real point."""
+    random = np.random.default_rng(11)
+    sim = random.normal(0, 1, (N, 2)) + np.where(np.arange(N) < 30, 0, 6)[:, None]
+    real = sim + random.normal(0, 1.5, (N, 2))
+    real[4] = np.nan
+    view: dict[str, Any] = {
+        "sim": sim,
+        "real": real,
+        "values": None,
+        "selected": np.arange(N) >= 40,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return UmapInput(**(view | changes))
+
+
+def orientation_input(**changes: Any) -> OrientationInput:
+    """All round, sim a little and real a lot beside the truth; instance 4 has no real heading."""
+    random = np.random.default_rng(12)
+    truth = np.linspace(-np.pi, np.pi, N, endpoint=False)
+    real = truth + random.normal(0, 0.8, N)
+    real[4] = np.nan
+    view: dict[str, Any] = {
+        "sim": truth + random.normal(0, 0.1, N),
+        "truth": truth,
+        "real": real,
+        "selected": np.arange(N) < 20,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return OrientationInput(**(view | changes))
+
+
+ROOM_NAMES = ("hall", "größer", "a very long name of a room", "kitchen", "5")
+
+
+def rooms_input(**changes: Any) -> RoomsInput:
+    """Five rooms, some real predictions in none."""
+    random = np.random.default_rng(13)
+    truth = (np.arange(N) // 12).astype(np.int32)
+    real = np.where(random.random(N) < 0.2, -1, random.integers(0, 5, N)).astype(np.int32)
+    view: dict[str, Any] = {
+        "sim": truth,
+        "truth": truth,
+        "real": real,
+        "room_names": ROOM_NAMES,
+        "selected": np.arange(N) < 20,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return RoomsInput(**(view | changes))

@@ -9,13 +9,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtui.canvas import LIGHT, Canvas, ColourMode, Look, to_strips
-from s2rtui.plots import geomap, histogram, instance, overview
+from s2rtui.plots import (
+    Mark,
+    geomap,
+    histogram,
+    instance,
+    orientation,
+    overview,
+    rooms,
+    umap,
+)
 from tests.plots.examples import (
     ROWS,
     geomap_input,
     histogram_input,
     instance_input,
+    orientation_input,
+    rooms_input,
     side,
+    umap_input,
 )
 
 Draw = Callable[[tuple[int, int], Look], Canvas]
@@ -33,6 +45,23 @@ VIEWS: dict[str, Draw] = {
         look,
     ),
     "histogram": lambda size, look: histogram(histogram_input(), size, look),
+    "marked histogram": lambda size, look: histogram(
+        histogram_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0)))), size, look
+    ),
+    "umap": lambda size, look: umap(umap_input(), size, look),
+    "marked umap": lambda size, look: umap(
+        umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
+        size,
+        look,
+    ),
+    "orientation": lambda size, look: orientation(orientation_input(), size, look),
+    "marked orientation": lambda size, look: orientation(
+        orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0)))), size, look
+    ),
+    "rooms": lambda size, look: rooms(rooms_input(), size, look),
+    "marked rooms": lambda size, look: rooms(
+        rooms_input(mark=Mark("truth", ((0.0, 1.0), (0.0, 9.0)))), size, look
+    ),
 }
 LOOKS = [
     Look(),
