@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 POINTS_UP_TO = 40_000
-"""More valid instances are drawn cell by cell, the largest value on top."""
+"""More valid instances are drawn cell by cell, each in the colour of its mean."""
 SIDE = 1.4
 """Inches at the right that colour bar and legend take."""
 
@@ -151,13 +151,13 @@ def _points(axes: Axes, view: UmapInput, points: Floats, model: UmapModel, theme
 def _cells(axes: Axes, model: UmapModel, name: str, theme: Theme) -> None:
     """The cells of the model as a picture."""
     layer, area = (model.sim if name == "sim" else model.real), model.frame.extent
-    rows, columns = layer.top.shape
+    rows, columns = layer.level.shape
     picture = np.zeros((rows, columns, 4))
     grey = layer.grey.reshape(rows, 4, columns, 2).any(axis=(1, 3))
     picture[grey] = (*unit(theme.unselected), 0.6)
     inks = np.vstack([np.array([theme.muted]), turbo(level_shares())]) / 255.0
-    lit = layer.top >= 0
-    picture[lit, :3] = inks[layer.top[lit]]
+    lit = layer.level >= 0
+    picture[lit, :3] = inks[layer.level[lit]]
     picture[lit, 3] = 1.0
     axes.imshow(
         picture,

@@ -111,7 +111,7 @@ def umap(view: UmapInput, size: Size, look: Look | None = None) -> Canvas:
 
 
 def _points(chart: Canvas, layer: UmapLayer, look: Look) -> None:
-    """Unselected dots in grey; cells with selected ones in the colour or digit of the largest.
+    """Unselected dots in grey; cells with selected ones in the colour or digit of their mean.
 
     A disc, not dots: the colour of single braille dots cannot be told apart.
     """
@@ -122,17 +122,17 @@ def _points(chart: Canvas, layer: UmapLayer, look: Look) -> None:
         chart.fg[held] = theme.unselected
     else:
         braille(chart, 0, 0, layer.grey, np.array(theme.unselected, dtype=np.uint8))
-    lit = layer.top >= 0
+    lit = layer.level >= 0
     inks = np.empty((LEVELS + 1, 3), dtype=np.uint8)
     inks[0] = theme.text
     inks[1:] = legible(turbo(level_shares()), theme)
-    ink = inks[np.maximum(layer.top, 0)]
+    ink = inks[np.maximum(layer.level, 0)]
     digits = ramp_for_values(look)
     if digits is None:
         chart.char[lit] = look.glyphs.selected
     else:
         names = np.array(["?", *(digits[place * 10 // LEVELS] for place in range(LEVELS))])
-        chart.char[lit] = names[layer.top[lit]]
+        chart.char[lit] = names[layer.level[lit]]
     chart.fg[lit] = ink[lit]
     chart.bold[lit] = True
 

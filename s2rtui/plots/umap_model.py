@@ -23,12 +23,13 @@ LEVELS = 20
 class UmapLayer:
     """One side in a frame of h x w cells.
 
-    top: (h, w) the largest level of the selected in each cell: 1 .. LEVELS, 0 where none has a
-    value, -1 where none is. grey: (4h, 2w) braille dots of the valid in all other cells.
-    selected, total: how many instances lie in the frame.
+    level: (h, w) the mean of the selected in each cell as a level 1 .. LEVELS, 0 where none has a
+    value, -1 where none is (the largest would look the same wherever cells hold many). grey:
+    (4h, 2w) braille dots of the valid in all other cells. selected, total: how many instances lie
+    in the frame.
     """
 
-    top: NDArray[np.int8]
+    level: NDArray[np.int8]
     grey: Bools
     selected: int
     total: int
@@ -141,11 +142,20 @@ def _layer(
     rows, columns, depth = frame.height // 2, frame.width, LEVELS + 1
     cells = _cells(points, frame, Same(_levels(values, scale).codes))
     lit, total = count(cells, chosen)
-    held = lit.reshape(rows, columns, depth) > 0
-    top = np.where(held.any(axis=-1), LEVELS - held[..., ::-1].argmax(axis=-1), -1)
+    table = lit.reshape(rows, columns, depth)
+    level = _mean_level(table)
     dots = _population(points, frame, chosen).reshape(rows, 4, columns, 2)
-    grey = (dots & (top < 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
-    return UmapLayer(top.astype(np.int8), grey, int(lit.sum()), int(total.sum()))
+    grey = (dots & (level < 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
+    return UmapLayer(level, grey, int(lit.sum()), int(total.sum()))
+
+
+def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
+    """Counts (..., LEVELS + 1) per level to the mean one: of the middles of the levels."""
+    known = table[..., 1:].sum(axis=-1)
+    total = table[..., 1:] @ (np.arange(LEVELS) + 0.5)
+    mean = np.floor(total / np.maximum(known, 1)) + 1
+    empty = np.where(table[..., 0] > 0, 0, -1)
+    return np.where(known > 0, mean, empty).astype(np.int8)
 
 
 def _population(points: Same, frame: MapFrame, chosen: Chosen) -> Bools:

@@ -1,4 +1,4 @@
-"""The UMAP panels: one frame, the largest value of a cell, and everybody counted."""
+"""The UMAP panels: one frame, the mean of a cell, and everybody counted."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ values = arrays.arrays(np.float64, COUNT, elements=st.floats(-1, 5) | st.just(np
 
 
 @given(points, points, values, masks, masks)
-def test_cells_show_the_largest_value_of_their_selected(sim, real, values, selected, valid) -> None:
+def test_cells_show_the_mean_of_their_selected(sim, real, values, selected, valid) -> None:
     view = umap_input(
         sim=sim,
         real=real,
@@ -37,23 +37,42 @@ def test_cells_show_the_largest_value_of_their_selected(sim, real, values, selec
     frame = umap_frame(view, 9, 5)
     model = umap_model(view, frame)
     for side, layer in ((sim, model.sim), (real, model.real)):
-        top, held = np.full((5, 9), -1), np.zeros((5, 9), dtype=np.bool_)
+        cells: dict[tuple[int, int], list[float]] = {}
+        held = np.zeros((5, 9), dtype=np.bool_)
         for iid in range(COUNT):
             if not valid[iid] or not np.isfinite(side[iid]).all():
                 continue
             column, row = (math.floor(part) for part in frame.to_cells(side[iid : iid + 1])[0])
-            if selected[iid]:
-                value = values[iid]
-                known = np.isfinite(value)
-                share = min(max(value / 4.0, 0.0), 1.0) if known else 0.0
-                level = min(math.floor(share * LEVELS), LEVELS - 1) + 1 if known else 0
-                top[row, column] = max(top[row, column], level)
             held[row, column] = True
-        np.testing.assert_array_equal(layer.top, top)
+            if selected[iid]:
+                cells.setdefault((row, column), []).append(values[iid])
+        for (row, column), own in cells.items():
+            known = np.clip([value for value in own if np.isfinite(value)], 0.0, 4.0)
+            place = layer.level[row, column]
+            if known.size:
+                assert abs((place - 0.5) / LEVELS - known.mean() / 4.0) <= 1.001 / LEVELS
+            else:
+                assert place == 0
+        lit = np.zeros((5, 9), dtype=np.bool_)
+        for cell in cells:
+            lit[cell] = True
+        np.testing.assert_array_equal(layer.level >= 0, lit)
         grey = layer.grey.reshape(5, 4, 9, 2).any(axis=(1, 3))
-        np.testing.assert_array_equal(grey, held & (top < 0))
+        np.testing.assert_array_equal(grey, held & ~lit)
         placed = valid & np.isfinite(side).all(axis=1)
         assert (layer.selected, layer.total) == ((placed & selected).sum(), placed.sum())
+
+
+def test_a_cell_of_several_shows_their_mean_level() -> None:
+    ones = np.ones(N, dtype=np.bool_)
+    same = np.ones((N, 2))
+    values = np.where(np.arange(N) < 15, 4.0, 0.0)
+    view = umap_input(
+        sim=same, real=same, values=values, selected=ones, valid=ones, value_range=(0.0, 4.0)
+    )
+    level = umap_model(view, umap_frame(view, 3, 3)).sim.level
+    share = 15 / N * (LEVELS - 0.5) + (1 - 15 / N) * 0.5
+    assert level[level >= 0].tolist() == [math.floor(share) + 1]
 
 
 def test_values_default_to_the_distance_between_the_two_points() -> None:
