@@ -21,11 +21,12 @@ from s2rtui.actions import ACTIONS, BY_NAME, footer
 from s2rtui.arrangement import Place, SizeClass
 from s2rtui.brushes import Brushes
 from s2rtui.canvas import ColourMode, Look
-from s2rtui.feeding import Feeding
+from s2rtui.feeds.feeding import Feeding
 from s2rtui.messages import Fed, Progressed
 from s2rtui.notebook import Notebook
 from s2rtui.prompts import Prompts
-from s2rtui.session import Session, State, sharing, showing
+from s2rtui.savings import Savings
+from s2rtui.session import Session, State, adjusting, sharing, showing
 from s2rtui.themes import textual_theme
 from s2rtui.titles import StatusLine, status_line, titled
 from s2rtui.views import BY_NAME as VIEW_BY_NAME
@@ -42,7 +43,7 @@ WATCH_SECONDS = 2.0
 _PICTURE_TOLERANCE = {"map": 12, "instance": 12}
 
 
-class S2RApp(Brushes, Prompts):
+class S2RApp(Brushes, Prompts, Savings):
     """One store, one user, one screen."""
 
     CSS_PATH = "app.tcss"
@@ -181,6 +182,8 @@ class S2RApp(Brushes, Prompts):
         self.refresh_views()
 
     def on_progressed(self, message: Progressed) -> None:
+        if not self.feeding.current(message.feed, message.ticket):
+            return
         self.resources = replace(self.resources, progress=message.share)
         self.show_message()
 
@@ -211,6 +214,7 @@ class S2RApp(Brushes, Prompts):
             change(self.session)
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
+        adjusting.follow(self.session)
         self.refresh_views()
 
     def action_view(self, name: str) -> None:

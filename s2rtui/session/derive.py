@@ -156,3 +156,35 @@ def floor_plan(path: str) -> Pixels:
 
     with Image.open(path) as picture:
         return np.asarray(picture.convert("RGB"))
+
+
+def umap_input(store: Store, state: State, mark: Mark | None = None) -> UmapInput:
+    """The embeddings of the state's run in the plane."""
+    columns = store.run_columns(state.run)
+    return UmapInput(
+        _points(columns.sim.u, columns.sim.v),
+        _points(columns.real.u, columns.real.v),
+        None,
+        state.selected,
+        state.base,
+        cursor=state.cursor,
+        mark=mark,
+    )
+
+
+def point_of(points: NDArray[np.floating[Any]], iid: int | None) -> tuple[float, float] | None:
+    """One of the points (N, 2), where it is known."""
+    if iid is None or not np.isfinite(points[iid]).all():
+        return None
+    return float(points[iid, 0]), float(points[iid, 1])
+
+
+def nearest(
+    points: NDArray[np.floating[Any]], base: NDArray[np.bool_], at: tuple[float, float]
+) -> int | None:
+    """The iid of the base whose point (N, 2) is nearest."""
+    with np.errstate(invalid="ignore"):
+        distance = np.square(points[:, 0] - at[0]) + np.square(points[:, 1] - at[1])
+    distance = np.where(base & np.isfinite(distance), distance, np.inf)
+    iid = int(np.argmin(distance)) if distance.size else 0
+    return iid if distance.size and np.isfinite(distance[iid]) else None

@@ -20,6 +20,7 @@ from s2rtui.session import Session, State
 
 Pane = Literal["overview", "centre", "tab"]
 Grid = NDArray[np.float32]
+Table = tuple[Sequence[str], Sequence[Sequence[object]]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +28,7 @@ class Resources:
     """What workers have brought so far; a view shows what is there.
 
     `grid` is the heat that lies on the map, `seen` (rows, cols) what the selection has seen,
-    `progress` the share of it that is done.
+    `progress` the share of it that is done. `live` is the instance as it is being adjusted.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -37,6 +38,8 @@ class Resources:
     instance_grid: Grid | None = None
     grid: Grid | None = None
     seen: Grid | None = None
+    live: InstanceInput | None = None
+    live_grid: Grid | None = None
     progress: float | None = None
 
 
@@ -98,6 +101,14 @@ class View:
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         """What a click on a panel does, at a point in data."""
+
+    def drag(self, session: Session, scene: Scene, panel: Panel, point: Point) -> bool:
+        """What dragging to a point in data does; False where it draws a mark."""
+        return False
+
+    def numbers(self, scene: Scene) -> Table:
+        """What it shows as a flat table: names of columns, and rows."""
+        raise NotImplementedError
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         """The expression that a mark stands for."""

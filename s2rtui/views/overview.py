@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size
-from s2rtui.views.contract import Pane, Scene, View
+from s2rtui.views.contract import Pane, Scene, Table, View
 
 
 class OverviewView(View):
@@ -24,6 +24,16 @@ class OverviewView(View):
         rows = scene.resources.rows
         selected = next((i for i, row in enumerate(rows) if row.run == scene.state.run), None)
         return plots.overview(rows, scene.resources.baseline, selected, size, look)
+
+    def numbers(self, scene: Scene) -> Table:
+        names = ("run", "sim accuracy", "sim low", "sim high", "real accuracy", "real low",
+                 "real high", "n", "baseline")  # fmt: skip
+        rows = [
+            (row.run, row.sim_accuracy, *(row.sim_interval or (None, None)), row.real_accuracy,
+             *(row.real_interval or (None, None)), row.n, scene.resources.baseline)
+            for row in scene.resources.rows
+        ]  # fmt: skip
+        return names, rows
 
     def height(self, scene: Scene, width: int) -> int:
         return len(scene.state.runs) + 4
