@@ -3,18 +3,29 @@
 from s2rtui.plots.frame import MapFrame, fit, panned, sample, zoomed
 from s2rtui.plots.geomap import GeoMapLayout, geomap, geomap_layout
 from s2rtui.plots.geomap_model import GeoMapModel, geomap_model
-from s2rtui.plots.histogram import HistogramModel, histogram, histogram_model
+from s2rtui.plots.histogram import HistogramLayout, histogram, histogram_layout, histogram_surface
+from s2rtui.plots.histogram_model import HistogramModel, histogram_model
 from s2rtui.plots.inputs import (
     GeoMapInput,
     HistogramInput,
     InstanceInput,
     MapMode,
+    OrientationInput,
     OverviewRow,
     PoseNumbers,
+    RoomsInput,
     SideView,
+    UmapInput,
 )
 from s2rtui.plots.instance import InstanceLayout, instance, instance_layout
 from s2rtui.plots.instance_model import InstanceModel, instance_model
+from s2rtui.plots.orientation import (
+    OrientationLayout,
+    orientation,
+    orientation_layout,
+    orientation_surface,
+)
+from s2rtui.plots.orientation_model import OrientationModel, orientation_model
 from s2rtui.plots.overview import (
     OverviewLayout,
     OverviewModel,
@@ -22,36 +33,73 @@ from s2rtui.plots.overview import (
     overview_layout,
     overview_model,
 )
+from s2rtui.plots.pending import arc_of, range_of, steps_of
+from s2rtui.plots.rooms import RoomsLayout, rooms, rooms_layout, rooms_surface
+from s2rtui.plots.rooms_model import RoomsModel, rooms_model
+from s2rtui.plots.surface import Mark, Panel, draw_mark, panel_at
+from s2rtui.plots.umap import UmapLayout, umap, umap_layout, umap_surface
+from s2rtui.plots.umap_model import UmapModel, umap_model
 
 __all__ = [
     "GeoMapInput",
     "GeoMapLayout",
     "GeoMapModel",
     "HistogramInput",
+    "HistogramLayout",
     "HistogramModel",
     "InstanceInput",
     "InstanceLayout",
     "InstanceModel",
     "MapFrame",
     "MapMode",
+    "Mark",
+    "OrientationInput",
+    "OrientationLayout",
+    "OrientationModel",
     "OverviewLayout",
     "OverviewModel",
     "OverviewRow",
+    "Panel",
     "PoseNumbers",
+    "RoomsInput",
+    "RoomsLayout",
+    "RoomsModel",
     "SideView",
+    "UmapInput",
+    "UmapLayout",
+    "UmapModel",
+    "arc_of",
+    "draw_mark",
     "fit",
     "geomap",
     "geomap_layout",
     "geomap_model",
     "histogram",
+    "histogram_layout",
     "histogram_model",
+    "histogram_surface",
     "instance",
     "instance_layout",
     "instance_model",
+    "orientation",
+    "orientation_layout",
+    "orientation_model",
+    "orientation_surface",
     "overview",
     "overview_layout",
     "overview_model",
+    "panel_at",
     "panned",
+    "range_of",
+    "rooms",
+    "rooms_layout",
+    "rooms_model",
+    "rooms_surface",
     "sample",
+    "steps_of",
+    "umap",
+    "umap_layout",
+    "umap_model",
+    "umap_surface",
     "zoomed",
 ]

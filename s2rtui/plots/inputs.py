@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds, Room
+from s2rtui.plots.surface import Mark
 
 Floats = NDArray[np.floating]
+Codes = NDArray[np.integer]
 Bools = NDArray[np.bool_]
 Interval = tuple[float, float]
 MapMode = Literal["colour", "glyph", "full"]
@@ -118,7 +120,10 @@ class InstanceInput:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HistogramInput:
-    """Errors of both sides, (N,) each, in `unit`; `selected` and `valid` (N,) bool."""
+    """Errors of both sides, (N,) each, in `unit`; `selected` and `valid` (N,) bool; cursor: an iid.
+
+    `upper` is the right end of the axis (default: the 99th percentile of both sides).
+    """
 
     sim: Floats
     real: Floats
@@ -127,3 +132,60 @@ class HistogramInput:
     label: str = "error"
     unit: str = "m"
     upper: float | None = None
+    cursor: int | None = None
+    mark: Mark | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UmapInput:
+    """Embeddings in the plane, sim and real in the same coordinates.
+
+    sim, real: (N, 2), NaN for none. values: (N,) what colours the points, NaN for none (default:
+    the distance between an instance's two points); `value_range` fixes its scale (default: the 1st
+    .. 99th percentile). selected, valid: (N,) bool; cursor: an iid.
+    """
+
+    sim: Floats
+    real: Floats
+    values: Floats | None
+    selected: Bools
+    valid: Bools
+    cursor: int | None = None
+    mark: Mark | None = None
+    value_label: str = "distance"
+    value_unit: str = ""
+    value_range: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrientationInput:
+    """Headings of prediction, truth and prediction, (N,) radians each, NaN for none.
+
+    selected, valid: (N,) bool; cursor: an iid. `y_down`: 90 degrees points down on the screen.
+    """
+
+    sim: Floats
+    truth: Floats
+    real: Floats
+    selected: Bools
+    valid: Bools
+    y_down: bool = True
+    cursor: int | None = None
+    mark: Mark | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoomsInput:
+    """The rooms of prediction, truth and prediction: (N,) indices into `room_names`, -1 for none.
+
+    selected, valid: (N,) bool; cursor: an iid.
+    """
+
+    sim: Codes
+    truth: Codes
+    real: Codes
+    room_names: tuple[str, ...]
+    selected: Bools
+    valid: Bools
+    cursor: int | None = None
+    mark: Mark | None = None
