@@ -17,6 +17,7 @@ from s2rstore import arrays, dense, layout, sandbox, schema
 from s2rstore.columns import InstanceColumns, RunColumns
 from s2rstore.errors import RequestError
 from s2rstore.geometry.alignment import Correction
+from s2rstore.recent import Recent
 from s2rstore.records import (
     ArrayRecord,
     Bounds,
@@ -38,6 +39,9 @@ _PLANES: dict[str, dict[str | None, int]] = {
     "activation": {"x": 0, "y": 1, "heading": 2, "loss": 3, None: 3},
 }
 _DEFAULT_MODES = {"occlusion": "rgbd", "pixel_difference": "rgb"}
+
+_EVALUATED_BYTES = 128 * 2**20
+_EMBEDDING_BYTES = 512 * 2**20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +73,8 @@ class Store:
         self._connection = sandbox.connect(self._index)
         self._runs_columns: dict[str, RunColumns] = {}
         self._arrays: dict[Path, zarr.Array[Any]] = {}
+        self.evaluated = Recent(_EVALUATED_BYTES)
+        self.embeddings = Recent(_EMBEDDING_BYTES)
 
     def __enter__(self) -> Store:
         return self
@@ -173,10 +179,18 @@ class Store:
         if run not in self._runs_columns:
             if self.run(run).key is None:
                 raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
+            lacking = self.lacking("prediction")
             self._runs_columns[run] = dense.run_columns(
-                self._connection.cursor(), run, self.instances, self.rooms
+                self._connection.cursor(), run, self.instances, self.rooms, lacking
             )
         return self._runs_columns[run]
+
+    def lacking(self, table: str) -> frozenset[str]:
+        """The columns that this index, written by an earlier release, does not have."""
+        cursor = self._connection.cursor().execute(f'SELECT * FROM "{table}" LIMIT 0')
+        found = {column[0] for column in cursor.description}
+        optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
+        return frozenset(optional - found)
 
     def provenance(self, what: str) -> dict[str, str]:
         """Facts about how `what` came to be, such as `dataset` or `model:NAME`."""

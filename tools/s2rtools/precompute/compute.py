@@ -17,7 +17,7 @@ from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.harmonise import Alignment
 from s2rtools.inference import Backend, open_backend
 from s2rtools.models.library import load_model
-from s2rtools.precompute import align, maps, projection
+from s2rtools.precompute import align, maps, outlier, projection
 from s2rtools.precompute.frames import PairFrames, read_pairs
 from s2rtools.precompute.units import ArraySpec, Unit
 
@@ -44,6 +44,8 @@ class Computer:
     def _compute(self, run: Run, unit: Unit) -> Values:
         if unit.stage.name == "projection":
             return _projection(self._root, unit)
+        if unit.stage.name == "outlier":
+            return dict(outlier.distances(self._root, unit, self._threads))
         if unit.stage.name.startswith("map:"):
             return maps.grids(self._store, run, unit)
         return self._network(run, unit)

@@ -86,11 +86,12 @@ def _compute_run(
         allowed = [kind for kind in kinds if KINDS[kind].suits(model)]
         forward = run_stages.forward_stage(store, run, model, backend, allowed)
         others = run_stages.occlusion_stages(store, run, model, backend, allowed)
-        second = [run_stages.projection_stage(store, forward)]
-        second += run_stages.map_stages(store, forward, others)
-    for group in ([forward, *others], second):
+        projection = run_stages.projection_stage(store, forward)
+        second = [projection, *run_stages.map_stages(store, forward, others)]
+        third = [run_stages.outlier_stage(store, forward, projection)]
+    for group in ([forward, *others], second, third):
         _compute_stages(root, group, {name: backend["name"]}, options, reporter)
-    published = publish_run(root, name, [forward, *others, *second], backend)
+    published = publish_run(root, name, [forward, *others, *second, *third], backend)
     reporter.say(f"{name}: {'published' if published else 'up to date'}")
     return published
 

@@ -1,4 +1,4 @@
-"""The stages of a run: forward passes, occlusion, projection, map grids; and their keys."""
+"""The stages of a run: forward passes, occlusion, projection, map grids, outliers; their keys."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import KINDS
 from s2rtools.models.contract import LoadedModel
+from s2rtools.precompute import outlier
 from s2rtools.precompute.projection import SETTINGS
 from s2rtools.precompute.units import ArraySpec, Stage, content_key, run_facts
 
 FORWARD_ROWS = 256
 OCCLUSION_ROWS = 64
+OUTLIER_ROWS = 32_768
 MAP_SETTINGS: dict[str, Any] = {"cells": 264, "heights": [0.1, 2.0], "version": 1}
 
 
@@ -79,6 +81,18 @@ def projection_stage(store: Store, forward: Stage) -> Stage:
     ]
     sources = _of_kind(forward, "prediction") + _of_kind(forward, "embedding")
     return Stage("projection", forward.run, tuple(specs), max(n, 1), sources)
+
+
+def outlier_stage(store: Store, forward: Stage, projection: Stage) -> Stage:
+    """Distances to the nearest principal components of the same side."""
+    n = len(store.instances)
+    components = _of_kind(projection, "pca")
+    key = content_key({"pca": components[0].key, **outlier.SETTINGS.facts()})
+    specs = [
+        ArraySpec(outlier.KIND, side, None, (), "float32", ("iid",), "", key, n) for side in SIDES
+    ]
+    sources = _of_kind(forward, "prediction") + components
+    return Stage("outlier", forward.run, tuple(specs), OUTLIER_ROWS, sources)
 
 
 def _of_kind(stage: Stage, kind: str) -> tuple[ArraySpec, ...]:
