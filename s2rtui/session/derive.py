@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.plots import GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView
 from s2rtui.session.heat import SIGNED, ray_of, run_range, unit
+from s2rtui.session.seen import seen
 from s2rtui.session.state import HeatChoice, State
 
 Pixels = NDArray[np.uint8]
@@ -119,27 +119,17 @@ def _ranks(store: Store, run: str, iid: int) -> str:
 
 
 def _side(store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None) -> SideView:
-    record = store.run(run)
-    domain = store.domains[record.domain(side)]
-    frame = store.frame(iid, domain.domain)
+    shown = seen(store, store.run(run), side, iid)
     part = store.run_columns(run).side(side)
-    metres = np.where(frame.valid, frame.depth * np.float32(domain.depth_scale), np.nan)
     values = [part.x, part.y, part.heading, part.error, part.heading_error]
     x, y, heading, error, turn = (float(column[iid]) for column in values)
-    pose = None if math.isnan(x) else PoseNumbers(x, y, heading, error, turn)
-    chain = record.adjustments(side)
-    adjusted = f", before {_chain_text(chain)}" if chain else ""
     return SideView(
-        rgb=frame.rgb,
-        depth=metres.astype(np.float32),
+        rgb=shown.rgb,
+        depth=shown.depth,
         heat=None if heat is None else store.heatmap(run, heat.kind, side, iid, heat.mode),
-        pose=pose,
-        title=f"{domain.domain}{adjusted}" if domain.domain != side or adjusted else "",
+        pose=None if math.isnan(x) else PoseNumbers(x, y, heading, error, turn),
+        title=shown.title,
     )
-
-
-def _chain_text(chain: list[dict[str, Any]]) -> str:
-    return ", ".join(f"{step['name']}={step['value']:g}" for step in chain)
 
 
 @lru_cache(maxsize=4)

@@ -14,6 +14,7 @@ from s2rstore.geometry.alignment import Surface
 from s2rstore.geometry.grid import MapGrid, Projector, Ray
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Run, Side
+from s2rstore.sides import run_domain, run_frame
 from s2rtui.session.state import HeatChoice
 
 SIGNED = ("activation", "occlusion")
@@ -28,7 +29,7 @@ def choices(store: Store, run: str) -> list[tuple[str, str | None]]:
     """Kinds and modes of a run's heatmaps, in the order that keys walk through them."""
     found: list[tuple[str, str | None]] = []
     for record in store.arrays(run):
-        if record.kind in _NOT_HEAT or record.kind.startswith("map:"):
+        if record.kind in _NOT_HEAT or record.kind.startswith(("map:", "frames:")):
             continue
         for mode in _PLANES.get(record.kind, (record.mode,)):
             if (record.kind, mode) not in found:
@@ -85,12 +86,13 @@ def _surface(
     store: Store, run: Run, heat: HeatChoice, iid: int, frame: tuple[int, int]
 ) -> tuple[Domain, NDArray[Any]]:
     """The rig that carries the heat, and raw depth (1, H, W) where it lies, as in precompute."""
-    own, other = (store.domains[run.domain(side)] for side in _ORDER[heat.side])
+    own, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
     noted = json.loads(store.provenance(f"run:{run.run}").get("surfaces", "{}"))
     correction = store.correction(run.sim_domain, run.real_domain)
     surface = Surface(own, other, frame, heat.side == "real", correction, noted.get(heat.kind))
-    away = store.frame(iid, other.domain).depth[None] if surface.needs_other else None
-    return surface.domain, surface.depth(store.frame(iid, own.domain).depth[None], away)
+    near, far = _ORDER[heat.side]
+    away = run_frame(store, run, far, iid).depth[None] if surface.needs_other else None
+    return surface.domain, surface.depth(run_frame(store, run, near, iid).depth[None], away)
 
 
 class _Held:
