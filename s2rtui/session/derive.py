@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from s2rstore import headlines
 from s2rstore.reader import Store
-from s2rstore.records import Side
+from s2rstore.records import SIDES, Side
 from s2rtui.plots import GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView
 from s2rtui.session.heat import SIGNED, ray_of, run_range, unit
-from s2rtui.session.seen import seen
+from s2rtui.session.seen import Seen, seen
 from s2rtui.session.state import HeatChoice, State
 
 Pixels = NDArray[np.uint8]
@@ -85,10 +85,11 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
     room = truth.room[iid]
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
     columns = store.run_columns(run)
+    sim, real = (seen(store, store.run(run), side, iid) for side in SIDES)
     return InstanceInput(
         iid=iid,
-        sim=_side(store, run, iid, "sim", heat),
-        real=_side(store, run, iid, "real", heat),
+        sim=_side(store, run, iid, "sim", heat, sim),
+        real=_side(store, run, iid, "real", heat, real),
         truth=(float(truth.x[iid]), float(truth.y[iid]), float(truth.heading[iid])),
         kind=heat.kind.replace("_", " ") if heat else None,
         mode=heat.mode if heat else None,
@@ -100,6 +101,8 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             ("gap", f"{columns.gap[iid]:+.2f} m, shift {columns.shift[iid]:.2f} m"),
             ("ranks", _ranks(store, run, iid)),
+            *sim.notes,
+            *real.notes,
         ),
     )
 
@@ -118,8 +121,9 @@ def _ranks(store: Store, run: str, iid: int) -> str:
     return f"{', '.join(parts)} of {total} by error"
 
 
-def _side(store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None) -> SideView:
-    shown = seen(store, store.run(run), side, iid)
+def _side(
+    store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None, shown: Seen
+) -> SideView:
     part = store.run_columns(run).side(side)
     values = [part.x, part.y, part.heading, part.error, part.heading_error]
     x, y, heading, error, turn = (float(column[iid]) for column in values)
