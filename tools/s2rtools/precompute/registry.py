@@ -57,6 +57,20 @@ def add_run(
     return name
 
 
+def drop_run(root: Path, name: str) -> bool:
+    """Take a run that was never computed out of the store; False where it is not that.
+
+    Its arrays stay until `s2r prune`: a run of that name and the same facts takes them up.
+    """
+    with s2rstore.open(root) as store:
+        if name not in store.runs or store.runs[name].key is not None:
+            return False
+    with edit(root) as draft:
+        if draft.rows("SELECT 1 FROM run WHERE run = ? AND key IS NULL", [name]):
+            draft.delete("run", run=name)
+    return True
+
+
 def _check_move(store: Store, domain: str, chain: Sequence[Mapping[str, Any]]) -> None:
     """Raises RequestError where a chain moves cameras that it cannot."""
     record = store.domain(domain)
