@@ -21,10 +21,15 @@ from s2rtui.cli import main
 from s2rtui.saving import Saving, save_run
 from tests.support.copies import copied
 
+pytestmark = pytest.mark.xdist_group("world")
 
-def test_a_saved_run_is_the_one_of_the_command_line(trained: Path, tmp_path: Path) -> None:
-    path = copied(trained, tmp_path / "s.s2r")
-    chain = {"real": chain_of("real", {"contrast": 0.9, "brightness": 1.15})}
+
+def test_a_saved_run_is_the_one_of_the_command_line(moved_world: Path, tmp_path: Path) -> None:
+    path = copied(moved_world, tmp_path / "s.s2r")
+    chain = {
+        "sim": chain_of("sim", {"camera_pitch": 2.0}),
+        "real": chain_of("real", {"contrast": 0.9, "brightness": 1.15}),
+    }
     with s2rstore.open(path) as reader:
         saving = save_run(path, "saved", "vanilla", chain)
         told = list(saving.follow())
@@ -35,7 +40,8 @@ def test_a_saved_run_is_the_one_of_the_command_line(trained: Path, tmp_path: Pat
         assert fractions == sorted(fractions)
         assert len(set(fractions)) > 3
         assert "saved" not in reader.runs
-    words = ["--adjust", "real:brightness=1.15,contrast=0.9", "--store", str(path)]
+    words = ["--adjust", "real:brightness=1.15,contrast=0.9", "--store", str(path),
+             "--adjust", "sim:camera_pitch=2"]  # fmt: skip
     assert main(["run", "add", "typed", "--model", "vanilla", *words]) == 0
     assert main(["precompute", str(path), "--run", "typed"]) == 0
     with s2rstore.open(path) as store:
@@ -101,18 +107,21 @@ def test_computed_runs_are_not_dropped(own_store: Path) -> None:
         assert list(store.runs) == ["vanilla", "dataaug"]
 
 
-def test_progress_is_told_as_json_and_survives_its_reader(trained: Path, tmp_path: Path) -> None:
-    path = copied(trained, tmp_path / "s.s2r")
-    command = [sys.executable, "-m", "s2rtui", "precompute", str(path), "--kinds",
-               "feature_distance", "--progress", "json"]  # fmt: skip
+def test_progress_is_told_as_json_and_survives_its_reader(
+    moved_world: Path, tmp_path: Path
+) -> None:
+    path = copied(moved_world, tmp_path / "s.s2r")
+    add_run(path, "later", "perlin", None, None, {"sim": [], "real": []})
+    command = [sys.executable, "-m", "s2rtui", "precompute", str(path), "--run", "later",
+               "--kinds", "feature_distance", "--progress", "json"]  # fmt: skip
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
         assert json.loads(process.stdout.readline()) == {
-            "stage": "vanilla: forward", "done": 0, "total": 80,
+            "stage": "later: forward", "done": 0, "total": 8,
         }  # fmt: skip
         process.stdout.close()
         assert process.wait(timeout=120) == 0
         assert process.stderr is not None
         assert process.stderr.read() == b""
     with s2rstore.open(path) as store:
-        assert store.run("vanilla").key is not None
+        assert store.run("later").key is not None
