@@ -219,7 +219,11 @@ ACTIONS: tuple[Action, ...] = (
     Action("other_run", ("k",), "review", "compare with the next run", showing.change_other),
     Action("note", ("e",), "review", "note on this instance"),
     Action("tag", ("number_sign",), "review", "tag this instance", shown="#"),
-    *(Action(f"view('{v.name}')", (v.key,), "views", v.description) for v in VIEWS if v.key.isdigit()),
+    *(
+        Action(f"view('{view.name}')", (view.key,), "views", view.description)
+        for view in VIEWS
+        if view.key.isdigit()
+    ),
     Action("next_view", ("tab",), "views", "next view", short="view", when="still"),
     Action("previous_view", ("shift+tab",), "views", "previous view", when="still"),
     Action("jump", ("space",), "views", "jump to anything by a letter", when="still"),

@@ -14,7 +14,6 @@ from s2rtui.feeds import FEEDS, Feed, Key
 from s2rtui.messages import Fed, Progressed
 from s2rtui.session.state import State
 
-
 REST_SECONDS = 0.15
 
 

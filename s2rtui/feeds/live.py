@@ -11,7 +11,7 @@ from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rtui.feeds.contract import Caller, Fields
 from s2rtui.session import adjusting
-from s2rtui.session.derive import live_input
+from s2rtui.session.adjusted import live_input
 from s2rtui.session.state import State
 
 if TYPE_CHECKING:

@@ -10,16 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore import headlines
+from s2rstore import headlines, similarity
+from s2rstore.errors import RequestError
 from s2rstore.reader import Store
-from s2rstore.records import Side
-from s2rtui.plots import GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView
+from s2rstore.records import SIDES, Side
+from s2rtui.plots import GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView, UmapInput
 from s2rtui.plots.same import Same
+from s2rtui.plots.surface import Mark
 from s2rtui.session.heat import SIGNED, ray_of, run_range, unit
+from s2rtui.session.seen import Seen, seen
 from s2rtui.session.state import HeatChoice, State
 
 Pixels = NDArray[np.uint8]
 Grid = NDArray[np.float32]
+_NEIGHBOURS = 6
 
 
 def overview_rows(
@@ -92,10 +96,11 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
     room = truth.room[iid]
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
     columns = store.run_columns(run)
+    sim, real = (seen(store, store.run(run), side, iid) for side in SIDES)
     return InstanceInput(
         iid=iid,
-        sim=_side(store, run, iid, "sim", heat),
-        real=_side(store, run, iid, "real", heat),
+        sim=_side(store, run, iid, "sim", heat, sim),
+        real=_side(store, run, iid, "real", heat, real),
         truth=(float(truth.x[iid]), float(truth.y[iid]), float(truth.heading[iid])),
         kind=heat.kind.replace("_", " ") if heat else None,
         mode=heat.mode if heat else None,
@@ -107,6 +112,9 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             ("gap", f"{columns.gap[iid]:+.2f} m, shift {columns.shift[iid]:.2f} m"),
             ("ranks", _ranks(store, run, iid)),
+            *_neighbours(store, run, iid),
+            *sim.notes,
+            *real.notes,
         ),
     )
 
@@ -125,28 +133,32 @@ def _ranks(store: Store, run: str, iid: int) -> str:
     return f"{', '.join(parts)} of {total} by error"
 
 
-def _side(store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None) -> SideView:
-    record = store.run(run)
-    domain = store.domains[record.domain(side)]
-    frame = store.frame(iid, domain.domain)
+def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
+    """The instances that the run sees alike, on each side; nothing where embeddings lack."""
+    found = []
+    for side in SIDES:
+        try:
+            near, _ = similarity.neighbours(store, run, side, iid, _NEIGHBOURS)
+        except RequestError:
+            continue
+        listed = " ".join(str(other) for other in near if other != iid)
+        found.append((f"like it in {side}", listed or "none"))
+    return found
+
+
+def _side(
+    store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None, shown: Seen
+) -> SideView:
     part = store.run_columns(run).side(side)
-    metres = np.where(frame.valid, frame.depth * np.float32(domain.depth_scale), np.nan)
     values = [part.x, part.y, part.heading, part.error, part.heading_error]
     x, y, heading, error, turn = (float(column[iid]) for column in values)
-    pose = None if math.isnan(x) else PoseNumbers(x, y, heading, error, turn)
-    chain = record.adjustments(side)
-    adjusted = f", before {_chain_text(chain)}" if chain else ""
     return SideView(
-        rgb=frame.rgb,
-        depth=metres.astype(np.float32),
+        rgb=shown.rgb,
+        depth=shown.depth,
         heat=None if heat is None else store.heatmap(run, heat.kind, side, iid, heat.mode),
-        pose=pose,
-        title=f"{domain.domain}{adjusted}" if domain.domain != side or adjusted else "",
+        pose=None if math.isnan(x) else PoseNumbers(x, y, heading, error, turn),
+        title=shown.title,
     )
-
-
-def _chain_text(chain: list[dict[str, Any]]) -> str:
-    return ", ".join(f"{step['name']}={step['value']:g}" for step in chain)
 
 
 @lru_cache(maxsize=4)

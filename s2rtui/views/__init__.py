@@ -5,13 +5,19 @@ from s2rtui.views.contract import Resources, Scene, View
 from s2rtui.views.errors import ErrorsView
 from s2rtui.views.geomap import MapView
 from s2rtui.views.instance import InstanceView
+from s2rtui.views.orientation import OrientationView
 from s2rtui.views.overview import OverviewView
+from s2rtui.views.rooms import RoomsView
 from s2rtui.views.table import ListView
+from s2rtui.views.umap import UmapView
 
 VIEWS: tuple[View, ...] = (
     OverviewView(),
     MapView(),
     InstanceView(),
+    UmapView(),
+    OrientationView(),
+    RoomsView(),
     ErrorsView(),
     ListView(),
     AdjustView(),

@@ -8,6 +8,7 @@ import numpy as np
 
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.plots.inputs import Floats
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session, derive
 from s2rtui.views.contract import Scene, Table, View, area
@@ -50,6 +51,6 @@ class UmapView(View):
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area(panel, mark, f"umap.{panel.name}", f"umap.{panel.name}.lasso")
 
-    def _points(self, scene: Scene, panel: Panel) -> plots.Floats:
+    def _points(self, scene: Scene, panel: Panel) -> Floats:
         view = self.input(scene)
         return view.sim if panel.name == "sim" else view.real

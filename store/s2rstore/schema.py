@@ -198,7 +198,7 @@ TABLES: tuple[Table, ...] = (
         "published arrays; value = (stored - zero) * scale",
         "run kind side mode",
         ("run", "VARCHAR", "run"),
-        ("kind", "VARCHAR", "what it holds: embedding, a heatmap kind, map grids"),
+        ("kind", "VARCHAR", "what it holds: embedding, a heatmap kind, map grids, rendered frames"),
         ("side", "VARCHAR", "sim or real; NULL = both share it"),
         ("mode", "VARCHAR", "variant of the kind; NULL = only one"),
         ("path", "VARCHAR", "inside runs.zarr"),
