@@ -15,10 +15,10 @@ from pathlib import Path
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
-from bench import inference, memory, occlusion, projection, startup, wire
+from bench import inference, live, memory, occlusion, projection, startup, wire
 from bench.figures import Figure
 
-_ROOMS = ("startup", "wire", "projection", "occlusion", "inference", "memory")
+_ROOMS = ("startup", "wire", "projection", "occlusion", "inference", "live", "memory")
 
 
 def main() -> int:
@@ -53,6 +53,8 @@ def _all(wanted: list[str], options: argparse.Namespace, folder: Path) -> Iterat
         yield from occlusion.figures(options.threads)
     if "inference" in wanted:
         yield from inference.figures(options.threads)
+    if "live" in wanted:
+        yield from live.figures(options.threads)
     if "memory" in wanted:
         yield from memory.figures((1_000, 100_000))
 

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
-Group = Literal["select", "move", "heat", "map", "views", "program"]
+from s2rtui.session import Session, adjusting, listing, showing
+from s2rtui.session.state import State
+from s2rtui.views import VIEWS
+
+Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
+When = Literal["always", "still", "plain", "brushing", "list", "adjust", "elsewhere"]
 
 GROUPS: dict[Group, str] = {
     "select": "Select",
+    "brush": "Brush",
     "move": "Move",
     "heat": "Heat",
     "map": "Map",
+    "adjust": "Adjust",
+    "review": "Review",
     "views": "Views",
     "program": "Program",
 }
@@ -19,59 +29,218 @@ GROUPS: dict[Group, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """`name` is the application's method `action_NAME`; `short` the footer's word, if any.
+    """`name` is unique. `do` changes the session; without it the application has `action_NAME`.
 
-    `keys` are Textual's names, the first one shown.
+    `keys` are Textual's names, the first one shown (as `shown`); `short` is the footer's word, if
+    any; `when` says in which situation the keys mean this.
     """
 
     name: str
     keys: tuple[str, ...]
     group: Group
     description: str
+    do: Callable[[Session], object] | None = None
     short: str = ""
     shown: str = ""
+    when: When = "always"
 
     @property
     def key(self) -> str:
         return self.shown or self.keys[0]
 
+    @property
+    def call(self) -> str:
+        """The action as Textual calls it."""
+        return self.name if self.do is None else f"do('{self.name}')"
+
+    def applies(self, state: State) -> bool:
+        """Whether it means something in a state."""
+        brushing = state.brush is not None
+        return {
+            "always": True,
+            "still": not brushing,
+            "plain": not brushing and state.view != "adjust",
+            "adjust": not brushing and state.view == "adjust",
+            "brushing": brushing,
+            "list": not brushing and state.view == "list",
+            "elsewhere": not brushing and state.view not in ("list", "adjust"),
+        }[self.when]
+
+
+def _choose(expression: str) -> Callable[[Session], object]:
+    return lambda session: session.choose(expression)
+
+
+_OPERATORS = (
+    Action(
+        "intersect", ("ampersand",), "select", "next selection: only what both have",
+        lambda s: s.expect("intersect"), "and", "&", "still",
+    ),
+    Action(
+        "union", ("vertical_line",), "select", "next selection: in addition",
+        lambda s: s.expect("union"), "", "|", "still",
+    ),
+    Action(
+        "subtract", ("minus",), "select", "next selection: taken out",
+        lambda s: s.expect("subtract"), "", "-", "still",
+    ),
+    Action(
+        "complement", ("exclamation_mark",), "select", "all but these",
+        Session.complement, "", "!", "still",
+    ),
+)  # fmt: skip
+
+_BRUSHING = (
+    Action("brush", ("x",), "brush", "brush in this view, by keys", short="brush", when="still"),
+    Action("brush_apply('')", ("enter",), "brush", "select what is inside", short="select",
+           when="brushing"),
+    Action("brush_apply('intersect')", ("ampersand",), "brush", "... intersected with the present",
+           short="and", shown="&", when="brushing"),
+    Action("brush_apply('union')", ("vertical_line",), "brush", "... in addition",
+           short="or", shown="|", when="brushing"),
+    Action("brush_apply('subtract')", ("minus",), "brush", "... taken out",
+           short="without", shown="-", when="brushing"),
+    Action("brush_move(-1, 0)", ("left",), "brush", "move the mark", shown="arrows",
+           short="move", when="brushing"),
+    Action("brush_move(1, 0)", ("right",), "brush", "", when="brushing"),
+    Action("brush_move(0, -1)", ("up",), "brush", "", when="brushing"),
+    Action("brush_move(0, 1)", ("down",), "brush", "", when="brushing"),
+    Action("brush_stretch(-1, 0)", ("shift+left",), "brush", "move its far corner",
+           shown="shift+arrows", when="brushing"),
+    Action("brush_stretch(1, 0)", ("shift+right",), "brush", "", when="brushing"),
+    Action("brush_stretch(0, -1)", ("shift+up",), "brush", "", when="brushing"),
+    Action("brush_stretch(0, 1)", ("shift+down",), "brush", "", when="brushing"),
+    Action("brush_scale(-1)", ("z",), "brush", "smaller", short="smaller", when="brushing"),
+    Action("brush_scale(1)", ("Z",), "brush", "larger", short="larger", when="brushing"),
+    Action("brush_corner", ("space",), "brush", "a corner of the lasso", when="brushing"),
+    Action("brush_panel", ("tab",), "brush", "the view's next panel", short="panel",
+           when="brushing"),
+    Action("lasso", ("L",), "brush", "brush with a lasso or a box"),
+)  # fmt: skip
+
+_ADJUSTING = (
+    Action("adjust", ("a",), "adjust", "adjust images live", short="adjust", when="plain"),
+    Action("slider_up", ("up",), "adjust", "another slider",
+           lambda s: adjusting.choose(s, -1), shown="up, down", when="adjust"),
+    Action("slider_down", ("down",), "adjust", "", lambda s: adjusting.choose(s, 1),
+           when="adjust"),
+    Action("less", ("left",), "adjust", "move the slider; with shift five steps",
+           lambda s: adjusting.move(s, -1), "slider", "<- ->", "adjust"),
+    Action("more", ("right",), "adjust", "", lambda s: adjusting.move(s, 1), when="adjust"),
+    Action("much_less", ("shift+left",), "adjust", "", lambda s: adjusting.move(s, -5),
+           when="adjust"),
+    Action("much_more", ("shift+right",), "adjust", "", lambda s: adjusting.move(s, 5),
+           when="adjust"),
+    Action("neutral", ("backspace",), "adjust", "all sliders to neutral", adjusting.reset,
+           "neutral", when="adjust"),
+    Action("save_run", ("S",), "adjust", "save the adjustments as a run, for all images",
+           short="save run", when="adjust"),
+)  # fmt: skip
 
 ACTIONS: tuple[Action, ...] = (
-    Action("worst_real", ("w",), "select", "worst 15 % in reality (min)", "worst"),
-    Action("best_real", ("b",), "select", "best 15 % in reality (max)", "best"),
-    Action("worst_sim", ("W",), "select", "worst 15 % in simulation"),
-    Action("best_sim", ("B",), "select", "best 15 % in simulation"),
-    Action("clear", ("c",), "select", "select all", "clear"),
-    Action("edit", ("slash",), "select", "write an expression", "query", "/"),
-    Action("undo", ("u",), "select", "the expression before this one"),
+    Action("worst_real", ("w",), "select", "worst 15 % in reality (min)", _choose("worst15"),
+           "worst", when="still"),
+    Action("best_real", ("b",), "select", "best 15 % in reality (max)", _choose("best15"),
+           "best", when="still"),
+    Action("worst_sim", ("W",), "select", "worst 15 % in simulation",
+           _choose("worst(15%, sim.error)"), when="still"),
+    Action("best_sim", ("B",), "select", "best 15 % in simulation",
+           _choose("best(15%, sim.error)"), when="still"),
+    Action("straight", ("i",), "select", "straight driving", _choose("straight"), when="still"),
+    Action("curved", ("j",), "select", "curves", _choose("curved"), when="still"),
+    Action("all", ("c",), "select", "select all", lambda s: s.select("all"), "clear",
+           when="still"),
+    *_OPERATORS,
+    *_BRUSHING,
+    *_ADJUSTING,
+    Action("edit", ("slash",), "select", "write an expression", None, "query", "/", "still"),
+    Action("undo", ("u",), "select", "the expression before this one", Session.undo),
+    Action("redo", ("U",), "select", "the expression after this one", Session.redo),
     Action("copy", ("y",), "select", "copy the expression to the clipboard"),
-    Action("next_instance", ("right", "n"), "move", "next instance", "instance", "->"),
-    Action("previous_instance", ("left", "p"), "move", "previous instance", "", "<-"),
-    Action("next_run", ("r", "down"), "move", "next run", "run"),
-    Action("previous_run", ("R", "up"), "move", "previous run"),
-    Action("trajectory", ("t",), "move", "next trajectory in view"),
-    Action("next_heat", ("h",), "heat", "next heatmap kind", "heat"),
-    Action("previous_heat", ("H",), "heat", "previous heatmap kind"),
-    Action("mode", ("v",), "heat", "next mode of the kind"),
-    Action("overlay", ("o",), "heat", "heat on the map: off, instance, run", "on map"),
-    Action("side", ("d",), "heat", "side whose heat lies on the map"),
-    Action("map_mode", ("m",), "map", "map: colour or full", "map"),
-    Action("zoom_in", ("plus", "equals_sign"), "map", "zoom in at the instance", "", "+ ="),
-    Action("zoom_out", ("minus",), "map", "zoom out", "", "-"),
-    Action("zoom_all", ("0",), "map", "the whole map"),
-    Action("view('overview')", ("1",), "views", "overview", "", ""),
-    Action("view('map')", ("2",), "views", "geo-map"),
-    Action("view('instance')", ("3",), "views", "instance"),
-    Action("move_on", ("g",), "program", "move on to the newest generation"),
-    Action("snapshot", ("s",), "program", "write the screen as PNG", "snapshot"),
-    Action("help", ("question_mark",), "program", "all keys", "help", "?"),
-    Action("quit", ("q",), "program", "quit", "quit"),
-)
+    Action("save_selection", ("at",), "select", "save the selection by name", shown="@"),
+    Action("selections", ("f",), "select", "saved selections and history"),
+    Action("next_instance", ("n",), "move", "next instance",
+           lambda s: s.move_cursor(1), when="still"),
+    Action("previous_instance", ("p",), "move", "previous instance",
+           lambda s: s.move_cursor(-1), when="still"),
+    Action("instance_right", ("right",), "move", "next instance",
+           lambda s: s.move_cursor(1), "instance", "->", "plain"),
+    Action("instance_left", ("left",), "move", "previous instance",
+           lambda s: s.move_cursor(-1), "", "<-", "plain"),
+    Action("next_row", ("down",), "move", "next row of the list",
+           lambda s: listing.move(s, 1), when="list"),
+    Action("previous_row", ("up",), "move", "previous row of the list",
+           lambda s: listing.move(s, -1), when="list"),
+    Action("page_down", ("pagedown",), "move", "a page of the list onwards",
+           lambda s: listing.move(s, 20), when="list"),
+    Action("page_up", ("pageup",), "move", "a page of the list back",
+           lambda s: listing.move(s, -20), when="list"),
+    Action("next_run", ("r",), "move", "next run", lambda s: s.change_run(1), "run",
+           when="still"),
+    Action("previous_run", ("R",), "move", "previous run", lambda s: s.change_run(-1),
+           when="still"),
+    Action("run_below", ("down",), "move", "next run", lambda s: s.change_run(1),
+           when="elsewhere"),
+    Action("run_above", ("up",), "move", "previous run", lambda s: s.change_run(-1),
+           when="elsewhere"),
+    Action("trajectory", ("t",), "move", "next trajectory in view", Session.change_trajectory,
+           when="still"),
+    Action("next_heat", ("h",), "heat", "next heatmap kind",
+           partial(showing.change_heat, steps=1), "heat"),
+    Action("previous_heat", ("H",), "heat", "previous heatmap kind",
+           partial(showing.change_heat, steps=-1)),
+    Action("mode", ("v",), "heat", "next mode of the kind", showing.change_mode),
+    Action("overlay", ("o",), "heat", "heat on the map: off, instance, selection, run",
+           showing.change_overlay, "on map"),
+    Action("aggregate", ("A",), "heat", "heat on the map: mean, max, sum",
+           showing.change_aggregate),
+    Action("side", ("d",), "heat", "side that is shown: real or sim", showing.change_side),
+    Action("map_mode", ("m",), "map", "map: colour, glyph or full", showing.change_map_mode,
+           "map"),
+    Action("zoom_in", ("z", "plus", "equals_sign"), "map", "zoom in at the instance",
+           partial(showing.zoom, factor=1 / 0.6), when="still"),
+    Action("zoom_out", ("Z",), "map", "zoom out", partial(showing.zoom, factor=0.6),
+           when="still"),
+    Action("zoom_all", ("0",), "map", "the whole map", partial(showing.zoom, factor=0)),
+    Action("pan_left", ("shift+left",), "map", "move the map",
+           partial(showing.pan, across=-0.2, down=0), shown="shift+arrows", when="plain"),
+    Action("pan_right", ("shift+right",), "map", "", partial(showing.pan, across=0.2, down=0),
+           when="plain"),
+    Action("pan_up", ("shift+up",), "map", "", partial(showing.pan, across=0, down=-0.2),
+           when="still"),
+    Action("pan_down", ("shift+down",), "map", "", partial(showing.pan, across=0, down=0.2),
+           when="still"),
+    Action("clip", ("C",), "map", "dim what the selection has not seen", showing.toggle_clip),
+    Action("room_names", ("N",), "map", "room names", showing.toggle_room_names),
+    Action("sort", ("full_stop",), "review", "list: sort by the next column",
+           listing.next_column, shown="."),
+    Action("reverse", ("comma",), "review", "list: reverse the order", listing.reverse,
+           shown=","),
+    Action("other_run", ("k",), "review", "compare with the next run", showing.change_other),
+    Action("note", ("e",), "review", "note on this instance"),
+    Action("tag", ("number_sign",), "review", "tag this instance", shown="#"),
+    *(
+        Action(f"view('{view.name}')", (view.key,), "views", view.description)
+        for view in VIEWS
+        if view.key.isdigit()
+    ),
+    Action("next_view", ("tab",), "views", "next view", short="view", when="still"),
+    Action("previous_view", ("shift+tab",), "views", "previous view", when="still"),
+    Action("jump", ("space",), "views", "jump to anything by a letter", when="still"),
+    Action("move_on", ("g",), "program", "move on to the newest generation", Session.move_on),
+    Action("snapshot", ("s",), "program", "write the screen as PNG", short="snapshot"),
+    Action("doctor", ("D",), "program", "what this terminal can do"),
+    Action("tour", ("T",), "program", "the tour again"),
+    Action("help", ("question_mark",), "program", "all keys", short="help", shown="?"),
+    Action("quit", ("q",), "program", "quit", short="quit"),
+)  # fmt: skip
+BY_NAME = {action.name: action for action in ACTIONS}
 
 
-def footer(width: int) -> list[tuple[str, str]]:
+def footer(width: int, state: State) -> list[tuple[str, str]]:
     """Pairs of key and word that fit into `width` columns; help and quit always do, if anything."""
-    words = [(action.key, action.short) for action in ACTIONS if action.short]
+    applicable = [action for action in ACTIONS if action.short and action.applies(state)]
+    words = [(action.key, action.short) for action in applicable]
     last = [pair for pair in words if pair[1] in ("help", "quit")]
     room = width - sum(len(key) + len(word) + 3 for key, word in last)
     shown = []
@@ -88,7 +257,7 @@ def help_text() -> str:
     for group, title in GROUPS.items():
         lines.append(title)
         for action in ACTIONS:
-            if action.group == group:
+            if action.group == group and action.description:
                 keys = action.key if " " in action.key else "  ".join(_keys(action))
                 lines.append(f"  {keys:<18}{action.description}")
         lines.append("")
@@ -96,4 +265,6 @@ def help_text() -> str:
 
 
 def _keys(action: Action) -> list[str]:
-    return list(dict.fromkeys([action.key, *action.keys[1:]]))
+    if action.shown:
+        return [action.shown, *action.keys[1:]]
+    return list(action.keys)

@@ -2,43 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import contextlib
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-from textual import events, work
-from textual.app import App, ComposeResult, SystemCommand
+from textual import events
+from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical
 from textual.content import Content
 from textual.screen import Screen
-from textual.timer import Timer
-from textual.widgets import Input
 
-from s2rstore.errors import S2RError
-from s2rstore.language import ExpressionError
-from s2rtui import plots
-from s2rtui.actions import ACTIONS, footer
-from s2rtui.canvas import Canvas, ColourMode, Look
-from s2rtui.messages import FloorPlanReady, PicturesReady
-from s2rtui.session import Session, State, derive
-from s2rtui.session import heat as heat_source
-from s2rtui.session.state import View
+from s2rstore.errors import RequestError, S2RError
+from s2rtui import arrangement, notebook
+from s2rtui.actions import ACTIONS, BY_NAME, footer
+from s2rtui.arrangement import Place, SizeClass
+from s2rtui.brushes import Brushes
+from s2rtui.canvas import ColourMode, Look
+from s2rtui.feeds.feeding import Feeding
+from s2rtui.messages import Fed, Progressed
+from s2rtui.notebook import Notebook
+from s2rtui.prompts import Prompts
+from s2rtui.savings import Savings
+from s2rtui.session import Session, State, adjusting, sharing, showing
 from s2rtui.themes import textual_theme
-from s2rtui.titles import status_markup, titled
+from s2rtui.titles import StatusLine, status_line, titled
+from s2rtui.views import BY_NAME as VIEW_BY_NAME
+from s2rtui.views import VIEWS, Resources
 from s2rtui.widgets import Bar, PlotView
+from s2rtui.widgets.doctor import DoctorScreen
 from s2rtui.widgets.help import HelpScreen
+from s2rtui.widgets.jump import JumpScreen, Target
+from s2rtui.widgets.panes import Panes
+from s2rtui.widgets.query import QueryLine
+from s2rtui.widgets.tour import TourScreen
 
-REST_SECONDS = 0.15
 WATCH_SECONDS = 2.0
-_PICTURE_TOLERANCE = 12
-_SMALLEST = (40, 12)
+_PICTURE_TOLERANCE = {"map": 12, "instance": 12}
 
 
-class S2RApp(App[None]):
+class S2RApp(Brushes, Prompts, Savings):
     """One store, one user, one screen."""
 
     CSS_PATH = "app.tcss"
@@ -46,10 +51,10 @@ class S2RApp(App[None]):
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
         *(
-            Binding(",".join(action.keys), action.name, action.description, show=False)
+            Binding(",".join(action.keys), action.call, action.description, show=False)
             for action in ACTIONS
         ),
-        Binding("escape", "leave_query", "leave the query line", show=False),
+        Binding("escape", "leave", "leave the query line or the brush", show=False),
     ]
 
     def __init__(self, session: Session, look: Look, pictures_at: Path | None = None) -> None:
@@ -58,334 +63,187 @@ class S2RApp(App[None]):
         self.animation_level = "none"
         self.session = session
         self.look = look
+        self.resources = Resources()
+        self.feeding = Feeding(self)
         self._pictures_at = pictures_at or Path.cwd()
-        self._rows, self._baseline = derive.overview_rows(session.store, (session.state.run,))
-        self._floor_plan: NDArray[np.uint8] | None = None
-        self._pictures: plots.InstanceInput | None = None
-        self._instance_heat: NDArray[np.float32] | None = None
-        self._run_heat: NDArray[np.float32] | None = None
-        self._run_heat_key: tuple[object, ...] = ()
-        self._ticket = 0
-        self._answered = 0
-        self._rest: Timer | None = None
-        self._wanted: tuple[object, ...] | None = None
-        self.rest_seconds = REST_SECONDS
+        self._size_class: SizeClass = "narrow"
+        self.first_run = False
 
     def compose(self) -> ComposeResult:
         yield Bar("status")
-        with Horizontal(id="views"):
-            with Vertical(id="side"):
-                yield PlotView("overview", self.look, rows=len(self.session.state.runs) + 5)
-                yield PlotView("errors", self.look)
-            yield PlotView("map", self.look, _PICTURE_TOLERANCE)
-            yield PlotView("instance", self.look, _PICTURE_TOLERANCE)
+        views = [
+            PlotView(view.name, self.look, _PICTURE_TOLERANCE.get(view.name, 0)) for view in VIEWS
+        ]
+        yield Panes([*views], self._places)
         yield Bar("message")
-        query = Input(id="query", select_on_focus=False, placeholder="worst15 & room:right")
-        query.cursor_blink = False
-        yield query
+        yield QueryLine()
         yield Bar("keys")
 
     def on_mount(self) -> None:
         self.register_theme(textual_theme(self.look.theme))
         self.theme = textual_theme(self.look.theme).name
-        self.query_one("#query", Input).can_focus = False
-        self._arrange(self.size.width, self.size.height)
-        self._show()
-        self.call_after_refresh(self._complete)
+        self._resized(self.size.width, self.size.height)
+        self.refresh_views()
         self.set_interval(WATCH_SECONDS, self._watch)
+        if self.first_run:
+            self.action_tour()
 
     def on_unmount(self) -> None:
+        state = self.session.state
+        if self.session.notebook is not None:
+            with contextlib.suppress(RequestError):
+                self.session.notebook.remember((*state.past, state.expression))
         self.session.close()
 
     def on_resize(self, event: events.Resize) -> None:
-        self._arrange(event.size.width, event.size.height)
-        self._show()
+        self._resized(event.size.width, event.size.height)
+        self.refresh_views()
 
-    def _arrange(self, width: int, height: int) -> None:
-        """Choose the layout for a size, as classes that the style sheet knows."""
-        tiny = width < _SMALLEST[0] or height < _SMALLEST[1]
-        size = "tiny" if tiny else "wide" if width >= 150 and height >= 36 else (
-            "medium" if width >= 100 and height >= 30 else "narrow"
-        )  # fmt: skip
-        self.screen.set_classes(f"{size} view-{self.session.state.view}")
-        self._layout_name = size
+    def _resized(self, width: int, height: int) -> None:
+        self._size_class = arrangement.size_class(width, height)
+        self.screen.set_classes(self._size_class)
+
+    def _places(self, width: int, height: int) -> Mapping[str, Place]:
+        state = self.session.state
+        rows = VIEW_BY_NAME["overview"].height(self.scene, width) + 1
+        wanted = arrangement.Wanted(state.view, state.centre, state.tab, rows)
+        return arrangement.arrange(self._size_class, width, height, wanted)
 
     # --- drawing -----------------------------------------------------------------------------
 
-    def _show(self) -> None:
-        """Draw the current state everywhere, and fetch pictures once the cursor rests."""
-        state = self.session.state
-        if self._layout_name == "tiny":
-            wanted = f"{_SMALLEST[0]}x{_SMALLEST[1]}"
-            self.query_one("#status", Bar).say(f"the terminal is too small: needs {wanted}")
-            return
-        self.query_one("#status", Bar).say(
-            status_markup(self.session.store, state, self.size.width, self.look)
-        )
-        self._show_message(state)
-        keys = "  ".join(f"[b]{_safe(key)}[/b] {word}" for key, word in footer(self.size.width - 2))
-        self.query_one("#keys", Bar).say(keys)
-        self._show_plots(state)
-        self._fetch(state)
+    def on_panes_arranged(self) -> None:
+        self.refresh_views()
 
-    def _show_message(self, state: State) -> None:
-        text = state.message
+    def refresh_views(self) -> None:
+        state = self.session.state
+        status = self.query_one("#status", Bar)
+        if self._size_class == "tiny":
+            wanted = "x".join(str(number) for number in arrangement.SMALLEST)
+            status.say(f"the terminal is too small: needs {wanted}")
+            return
+        emptied = self.feeding.ask(self.session.store, state)
+        if emptied:
+            self.resources = replace(self.resources, **emptied)
+        status.say(_safe_bold(*self._status(state)))
+        self.show_message()
+        self._show_keys(state)
+        self._show_plots()
+
+    def _status(self, state: State) -> StatusLine:
+        return status_line(self.session.store, state, self.size.width, self.look)
+
+    def status_text(self) -> str:
+        """The status line in plain text."""
+        return "".join(self._status(self.session.state))
+
+    def show_message(self) -> None:
+        state = self.session.state
+        text, share = state.message, self.resources.progress
+        if share is not None and not state.is_error:
+            text = f"{text}  {share:.0%}".strip()
         if not text and state.newest != state.generation:
             text = f"generation {state.newest} is there: g moves on to it"
         self.query_one("#message", Bar).say(_safe(text), "error" if state.is_error else "")
 
-    def _show_plots(self, state: State) -> None:
-        selected = next((i for i, row in enumerate(self._rows) if row.run == state.run), 0)
-        overview = partial(_overview, self._rows, self._baseline, selected)
-        self.query_one("#overview", PlotView).show(
-            titled("overview", "accuracy, sim and real", overview, state)
+    def _show_keys(self, state: State) -> None:
+        pairs = footer(self.size.width - 2, state)
+        self.query_one("#keys", Bar).say(
+            "  ".join(f"[b]{_safe(key)}[/b] {word}" for key, word in pairs)
         )
-        if self._layout_name == "wide":
-            columns = self.session.store.run_columns(state.run)
-            view = plots.HistogramInput(
-                columns.sim.error, columns.real.error, state.selected, state.base
-            )
-            self.query_one("#errors", PlotView).show(
-                titled("errors", "position error of the selection", partial(_histogram, view), None)
-            )
-        view_map = derive.map_input(
-            self.session.store, state, self._floor_plan, self._map_heat(state)
-        )
-        told = "truth coloured by shift" if state.map_mode == "colour" else "sim, truth, real"
-        self.query_one("#map", PlotView).show(
-            titled("map", told, partial(_map, view_map, state), state)
-        )
-        self._show_instance(state)
 
-    def _show_instance(self, state: State) -> None:
-        pictures = self._pictures
-        view = self.query_one("#instance", PlotView)
-        if state.cursor is None:
-            view.show(titled("instance", "none", _blank, state))
-            return
-        label = f"{state.cursor}" + (f", {state.heat.label}" if state.heat else "")
-        if pictures is None:
-            view.show(titled("instance", f"{label}, loading", _blank, state))
-            return
-        if pictures.iid != state.cursor:
-            label += f" (pictures of {pictures.iid})"
-        view.show(titled("instance", label, partial(_instance, pictures), state))
+    def _show_plots(self) -> None:
+        scene = self.scene
+        self.query_one(Panes).place(self._wanted_places())
+        for view in VIEWS:
+            depends = view.depends(scene)
+            if depends is not None:
+                depends = (*depends, view.told(scene), scene.state.view == view.name)
+            widget = self.query_one(f"#{view.name}", PlotView)
+            if widget.placed:
+                widget.show(titled(view, scene, partial(view.draw, scene)), depends)
 
-    def _map_heat(self, state: State) -> NDArray[np.float32] | None:
-        if state.overlay == "instance":
-            return self._instance_heat
-        if state.overlay == "run" and state.heat is not None:
-            key = (state.generation, state.run, state.heat)
-            if key != self._run_heat_key:
-                self._run_heat_key = key
-                self._run_heat = heat_source.run_grid(self.session.store, state.run, state.heat)
-            return self._run_heat
-        return None
+    def _wanted_places(self) -> tuple[object, ...]:
+        state = self.session.state
+        return (self._size_class, state.view, state.centre, state.tab, len(state.runs))
 
-    # --- pictures, read by a worker ------------------------------------------------------------
-
-    def _fetch(self, state: State) -> None:
-        """Ask for the pictures of the state after a moment of rest; the newest request wins."""
-        wanted = (state.generation, state.run, state.cursor, state.heat)
-        if wanted == self._wanted or state.cursor is None:
-            return
-        self._wanted = wanted
-        self._ticket += 1
-        if self._rest is not None:
-            self._rest.stop()
-        ask = partial(self._read_pictures, self._ticket, state)
-        self._rest = self.set_timer(self.rest_seconds, ask)
+    # --- workers -----------------------------------------------------------------------------
 
     @property
     def settled(self) -> bool:
-        """Whether the pictures on the screen are those of the state."""
-        return self._answered == self._ticket
+        """Whether all that workers bring is that of the state."""
+        return self.feeding.settled
 
-    @work(thread=True, exclusive=True, group="pictures")
-    def _read_pictures(self, ticket: int, state: State) -> None:
-        if ticket != self._ticket or state.cursor is None:
+    def on_fed(self, message: Fed) -> None:
+        if not self.feeding.accept(message):
             return
-        store = self.session.store
-        try:
-            found = derive.instance_input(store, state.run, state.cursor, state.heat)
-            heat = None
-            if state.heat is not None:
-                heat = heat_source.instance_grid(store, state.run, state.heat, state.cursor)
-        except (S2RError, OSError, ValueError) as error:
-            self.post_message(PicturesReady(ticket, None, None, str(error)))
-            return
-        self.post_message(PicturesReady(ticket, found, heat))
-
-    def on_pictures_ready(self, message: PicturesReady) -> None:
-        if message.ticket != self._ticket:
-            return
-        self._answered = message.ticket
         if message.error:
             self.session.tell(message.error, is_error=True)
-        self._pictures, self._instance_heat = message.instance, message.heat
-        self._show()
+        self.resources = replace(self.resources, **message.fields, progress=None)
+        self.refresh_views()
 
-    def _complete(self) -> None:
-        """After the first paint: the other runs' figures, and the floor plan."""
-        self._rows, self._baseline = derive.overview_rows(self.session.store)
-        self._show()
-        path = self.session.store.floor_plan_path()
-        if path is not None:
-            self._read_floor_plan(str(path))
-
-    @work(thread=True, group="floor plan")
-    def _read_floor_plan(self, path: str) -> None:
-        try:
-            self.post_message(FloorPlanReady(derive.floor_plan(path)))
-        except OSError as error:
-            self.log.warning(f"{path}: {error}")
-
-    def on_floor_plan_ready(self, message: FloorPlanReady) -> None:
-        self._floor_plan = message.picture
-        self._show()
+    def on_progressed(self, message: Progressed) -> None:
+        if not self.feeding.current(message.feed, message.ticket):
+            return
+        self.resources = replace(self.resources, progress=message.share)
+        self.show_message()
 
     def _watch(self) -> None:
         try:
             if self.session.notice():
-                self._show_message(self.session.state)
+                self.show_message()
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
-            self._show_message(self.session.state)
+            self.show_message()
 
-    # --- the query line ------------------------------------------------------------------------
+    # --- actions -----------------------------------------------------------------------------
 
-    def action_edit(self) -> None:
-        query = self.query_one("#query", Input)
-        query.value = self.session.state.expression
-        query.cursor_position = len(query.value)
-        query.can_focus = True
-        query.add_class("open")
-        query.focus()
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Whether an action means something now."""
+        name = str(parameters[0]) if action == "do" else action
+        if action != "do" and parameters:
+            listed = ", ".join(repr(parameter) for parameter in parameters)
+            name = f"{action}({listed})"
+        known = BY_NAME.get(name)
+        return known.applies(self.session.state) if known else True
 
-    def action_leave_query(self) -> None:
-        query = self.query_one("#query", Input)
-        query.remove_class("open")
-        query.can_focus = False
-        self.set_focus(None)
-        if self.session.state.is_error:
-            self.session.tell("")
-        self._show()
-
-    def on_input_submitted(self, event: Input.Submitted) -> None:
+    def action_do(self, name: str) -> None:
+        """A change of the session, by its name in the registry."""
+        change = BY_NAME[name].do
+        assert change is not None
         try:
-            self.session.select(event.value)
-        except ExpressionError as error:
+            change(self.session)
+        except S2RError as error:
             self.session.tell(str(error), is_error=True)
-            event.input.cursor_position = min(error.column - 1, len(event.value))
-            self._show_message(self.session.state)
-            return
-        self.action_leave_query()
+        adjusting.follow(self.session)
+        self.refresh_views()
 
-    # --- actions -------------------------------------------------------------------------------
+    def action_view(self, name: str) -> None:
+        showing.show_view(self.session, name, VIEW_BY_NAME[name].pane)
+        self.refresh_views()
 
-    def _select(self, expression: str) -> None:
-        self.session.select(expression)
-        self._show()
+    def action_next_view(self) -> None:
+        self._turn_view(1)
 
-    def action_worst_real(self) -> None:
-        self._select("worst15")
+    def action_previous_view(self) -> None:
+        self._turn_view(-1)
 
-    def action_best_real(self) -> None:
-        self._select("best15")
+    def _turn_view(self, steps: int) -> None:
+        names = [view.name for view in sorted(VIEWS, key=lambda view: view.key)]
+        at = names.index(self.session.state.view)
+        self.action_view(names[(at + steps) % len(names)])
 
-    def action_worst_sim(self) -> None:
-        self._select("worst(15%, sim.error)")
-
-    def action_best_sim(self) -> None:
-        self._select("best(15%, sim.error)")
-
-    def action_clear(self) -> None:
-        self._select("all")
-
-    def action_undo(self) -> None:
-        self.session.undo()
-        self._show()
+    def action_leave(self) -> None:
+        """Drop what is begun: a line of text, a brush, a pending operator."""
+        if self.prompting:
+            self.close_prompt()
+        else:
+            showing.leave(self.session)
+            self.refresh_views()
 
     def action_copy(self) -> None:
-        self.copy_to_clipboard(self.session.state.expression)
-        self.session.tell("copied the expression")
-        self._show()
-
-    def action_next_instance(self) -> None:
-        self.session.move_cursor(1)
-        self._show()
-
-    def action_previous_instance(self) -> None:
-        self.session.move_cursor(-1)
-        self._show()
-
-    def action_next_run(self) -> None:
-        self._change_run(1)
-
-    def action_previous_run(self) -> None:
-        self._change_run(-1)
-
-    def _change_run(self, steps: int) -> None:
-        try:
-            self.session.change_run(steps)
-        except S2RError as error:
-            self.session.tell(str(error), is_error=True)
-        self._show()
-
-    def action_trajectory(self) -> None:
-        self.session.change_trajectory()
-        self._show()
-
-    def action_next_heat(self) -> None:
-        self.session.change_heat(1)
-        self._show()
-
-    def action_previous_heat(self) -> None:
-        self.session.change_heat(-1)
-        self._show()
-
-    def action_mode(self) -> None:
-        self.session.change_mode()
-        self._show()
-
-    def action_side(self) -> None:
-        self.session.change_side()
-        self._show()
-
-    def action_overlay(self) -> None:
-        self.session.change_overlay()
-        self._show()
-
-    def action_map_mode(self) -> None:
-        self.session.change_map_mode()
-        self._show()
-
-    def action_zoom_in(self) -> None:
-        self.session.zoom(0.6)
-        self._show()
-
-    def action_zoom_out(self) -> None:
-        self.session.zoom(1 / 0.6)
-        self._show()
-
-    def action_zoom_all(self) -> None:
-        self.session.zoom(0)
-        self._show()
-
-    def action_view(self, view: View) -> None:
-        self.session.show(view)
-        self._arrange(self.size.width, self.size.height)
-        self._show()
-
-    def action_move_on(self) -> None:
-        try:
-            self.session.move_on()
-            self._rows, self._baseline = derive.overview_rows(self.session.store)
-            self.query_one("#overview", PlotView).rows = len(self._rows) + 5
-            self.query_one("#overview", PlotView).refresh(layout=True)
-        except S2RError as error:
-            self.session.tell(str(error), is_error=True)
-        self._show()
+        self.copy_to_clipboard(sharing.shared_text(self.session))
+        self.session.tell("copied the expression with what it was evaluated on")
+        self.refresh_views()
 
     def action_snapshot(self) -> None:
         """Write the screen as PNG beside earlier ones."""
@@ -400,7 +258,34 @@ class S2RApp(App[None]):
             self.session.tell(f"{target}: {error.strerror}", is_error=True)
         else:
             self.session.tell(f"wrote {target}")
-        self._show()
+        self.refresh_views()
+
+    def action_jump(self) -> None:
+        self.push_screen(JumpScreen(self._targets()), self._jumped)
+
+    def _targets(self) -> list[Target]:
+        """The views on the screen, and the parts of the status line."""
+        found = []
+        for view in VIEWS:
+            region = self.query_one(f"#{view.name}", PlotView).region
+            if region.area and self.query_one(f"#{view.name}", PlotView).placed:
+                found.append(Target(region.x, region.y, f"view('{view.name}')"))
+        for part, action in (("traj ", "do('trajectory')"), ("run ", "do('next_run')"),
+                             (self.session.state.expression[:6], "edit")):  # fmt: skip
+            column = self.status_text().find(part)
+            if column >= 0:
+                found.append(Target(column + 1, 0, action))
+        return found
+
+    async def _jumped(self, action: str | None) -> None:
+        if action:
+            await self.run_action(action)
+
+    def action_doctor(self) -> None:
+        self.push_screen(DoctorScreen(self.look))
+
+    def action_tour(self) -> None:
+        self.push_screen(TourScreen())
 
     def action_help(self) -> None:
         self.push_screen(HelpScreen())
@@ -416,35 +301,19 @@ class S2RApp(App[None]):
         self.exit()
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
+        state = self.session.state
         for action in ACTIONS:
-            run = partial(self.run_action, action.name)
-            yield SystemCommand(f"{action.description} ({action.key})", action.group, run)
+            if action.description and action.applies(state):
+                run = partial(self.run_action, action.call)
+                yield SystemCommand(f"{action.description} ({action.key})", action.group, run)
 
 
 def _safe(text: str) -> str:
     return Content(text).markup
 
 
-def _overview(
-    rows: list[plots.OverviewRow], baseline: float, selected: int, size: tuple[int, int], look: Look
-) -> Canvas:
-    return plots.overview(rows, baseline, selected, size, look)
-
-
-def _histogram(view: plots.HistogramInput, size: tuple[int, int], look: Look) -> Canvas:
-    return plots.histogram(view, size, look)
-
-
-def _map(view: plots.GeoMapInput, state: State, size: tuple[int, int], look: Look) -> Canvas:
-    return plots.geomap(view, size, look, state.viewport)
-
-
-def _instance(view: plots.InstanceInput, size: tuple[int, int], look: Look) -> Canvas:
-    return plots.instance(view, size, look)
-
-
-def _blank(size: tuple[int, int], look: Look) -> Canvas:
-    return Canvas(*size, theme=look.theme)
+def _safe_bold(before: str, bold: str, after: str) -> str:
+    return f"{_safe(before)}[b]{_safe(bold)}[/b]{_safe(after)}"
 
 
 def run_app(path: Path, run: str | None, colour: str, ascii: bool) -> None:
@@ -455,6 +324,7 @@ def run_app(path: Path, run: str | None, colour: str, ascii: bool) -> None:
     terminal = detect(colour, ascii)
     prepare_environment(terminal)
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
-    app = S2RApp(Session(path, run), look)
+    app = S2RApp(Session(path, run, Notebook), look)
     app.ansi_color = terminal.mode is ColourMode.ANSI
+    app.first_run = notebook.first_run()
     app.run(mouse=terminal.mode is not ColourMode.NONE)

@@ -98,7 +98,7 @@ async def _snapshot(
     session = Session(path, run)
     session.state = state or session.state
     app = S2RApp(session, look)
-    app.rest_seconds = 0.001
+    app.feeding.rest_seconds = 0.001
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
         for key in keys:

@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from textual.message import Message
 
-from s2rtui.plots import InstanceInput
-
 
 @dataclass
-class PicturesReady(Message):
-    """Pictures and heat of one instance; `ticket` numbers the request, the newest one counts."""
+class Fed(Message):
+    """Fields of `Resources` from a feed; `ticket` numbers the request, the newest one counts.
 
+    `partly` means that more is to come.
+    """
+
+    feed: str
     ticket: int
-    instance: InstanceInput | None
-    heat: NDArray[np.float32] | None
+    fields: dict[str, Any] = field(default_factory=dict)
     error: str = ""
+    partly: bool = False
 
 
 @dataclass
-class FloorPlanReady(Message):
-    """The floor plan, decoded."""
+class Progressed(Message):
+    """The share of a feed's work that is done."""
 
-    picture: NDArray[np.uint8]
+    feed: str
+    ticket: int
+    share: float

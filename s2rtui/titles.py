@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from textual.content import Content
-
 from s2rstore.reader import Store
 from s2rtui.canvas import Canvas, Look
-from s2rtui.session.state import VIEWS, State
+from s2rtui.session.state import SIGNS, State
+from s2rtui.views import Scene, View
 
+StatusLine = tuple[str, str, str]
 Draw = Callable[[tuple[int, int], Look], Canvas]
 
 
-def status_markup(store: Store, state: State, width: int, look: Look) -> str:
-    """Store, trajectory, run, count, expression and generation, cut to the width."""
+def status_line(store: Store, state: State, width: int, look: Look) -> StatusLine:
+    """Store, trajectory, run, count; the expression; generation. Cut to the width."""
     trajectory = "all" if state.trajectories is None else ", ".join(state.trajectories)
     separator = " | " if look.ascii else " │ "
     parts = [store.path.name, f"traj {trajectory}", f"run {state.run}", state.count]
@@ -22,25 +22,24 @@ def status_markup(store: Store, state: State, width: int, look: Look) -> str:
     tail = f"{separator}gen {state.generation}"
     room = max(8, width - 2 - len(head) - len(tail))
     text = state.expression
+    if state.operator != "replace":
+        text += f" {SIGNS[state.operator]} _"
     if len(text) > room:
         text = text[: room - 1] + ("~" if look.ascii else "…")
-    return f"{_safe(head)}[b]{_safe(text)}[/b]{_safe(tail)}"
+    return head, text, tail
 
 
-def _safe(text: str) -> str:
-    return Content(text).markup
-
-
-def titled(name: str, told: str, draw: Draw, state: State | None) -> Draw:
-    """A drawing with a line above it: the view's number, name and what it shows."""
-    number = VIEWS.index(name) + 1 if name in VIEWS else 0
-    active = state is not None and state.view == name
-    label = f"{number} {name}" if number else name
+def titled(view: View, scene: Scene, draw: Draw) -> Draw:
+    """A drawing with a line above it: the view's key, name and what it shows."""
+    active = scene.state.view == view.name
+    label, told = f"{view.key} {view.name}", view.told(scene)
 
     def drawn(size: tuple[int, int], look: Look) -> Canvas:
         width, height = size
         canvas = Canvas(width, height, theme=look.theme)
         theme = look.theme
+        if active:
+            canvas.fill(0, 0, width, 1, theme.highlight)
         canvas.text(0, 0, label, fg=theme.text if active else theme.muted, bold=active)
         start = len(label) + 2
         if start < width:

@@ -15,7 +15,7 @@ Floats = NDArray[np.floating]
 Codes = NDArray[np.integer]
 Bools = NDArray[np.bool_]
 Interval = tuple[float, float]
-MapMode = Literal["colour", "full"]
+MapMode = Literal["colour", "glyph", "full"]
 
 
 @dataclass(frozen=True, slots=True)

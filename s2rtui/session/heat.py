@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -11,16 +13,19 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry.alignment import Surface
-from s2rstore.geometry.grid import MapGrid, Projector, Ray
+from s2rstore.geometry.grid import AGGREGATES, MapGrid, Projector, Ray
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Run, Side
-from s2rtui.session.state import HeatChoice
+from s2rstore.sides import run_domain, run_frames
+from s2rtui.session.state import Aggregate, HeatChoice, State
 
 SIGNED = ("activation", "occlusion")
 _ORDER: dict[Side, tuple[Side, Side]] = {"sim": ("sim", "real"), "real": ("real", "sim")}
-_NOT_HEAT = ("prediction", "embedding", "pca", "umap")
+_NOT_HEAT = ("prediction", "embedding", "pca", "umap", "outlier")
 _PLANES = {"activation": ("loss", "x", "y", "heading")}
 _UNITS = {"m degrees": "m", "m m rad loss": ""}
+_BLOCK = 32
+Told = Callable[[float], bool]
 _PLANE_UNITS = {"x": "m", "y": "m", "heading": "rad", "loss": "loss"}
 
 
@@ -28,12 +33,23 @@ def choices(store: Store, run: str) -> list[tuple[str, str | None]]:
     """Kinds and modes of a run's heatmaps, in the order that keys walk through them."""
     found: list[tuple[str, str | None]] = []
     for record in store.arrays(run):
-        if record.kind in _NOT_HEAT or record.kind.startswith("map:"):
+        if record.kind in _NOT_HEAT or record.kind.startswith(("map:", "frames:")):
             continue
         for mode in _PLANES.get(record.kind, (record.mode,)):
             if (record.kind, mode) not in found:
                 found.append((record.kind, mode))
     return found
+
+
+def with_heat(store: Store, state: State) -> State:
+    """The same heat where the run has it, else the run's first."""
+    options = choices(store, state.run)
+    side: Side = state.heat.side if state.heat else "real"
+    wanted = (state.heat.kind, state.heat.mode) if state.heat else None
+    if not options:
+        return replace(state, heat=None)
+    kind, mode = wanted if wanted in options else options[0]
+    return replace(state, heat=HeatChoice(kind, mode, side))
 
 
 def unit(store: Store, run: str, heat: HeatChoice) -> str:
@@ -69,28 +85,81 @@ def run_grid(
 
 def instance_grid(store: Store, run: str, heat: HeatChoice, iid: int) -> NDArray[np.float32]:
     """The mean grid of one instance's heatmap, (rows, cols), NaN where nothing fell."""
-    dataset = store.dataset
+    return gathered(store, run, heat, np.array([iid]), "mean")
+
+
+def gathered(
+    store: Store,
+    run: str,
+    heat: HeatChoice,
+    iids: NDArray[np.intp],
+    aggregate: Aggregate,
+    told: Told = lambda share: True,
+) -> NDArray[np.float32]:
+    """Heatmaps of some instances on the floor, (rows, cols), NaN where nothing fell.
+
+    `told` hears the share that is done and answers whether to go on.
+    """
+    grid = MapGrid(store.dataset.bounds)
+    for chosen, block in _blocks(iids):
+        record = store.run(run)
+        values = store.heatmaps(run, heat.kind, heat.side, block.start, block.stop, heat.mode)
+        _project(store, record, heat, values[chosen], chosen, block, grid)
+        if not told(float(np.searchsorted(iids, block.stop)) / iids.size):
+            break
+    return np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])
+
+
+def seen(
+    store: Store, run: str, side: Side, iids: NDArray[np.intp], told: Told = lambda share: True
+) -> NDArray[np.float32]:
+    """How often the frames of some instances saw each cell of the floor, NaN for never."""
+    grid = MapGrid(store.dataset.bounds)
+    heat = HeatChoice("depth", "depth", side)
+    for chosen, block in _blocks(iids):
+        flat = np.zeros((len(chosen), 1, 1), dtype=np.float32)
+        _project(store, store.run(run), heat, flat, chosen, block, grid)
+        if not told(float(np.searchsorted(iids, block.stop)) / iids.size):
+            break
+    counts = np.asarray(grid.aggregates()[AGGREGATES.index("count")])
+    return np.where(counts > 0, counts, np.nan).astype(np.float32)
+
+
+def _blocks(iids: NDArray[np.intp]) -> Iterator[tuple[NDArray[np.intp], slice]]:
+    """Neighbouring iids together: their offsets into a span of at most `_BLOCK` instances."""
+    starts = np.flatnonzero(np.diff(iids // _BLOCK, prepend=-1))
+    for part in np.split(iids, starts[1:]):
+        if part.size:
+            yield part - part[0], slice(int(part[0]), int(part[-1]) + 1)
+
+
+def _project(
+    store: Store,
+    run: Run,
+    heat: HeatChoice,
+    values: NDArray[np.float32],
+    chosen: NDArray[np.intp],
+    block: slice,
+    grid: MapGrid,
+) -> None:
+    """Lay the heat of the chosen instances of a block on the grid, as precompute does."""
+    dataset, truth = store.dataset, store.instances
     frame = dataset.frame_height, dataset.frame_width
-    domain, depth = _surface(store, store.run(run), heat, iid, frame)
-    grid = MapGrid(dataset.bounds)
-    projector = _projector(domain.domain, _Held(domain), frame, dataset.y_down)
-    values = store.heatmap(run, heat.kind, heat.side, iid, heat.mode)
-    truth = store.instances
-    pose = np.array([[truth.x[iid], truth.y[iid], truth.heading[iid]]])
-    grid.add(*projector.project(values[None], depth, pose, ray_of(heat), grid))
-    return np.asarray(grid.aggregates()[0])
-
-
-def _surface(
-    store: Store, run: Run, heat: HeatChoice, iid: int, frame: tuple[int, int]
-) -> tuple[Domain, NDArray[Any]]:
-    """The rig that carries the heat, and raw depth (1, H, W) where it lies, as in precompute."""
-    own, other = (store.domains[run.domain(side)] for side in _ORDER[heat.side])
+    own, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
     noted = json.loads(store.provenance(f"run:{run.run}").get("surfaces", "{}"))
     correction = store.correction(run.sim_domain, run.real_domain)
     surface = Surface(own, other, frame, heat.side == "real", correction, noted.get(heat.kind))
-    away = store.frame(iid, other.domain).depth[None] if surface.needs_other else None
-    return surface.domain, surface.depth(store.frame(iid, own.domain).depth[None], away)
+
+    def depth(side: Side) -> NDArray[Any]:
+        read = run_frames(store, run, side, block.start, block.stop, ("depth",))
+        return np.asarray(read["depth"][chosen])
+
+    near, far = _ORDER[heat.side]
+    lies = surface.depth(depth(near), depth(far) if surface.needs_other else None)
+    poses = np.stack([truth.x[block], truth.y[block], truth.heading[block]], axis=1)[chosen]
+    rig = surface.domain
+    projector = _projector(rig.domain, _Held(rig), frame, dataset.y_down)
+    grid.add(*projector.project(values, lies, poses, ray_of(heat), grid))
 
 
 class _Held:

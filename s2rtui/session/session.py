@@ -2,33 +2,63 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore import findings, selection
 from s2rstore.errors import RequestError
-from s2rstore.language import Node, base_population, mask, parse, to_text
-from s2rstore.language.nodes import Extreme, Field, Named
+from s2rstore.language import MaskContext, Node, base_population, mask, parse, to_text
+from s2rstore.language.nodes import (
+    And,
+    Everything,
+    Extreme,
+    Field,
+    Minus,
+    Named,
+    Not,
+    Or,
+)
 from s2rstore.reader import Store
-from s2rstore.records import Side
-from s2rtui.plots.frame import panned, zoomed
-from s2rtui.session.heat import choices
-from s2rtui.session.state import OVERLAYS, HeatChoice, MapMode, State, View
+from s2rtui.notebook import Notebook, Notes
+from s2rtui.session.heat import with_heat
+from s2rtui.session.state import Operator, State
 
 _HISTORY = 100
+Notebooks = Callable[[str], Notebook]
 
 
 class Session:
     """One user's analysis of one store; every transition gives the new state."""
 
-    def __init__(self, path: Path | str, run: str | None = None) -> None:
-        """Raises RequestError where there is no store or no computed run."""
+    def __init__(
+        self, path: Path | str, run: str | None = None, notebooks: Notebooks | None = None
+    ) -> None:
+        """`notebooks` opens a data set's notebook by its hash; without it nothing is kept.
+
+        Raises RequestError where there is no store or no computed run.
+        """
         self.store: Store = s2rstore.open(path)
+        self.notebook = notebooks(self.store.dataset.hash) if notebooks else None
         self._retired: Store | None = None
+        self._bases: dict[tuple[object, ...], NDArray[np.bool_]] = {}
         self.state = self._first_state(run)
+
+    @property
+    def notes(self) -> Notes:
+        """The user's things as they were read last."""
+        return self.notebook.notes if self.notebook else Notes()
+
+    @property
+    def book(self) -> Notebook:
+        """The notebook. Raises RequestError where nothing is kept."""
+        if self.notebook is None:
+            raise RequestError("nothing is kept in this session")
+        return self.notebook
 
     def close(self) -> None:
         self.store.close()
@@ -52,7 +82,7 @@ class Session:
             cursor=None,
             heat=None,
         )
-        state = self._with_heat(self._selected(state, self._finding(chosen.run)))
+        state = with_heat(self.store, self._selected(state, self._finding(chosen.run)))
         return replace(state, past=(), message=self._finding_text(chosen.run))
 
     def _finding(self, run: str) -> Node:
@@ -72,36 +102,80 @@ class Session:
             f"{worst.sim_median:.2f} m sim, {worst.n} instances new to the model"
         )
 
-    def _set(self, state: State) -> State:
+    # --- the state -----------------------------------------------------------------------------
+
+    def set(self, state: State) -> State:
+        """Make `state` the current one."""
         self.state = state
         return state
 
     def tell(self, message: str, is_error: bool = False) -> State:
         """Show a message; an error stays until the next change."""
-        return self._set(replace(self.state, message=message, is_error=is_error))
+        return self.set(replace(self.state, message=message, is_error=is_error))
+
+    # --- selections ----------------------------------------------------------------------------
 
     def select(self, expression: str) -> State:
         """Select by an expression. Raises ExpressionError; the state stays as it was."""
-        return self._set(self._selected(self.state, expression))
+        return self.set(self._selected(self.state, expression))
+
+    def choose(self, expression: str | Node) -> State:
+        """Join a selection to the present one by the pending operator, which is then used up.
+
+        Raises ExpressionError; the state stays as it was.
+        """
+        node = parse(expression) if isinstance(expression, str) else expression
+        current = parse(self.state.expression)
+        return self.set(self._selected(self.state, joined(current, self.state.operator, node)))
+
+    def complement(self) -> State:
+        """All valid instances that are not selected."""
+        node = parse(self.state.expression)
+        return self.set(
+            self._selected(self.state, node.inner if isinstance(node, Not) else Not(node))
+        )
+
+    def expect(self, operator: Operator) -> State:
+        """How the next selection joins this one; asked for twice, it is dropped again."""
+        if operator == self.state.operator:
+            operator = "replace"
+        told = {
+            "replace": "",
+            "intersect": "the next selection is intersected with this one",
+            "union": "the next selection is added to this one",
+            "subtract": "the next selection is taken out of this one",
+        }
+        made = replace(self.state, operator=operator, message=told[operator], is_error=False)
+        return self.set(made)
 
     def _selected(self, state: State, expression: str | Node) -> State:
         node = parse(expression) if isinstance(expression, str) else expression
-        context = selection.context(self.store, state.run, state.trajectories)
+        context = selection.context(self.store, state.run, state.trajectories, self.notes.nodes)
         chosen = mask(node, context)
-        past = state.past
+        past, future = state.past, state.future
         text = to_text(node)
         if text != state.expression:
-            past = (*past, state.expression)[-_HISTORY:]
+            past, future = (*past, state.expression)[-_HISTORY:], ()
         made = replace(
             state,
             expression=text,
             selected=chosen,
-            base=base_population(context),
+            base=self._base(state, context),
             past=past,
+            future=future,
+            operator="replace",
+            brush=None,
             message="" if chosen.any() else "nothing is selected",
             is_error=False,
         )
         return replace(made, cursor=self._kept_cursor(made))
+
+    def _base(self, state: State, context: MaskContext) -> NDArray[np.bool_]:
+        """The base population; the same array for as long as it means the same."""
+        key = (self.store.generation, state.run, state.trajectories)
+        if key not in self._bases:
+            self._bases[key] = base_population(context)
+        return self._bases[key]
 
     def _kept_cursor(self, state: State) -> int | None:
         """The cursor where it is still inside, else the selection's worst real error."""
@@ -119,7 +193,19 @@ class Session:
         if not self.state.past:
             return self.tell("nothing to undo")
         *past, last = self.state.past
-        return self._set(replace(self._selected(self.state, last), past=tuple(past)))
+        future = (*self.state.future, self.state.expression)
+        made = self._selected(self.state, last)
+        return self.set(replace(made, past=tuple(past), future=future))
+
+    def redo(self) -> State:
+        """Forward to the expression that was left by undo."""
+        if not self.state.future:
+            return self.tell("nothing to redo")
+        *future, following = self.state.future
+        made = self._selected(self.state, following)
+        return self.set(replace(made, future=tuple(future)))
+
+    # --- moving --------------------------------------------------------------------------------
 
     def move_cursor(self, steps: int) -> State:
         """To the next instance of the selection (of all, where none is selected)."""
@@ -128,15 +214,21 @@ class Session:
         if not members.size:
             return self.tell("no instance in view")
         at = int(np.searchsorted(members, -1 if state.cursor is None else state.cursor))
-        cursor = int(members[(at + steps) % members.size])
-        return self._set(replace(state, cursor=cursor, message="", is_error=False))
+        return self.put_cursor(int(members[(at + steps) % members.size]))
+
+    def put_cursor(self, iid: int) -> State:
+        """To one instance."""
+        return self.set(replace(self.state, cursor=iid, message="", is_error=False))
 
     def change_run(self, steps: int) -> State:
         """To the next run, with the same expression where it still means something."""
         runs = self.state.runs
-        name = runs[(runs.index(self.state.run) + steps) % len(runs)]
-        state = self._selected(replace(self.state, run=name), self.state.expression)
-        return self._set(self._with_heat(state))
+        return self.put_run(runs[(runs.index(self.state.run) + steps) % len(runs)])
+
+    def put_run(self, run: str) -> State:
+        """To a run by name."""
+        state = self._selected(replace(self.state, run=run), self.state.expression)
+        return self.set(with_heat(self.store, state))
 
     def change_trajectory(self) -> State:
         """All trajectories, then each alone."""
@@ -145,83 +237,11 @@ class Session:
         following = options[(options.index(self.state.trajectories) + 1) % len(options)]
         if len(names) == 1:
             return self.tell(f"there is one trajectory: {names[0]}")
-        return self._set(
+        return self.set(
             self._selected(replace(self.state, trajectories=following), self.state.expression)
         )
 
-    def _with_heat(self, state: State) -> State:
-        """The same heat where the run has it, else the run's first."""
-        options = choices(self.store, state.run)
-        side: Side = state.heat.side if state.heat else "real"
-        wanted = (state.heat.kind, state.heat.mode) if state.heat else None
-        if not options:
-            return replace(state, heat=None)
-        kind, mode = wanted if wanted in options else options[0]
-        return replace(state, heat=HeatChoice(kind, mode, side))
-
-    def change_heat(self, steps: int) -> State:
-        """The next heatmap kind."""
-        return self._change_heat(steps, same_kind=False)
-
-    def change_mode(self) -> State:
-        """The next mode of the same kind."""
-        return self._change_heat(1, same_kind=True)
-
-    def _change_heat(self, steps: int, same_kind: bool) -> State:
-        heat = self.state.heat
-        options = choices(self.store, self.state.run)
-        if heat is None or not options:
-            return self.tell(f"run {self.state.run} has no heatmaps; `s2r precompute` makes them")
-        if same_kind:
-            modes = [mode for kind, mode in options if kind == heat.kind]
-            mode = modes[(modes.index(heat.mode) + 1) % len(modes)]
-            made = replace(heat, mode=mode)
-        else:
-            kinds = list(dict.fromkeys(kind for kind, _ in options))
-            kind = kinds[(kinds.index(heat.kind) + steps) % len(kinds)]
-            made = replace(heat, kind=kind, mode=next(m for k, m in options if k == kind))
-        return self._set(replace(self.state, heat=made, message=made.label, is_error=False))
-
-    def change_side(self) -> State:
-        """The side whose heat lies on the map."""
-        if self.state.heat is None:
-            return self.tell("no heatmaps")
-        side: Side = "sim" if self.state.heat.side == "real" else "real"
-        heat = replace(self.state.heat, side=side)
-        return self._set(replace(self.state, heat=heat, message=f"heat of the {side} side"))
-
-    def change_overlay(self) -> State:
-        """No heat on the map, that of the instance, that of the whole run."""
-        if self.state.heat is None:
-            return self.tell("no heatmaps")
-        overlay = OVERLAYS[(OVERLAYS.index(self.state.overlay) + 1) % len(OVERLAYS)]
-        told = {"off": "heat off", "instance": "heat of this instance", "run": "heat of the run"}
-        return self._set(
-            replace(self.state, overlay=overlay, message=told[overlay], is_error=False)
-        )
-
-    def change_map_mode(self) -> State:
-        mode: MapMode = "full" if self.state.map_mode == "colour" else "colour"
-        told = "sim, truth and real" if mode == "full" else "truth coloured by the shift"
-        return self._set(replace(self.state, map_mode=mode, message=f"map: {told}", is_error=False))
-
-    def show(self, view: View) -> State:
-        return self._set(replace(self.state, view=view))
-
-    def zoom(self, factor: float) -> State:
-        """Around the cursor; 0 shows the whole map."""
-        if factor == 0:
-            return self._set(replace(self.state, viewport=None))
-        view = self.state.viewport or self.store.dataset.bounds
-        truth, cursor = self.store.instances, self.state.cursor
-        centre = None if cursor is None else (float(truth.x[cursor]), float(truth.y[cursor]))
-        return self._set(replace(self.state, viewport=zoomed(view, factor, centre)))
-
-    def pan(self, across: float, down: float) -> State:
-        """By shares of what is in view."""
-        view = self.state.viewport or self.store.dataset.bounds
-        moved = panned(view, across, down, self.store.dataset.y_down)
-        return self._set(replace(self.state, viewport=moved))
+    # --- generations ---------------------------------------------------------------------------
 
     def _retire(self, store: Store) -> None:
         """Close a store only at the next change: a worker may still be reading it."""
@@ -234,7 +254,7 @@ class Session:
         newest = self.store.latest_generation()
         if newest == self.state.newest:
             return False
-        self._set(replace(self.state, newest=newest))
+        self.set(replace(self.state, newest=newest))
         return True
 
     def move_on(self) -> State:
@@ -243,6 +263,7 @@ class Session:
             return self.tell("this is the newest generation")
         old, state = self.store, self.state
         self.store = s2rstore.open(old.path)
+        self._bases.clear()
         runs = tuple(name for name, record in self.store.runs.items() if record.key)
         run = state.run if state.run in runs else runs[0]
         fresh = replace(
@@ -251,6 +272,7 @@ class Session:
             newest=self.store.generation,
             runs=runs,
             run=run,
+            other=state.other if state.other in runs else None,
         )
         try:
             made = self._selected(fresh, state.expression)
@@ -258,4 +280,13 @@ class Session:
             made = self._selected(fresh, "all")
         self._retire(old)
         told = f"generation {self.store.generation}"
-        return self._set(replace(self._with_heat(made), message=told))
+        return self.set(replace(with_heat(self.store, made), message=told))
+
+
+def joined(current: Node, operator: Operator, new: Node) -> Node:
+    """Two selections as one, in its shortest form."""
+    if operator == "replace" or (operator == "intersect" and current == Everything()):
+        return new
+    if operator == "intersect":
+        return And(current, new)
+    return Or(current, new) if operator == "union" else Minus(current, new)

@@ -9,13 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds, Side
+from s2rtui.plots.inputs import MapMode
+from s2rtui.plots.surface import Mark
 
-View = Literal["overview", "map", "instance"]
-MapMode = Literal["colour", "full"]
-Overlay = Literal["off", "instance", "run"]
+Overlay = Literal["off", "instance", "selection", "run"]
+Aggregate = Literal["mean", "max", "sum"]
+Operator = Literal["replace", "intersect", "union", "subtract"]
 
-VIEWS: tuple[View, ...] = ("overview", "map", "instance")
-OVERLAYS: tuple[Overlay, ...] = ("off", "instance", "run")
+OVERLAYS: tuple[Overlay, ...] = ("off", "instance", "selection", "run")
+AGGREGATES: tuple[Aggregate, ...] = ("mean", "max", "sum")
+MAP_MODES: tuple[MapMode, ...] = ("colour", "glyph", "full")
+SIGNS: dict[Operator, str] = {"replace": "", "intersect": "&", "union": "|", "subtract": "-"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +36,55 @@ class HeatChoice:
         return f"{name} ({self.mode})" if self.mode else name
 
 
+@dataclass(frozen=True, slots=True)
+class Slider:
+    """One adjustment of one side, as the registry of adjustments declares it."""
+
+    side: Side
+    name: str
+    lowest: float
+    highest: float
+    neutral: float
+    step: float
+    unit: str
+
+    @property
+    def key(self) -> tuple[Side, str]:
+        return self.side, self.name
+
+    def clipped(self, value: float) -> float:
+        """Within the slider's range, on its steps."""
+        steps = round((value - self.neutral) / self.step)
+        return round(min(max(self.neutral + steps * self.step, self.lowest), self.highest), 6)
+
+
+@dataclass(frozen=True, slots=True)
+class Brush:
+    """A mark that is being drawn in a view; `corners` are those of a lasso that are fixed."""
+
+    view: str
+    mark: Mark
+    corners: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Adjust:
+    """Sliders on a run: a value per (side, adjustment), the slider that keys move.
+
+    `reason` says why something cannot be adjusted here; `missing` what has to be installed first.
+    """
+
+    run: str
+    values: tuple[tuple[tuple[Side, str], float], ...] = ()
+    active: int = 0
+    sliders: tuple[Slider, ...] = ()
+    reason: str = ""
+    missing: str = ""
+
+    def value(self, key: tuple[Side, str]) -> float:
+        return dict(self.values)[key]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
     """One state of the analysis.
@@ -39,7 +92,9 @@ class State:
     `selected` and `base` are (N,) masks: the expression's instances, and the base population that
     it was evaluated on. `trajectories` None means all in view. `cursor` is an iid. `viewport` is
     the map's world rectangle, None for all of it. `newest` is the published generation. `past`
-    holds earlier expressions, the latest last.
+    and `future` hold the expressions before and after this one, the nearest last. `operator`
+    is how the next selection joins this one. `other` is the run that is compared with. `view` is
+    the one that keys speak to, `centre` and `tab` those that share a place with others.
     """
 
     generation: int
@@ -52,15 +107,33 @@ class State:
     base: NDArray[np.bool_]
     cursor: int | None
     heat: HeatChoice | None
+    operator: Operator = "replace"
+    brush: Brush | None = None
+    lasso: bool = False
+    other: str | None = None
+    adjust: Adjust | None = None
     map_mode: MapMode = "colour"
     overlay: Overlay = "off"
-    view: View = "map"
+    aggregate: Aggregate = "mean"
+    clip: bool = False
+    room_names: bool = False
+    view: str = "map"
+    centre: str = "map"
+    tab: str = "instance"
+    sort: str = "real.error"
+    descending: bool = True
     viewport: Bounds | None = None
     message: str = ""
     is_error: bool = False
     past: tuple[str, ...] = field(default=())
+    future: tuple[str, ...] = field(default=())
 
     @property
     def count(self) -> str:
         """`82 of 542`: selected, of the base population."""
-        return f"{int(self.selected.sum())} of {int(self.base.sum())}"
+        return f"{int(np.count_nonzero(self.selected))} of {int(np.count_nonzero(self.base))}"
+
+    @property
+    def side(self) -> Side:
+        """The side that one-sided views show."""
+        return self.heat.side if self.heat else "real"

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
-from textual.geometry import Region, Size
+from textual import events
+from textual.geometry import Region
+from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
 from s2rtui.canvas import Canvas, Look, to_strips
 
 Draw = Callable[[tuple[int, int], Look], Canvas]
+Cell = tuple[int, int]
 
 _GAP = 12
 
@@ -19,20 +23,47 @@ _GAP = 12
 class PlotView(Widget, can_focus=False):
     """Draws what `show` was given; a new drawing sends only the cells that differ."""
 
-    def __init__(self, name: str, look: Look, tolerance: int = 0, rows: int = 0) -> None:
-        """`rows` is the height that the plot would like; 0 takes what there is."""
+    @dataclass
+    class Pressed(Message):
+        """The mouse went down and up again on a cell."""
+
+        view: str
+        cell: Cell
+
+    @dataclass
+    class Dragged(Message):
+        """The mouse moves with its button down, or (`done`) has let go."""
+
+        view: str
+        start: Cell
+        trail: tuple[Cell, ...]
+        done: bool
+
+    @dataclass
+    class Wheeled(Message):
+        """The wheel turned over a cell: +1 away from the user, -1 towards."""
+
+        view: str
+        cell: Cell
+        steps: int
+
+    def __init__(self, name: str, look: Look, tolerance: int = 0) -> None:
         super().__init__(id=name)
-        self.rows = rows
+        self.placed = False
+        self._view = name
         self._look = look
         self._tolerance = tolerance
         self._draw: Draw | None = None
+        self._depends: tuple[object, ...] | None = None
         self._canvas: Canvas | None = None
         self._strips: list[Strip] = []
+        self._trail: list[Cell] = []
 
-    def show(self, draw: Draw) -> None:
-        """Draw anew by `draw(size, look)`."""
-        self._draw = draw
-        if not self.size.width or not self.size.height:
+    def show(self, draw: Draw, depends: tuple[object, ...] | None = None) -> None:
+        """Draw anew by `draw(size, look)`, unless `depends` is what it was."""
+        unchanged = depends is not None and depends == self._depends
+        self._draw, self._depends = draw, depends
+        if not self.size.width or not self.size.height or (unchanged and self._canvas is not None):
             return
         before = self._canvas
         self._render_canvas()
@@ -55,9 +86,6 @@ class PlotView(Widget, can_focus=False):
         self._render_canvas()
         self.refresh()
 
-    def get_content_height(self, container: Size, viewport: Size, width: int) -> int:
-        return self.rows or container.height
-
     def render_lines(self, crop: Region) -> list[Strip]:
         """The strips of a part of the widget."""
         if self._canvas is None or (self._canvas.width, self._canvas.height) != self.size:
@@ -71,6 +99,39 @@ class PlotView(Widget, can_focus=False):
         if crop.x == 0 and crop.width == self.size.width:
             return lines
         return [line.crop(crop.x, crop.right) for line in lines]
+
+    # --- the mouse -----------------------------------------------------------------------------
+
+    def on_mouse_down(self, event: events.MouseDown) -> None:
+        self.capture_mouse()
+        self._trail = [(event.x, event.y)]
+
+    def on_mouse_move(self, event: events.MouseMove) -> None:
+        if self._trail and self._trail[-1] != (event.x, event.y):
+            self._trail.append((event.x, event.y))
+            self._tell(done=False)
+
+    def on_mouse_up(self, event: events.MouseUp) -> None:
+        self.release_mouse()
+        if not self._trail:
+            return
+        if self._trail[-1] != (event.x, event.y):
+            self._trail.append((event.x, event.y))
+        if len(self._trail) == 1:
+            self.post_message(self.Pressed(self._view, self._trail[0]))
+        else:
+            self._tell(done=True)
+        self._trail = []
+
+    def _tell(self, done: bool) -> None:
+        message = self.Dragged(self._view, self._trail[0], tuple(self._trail[1:]), done)
+        self.post_message(message)
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        self.post_message(self.Wheeled(self._view, (event.x, event.y), 1))
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        self.post_message(self.Wheeled(self._view, (event.x, event.y), -1))
 
 
 def changed_regions(before: Canvas, after: Canvas) -> list[Region]:

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from textual.screen import ModalScreen
 from textual.widgets import Input
 
 from s2rtui.actions import ACTIONS, footer, help_text
 from s2rtui.app import S2RApp
 from s2rtui.canvas import ColourMode, Look
 from s2rtui.headless import settle, snapshot, take
-from s2rtui.session import Session
+from s2rtui.plots.surface import Mark
+from s2rtui.session import Brush, Session
 from s2rtui.widgets import PlotView
-from s2rtui.widgets.help import HelpScreen
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
 
 def app_on(store: Path, look: Look | None = None, at: Path | None = None) -> S2RApp:
     app = S2RApp(Session(store), look or Look(), at)
-    app.rest_seconds = 0.001
+    app.feeding.rest_seconds = 0.001
     return app
 
 
@@ -35,7 +37,7 @@ async def test_every_key_twice(tiny_store: Path, tmp_path: Path, size: tuple[int
                 for _ in range(2):
                     await pilot.press(key)
                     await pilot.pause()
-                while isinstance(app.screen, HelpScreen):
+                while isinstance(app.screen, ModalScreen):
                     await pilot.press("escape")
                     await pilot.pause()
                 await pilot.press("escape")
@@ -51,8 +53,8 @@ async def test_keys_while_loading(tiny_store: Path, size: tuple[int, int]) -> No
         await pilot.press("right", "r", "h", "right", "o", "w", "v", "left", "R", "3", "right")
         await settle(app, pilot)
         state = app.session.state
-        assert app._pictures is not None
-        assert app._pictures.iid == state.cursor
+        assert app.resources.pictures is not None
+        assert app.resources.pictures.iid == state.cursor
 
 
 @pytest.mark.parametrize(
@@ -175,16 +177,19 @@ def test_numbers_on_the_screen_are_the_stores(tiny_store: Path) -> None:
                 assert f"{100 * accuracy:.1f}" in line
 
 
-def test_key_map_footer_and_help_come_from_one_table() -> None:
-    keys = [key for action in ACTIONS for key in action.keys]
-    assert len(keys) == len(set(keys))
+def test_key_map_footer_and_help_come_from_one_table(tiny_store: Path) -> None:
+    state = Session(tiny_store).state
+    brush = Brush("map", Mark("map", ((0.0, 0.0), (1.0, 1.0))))
+    for situation in (state, replace(state, brush=brush), replace(state, view="list")):
+        applying = [action for action in ACTIONS if action.applies(situation)]
+        keys = [key for action in applying for key in action.keys]
+        assert len(keys) == len(set(keys))
+        for width in range(0, 200, 7):
+            assert footer(width, situation)[-1][1] == "quit"
     for action in ACTIONS:
-        name = action.name.split("(")[0]
+        name = action.call.split("(")[0]
         assert hasattr(S2RApp, f"action_{name}"), name
         assert action.description in help_text()
-    for width in range(0, 200, 7):
-        shown = footer(width)
-        assert shown[-1][1] == "quit"
 
 
 def test_starting_the_application_loads_no_heavy_package(tiny_store: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError
 from s2rstore.writer import edit
-from s2rtui.session import Session
+from s2rtui.session import Session, showing
 from s2rtui.session.derive import instance_input, map_input, overview_rows
 from s2rtui.session.heat import choices, instance_grid, run_grid
 from tests.support import tiny
@@ -90,13 +90,18 @@ def test_runs_turn_and_keep_the_expression(session: Session) -> None:
 def test_heat_kinds_modes_and_sides_turn(session: Session) -> None:
     kinds = {session.state.heat.kind}
     for _ in range(5):
-        kinds.add(session.change_heat(1).heat.kind)
+        kinds.add(showing.change_heat(session, 1).heat.kind)
     assert kinds == {"activation", "feature_distance", "occlusion"}
     while session.state.heat.kind != "occlusion":
-        session.change_heat(1)
-    assert {session.change_mode().heat.mode for _ in range(3)} == {"rgb", "depth", "rgbd"}
-    assert session.change_side().heat.side == "sim"
-    assert [session.change_overlay().overlay for _ in range(3)] == ["instance", "run", "off"]
+        showing.change_heat(session, 1)
+    assert {showing.change_mode(session).heat.mode for _ in range(3)} == {"rgb", "depth", "rgbd"}
+    assert showing.change_side(session).heat.side == "sim"
+    assert [showing.change_overlay(session).overlay for _ in range(4)] == [
+        "instance",
+        "selection",
+        "run",
+        "off",
+    ]
 
 
 def test_a_newer_generation_is_noticed_and_taken_when_asked(own_store: Path) -> None:

@@ -1,0 +1,171 @@
+"""Brushing in every view: keys and mouse make a mark, the mark makes a selection."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import cast
+
+from s2rstore.errors import S2RError
+from s2rtui.desk import Desk
+from s2rtui.plots.surface import Panel, panel_at
+from s2rtui.session import brushing, showing
+from s2rtui.session.state import Brush, Operator
+from s2rtui.views import BY_NAME, View
+from s2rtui.widgets import PlotView
+from s2rtui.widgets.plot import Cell
+
+TITLE_ROWS = 1
+_ZOOM = 1 / 0.8
+
+
+class Brushes(Desk):
+    """The actions and mouse messages of brushing."""
+
+    def _panels(self, view: View) -> Sequence[Panel]:
+        """The panels of a view as it stands on the screen; none where it is hidden."""
+        widget = self.query_one(f"#{view.name}", PlotView)
+        width, height = widget.size
+        if not widget.placed or height <= TITLE_ROWS:
+            return ()
+        return view.surface(self.scene, (width, height - TITLE_ROWS), self.look)
+
+    def _held(self) -> tuple[Brush, Panel] | None:
+        """The present brush and its panel; None where there is none on the screen."""
+        brush = self.session.state.brush
+        if brush is None:
+            return None
+        panels = self._panels(BY_NAME[brush.view])
+        panel = next((one for one in panels if one.name == brush.mark.panel), None)
+        return None if panel is None else (brush, panel)
+
+    def _put(self, brush: Brush | None) -> None:
+        self.session.set(replace(self.session.state, brush=brush, message="", is_error=False))
+        self.refresh_views()
+
+    # --- keys --------------------------------------------------------------------------------
+
+    def action_brush(self) -> None:
+        view, panels = self.active, self._panels(self.active)
+        if not panels:
+            self.session.tell(f"nothing to brush in {view.name}: choose the map, a chart, ...")
+            self.refresh_views()
+            return
+        side = self.session.state.side
+        panel = next((one for one in panels if one.name in (side, self.session.state.run)), None)
+        self._begin(view, panel or panels[0])
+
+    def _begin(self, view: View, panel: Panel) -> None:
+        at = view.at(self.scene, panel)
+        self._put(brushing.begun(view.name, panel, at, self.session.state.lasso))
+
+    def action_brush_panel(self) -> None:
+        held = self._held()
+        if held is not None:
+            view = BY_NAME[held[0].view]
+            panels = list(self._panels(view))
+            names = [panel.name for panel in panels]
+            at = names.index(held[1].name)
+            self._begin(view, panels[(at + 1) % len(panels)])
+
+    def action_brush_move(self, across: int, down: int) -> None:
+        if (held := self._held()) is not None:
+            self._put(brushing.moved(*held, across, down))
+
+    def action_brush_stretch(self, across: int, down: int) -> None:
+        if (held := self._held()) is not None:
+            self._put(brushing.stretched(*held, across, down))
+
+    def action_brush_scale(self, steps: int) -> None:
+        if (held := self._held()) is not None:
+            self._put(brushing.scaled(*held, steps))
+
+    def action_brush_corner(self) -> None:
+        if (held := self._held()) is not None and held[0].mark.lasso:
+            self._put(brushing.cornered(held[0]))
+
+    def action_brush_apply(self, operator: str) -> None:
+        held = self._held()
+        if held is None:
+            self._put(None)
+            return
+        if operator:
+            state = replace(self.session.state, operator=cast(Operator, operator))
+            self.session.set(state)
+        self._apply(*held)
+
+    def action_lasso(self) -> None:
+        state = self.session.state
+        told = "brushes draw a lasso" if not state.lasso else "brushes draw a box"
+        made = replace(state, lasso=not state.lasso, brush=None, message=told, is_error=False)
+        self.session.set(made)
+        self.refresh_views()
+
+    def _apply(self, brush: Brush, panel: Panel) -> None:
+        view = BY_NAME[brush.view]
+        mark = brush.mark
+        if mark.lasso:
+            mark = replace(mark, points=brushing.outline(brush))
+            if len(mark.points) < 3:
+                self.session.tell("a lasso needs three corners: space sets one")
+                self.refresh_views()
+                return
+        try:
+            self.session.choose(view.meaning(self.scene, panel, mark))
+        except S2RError as error:
+            self.refuse(error)
+            return
+        self.refresh_views()
+
+    # --- the mouse ---------------------------------------------------------------------------
+
+    def _under(self, view: View, cell: Cell) -> Panel | None:
+        return panel_at(self._panels(view), cell[0], cell[1] - TITLE_ROWS)
+
+    def on_plot_view_pressed(self, message: PlotView.Pressed) -> None:
+        view = BY_NAME[message.view]
+        panel = self._under(view, message.cell)
+        self._activate(view)
+        if panel is not None:
+            middle = message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5
+            try:
+                view.press(self.session, self.scene, panel, panel.to_data(*middle))
+            except S2RError as error:
+                self.session.tell(str(error), is_error=True)
+        self.refresh_views()
+
+    def _activate(self, view: View) -> None:
+        if self.session.state.view != view.name:
+            showing.show_view(self.session, view.name, view.pane)
+
+    def on_plot_view_dragged(self, message: PlotView.Dragged) -> None:
+        view = BY_NAME[message.view]
+        panel = self._under(view, message.start)
+        if panel is None:
+            return
+        self._activate(view)
+        start, *trail = (
+            (x + 0.5, y - TITLE_ROWS + 0.5) for x, y in (message.start, *message.trail)
+        )
+        if view.drag(self.session, self.scene, panel, panel.to_data(*trail[-1])):
+            self.refresh_views()
+            return
+        lasso = (start, *trail) if self.session.state.lasso else ()
+        brush = brushing.dragged(view.name, panel, start, trail[-1], lasso)
+        if message.done:
+            self._apply(brush, panel)
+        else:
+            self._put(brush)
+
+    def on_plot_view_wheeled(self, message: PlotView.Wheeled) -> None:
+        view = BY_NAME[message.view]
+        panel = self._under(view, message.cell)
+        if view.name == "map" and panel is not None:
+            at = panel.to_data(message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5)
+            showing.zoom(self.session, _ZOOM if message.steps > 0 else 1 / _ZOOM, at)
+        elif view.name == "list":
+            self.run_worker(
+                self.run_action("do('previous_row')" if message.steps > 0 else "do('next_row')")
+            )
+            return
+        self.refresh_views()

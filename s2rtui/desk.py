@@ -1,0 +1,40 @@
+"""What the parts of the application share: the session, the look, and drawing anew."""
+
+from __future__ import annotations
+
+from textual.app import App
+
+from s2rtui.canvas import Look
+from s2rtui.session import Session
+from s2rtui.views import BY_NAME, Resources, Scene, View
+
+
+class Desk(App[None]):
+    """One session and what workers have brought for it."""
+
+    session: Session
+    look: Look
+    resources: Resources
+
+    @property
+    def scene(self) -> Scene:
+        """What the views are drawn from now."""
+        return Scene(self.session.store, self.session.state, self.resources, self.session.notes)
+
+    @property
+    def active(self) -> View:
+        """The view that keys speak to."""
+        return BY_NAME[self.session.state.view]
+
+    def refresh_views(self) -> None:
+        """Draw the current state everywhere, and ask workers for what it lacks."""
+        raise NotImplementedError
+
+    def show_message(self) -> None:
+        """Draw the line of messages alone."""
+        raise NotImplementedError
+
+    def refuse(self, error: Exception) -> None:
+        """Show what went wrong."""
+        self.session.tell(str(error), is_error=True)
+        self.refresh_views()

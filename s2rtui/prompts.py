@@ -1,0 +1,156 @@
+"""What is typed: expressions, names of selections, notes and tags."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from textual.widgets import Input
+
+from s2rstore import selection
+from s2rstore.errors import S2RError
+from s2rstore.language import ExpressionError, complete
+from s2rtui.desk import Desk
+from s2rtui.notebook import Remark, SavedSelection, checked
+from s2rtui.saving import Saving, save_run
+from s2rtui.session import adjusting, sharing, showing
+from s2rtui.widgets.query import QueryLine
+from s2rtui.widgets.selections import SelectionsScreen
+
+Accept = Callable[[str], object]
+_OFFERS = 6
+
+
+class Prompts(Desk):
+    """The actions that open the line at the foot, and what happens with its text."""
+
+    _accept: Accept | None = None
+
+    @property
+    def prompting(self) -> bool:
+        return self._accept is not None
+
+    @property
+    def _line(self) -> QueryLine:
+        return self.query_one(QueryLine)
+
+    def _ask(
+        self, accept: Accept, value: str, hint: str, history: Sequence[str] = (), help: bool = False
+    ) -> None:
+        self._accept = accept
+        self._line.open(value, hint, history, self._completions if help else None)
+
+    def _completions(self, text: str) -> list[tuple[str, str]]:
+        return complete(text, selection.vocabulary(self.session.store, self.session.notes.nodes))
+
+    def close_prompt(self) -> None:
+        self._accept = None
+        self._line.close()
+        if self.session.state.is_error:
+            self.session.tell("")
+        self.refresh_views()
+
+    def action_edit(self) -> None:
+        state = self.session.state
+        known = dict.fromkeys((*self.session.notes.history, *state.past, state.expression))
+        take = partial(sharing.take, self.session)
+        self._ask(take, state.expression, "worst15 & room:right", list(known), True)
+
+    def action_save_selection(self) -> None:
+        self._ask(self._save, "", "a name for this selection: it becomes @name")
+
+    def _save(self, name: str) -> None:
+        state = self.session.state
+        count = int(state.selected.sum())
+        saved = SavedSelection(state.expression, state.generation, state.run, count)
+        self.session.book.save(name, saved)
+        self.session.tell(f"saved as @{checked(name, 'name')}")
+
+    def action_note(self) -> None:
+        if (iid := self.session.state.cursor) is None:
+            return
+        present = self.session.notes.remarks.get(iid, Remark()).note
+        self._ask(partial(self._note, iid), present, f"a note on instance {iid}")
+
+    def _note(self, iid: int, text: str) -> None:
+        self.session.book.note(iid, text)
+
+    def action_tag(self) -> None:
+        if (iid := self.session.state.cursor) is None:
+            return
+        hint = f"a tag for instance {iid}; with a * behind it, for the whole selection"
+        tags = sorted({t for r in self.session.notes.remarks.values() for t in r.tags})
+        self._ask(partial(self._tag, iid), "", hint, tags)
+
+    def _tag(self, iid: int, text: str) -> None:
+        everyone = text.rstrip().endswith("*")
+        iids = np.flatnonzero(self.session.state.selected).tolist() if everyone else [iid]
+        tagged = self.session.book.toggle_tag(iids, text.rstrip().rstrip("*"))
+        some = f"{len(iids)} instances" if everyone else f"instance {iid}"
+        self.session.tell(f"{'tagged' if tagged else 'tag taken off'}: {some}")
+
+    def action_adjust(self) -> None:
+        """Open the panel, or close it."""
+        if self.session.state.view != "adjust":
+            self._open_panel()
+        self.refresh_views()
+
+    def _open_panel(self) -> None:
+        if self.session.state.cursor is None:
+            self.session.tell("no instance to adjust: select some")
+            return
+        if self.session.state.adjust is None or self.session.state.adjust.missing:
+            try:
+                found, reason = adjusting.sliders(self.session.store)
+                adjusting.begin(self.session, found, reason)
+            except ModuleNotFoundError as error:
+                adjusting.lack(self.session, str(error.name))
+        showing.show_view(self.session, "adjust", "tab")
+
+    def action_save_run(self) -> None:
+        self._ask(self._save_run, "", "a name for the run with these adjustments")
+
+    def _save_run(self, name: str) -> None:
+        adjust = self.session.state.adjust
+        if adjust is not None:
+            root, chains = self.session.store.path, adjusting.chains(adjust)
+            self.follow_saving(save_run(root, name.strip(), adjust.run, chains))
+
+    def follow_saving(self, saving: Saving) -> None:
+        """Show how far a run is on its way into the store."""
+        raise NotImplementedError
+
+    def action_selections(self) -> None:
+        self.push_screen(SelectionsScreen(self.session), self._took)
+
+    def _took(self, text: str | None) -> None:
+        if text is not None:
+            try:
+                sharing.take(self.session, text)
+            except S2RError as error:
+                self.session.tell(str(error), is_error=True)
+        self.refresh_views()
+
+    def on_query_line_offered(self, message: QueryLine.Offered) -> None:
+        offers = [f"{text.split()[-1]} ({what})" for text, what in message.options[:_OFFERS]]
+        more = len(message.options) - _OFFERS
+        text = "  ".join(offers) + (f"  and {more} more" if more > 0 else "")
+        self.session.tell(text or "nothing known continues this")
+        self.show_message()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        if self._accept is None:
+            return
+        try:
+            self._accept(event.value)
+        except ExpressionError as error:
+            self.session.tell(str(error), is_error=True)
+            event.input.cursor_position = min(error.column - 1, len(event.value))
+            self.show_message()
+            return
+        except (S2RError, OSError) as error:
+            self.session.tell(str(error), is_error=True)
+            self.show_message()
+            return
+        self.close_prompt()

@@ -1,0 +1,141 @@
+"""What is shown and how: heat, map and views. Each function changes the session's state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+from s2rstore.records import Side
+from s2rtui.plots.frame import panned, zoomed
+from s2rtui.session.heat import choices
+from s2rtui.session.session import Session
+from s2rtui.session.state import AGGREGATES, MAP_MODES, OVERLAYS, State
+
+T = TypeVar("T")
+
+
+def _after(options: Sequence[T], present: T, steps: int = 1) -> T:
+    return options[(options.index(present) + steps) % len(options)]
+
+
+def _told(session: Session, message: str, state: State) -> State:
+    return session.set(replace(state, message=message, is_error=False))
+
+
+def change_heat(session: Session, steps: int) -> State:
+    """The next heatmap kind."""
+    return _change_heat(session, steps, same_kind=False)
+
+
+def change_mode(session: Session) -> State:
+    """The next mode of the same kind."""
+    return _change_heat(session, 1, same_kind=True)
+
+
+def _change_heat(session: Session, steps: int, same_kind: bool) -> State:
+    state, heat = session.state, session.state.heat
+    options = choices(session.store, state.run)
+    if heat is None or not options:
+        return session.tell(f"run {state.run} has no heatmaps; `s2r precompute` makes them")
+    if same_kind:
+        modes = [mode for kind, mode in options if kind == heat.kind]
+        made = replace(heat, mode=_after(modes, heat.mode))
+    else:
+        kind = _after(list(dict.fromkeys(kind for kind, _ in options)), heat.kind, steps)
+        made = replace(heat, kind=kind, mode=next(m for k, m in options if k == kind))
+    return _told(session, made.label, replace(state, heat=made))
+
+
+def change_side(session: Session) -> State:
+    """The side that one-sided views and the map's heat show."""
+    if session.state.heat is None:
+        return session.tell("no heatmaps")
+    side: Side = "sim" if session.state.heat.side == "real" else "real"
+    heat = replace(session.state.heat, side=side)
+    return _told(session, f"heat of the {side} side", replace(session.state, heat=heat))
+
+
+def change_overlay(session: Session) -> State:
+    """No heat on the map, that of the instance, of the selection, of the whole run."""
+    if session.state.heat is None:
+        return session.tell("no heatmaps")
+    overlay = _after(OVERLAYS, session.state.overlay)
+    told = {
+        "off": "heat off",
+        "instance": "heat of this instance",
+        "selection": f"heat of the selection ({session.state.aggregate})",
+        "run": f"heat of the whole run ({session.state.aggregate})",
+    }
+    return _told(session, told[overlay], replace(session.state, overlay=overlay))
+
+
+def change_aggregate(session: Session) -> State:
+    """How heat is gathered per cell of the map."""
+    aggregate = _after(AGGREGATES, session.state.aggregate)
+    return _told(session, f"heat: {aggregate}", replace(session.state, aggregate=aggregate))
+
+
+def change_map_mode(session: Session) -> State:
+    mode = _after(MAP_MODES, session.state.map_mode)
+    told = {
+        "colour": "truth coloured by the shift",
+        "glyph": "direction and size of both errors",
+        "full": "sim, truth and real",
+    }
+    return _told(session, f"map: {told[mode]}", replace(session.state, map_mode=mode))
+
+
+def toggle_clip(session: Session) -> State:
+    """Dim what no selected instance has seen."""
+    clip = not session.state.clip
+    told = "only what the selection has seen" if clip else "the whole map"
+    return _told(session, told, replace(session.state, clip=clip))
+
+
+def toggle_room_names(session: Session) -> State:
+    names = not session.state.room_names
+    return session.set(replace(session.state, room_names=names, message="", is_error=False))
+
+
+def zoom(session: Session, factor: float, at: tuple[float, float] | None = None) -> State:
+    """Around a point in metres, by default the cursor; 0 shows the whole map."""
+    state = session.state
+    if factor == 0:
+        return session.set(replace(state, viewport=None))
+    view = state.viewport or session.store.dataset.bounds
+    truth, cursor = session.store.instances, state.cursor
+    if at is None and cursor is not None:
+        at = float(truth.x[cursor]), float(truth.y[cursor])
+    return session.set(replace(state, viewport=zoomed(view, factor, at)))
+
+
+def pan(session: Session, across: float, down: float) -> State:
+    """By shares of what is in view."""
+    view = session.state.viewport or session.store.dataset.bounds
+    moved = panned(view, across, down, session.store.dataset.y_down)
+    return session.set(replace(session.state, viewport=moved))
+
+
+def change_other(session: Session, steps: int = 1) -> State:
+    """The run that is compared with."""
+    others = [name for name in session.state.runs if name != session.state.run]
+    if not others:
+        return session.tell("there is only one run to look at")
+    present = session.state.other
+    other = others[0] if present not in others else _after(others, present, steps)
+    return _told(session, f"compared with {other}", replace(session.state, other=other))
+
+
+def show_view(session: Session, name: str, pane: str) -> State:
+    """Make a view of a pane the one that keys speak to, and see it."""
+    state = session.state
+    centre = name if pane == "centre" else state.centre
+    tab = name if pane == "tab" else state.tab
+    return session.set(replace(state, view=name, centre=centre, tab=tab, brush=None))
+
+
+def leave(session: Session) -> State:
+    """Without a brush, a pending operator, an error."""
+    made = replace(session.state, brush=None, operator="replace", message="", is_error=False)
+    return session.set(made)

@@ -1,0 +1,167 @@
+"""What a view is: numbers from the scene, a drawing of them, and what a brush on it means."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.language.text import quoted
+from s2rstore.reader import Store
+from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.notebook import Notes
+from s2rtui.plots import InstanceInput, OverviewRow
+from s2rtui.plots.surface import Mark, Panel, Point
+from s2rtui.session import Session, State
+
+Pane = Literal["overview", "centre", "tab"]
+Grid = NDArray[np.float32]
+Table = tuple[Sequence[str], Sequence[Sequence[object]]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Resources:
+    """What workers have brought so far; a view shows what is there.
+
+    `grid` is the heat that lies on the map, `seen` (rows, cols) what the selection has seen,
+    `progress` the share of it that is done. `live` is the instance as it is being adjusted.
+    """
+
+    rows: tuple[OverviewRow, ...] = ()
+    baseline: float = math.nan
+    floor_plan: NDArray[np.uint8] | None = None
+    pictures: InstanceInput | None = None
+    instance_grid: Grid | None = None
+    grid: Grid | None = None
+    seen: Grid | None = None
+    live: InstanceInput | None = None
+    live_grid: Grid | None = None
+    progress: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """All that a view draws from."""
+
+    store: Store
+    state: State
+    resources: Resources
+    notes: Notes = field(default_factory=Notes)
+
+    def remark(self, iid: int) -> str:
+        """The user's tags and note on an instance."""
+        remark = self.notes.remarks.get(iid)
+        return remark.text if remark else ""
+
+    def mark(self, view: str) -> Mark | None:
+        """The mark that is being drawn in a view."""
+        brush = self.state.brush
+        return brush.mark if brush is not None and brush.view == view else None
+
+
+class View:
+    """One view; a subclass says what it tells, draws and means.
+
+    `name` is its word, `key` the digit that shows it. `pane` is its place: the overview's, the
+    large centre, or one that it shares with others where the screen is small.
+    """
+
+    name: str
+    key: str
+    pane: Pane = "tab"
+    description: str
+
+    def told(self, scene: Scene) -> str:
+        """The words beside the title."""
+        return ""
+
+    def depends(self, scene: Scene) -> tuple[object, ...] | None:
+        """What the drawing depends on; equal means unchanged, None that it is always drawn."""
+        return None
+
+    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+        """The view in `size` (columns, rows)."""
+        raise NotImplementedError
+
+    def height(self, scene: Scene, width: int) -> int:
+        """The rows that the view would like; 0 takes what there is."""
+        return 0
+
+    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+        """Where it can be brushed."""
+        return ()
+
+    def at(self, scene: Scene, panel: Panel) -> Point | None:
+        """Where a brush by keys begins: the cursor's place in a panel."""
+        return None
+
+    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        """What a click on a panel does, at a point in data."""
+
+    def drag(self, session: Session, scene: Scene, panel: Panel, point: Point) -> bool:
+        """What dragging to a point in data does; False where it draws a mark."""
+        return False
+
+    def numbers(self, scene: Scene) -> Table:
+        """What it shows as a flat table: names of columns, and rows."""
+        raise NotImplementedError
+
+    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        """The expression that a mark stands for."""
+        raise NotImplementedError
+
+
+def rounded(value: float, cell: float) -> float:
+    """A number with the places that a cell of `cell` units justifies."""
+    places = max(0, math.ceil(-math.log10(max(abs(cell), 1e-9))) + 1)
+    return round(value, places)
+
+
+def area(panel: Panel, mark: Mark, box: str, lasso: str) -> str:
+    """A box or a lasso by the language's functions, in readable numbers."""
+    first, second = panel.to_data(0, 0), panel.to_data(1, 1)
+    wide, high = second[0] - first[0], second[1] - first[1]
+    points = [(rounded(x, wide), rounded(y, high)) for x, y in mark.points]
+    if mark.lasso:
+        return call(lasso, [number for point in points for number in point])
+    (x0, y0), (x1, y1) = points[0], points[-1]
+    return call(box, [min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)])
+
+
+def span(panel: Panel, mark: Mark, field: str) -> str:
+    """A range of one field, both ends included."""
+    cell = panel.to_data(1, 0)[0] - panel.to_data(0, 0)[0]
+    ends = sorted(rounded(point[0], cell) for point in (mark.points[0], mark.points[-1]))
+    return f"{field}:{number(ends[0])}..{number(ends[1])}"
+
+
+def turn(mark: Mark, field: str) -> str:
+    """A range of a heading in degrees, from the first end turning to the second."""
+    low, high = (round(point[0]) for point in (mark.points[0], mark.points[-1]))
+    if high - low >= 360:
+        low, high = -180, 180
+    return f"{field}:{number(_wrapped(low))}..{number(_wrapped(high))}"
+
+
+def named(mark: Mark, field: str, names: Sequence[str]) -> str:
+    """One or several names of a text field; those that do not exist are left out."""
+    rows = sorted(round(point[1]) for point in (mark.points[0], mark.points[-1]))
+    chosen = [names[row] for row in range(max(0, rows[0]), min(len(names), rows[1] + 1))]
+    return " | ".join(f"{field}:{quoted(name)}" for name in chosen) or "none"
+
+
+def call(function: str, numbers: Sequence[float]) -> str:
+    return f"{function}({', '.join(number(value) for value in numbers)})"
+
+
+def number(value: float) -> str:
+    """As the language writes it."""
+    return str(int(value)) if value == int(value) else f"{value:.10g}"
+
+
+def _wrapped(degrees: float) -> float:
+    return (degrees + 180) % 360 - 180 if abs(degrees) != 180 else degrees

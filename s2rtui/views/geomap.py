@@ -1,0 +1,45 @@
+"""The geo-map: where the instances stand, and the heat on the floor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from s2rtui import plots
+from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.session import derive
+from s2rtui.views.contract import Pane, Scene, Table, View
+
+_TOLD = {
+    "colour": "truth coloured by shift",
+    "glyph": "direction and size of both errors",
+    "full": "sim, truth, real",
+}
+
+
+class MapView(View):
+    name = "map"
+    key = "2"
+    pane: Pane = "centre"
+    description = "geo-map: truth, predictions and heat on the floor plan"
+
+    def told(self, scene: Scene) -> str:
+        return _TOLD[scene.state.map_mode]
+
+    def input(self, scene: Scene) -> plots.GeoMapInput:
+        return derive.map_input(
+            scene.store, scene.state, scene.resources.floor_plan, scene.resources.grid
+        )
+
+    def numbers(self, scene: Scene) -> Table:
+        truth, run = scene.store.instances, scene.store.run_columns(scene.state.run)
+        columns = (truth.x, truth.y, np.degrees(truth.heading), run.sim.x, run.sim.y,
+                   np.degrees(run.sim.heading), run.real.x, run.real.y,
+                   np.degrees(run.real.heading), run.shift)  # fmt: skip
+        names = ("iid", "x", "y", "heading", "sim x", "sim y", "sim heading", "real x", "real y",
+                 "real heading", "shift")  # fmt: skip
+        chosen = np.flatnonzero(scene.state.selected)
+        picked = [column[chosen].tolist() for column in columns]
+        return names, list(zip(chosen.tolist(), *picked, strict=True))
+
+    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+        return plots.geomap(self.input(scene), size, look, scene.state.viewport)

@@ -1,0 +1,96 @@
+"""The line of text at the foot: expressions with history and completion, names and notes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from textual import events
+from textual.binding import Binding, BindingType
+from textual.message import Message
+from textual.widgets import Input
+
+Complete = Callable[[str], Sequence[tuple[str, str]]]
+
+
+class QueryLine(Input):
+    """Up and down walk through earlier lines, tab completes; closed it takes no focus."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "earlier", "earlier line", show=False),
+        Binding("down", "later", "later line", show=False),
+        Binding("tab", "complete(1)", "complete", show=False),
+        Binding("shift+tab", "complete(-1)", "complete", show=False),
+    ]
+
+    @dataclass
+    class Offered(Message):
+        """What could stand at the end of the line: pairs of text and meaning."""
+
+        options: Sequence[tuple[str, str]]
+
+    def __init__(self) -> None:
+        super().__init__(id="query", select_on_focus=False)
+        self.cursor_blink = False
+        self._complete: Complete = lambda text: ()
+        self._history: Sequence[str] = ()
+        self._place = 0
+        self._draft = ""
+        self._options: Sequence[tuple[str, str]] = ()
+        self._option = -1
+
+    def on_mount(self) -> None:
+        self.can_focus = False
+
+    def open(
+        self, value: str, hint: str, history: Sequence[str] = (), complete: Complete | None = None
+    ) -> None:
+        """Show the line with a value; `history` has the latest last."""
+        self._history, self._place = history, len(history)
+        self._complete = complete or (lambda text: ())
+        self._options, self._option = (), -1
+        self.placeholder = hint
+        self.value = value
+        self.cursor_position = len(value)
+        self.can_focus = True
+        self.add_class("open")
+        self.focus()
+
+    def close(self) -> None:
+        self.remove_class("open")
+        self.can_focus = False
+        self.screen.set_focus(None)
+
+    def action_earlier(self) -> None:
+        if self._place == len(self._history):
+            self._draft = self.value
+        self._go(self._place - 1)
+
+    def action_later(self) -> None:
+        self._go(self._place + 1)
+
+    def _go(self, place: int) -> None:
+        if 0 <= place <= len(self._history):
+            self._place = place
+            last = place == len(self._history)
+            self._fill(self._draft if last else self._history[place])
+
+    def action_complete(self, steps: int) -> None:
+        """The next of what could stand at the end."""
+        if not self._options:
+            self._options, self._option = tuple(self._complete(self.value)), -1
+            self.post_message(self.Offered(self._options))
+        if self._options:
+            first = self._option < 0 and steps < 0
+            self._option = (self._option + steps + first) % len(self._options)
+            self._fill(self._options[self._option][0])
+
+    def _fill(self, text: str) -> None:
+        self.value = text
+        self.cursor_position = len(text)
+
+    async def _on_key(self, event: events.Key) -> None:
+        if event.key not in ("tab", "shift+tab"):
+            self._options, self._option = (), -1
+        await super()._on_key(event)

@@ -1,0 +1,75 @@
+"""The saved selections and the history, to choose from."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import BindingType
+from textual.containers import Vertical
+from textual.content import Content
+from textual.screen import ModalScreen
+from textual.widgets import OptionList, Static
+from textual.widgets.option_list import Option
+
+from s2rtui.notebook import SavedSelection
+from s2rtui.session import Session
+from s2rtui.session.sharing import written
+
+_MOST = 100
+
+
+class SelectionsScreen(ModalScreen[str | None]):
+    """Enter takes a selection, d forgets a saved one, escape leaves."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        ("escape,f,q", "dismiss", "close"),
+        ("d", "forget", "forget"),
+    ]
+
+    def __init__(self, session: Session) -> None:
+        super().__init__()
+        self._session = session
+        self._texts: dict[str, str] = {}
+
+    def compose(self) -> ComposeResult:
+        with Vertical(id="selections"):
+            yield Static("saved selections and history", id="selections-title", markup=False)
+            yield OptionList(id="selections-list", compact=True)
+            yield Static("enter takes one   d forgets a saved one   escape leaves", markup=False)
+
+    def on_mount(self) -> None:
+        self._fill()
+        self.query_one(OptionList).focus()
+
+    def _fill(self) -> None:
+        notes, state = self._session.notes, self._session.state
+        options: list[Option] = []
+        self._texts = {}
+        for name, saved in notes.selections.items():
+            label = f"@{name}   {saved.expression}   {_where(saved)}"
+            options.append(Option(Content(label), id=f"@{name}"))
+            self._texts[f"@{name}"] = written(saved, self._session.store.dataset.hash)
+        past = dict.fromkeys(reversed((*notes.history, *state.past, state.expression)))
+        for number, expression in enumerate(list(past)[:_MOST]):
+            options.append(Option(Content(expression), id=f"past-{number}"))
+            self._texts[f"past-{number}"] = expression
+        listed = self.query_one(OptionList)
+        listed.clear_options()
+        listed.add_options(options)
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        self.dismiss(self._texts[event.option.id or ""])
+
+    def action_forget(self) -> None:
+        listed = self.query_one(OptionList)
+        if listed.highlighted is None:
+            return
+        chosen = listed.get_option_at_index(listed.highlighted).id or ""
+        if chosen.startswith("@"):
+            self._session.book.forget(chosen[1:])
+            self._fill()
+
+
+def _where(saved: SavedSelection) -> str:
+    return f"{saved.count} on {saved.run}, generation {saved.generation}"

@@ -1,0 +1,92 @@
+"""Marks on panels: where they begin, how they move, that they keep their shape."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2rtui.plots.surface import Panel
+from s2rtui.session import brushing
+
+
+def plane(y_down: bool = True) -> Panel:
+    """10 x 8 cells from (5, 2); a cell is 0.5 m wide and 1 m high."""
+    sign = 1 if y_down else -1
+    return Panel(
+        "map", "plane", 5, 2, 10, 8,
+        lambda column, row: ((column - 5) * 0.5, sign * (row - 2)),
+        lambda x, y: (x / 0.5 + 5, sign * y + 2),
+    )  # fmt: skip
+
+
+def line(shape: str) -> Panel:
+    return Panel("real", shape, 0, 0, 20, 10, lambda c, r: (c * 0.1, r), lambda x, y: (x * 10, y))
+
+
+@pytest.mark.parametrize("y_down", [True, False])
+def test_a_box_begins_about_the_cursor(y_down: bool) -> None:
+    panel = plane(y_down)
+    brush = brushing.begun("map", panel, (2.0, 3.0 if y_down else -3.0))
+    (x0, y0), (x1, y1) = brush.mark.points
+    assert x0 < 2.0 < x1
+    assert min(y0, y1) < (3.0 if y_down else -3.0) < max(y0, y1)
+
+
+@given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), max_size=12))
+def test_moving_keeps_the_size_and_never_loses_the_box(steps: list[tuple[int, int]]) -> None:
+    panel = plane()
+    brush = brushing.begun("map", panel, None)
+    (x0, y0), (x1, y1) = brush.mark.points
+    for step in steps:
+        brush = brushing.moved(brush, panel, *step)
+    (u0, v0), (u1, v1) = brush.mark.points
+    assert u1 - u0 == pytest.approx(x1 - x0)
+    assert v1 - v0 == pytest.approx(y1 - y0)
+    column, row = panel.to_cells((u0 + u1) / 2, (v0 + v1) / 2)
+    assert 5 <= column <= 15
+    assert 2 <= row <= 10
+
+
+@given(st.lists(st.sampled_from([-1, 1]), max_size=20))
+@pytest.mark.parametrize("shape", ["plane", "range", "turn", "steps"])
+def test_scaling_never_turns_a_mark_inside_out(shape: str, steps: list[int]) -> None:
+    panel = plane() if shape == "plane" else line(shape)
+    brush = brushing.begun("map", panel, None)
+    for step in steps:
+        brush = brushing.scaled(brush, panel, step)
+        (x0, y0), (x1, y1) = brush.mark.points
+        assert x1 >= x0
+        assert y1 >= y0
+        assert x1 - x0 <= 360 or shape != "turn"
+
+
+def test_a_turn_moves_by_its_bins() -> None:
+    brush = brushing.begun("orientation", line("turn"), (90.0, 1.0))
+    moved = brushing.moved(brush, line("turn"), 1, 0)
+    assert [x for x, _ in moved.mark.points] == [85.0, 105.0]
+
+
+def test_steps_move_by_rows_alone() -> None:
+    brush = brushing.begun("rooms", line("steps"), (0.0, 3.0))
+    moved = brushing.stretched(brushing.moved(brush, line("steps"), 4, 1), line("steps"), 0, 2)
+    assert [y for _, y in moved.mark.points] == [4.0, 6.0]
+
+
+def test_a_lasso_grows_corner_by_corner() -> None:
+    panel = plane()
+    brush = brushing.begun("map", panel, (1.0, 1.0), lasso=True)
+    for step in ((2, 0), (0, 2), (-2, 0)):
+        brush = brushing.moved(brushing.cornered(brush), panel, *step)
+    assert brush.corners == 3
+    assert brushing.outline(brush) == ((1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (1.0, 3.0))
+
+
+def test_a_drag_is_a_box_and_with_a_trail_a_lasso() -> None:
+    panel = plane()
+    box = brushing.dragged("map", panel, (5.5, 2.5), (7.5, 4.5), ())
+    assert box.mark.points == ((0.25, 0.5), (1.25, 2.5))
+    trail = ((5.5, 2.5), (7.5, 2.5), (7.5, 4.5))
+    lasso = brushing.dragged("map", panel, trail[0], trail[-1], trail)
+    assert lasso.mark.lasso
+    assert len(lasso.mark.points) == 3

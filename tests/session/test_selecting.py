@@ -1,0 +1,208 @@
+"""Selections joined by operators, undone and redone, saved, shared and listed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rstore.errors import RequestError
+from s2rstore.language import ExpressionError
+from s2rtui.notebook import Notebook, SavedSelection
+from s2rtui.session import Session, listing, sharing
+
+
+@pytest.fixture
+def session(tiny_store: Path) -> Session:
+    return Session(tiny_store, notebooks=Notebook)
+
+
+def chosen(session: Session) -> set[int]:
+    return set(np.flatnonzero(session.state.selected).tolist())
+
+
+OPERATORS = {
+    "replace": lambda a, b: b,
+    "intersect": lambda a, b: a & b,
+    "union": lambda a, b: a | b,
+    "subtract": lambda a, b: a - b,
+}
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_operators_are_set_algebra(session: Session, operator: str) -> None:
+    session.select("ids(0..19)")
+    session.choose("ids(0..19)")
+    first = chosen(session)
+    session.expect(operator)
+    session.choose("ids(10..29)")
+    assert chosen(session) == OPERATORS[operator](first, set(range(10, 30)))
+    assert session.state.operator == "replace"
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    steps=st.lists(
+        st.tuples(st.sampled_from(sorted(OPERATORS)), st.integers(0, 39), st.integers(0, 39)),
+        max_size=6,
+    )
+)
+def test_any_chain_of_operators_agrees_with_python_sets(
+    tiny_store: Path, steps: list[tuple[str, int, int]]
+) -> None:
+    session = Session(tiny_store)
+    session.select("all")
+    expected = chosen(session)
+    for operator, one, two in steps:
+        low, high = sorted((one, two))
+        if operator != "replace":
+            session.expect(operator)
+        session.choose(f"ids({low}..{high})")
+        expected = OPERATORS[operator](expected, set(range(low, high + 1)))
+    assert chosen(session) == expected
+    assert chosen(session) == set(np.flatnonzero(session.select(session.state.expression).selected))
+
+
+def test_an_operator_asked_for_twice_is_dropped(session: Session) -> None:
+    session.expect("union")
+    assert session.state.operator == "union"
+    assert session.expect("union").operator == "replace"
+
+
+def test_complement_is_valid_minus_set_and_its_own_inverse(session: Session) -> None:
+    session.select("worst15")
+    before = chosen(session)
+    session.complement()
+    assert chosen(session) == set(range(40)) - before
+    assert session.complement().expression == "worst15"
+
+
+def test_a_wrong_choice_keeps_state_and_operator(session: Session) -> None:
+    session.expect("intersect")
+    before = session.state
+    with pytest.raises(ExpressionError):
+        session.choose("room:nowhere")
+    assert session.state is before
+
+
+def test_redo_goes_forward_until_something_new_is_chosen(session: Session) -> None:
+    session.select("worst15")
+    session.select("best15")
+    session.undo()
+    assert session.redo().expression == "best15"
+    assert session.redo().message == "nothing to redo"
+    session.undo()
+    session.select("none")
+    assert session.redo().message == "nothing to redo"
+
+
+def test_the_papers_question_in_three_selections(session: Session) -> None:
+    session.select("worst(15%, sim.error)")
+    session.expect("intersect")
+    session.choose("best(50%, real.error)")
+    session.expect("intersect")
+    session.choose("box(-1000, -1000, 1000, 1000)")
+    columns = session.store.run_columns(session.state.run)
+    poor = set(np.argsort(-columns.sim.error, kind="stable")[:6].tolist())
+    well = set(np.argsort(columns.real.error, kind="stable")[:20].tolist())
+    assert chosen(session) == poor & well
+
+
+def test_saved_selections_and_tags_are_names_of_the_language(session: Session) -> None:
+    session.select("worst15")
+    worst = chosen(session)
+    session.book.save("mine", SavedSelection("worst15", 1, "vanilla", 6))
+    assert session.book.toggle_tag([3, 5], "door")
+    session.select("@mine | @door")
+    assert chosen(session) == worst | {3, 5}
+    assert not session.book.toggle_tag([3, 5], "door")
+    with pytest.raises(ExpressionError):
+        session.select("@door")
+
+
+def test_two_sessions_of_a_user_keep_both_their_work(tiny_store: Path) -> None:
+    first, second = (Session(tiny_store, notebooks=Notebook) for _ in range(2))
+    first.book.note(3, "  overexposed\nwindow ")
+    second.book.note(4, "a mirror")
+    second.book.toggle_tag([3], "window")
+    assert second.notes.remarks[3].text == "#window: overexposed window"
+    assert set(Session(tiny_store, notebooks=Notebook).notes.remarks) == {3, 4}
+    first.book.note(3, "")
+    assert first.notes.remarks[3].text == "#window"
+
+
+def test_names_of_selections_and_tags_do_not_collide(session: Session) -> None:
+    session.book.save("a", SavedSelection("all", 1, "vanilla", 40))
+    with pytest.raises(RequestError, match="saved selection already"):
+        session.book.toggle_tag([1], "a")
+    session.book.toggle_tag([1], "b")
+    with pytest.raises(RequestError, match="a tag already"):
+        session.book.save("b", SavedSelection("all", 1, "vanilla", 40))
+    session.book.forget("a")
+    assert "a" not in session.notes.nodes
+
+
+@pytest.mark.parametrize("name", ["", "  ", "x" * 61, 'say "hi"', "back\\slash", "bell\a"])
+def test_impossible_names_are_refused(session: Session, name: str) -> None:
+    with pytest.raises(RequestError, match="name"):
+        session.book.save(name, SavedSelection("all", 1, "vanilla", 40))
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"version": 1}', "[1]", '{"version": 2'])
+def test_a_damaged_notebook_is_refused_and_left_alone(
+    tiny_store: Path, own_things: Path, content: str
+) -> None:
+    path = Session(tiny_store, notebooks=Notebook).book.path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(content)
+    with pytest.raises(RequestError, match="move it away"):
+        Session(tiny_store, notebooks=Notebook)
+    assert path.read_text() == content
+
+
+def test_a_shared_line_selects_the_same_or_says_what_differs(session: Session) -> None:
+    session.select("worst15")
+    line = sharing.shared_text(session)
+    session.select("all")
+    assert sharing.take(session, line).expression == "worst15"
+    assert session.state.message == ""
+    changed = line.replace("6 instances", "9 instances")
+    assert "evaluated anew: 6 instances, 9 at" in sharing.take(session, changed).message
+    foreign = line.replace("data set ", "data set fff")
+    with pytest.raises(RequestError, match="data set fff"):
+        sharing.take(session, foreign)
+    assert sharing.take(session, "best15").expression == "best15"
+
+
+def test_a_shared_line_turns_to_its_run(session: Session) -> None:
+    session.put_run("dataaug")
+    line = sharing.shared_text(session.select("worst15") and session)
+    session.put_run("vanilla")
+    assert sharing.take(session, line).run == "dataaug"
+
+
+@pytest.mark.parametrize("name", listing.COLUMNS)
+@pytest.mark.parametrize("descending", [True, False])
+def test_the_list_is_in_order(session: Session, name: str, descending: bool) -> None:
+    session.select("all")
+    state = replace(session.state, sort=name, descending=descending)
+    rows = listing.order(session.store, state)
+    values = listing.column(session.store, state, name)[rows]
+    steps = np.diff(values)
+    assert (steps <= 0).all() if descending else (steps >= 0).all()
+    assert sorted(rows) == sorted(chosen(session))
+
+
+def test_moving_through_the_list_stays_inside(session: Session) -> None:
+    session.select("worst15")
+    rows = listing.order(session.store, session.state)
+    session.put_cursor(int(rows[0]))
+    assert listing.move(session, -1).cursor == rows[0]
+    assert listing.move(session, 2).cursor == rows[2]
+    assert listing.move(session, 1000).cursor == rows[-1]
+    session.select("none")
+    assert listing.move(session, 1).message == "nothing is selected"
