@@ -1,14 +1,19 @@
 """Views as pure functions: numbers in, a canvas out; each with the model that paper shares."""
 
+from s2rtui.plots.difference import difference, difference_layout, difference_surface
+from s2rtui.plots.difference_model import DifferenceModel, DifferenceSummary, difference_model
 from s2rtui.plots.frame import MapFrame, fit, panned, sample, zoomed
-from s2rtui.plots.geomap import GeoMapLayout, geomap, geomap_layout
+from s2rtui.plots.geomap import geomap, geomap_layout, geomap_surface
+from s2rtui.plots.geomap_layout import GeoMapLayout
 from s2rtui.plots.geomap_model import GeoMapModel, geomap_model
 from s2rtui.plots.histogram import HistogramModel, histogram, histogram_model
 from s2rtui.plots.inputs import (
+    DifferenceInput,
     GeoMapInput,
     HistogramInput,
     InstanceInput,
     MapMode,
+    OverviewLines,
     OverviewRow,
     PoseNumbers,
     SideView,
@@ -24,6 +29,9 @@ from s2rtui.plots.overview import (
 )
 
 __all__ = [
+    "DifferenceInput",
+    "DifferenceModel",
+    "DifferenceSummary",
     "GeoMapInput",
     "GeoMapLayout",
     "GeoMapModel",
@@ -35,14 +43,20 @@ __all__ = [
     "MapFrame",
     "MapMode",
     "OverviewLayout",
+    "OverviewLines",
     "OverviewModel",
     "OverviewRow",
     "PoseNumbers",
     "SideView",
+    "difference",
+    "difference_layout",
+    "difference_model",
+    "difference_surface",
     "fit",
     "geomap",
     "geomap_layout",
     "geomap_model",
+    "geomap_surface",
     "histogram",
     "histogram_model",
     "instance",

@@ -8,6 +8,7 @@ import numpy as np
 
 from s2rstore.records import Bounds, Room
 from s2rtui.plots import (
+    DifferenceInput,
     GeoMapInput,
     HistogramInput,
     InstanceInput,
@@ -52,6 +53,24 @@ def geomap_input(**changes: Any) -> GeoMapInput:
         "rooms": (Room("hall", 0, 0, 0, 10, 10), Room("größer", 1, 10, 0, 20, 10)),
     }
     return GeoMapInput(**(view | changes))
+
+
+def difference_input(**changes: Any) -> DifferenceInput:
+    view = geomap_input()
+    random = np.random.default_rng(9)
+    fields: dict[str, Any] = {
+        "truth": view.truth,
+        "first": random.gamma(2, 0.5, N),
+        "second": random.gamma(2, 0.5, N),
+        "selected": view.selected,
+        "valid": view.valid,
+        "bounds": BOUNDS,
+        "names": ("vanilla", "größer"),
+        "cursor": 50,
+        "floor_plan": view.floor_plan,
+        "rooms": view.rooms,
+    }
+    return DifferenceInput(**(fields | changes))
 
 
 def side(seed: int, heat: bool = True, depth: bool = True) -> SideView:

@@ -11,14 +11,18 @@ from PIL import Image
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, Theme
-from s2rtui.figures import geomap_figure, instance_figure, overview_figure
-from tests.plots.examples import ROWS, geomap_input, instance_input, side
+from s2rtui.figures import difference_figure, geomap_figure, instance_figure, overview_figure
+from tests.plots.examples import ROWS, difference_input, geomap_input, instance_input, side
 
 Draw = Callable[[tuple[int, int], Theme], bytes]
 FIGURES: dict[str, Draw] = {
     "overview": lambda size, theme: overview_figure(ROWS, 0.72, size, theme, selected=1),
     "map": lambda size, theme: geomap_figure(geomap_input(), size, theme, "vanilla", "worst15"),
     "full map": lambda size, theme: geomap_figure(geomap_input(mode="full"), size, theme),
+    "glyph map": lambda size, theme: geomap_figure(
+        geomap_input(mode="glyph", clip=np.eye(5)), size, theme
+    ),
+    "difference": lambda size, theme: difference_figure(difference_input(), size, theme),
     "instance": lambda size, theme: instance_figure(instance_input(), size, theme, "vanilla"),
 }
 
