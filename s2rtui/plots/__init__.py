@@ -20,13 +20,9 @@ from s2rtui.plots.inputs import (
 )
 from s2rtui.plots.instance import InstanceLayout, instance, instance_layout
 from s2rtui.plots.instance_model import InstanceModel, instance_model
-from s2rtui.plots.overview import (
-    OverviewLayout,
-    OverviewModel,
-    overview,
-    overview_layout,
-    overview_model,
-)
+from s2rtui.plots.overview import overview
+from s2rtui.plots.overview_layout import OverviewLayout, overview_layout, overview_surface
+from s2rtui.plots.overview_model import OverviewModel, overview_model
 
 __all__ = [
     "DifferenceInput",
@@ -65,6 +61,7 @@ __all__ = [
     "overview",
     "overview_layout",
     "overview_model",
+    "overview_surface",
     "panned",
     "sample",
     "zoomed",

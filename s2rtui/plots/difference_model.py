@@ -52,19 +52,21 @@ def difference_model(view: DifferenceInput) -> DifferenceModel:
     chosen = choose(np.asarray(view.selected, dtype=np.bool_), valid)
     lit, others = sizes(chosen)
     arrays = Same(view.first), Same(view.second)
-    verdicts = _verdicts(*arrays, view.equal)
-    parts = count(verdicts, chosen)[0].tolist()
-    known = sum(parts)
-    total = float(sums(verdicts, _differences(*arrays), chosen).sum())
-    summary = DifferenceSummary(
-        improved=parts[2],
-        worse=parts[0],
-        equal=parts[1],
-        unknown=lit - known,
-        mean=total / known if known else float("nan"),
-    )
+    summary = _summary(*arrays, view.equal, chosen, lit)
     scale = view.scale or _scale(*arrays, Same(valid), view.equal)
     return DifferenceModel(chosen, lit, others, cursor_of(view.cursor, valid), scale, summary)
+
+
+@lru_cache(8)
+def _summary(
+    first: Same, second: Same, equal: float, chosen: Chosen, lit: int
+) -> DifferenceSummary:
+    column = _verdicts(first, second, equal)
+    worse, same, improved = count(column, chosen)[0].tolist()
+    known = worse + same + improved
+    total = float(sums(column, _differences(first, second), chosen).sum())
+    mean = total / known if known else float("nan")
+    return DifferenceSummary(improved, worse, same, lit - known, mean)
 
 
 def differences(view: DifferenceInput) -> Means:
@@ -76,11 +78,17 @@ def cell_means(
     view: DifferenceInput, chosen: Chosen, frame: MapFrame
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
     """Columns, rows and mean differences (k,) of the cells that hold a selected instance."""
-    arrays = Same(view.first), Same(view.second)
-    column = _known_cells(Same(view.truth), *arrays, frame)
+    return _cell_means(Same(view.truth), Same(view.first), Same(view.second), chosen, frame)
+
+
+@lru_cache(4)
+def _cell_means(
+    truth: Same, first: Same, second: Same, chosen: Chosen, frame: MapFrame
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
+    column = _known_cells(truth, first, second, frame)
     counts, _ = count(column, chosen)
     held = np.flatnonzero(counts)
-    means = sums(column, _differences(*arrays), chosen)[held] / counts[held]
+    means = sums(column, _differences(first, second), chosen)[held] / counts[held]
     return held % frame.width, held // frame.width, means
 
 

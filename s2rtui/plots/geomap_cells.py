@@ -60,30 +60,51 @@ def _dots(points: Same, frame: MapFrame) -> Bins:
 
 
 def lit_cells(points: Floats, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
-    """(rows, columns): where a selected point lies."""
-    lit, _ = count(cells(points, frame), chosen)
-    return (lit > 0).reshape(frame.height // 2, frame.width)
+    """(rows, columns), read-only: where a selected point lies."""
+    return _lit_cells(Same(points), chosen, frame)
 
 
 def other_dots(points: Floats, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
-    """(4 rows, 2 columns): where a point of the base lies that is not selected."""
-    lit, total = count(dots(points, frame), chosen)
-    return (total > lit).reshape(frame.height // 2 * 4, frame.width * 2)
+    """(4 rows, 2 columns), read-only: where a point of the base lies that is not selected."""
+    return _other_dots(Same(points), chosen, frame)
 
 
 def top_levels(
     points: Floats, values: Floats, scale: Interval, chosen: Chosen, frame: MapFrame
 ) -> NDArray[np.intp]:
-    """(rows, columns): the largest value of the selected in each cell.
+    """(rows, columns), read-only: the largest value of the selected in each cell.
 
     -1 where none lies, 0 where no value is known, else 1 .. LEVELS.
     """
-    found = _tinted(Same(points), Same(values), scale, frame)
+    return _top_levels(Same(points), Same(values), scale, chosen, frame)
+
+
+@lru_cache(6)
+def _lit_cells(points: Same, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
+    lit = (count(_cells(points, frame), chosen)[0] > 0).reshape(frame.height // 2, frame.width)
+    lit.setflags(write=False)
+    return lit
+
+
+@lru_cache(4)
+def _other_dots(points: Same, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
+    lit, total = count(_dots(points, frame), chosen)
+    others = (total > lit).reshape(frame.height // 2 * 4, frame.width * 2)
+    others.setflags(write=False)
+    return others
+
+
+@lru_cache(4)
+def _top_levels(
+    points: Same, values: Same, scale: Interval, chosen: Chosen, frame: MapFrame
+) -> NDArray[np.intp]:
+    found = _tinted(points, values, scale, frame)
     lit, _ = count(found.codes, chosen)
     top = np.full(frame.height // 2 * frame.width, -1, dtype=np.intp)
     if len(found.cell):
         shown = np.where(lit > 0, found.level, np.int8(-1))
         top[found.cell] = np.maximum.reduceat(shown, found.start)
+    top.setflags(write=False)
     return top.reshape(-1, frame.width)
 
 
@@ -102,7 +123,7 @@ class _Tinted:
 
 @lru_cache(4)
 def _tinted(points: Same, values: Same, scale: Interval, frame: MapFrame) -> _Tinted:
-    places = cells(np.asarray(points.array), frame)
+    places = _cells(points, frame)
     steps = np.uint32(LEVELS + 1)
     wide = places.codes.astype(np.uint32) * steps + _levels(values, scale)
     np.minimum(wide, places.count * steps, out=wide)

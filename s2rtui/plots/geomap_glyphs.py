@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,11 +47,24 @@ def error_glyphs(
     Up to `SINGLES` instances stand at their truth, those too near to each other together at
     their mean; more of them are taken together by blocks of footprint size, at the middle.
     """
-    ids = in_frame(np.asarray(view.truth), model.chosen, frame, SINGLES)
-    full = full_scale(view)
+    arrays = _Arrays(Same(view.truth), Same(view.sim), Same(view.real))
+    return _glyphs(arrays, full_scale(view), model.chosen, frame, footprint)
+
+
+class _Arrays(NamedTuple):
+    truth: Same
+    sim: Same
+    real: Same
+
+
+@lru_cache(4)
+def _glyphs(
+    arrays: _Arrays, full: float, chosen: Chosen, frame: MapFrame, footprint: tuple[int, int]
+) -> ErrorGlyphs:
+    ids = in_frame(np.asarray(arrays.truth.array), chosen, frame, SINGLES)
     if ids is None:
-        return _blocks(view, model.chosen, frame, footprint, full)
-    return _clusters(view, ids, frame, footprint, full)
+        return _blocks(arrays, full, chosen, frame, footprint)
+    return _clusters(arrays, full, ids, frame, footprint)
 
 
 def full_scale(view: GeoMapInput) -> float:
@@ -76,14 +90,15 @@ def _errors(truth: Same, side: Same) -> tuple[Vectors, Vectors]:
 
 
 def _clusters(
-    view: GeoMapInput,
+    arrays: _Arrays,
+    full: float,
     ids: NDArray[np.intp],
     frame: MapFrame,
     footprint: tuple[int, int],
-    full: float,
 ) -> ErrorGlyphs:
     """One glyph per instance; what lies within a footprint of an earlier one joins that one."""
-    places = frame.to_cells(np.asarray(view.truth)[ids])
+    truth, *sides = (np.asarray(part.array, dtype=np.float64)[ids] for part in arrays)
+    places = frame.to_cells(truth)
     group = np.full(len(ids), -1, dtype=np.intp)
     found = 0
     for index in range(len(ids)):
@@ -100,42 +115,38 @@ def _clusters(
         with np.errstate(invalid="ignore"):
             return np.stack(axes, axis=1) / np.where(sizes > 0, sizes, np.nan)[:, None]
 
-    truth = np.asarray(view.truth)[ids]
-    sim, real = (mean(np.asarray(side)[ids] - truth) for side in (view.sim, view.real))
+    sim, real = (mean(side - truth) for side in sides)
     return ErrorGlyphs(mean(places), counts, sim, real, full)
 
 
 def _blocks(
-    view: GeoMapInput, chosen: Chosen, frame: MapFrame, footprint: tuple[int, int], full: float
+    arrays: _Arrays, full: float, chosen: Chosen, frame: MapFrame, footprint: tuple[int, int]
 ) -> ErrorGlyphs:
     """One glyph in the middle of each block of cells that holds a selected instance."""
     wide, high = footprint
     across = -(-frame.width // wide)
-    arrays = Same(view.truth), Same(view.sim), Same(view.real)
-    column = _block_codes(*arrays, frame, footprint)
+    column = _block_codes(arrays, frame, footprint)
     counts, _ = count(column, chosen)
     held = np.flatnonzero(counts)
     middles = np.stack([held % across * wide + wide / 2, held // across * high + high / 2], axis=1)
 
     def mean(side: Same) -> Vectors:
-        parts = [sums(column, part, chosen)[held] for part in _errors(arrays[0], side)]
+        parts = [sums(column, part, chosen)[held] for part in _errors(arrays.truth, side)]
         return np.stack(parts, axis=1) / counts[held, None]
 
-    return ErrorGlyphs(middles, counts[held], mean(arrays[1]), mean(arrays[2]), full)
+    return ErrorGlyphs(middles, counts[held], mean(arrays.sim), mean(arrays.real), full)
 
 
 @lru_cache(4)
-def _block_codes(
-    truth: Same, sim: Same, real: Same, frame: MapFrame, footprint: tuple[int, int]
-) -> Bins:
+def _block_codes(arrays: _Arrays, frame: MapFrame, footprint: tuple[int, int]) -> Bins:
     """The block of each instance whose two errors are known."""
     wide, high = footprint
     across, down = -(-frame.width // wide), -(-(frame.height // 2) // high)
     rows, columns = np.divmod(np.arange(frame.height // 2 * frame.width), frame.width)
     table = np.append(rows // high * across + columns // wide, across * down)
-    codes = table.astype(np.uint16)[cells(np.asarray(truth.array), frame).codes]
-    for side in (sim, real):
-        for part in _errors(truth, side):
+    codes = table.astype(np.uint16)[cells(np.asarray(arrays.truth.array), frame).codes]
+    for side in (arrays.sim, arrays.real):
+        for part in _errors(arrays.truth, side):
             codes[~np.isfinite(part)] = across * down
     return Bins(codes, across * down)
 

@@ -12,6 +12,7 @@ from s2rtui.plots import (
     GeoMapInput,
     HistogramInput,
     InstanceInput,
+    OverviewLines,
     OverviewRow,
     PoseNumbers,
     SideView,
@@ -25,6 +26,20 @@ ROWS = (
     OverviewRow("dataaug", 0.93, 0.86, (0.92, 0.94), (0.84, 0.88), 542),
     OverviewRow("seen everything", None, float("nan"), None, None, 0, "no unseen instance"),
 )
+
+
+def overview_lines(**changes: Any) -> OverviewLines:
+    """Lines of the three runs of `ROWS`; the last one knows no accuracy."""
+    random = np.random.default_rng(11)
+    first = np.clip(random.normal(0.8, 0.1, N), 0, 1)
+    second = np.clip(first + random.normal(0.05, 0.05, N), 0, 1)
+    fields: dict[str, Any] = {
+        "values": (first, second, np.full(N, np.nan)),
+        "selected": np.arange(N) >= 45,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return OverviewLines(**(fields | changes))
 
 
 def geomap_input(**changes: Any) -> GeoMapInput:

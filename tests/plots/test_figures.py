@@ -12,11 +12,19 @@ from PIL import Image
 from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, Theme
 from s2rtui.figures import difference_figure, geomap_figure, instance_figure, overview_figure
-from tests.plots.examples import ROWS, difference_input, geomap_input, instance_input, side
+from tests.plots.examples import (
+    ROWS,
+    difference_input,
+    geomap_input,
+    instance_input,
+    overview_lines,
+    side,
+)
 
 Draw = Callable[[tuple[int, int], Theme], bytes]
 FIGURES: dict[str, Draw] = {
     "overview": lambda size, theme: overview_figure(ROWS, 0.72, size, theme, selected=1),
+    "threads": lambda size, theme: overview_figure(ROWS, 0.72, size, theme, lines=overview_lines()),
     "map": lambda size, theme: geomap_figure(geomap_input(), size, theme, "vanilla", "worst15"),
     "full map": lambda size, theme: geomap_figure(geomap_input(mode="full"), size, theme),
     "glyph map": lambda size, theme: geomap_figure(

@@ -18,6 +18,7 @@ from tests.plots.examples import (
     geomap_input,
     histogram_input,
     instance_input,
+    overview_lines,
     side,
 )
 
@@ -26,6 +27,9 @@ BOX = Mark("map", ((2.0, 2.0), (9.0, 5.0)))
 LASSO = Mark("map", ((2.0, 2.0), (9.0, 5.0), (4.0, 8.0)), lasso=True)
 VIEWS: dict[str, Draw] = {
     "overview": lambda size, look: overview(ROWS, 0.72, 1, size, look),
+    "threads": lambda size, look: overview(
+        ROWS, 0.72, 1, size, look, overview_lines(), Mark("vanilla", ((0.6, 0.0), (0.8, 0.0)))
+    ),
     "map": lambda size, look: geomap(geomap_input(), size, look),
     "full map": lambda size, look: geomap(geomap_input(mode="full"), size, look),
     "glyph map": lambda size, look: geomap(
