@@ -15,7 +15,7 @@ from s2rtui.session import HeatChoice, Session, State
 from s2rtui.session.heat import choices
 from s2rtui.views import Resources, Scene
 
-_NEEDS = {"instance": ("pictures",), "overview": ("rows",), "map": ("floor plan",)}
+_NEEDS = {"instance": ("pictures",), "overview": ("rows", "lines"), "map": ("floor plan",)}
 
 
 @dataclass(frozen=True, slots=True)

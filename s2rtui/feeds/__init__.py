@@ -7,6 +7,7 @@ from s2rtui.feeds.contract import Caller, Feed, Fields, Key
 
 FEEDS: tuple[Feed, ...] = (
     Feed("rows", reading.wants_rows, reading.read_rows, rests=False),
+    Feed("lines", reading.wants_lines, reading.read_lines, rests=False),
     Feed(
         "floor plan", reading.wants_floor_plan, reading.read_floor_plan, ("floor_plan",),
         rests=False,

@@ -10,6 +10,7 @@ from s2rtui.feeds.contract import Caller, Fields, Key
 from s2rtui.plots.same import Same
 from s2rtui.session import derive, heat
 from s2rtui.session.state import State
+from s2rtui.views.contract import RunAccuracies
 
 MOST_GATHERED = 2000
 """A larger selection's heat is gathered over so many of its instances, evenly taken."""
@@ -22,6 +23,15 @@ def wants_rows(store: Store, state: State) -> Key:
 def read_rows(store: Store, state: State, caller: Caller) -> Fields:
     rows, baseline = derive.overview_rows(store)
     return {"rows": tuple(rows), "baseline": baseline}
+
+
+def wants_lines(store: Store, state: State) -> Key:
+    return (state.generation, state.runs, state.side)
+
+
+def read_lines(store: Store, state: State, caller: Caller) -> Fields:
+    values = {run: store.accuracies(run, state.side) for run in state.runs}
+    return {"lines": RunAccuracies(state.side, values)}
 
 
 def wants_floor_plan(store: Store, state: State) -> Key | None:

@@ -1,16 +1,21 @@
 """Views as pure functions: numbers in, a canvas out; each with the model that paper shares."""
 
+from s2rtui.plots.difference import difference, difference_layout, difference_surface
+from s2rtui.plots.difference_model import DifferenceModel, DifferenceSummary, difference_model
 from s2rtui.plots.frame import MapFrame, fit, panned, sample, zoomed
-from s2rtui.plots.geomap import GeoMapLayout, geomap, geomap_layout
+from s2rtui.plots.geomap import geomap, geomap_layout, geomap_surface
+from s2rtui.plots.geomap_layout import GeoMapLayout
 from s2rtui.plots.geomap_model import GeoMapModel, geomap_model
 from s2rtui.plots.histogram import HistogramLayout, histogram, histogram_layout, histogram_surface
 from s2rtui.plots.histogram_model import HistogramModel, histogram_model
 from s2rtui.plots.inputs import (
+    DifferenceInput,
     GeoMapInput,
     HistogramInput,
     InstanceInput,
     MapMode,
     OrientationInput,
+    OverviewLines,
     OverviewRow,
     PoseNumbers,
     RoomsInput,
@@ -26,13 +31,9 @@ from s2rtui.plots.orientation import (
     orientation_surface,
 )
 from s2rtui.plots.orientation_model import OrientationModel, orientation_model
-from s2rtui.plots.overview import (
-    OverviewLayout,
-    OverviewModel,
-    overview,
-    overview_layout,
-    overview_model,
-)
+from s2rtui.plots.overview import overview
+from s2rtui.plots.overview_layout import OverviewLayout, overview_layout, overview_surface
+from s2rtui.plots.overview_model import OverviewModel, overview_model
 from s2rtui.plots.pending import arc_of, range_of, steps_of
 from s2rtui.plots.rooms import RoomsLayout, rooms, rooms_layout, rooms_surface
 from s2rtui.plots.rooms_model import RoomsModel, rooms_model
@@ -41,6 +42,9 @@ from s2rtui.plots.umap import UmapLayout, umap, umap_layout, umap_surface
 from s2rtui.plots.umap_model import UmapModel, umap_model
 
 __all__ = [
+    "DifferenceInput",
+    "DifferenceModel",
+    "DifferenceSummary",
     "GeoMapInput",
     "GeoMapLayout",
     "GeoMapModel",
@@ -57,6 +61,7 @@ __all__ = [
     "OrientationLayout",
     "OrientationModel",
     "OverviewLayout",
+    "OverviewLines",
     "OverviewModel",
     "OverviewRow",
     "Panel",
@@ -69,11 +74,16 @@ __all__ = [
     "UmapLayout",
     "UmapModel",
     "arc_of",
+    "difference",
+    "difference_layout",
+    "difference_model",
+    "difference_surface",
     "draw_mark",
     "fit",
     "geomap",
     "geomap_layout",
     "geomap_model",
+    "geomap_surface",
     "histogram",
     "histogram_layout",
     "histogram_model",
@@ -88,6 +98,7 @@ __all__ = [
     "overview",
     "overview_layout",
     "overview_model",
+    "overview_surface",
     "panel_at",
     "panned",
     "range_of",

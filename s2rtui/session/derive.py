@@ -50,15 +50,25 @@ def overview_rows(
     return rows, headlines.baseline(store, rows[0].run) if rows else math.nan
 
 
+def truth_points(store: Store) -> NDArray[np.float64]:
+    """(N, 2) true positions, metres."""
+    return _points(store.instances.x, store.instances.y)
+
+
 def map_input(
-    store: Store, state: State, floor_plan: Pixels | None = None, heat: Grid | None = None
+    store: Store,
+    state: State,
+    floor_plan: Pixels | None = None,
+    heat: Grid | None = None,
+    seen: Grid | None = None,
+    mark: Mark | None = None,
 ) -> GeoMapInput:
     """The map of the state's run."""
     truth, columns = store.instances, store.run_columns(state.run)
     choice = state.heat
     shown = heat is not None and choice is not None
     return GeoMapInput(
-        truth=_points(truth.x, truth.y),
+        truth=truth_points(store),
         sim=_points(columns.sim.x, columns.sim.y),
         real=_points(columns.real.x, columns.real.y),
         values=columns.shift,
@@ -75,6 +85,10 @@ def map_input(
         heat=heat if shown else None,
         heat_label=f"{choice.label}, {choice.side}" if shown and choice else "heat",
         heat_unit=unit(store, state.run, choice) if shown and choice else "",
+        clip=seen,
+        rooms=store.rooms,
+        room_names=state.room_names,
+        mark=mark,
     )
 
 

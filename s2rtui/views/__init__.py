@@ -1,6 +1,7 @@
 """Every view once; a new one is a file here and a line in `VIEWS`."""
 
 from s2rtui.views.adjust import AdjustView
+from s2rtui.views.compare import CompareView
 from s2rtui.views.contract import Resources, Scene, View
 from s2rtui.views.errors import ErrorsView
 from s2rtui.views.geomap import MapView
@@ -20,6 +21,7 @@ VIEWS: tuple[View, ...] = (
     RoomsView(),
     ErrorsView(),
     ListView(),
+    CompareView(),
     AdjustView(),
 )
 BY_NAME = {view.name: view for view in VIEWS}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from s2rstore.language.text import quoted
 from s2rstore.reader import Store
+from s2rstore.records import Side
 from s2rtui.canvas import Canvas, Look, Size
 from s2rtui.notebook import Notes
 from s2rtui.plots import InstanceInput, OverviewRow
@@ -24,6 +25,14 @@ Table = tuple[Sequence[str], Sequence[Sequence[object]]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class RunAccuracies:
+    """Accuracies (N,) of every run on one side."""
+
+    side: Side
+    values: Mapping[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Resources:
     """What workers have brought so far; a view shows what is there.
 
@@ -32,6 +41,7 @@ class Resources:
     """
 
     rows: tuple[OverviewRow, ...] = ()
+    lines: RunAccuracies | None = None
     baseline: float = math.nan
     floor_plan: NDArray[np.uint8] | None = None
     pictures: InstanceInput | None = None
@@ -41,6 +51,12 @@ class Resources:
     live: InstanceInput | None = None
     live_grid: Grid | None = None
     progress: float | None = None
+
+    def heat_on_map(self, state: State) -> Grid | None:
+        """What lies on the floor: the heat asked for, or that of the image being adjusted."""
+        if state.view == "adjust" and state.overlay == "instance":
+            return self.live_grid
+        return self.grid
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size
-from s2rtui.session import derive
-from s2rtui.views.contract import Pane, Scene, Table, View
+from s2rtui.plots.surface import Mark, Panel, Point
+from s2rtui.session import Session, derive
+from s2rtui.views.contract import Pane, Scene, Table, View, area
 
 _TOLD = {
     "colour": "truth coloured by shift",
@@ -23,12 +26,21 @@ class MapView(View):
     description = "geo-map: truth, predictions and heat on the floor plan"
 
     def told(self, scene: Scene) -> str:
-        return _TOLD[scene.state.map_mode]
+        told = _TOLD[scene.state.map_mode]
+        return f"{told}, what the selection saw" if scene.state.clip else told
 
     def input(self, scene: Scene) -> plots.GeoMapInput:
         return derive.map_input(
-            scene.store, scene.state, scene.resources.floor_plan, scene.resources.grid
+            scene.store,
+            scene.state,
+            scene.resources.floor_plan,
+            scene.resources.heat_on_map(scene.state),
+            scene.resources.seen if scene.state.clip else None,
+            scene.mark(self.name),
         )
+
+    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+        return plots.geomap(self.input(scene), size, look, scene.state.viewport)
 
     def numbers(self, scene: Scene) -> Table:
         truth, run = scene.store.instances, scene.store.run_columns(scene.state.run)
@@ -41,5 +53,17 @@ class MapView(View):
         picked = [column[chosen].tolist() for column in columns]
         return names, list(zip(chosen.tolist(), *picked, strict=True))
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
-        return plots.geomap(self.input(scene), size, look, scene.state.viewport)
+    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+        return plots.geomap_surface(self.input(scene), size, look, scene.state.viewport)
+
+    def at(self, scene: Scene, panel: Panel) -> Point | None:
+        return derive.point_of(derive.truth_points(scene.store), scene.state.cursor)
+
+    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        points = derive.truth_points(scene.store)
+        nearest = derive.nearest(points, scene.state.base, point)
+        if nearest is not None:
+            session.put_cursor(nearest)
+
+    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        return area(panel, mark, "box", "lasso")

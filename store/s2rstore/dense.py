@@ -92,6 +92,18 @@ def run_columns(
     )
 
 
+def accuracies(
+    connection: duckdb.DuckDBPyConnection, run: str, side: str, n: int
+) -> NDArray[np.float32]:
+    """One side of one run, (n,), NaN where there is no prediction."""
+    found = connection.execute(
+        "SELECT iid, accuracy FROM prediction WHERE run = ? AND side = ?", [run, side]
+    ).fetchnumpy()
+    column = np.full(n, np.nan, dtype=np.float32)
+    column[np.asarray(found["iid"], dtype=np.int64)] = _floats(found["accuracy"])
+    return column
+
+
 def _side(found: Columns, truth: InstanceColumns, rooms: Sequence[Room]) -> SideColumns:
     n = len(truth)
     iid = np.asarray(found["iid"], dtype=np.int64)

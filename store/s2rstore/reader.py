@@ -198,6 +198,10 @@ class Store:
         optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
         return frozenset(optional - found)
 
+    def accuracies(self, run: str, side: Side) -> NDArray[np.float32]:
+        """One side's accuracies of a run, (N,), NaN for none; without its other columns."""
+        return dense.accuracies(self._connection.cursor(), run, side, len(self.instances))
+
     def provenance(self, what: str) -> dict[str, str]:
         """Facts about how `what` came to be, such as `dataset` or `model:NAME`."""
         found = self.execute(

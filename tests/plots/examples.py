@@ -8,10 +8,12 @@ import numpy as np
 
 from s2rstore.records import Bounds, Room
 from s2rtui.plots import (
+    DifferenceInput,
     GeoMapInput,
     HistogramInput,
     InstanceInput,
     OrientationInput,
+    OverviewLines,
     OverviewRow,
     PoseNumbers,
     RoomsInput,
@@ -27,6 +29,20 @@ ROWS = (
     OverviewRow("dataaug", 0.93, 0.86, (0.92, 0.94), (0.84, 0.88), 542),
     OverviewRow("seen everything", None, float("nan"), None, None, 0, "no unseen instance"),
 )
+
+
+def overview_lines(**changes: Any) -> OverviewLines:
+    """Lines of the three runs of `ROWS`; the last one knows no accuracy."""
+    random = np.random.default_rng(11)
+    first = np.clip(random.normal(0.8, 0.1, N), 0, 1)
+    second = np.clip(first + random.normal(0.05, 0.05, N), 0, 1)
+    fields: dict[str, Any] = {
+        "values": (first, second, np.full(N, np.nan)),
+        "selected": np.arange(N) >= 45,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return OverviewLines(**(fields | changes))
 
 
 def geomap_input(**changes: Any) -> GeoMapInput:
@@ -55,6 +71,24 @@ def geomap_input(**changes: Any) -> GeoMapInput:
         "rooms": (Room("hall", 0, 0, 0, 10, 10), Room("größer", 1, 10, 0, 20, 10)),
     }
     return GeoMapInput(**(view | changes))
+
+
+def difference_input(**changes: Any) -> DifferenceInput:
+    view = geomap_input()
+    random = np.random.default_rng(9)
+    fields: dict[str, Any] = {
+        "truth": view.truth,
+        "first": random.gamma(2, 0.5, N),
+        "second": random.gamma(2, 0.5, N),
+        "selected": view.selected,
+        "valid": view.valid,
+        "bounds": BOUNDS,
+        "names": ("vanilla", "größer"),
+        "cursor": 50,
+        "floor_plan": view.floor_plan,
+        "rooms": view.rooms,
+    }
+    return DifferenceInput(**(fields | changes))
 
 
 def side(seed: int, heat: bool = True, depth: bool = True) -> SideView:

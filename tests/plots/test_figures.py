@@ -12,6 +12,7 @@ from PIL import Image
 from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, Theme
 from s2rtui.figures import (
+    difference_figure,
     geomap_figure,
     histogram_figure,
     instance_figure,
@@ -22,10 +23,12 @@ from s2rtui.figures import (
 )
 from tests.plots.examples import (
     ROWS,
+    difference_input,
     geomap_input,
     histogram_input,
     instance_input,
     orientation_input,
+    overview_lines,
     rooms_input,
     side,
     umap_input,
@@ -34,8 +37,13 @@ from tests.plots.examples import (
 Draw = Callable[[tuple[int, int], Theme], bytes]
 FIGURES: dict[str, Draw] = {
     "overview": lambda size, theme: overview_figure(ROWS, 0.72, size, theme, selected=1),
+    "threads": lambda size, theme: overview_figure(ROWS, 0.72, size, theme, lines=overview_lines()),
     "map": lambda size, theme: geomap_figure(geomap_input(), size, theme, "vanilla", "worst15"),
     "full map": lambda size, theme: geomap_figure(geomap_input(mode="full"), size, theme),
+    "glyph map": lambda size, theme: geomap_figure(
+        geomap_input(mode="glyph", clip=np.eye(5)), size, theme
+    ),
+    "difference": lambda size, theme: difference_figure(difference_input(), size, theme),
     "instance": lambda size, theme: instance_figure(instance_input(), size, theme, "vanilla"),
     "umap": lambda size, theme: umap_figure(umap_input(), size, theme),
     "orientation": lambda size, theme: orientation_figure(orientation_input(), size, theme),
