@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -12,6 +12,7 @@ from s2rtui.session.state import State
 from s2rtui.views import VIEWS
 
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
+Need = Literal["", "models"]
 When = Literal["always", "still", "plain", "brushing", "list", "adjust", "elsewhere"]
 
 GROUPS: dict[Group, str] = {
@@ -32,7 +33,8 @@ class Action:
     """`name` is unique. `do` changes the session; without it the application has `action_NAME`.
 
     `keys` are Textual's names, the first one shown (as `shown`); `short` is the footer's word, if
-    any; `when` says in which situation the keys mean this.
+    any; `when` says in which situation the keys mean this; `needs` what a session must be allowed
+    to do for the action to be offered.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Action:
     short: str = ""
     shown: str = ""
     when: When = "always"
+    needs: Need = ""
 
     @property
     def key(self) -> str:
@@ -119,7 +122,8 @@ _BRUSHING = (
 )  # fmt: skip
 
 _ADJUSTING = (
-    Action("adjust", ("a",), "adjust", "adjust images live", short="adjust", when="plain"),
+    Action("adjust", ("a",), "adjust", "adjust images live", short="adjust", when="plain",
+           needs="models"),
     Action("slider_up", ("up",), "adjust", "another slider",
            lambda s: adjusting.choose(s, -1), shown="up, down", when="adjust"),
     Action("slider_down", ("down",), "adjust", "", lambda s: adjusting.choose(s, 1),
@@ -134,7 +138,7 @@ _ADJUSTING = (
     Action("neutral", ("backspace",), "adjust", "all sliders to neutral", adjusting.reset,
            "neutral", when="adjust"),
     Action("save_run", ("S",), "adjust", "save the adjustments as a run, for all images",
-           short="save run", when="adjust"),
+           short="save run", when="adjust", needs="models"),
 )  # fmt: skip
 
 ACTIONS: tuple[Action, ...] = (
@@ -237,9 +241,9 @@ ACTIONS: tuple[Action, ...] = (
 BY_NAME = {action.name: action for action in ACTIONS}
 
 
-def footer(width: int, state: State) -> list[tuple[str, str]]:
+def footer(width: int, state: State, actions: Sequence[Action] = ()) -> list[tuple[str, str]]:
     """Pairs of key and word that fit into `width` columns; help and quit always do, if anything."""
-    applicable = [action for action in ACTIONS if action.short and action.applies(state)]
+    applicable = [a for a in actions or ACTIONS if a.short and a.applies(state)]
     words = [(action.key, action.short) for action in applicable]
     last = [pair for pair in words if pair[1] in ("help", "quit")]
     room = width - sum(len(key) + len(word) + 3 for key, word in last)
@@ -251,12 +255,12 @@ def footer(width: int, state: State) -> list[tuple[str, str]]:
     return [*shown, *last]
 
 
-def help_text() -> str:
-    """All actions by group, in plain text."""
+def help_text(actions: Sequence[Action] = ()) -> str:
+    """Actions (by default all) by group, in plain text."""
     lines = []
     for group, title in GROUPS.items():
         lines.append(title)
-        for action in ACTIONS:
+        for action in actions or ACTIONS:
             if action.group == group and action.description:
                 keys = action.key if " " in action.key else "  ".join(_keys(action))
                 lines.append(f"  {keys:<18}{action.description}")

@@ -17,6 +17,7 @@ from textual.screen import Screen
 
 from s2rstore.errors import RequestError, S2RError
 from s2rtui import arrangement, notebook
+from s2rtui.access import Access
 from s2rtui.actions import ACTIONS, BY_NAME, footer
 from s2rtui.arrangement import Place, SizeClass
 from s2rtui.brushes import Brushes
@@ -57,15 +58,22 @@ class S2RApp(Brushes, Prompts, Savings):
         Binding("escape", "leave", "leave the query line or the brush", show=False),
     ]
 
-    def __init__(self, session: Session, look: Look, pictures_at: Path | None = None) -> None:
-        """`pictures_at` is the folder that snapshots are written to (default: here)."""
-        super().__init__()
+    def __init__(
+        self,
+        session: Session,
+        look: Look,
+        pictures_at: Path | None = None,
+        access: Access | None = None,
+    ) -> None:
+        """`pictures_at` is the folder that snapshots are written to (default: here, if allowed)."""
+        super().__init__(ansi_color=look.mode in (ColourMode.ANSI, ColourMode.NONE))
         self.animation_level = "none"
         self.session = session
         self.look = look
         self.resources = Resources()
         self.feeding = Feeding(self)
-        self._pictures_at = pictures_at or Path.cwd()
+        self.access = access or Access.of(session.store.path)
+        self._pictures_at = pictures_at or self.access.pictures
         self._size_class: SizeClass = "narrow"
         self.first_run = False
 
@@ -146,7 +154,7 @@ class S2RApp(Brushes, Prompts, Savings):
         self.query_one("#message", Bar).say(_safe(text), "error" if state.is_error else "")
 
     def _show_keys(self, state: State) -> None:
-        pairs = footer(self.size.width - 2, state)
+        pairs = footer(self.size.width - 2, state, self.access.actions)
         self.query_one("#keys", Bar).say(
             "  ".join(f"[b]{_safe(key)}[/b] {word}" for key, word in pairs)
         )
@@ -204,7 +212,9 @@ class S2RApp(Brushes, Prompts, Savings):
             listed = ", ".join(repr(parameter) for parameter in parameters)
             name = f"{action}({listed})"
         known = BY_NAME.get(name)
-        return known.applies(self.session.state) if known else True
+        if known is not None and not known.applies(self.session.state):
+            return False
+        return super().check_action(action, parameters)
 
     def action_do(self, name: str) -> None:
         """A change of the session, by its name in the registry."""
@@ -288,7 +298,7 @@ class S2RApp(Brushes, Prompts, Savings):
         self.push_screen(TourScreen())
 
     def action_help(self) -> None:
-        self.push_screen(HelpScreen())
+        self.push_screen(HelpScreen(self.access.actions))
 
     def action_command_palette(self) -> None:
         """The palette's frame is not ASCII; the help screen lists the same actions."""
@@ -302,7 +312,7 @@ class S2RApp(Brushes, Prompts, Savings):
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         state = self.session.state
-        for action in ACTIONS:
+        for action in self.access.actions:
             if action.description and action.applies(state):
                 run = partial(self.run_action, action.call)
                 yield SystemCommand(f"{action.description} ({action.key})", action.group, run)
@@ -316,15 +326,13 @@ def _safe_bold(before: str, bold: str, after: str) -> str:
     return f"{_safe(before)}[b]{_safe(bold)}[/b]{_safe(after)}"
 
 
-def run_app(path: Path, run: str | None, colour: str, ascii: bool) -> None:
+def run_app(path: Path, run: str | None, colour: str, ascii: bool, access: Access) -> None:
     """Open the application on a store. Raises RequestError where it cannot run."""
-    from s2rtui.terminal import detect, prepare_environment, refuse_unusable
+    from s2rtui.terminal import detect, prepare_environment
 
-    refuse_unusable()
     terminal = detect(colour, ascii)
     prepare_environment(terminal)
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
-    app = S2RApp(Session(path, run, Notebook), look)
-    app.ansi_color = terminal.mode is ColourMode.ANSI
+    app = S2RApp(Session(path, run, Notebook), look, access=access)
     app.first_run = notebook.first_run()
     app.run(mouse=terminal.mode is not ColourMode.NONE)

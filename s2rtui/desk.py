@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from textual.app import App
-
+from s2rtui.access.guard import GuardedApp
 from s2rtui.canvas import Look
 from s2rtui.session import Session
 from s2rtui.views import BY_NAME, Resources, Scene, View
 
 
-class Desk(App[None]):
+class Desk(GuardedApp):
     """One session and what workers have brought for it."""
 
     session: Session
@@ -33,6 +32,10 @@ class Desk(App[None]):
     def show_message(self) -> None:
         """Draw the line of messages alone."""
         raise NotImplementedError
+
+    def tell_refusal(self, told: str) -> None:
+        self.session.tell(told, is_error=True)
+        self.refresh_views()
 
     def refuse(self, error: Exception) -> None:
         """Show what went wrong."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from s2rstore.errors import RequestError
-from s2rtui.canvas.colour import ColourMode
+from s2rtui.colour_mode import ColourMode
 
 COLOURS = ("auto", *(mode.value for mode in ColourMode))
 
@@ -55,15 +55,18 @@ def _unicode(env: Mapping[str, str]) -> bool:
     return True
 
 
-def refuse_unusable(environment: Mapping[str, str] | None = None) -> None:
-    """RequestError with the reason where no full-screen application can run."""
+def refuse_unusable(
+    environment: Mapping[str, str] | None = None,
+    instead: str = "`s2r snapshot` writes the screen to a file",
+) -> None:
+    """RequestError with the reason, and what to do instead, where no application can run."""
     env = os.environ if environment is None else environment
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise RequestError("no terminal here; `s2r snapshot` writes the screen to a file")
+        raise RequestError(f"no terminal here; {instead}")
     if env.get("TERM", "") in ("dumb", ""):
         raise RequestError(
             f"TERM={env.get('TERM', '') or 'unset'}: it cannot move the cursor; use another "
-            "terminal, or `s2r snapshot`"
+            f"terminal; {instead}"
         )
 
 

@@ -6,23 +6,15 @@ Colours are uint8 RGB. A scale maps numbers to colours; NaN is the caller's busi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from s2rtui.colour_mode import ColourMode as ColourMode
+
 Rgb = tuple[int, int, int]
 Pixels = NDArray[np.uint8]
-
-
-class ColourMode(Enum):
-    """What the terminal can show."""
-
-    TRUECOLOR = "truecolor"
-    PALETTE = "256"
-    ANSI = "16"
-    NONE = "none"
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+_FORCED = "this account opens the application and nothing else; connect with `ssh -t`"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path)
@@ -14,14 +16,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--colour", default="auto", choices=("auto", "truecolor", "256", "16", "none"),
         help="colours to use (default: what the terminal says)",
     )  # fmt: skip
+    parser.add_argument(
+        "--restricted", action="store_true",
+        help="for a shared account: writes in the user's own folder only, loads no model",
+    )  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
+    from s2rtui.access import Access
+    from s2rtui.access.process import confine, is_served
     from s2rtui.terminal import detect, prepare_environment, refuse_unusable
 
-    refuse_unusable()
+    if options.restricted:
+        if not is_served():
+            refuse_unusable(instead=_FORCED)
+        access = Access.of(options.store, restricted=True)
+        confine(access)
+    else:
+        refuse_unusable()
+        access = Access.of(options.store)
     prepare_environment(detect(options.colour, options.ascii))
     from s2rtui.app import run_app
 
-    run_app(options.store, options.run, options.colour, options.ascii)
+    run_app(options.store, options.run, options.colour, options.ascii, access)
     return 0

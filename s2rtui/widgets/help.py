@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -10,7 +11,7 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
-from s2rtui.actions import help_text
+from s2rtui.actions import ACTIONS, Action, help_text
 
 
 class HelpScreen(ModalScreen[None]):
@@ -20,9 +21,13 @@ class HelpScreen(ModalScreen[None]):
         ("escape,question_mark,q,enter", "dismiss", "close"),
     ]
 
+    def __init__(self, actions: Sequence[Action] = ACTIONS) -> None:
+        super().__init__()
+        self._actions = actions
+
     def compose(self) -> ComposeResult:
         with VerticalScroll(id="help"):
-            yield Static(help_text(), markup=False)
+            yield Static(help_text(self._actions), markup=False)
 
     def on_mount(self) -> None:
         self.query_one("#help", VerticalScroll).focus()

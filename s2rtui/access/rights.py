@@ -1,0 +1,81 @@
+"""What a session may do: whoever writes, takes a path or loads a model asks here first."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from s2rstore.errors import RequestError
+from s2rtui.actions import ACTIONS, Action
+from s2rtui.own import own_folder
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """A store, the user's own folder, and whether the session is confined to these two.
+
+    A restricted session loads no model, changes no store and writes in `own` alone.
+    """
+
+    store: Path
+    own: Path
+    restricted: bool = False
+
+    @classmethod
+    def of(cls, store: Path, restricted: bool = False) -> Access:
+        """Of this user on `store`; makes the own folder of a restricted session where it can."""
+        own = own_folder()
+        if restricted:
+            with suppress(OSError):
+                own.mkdir(mode=0o700, parents=True, exist_ok=True)
+        return cls(store.absolute(), own, restricted)
+
+    @property
+    def may_adjust(self) -> bool:
+        """Whether a model may be loaded, and a run of it registered and computed."""
+        return not self.restricted
+
+    def may_write(self, path: Path) -> bool:
+        return not self.restricted or _inside(path, self.own)
+
+    def may_read(self, path: Path) -> bool:
+        """Whether a file that the user names may be read."""
+        return self.may_write(path) or _inside(path, self.store)
+
+    @property
+    def pictures(self) -> Path:
+        """The folder that snapshots and exports without a name go to."""
+        return self.own if self.restricted else Path.cwd()
+
+    def writable(self, path: Path) -> Path:
+        """`path`, or RequestError where it may not be written."""
+        if not self.may_write(path):
+            raise RequestError(f"{path}: a restricted session writes in {self.own} only")
+        return path
+
+    def readable(self, path: Path) -> Path:
+        """`path`, or RequestError where it may not be read."""
+        if not self.may_read(path):
+            told = f"a restricted session reads its store and {self.own} only"
+            raise RequestError(f"{path}: {told}")
+        return path
+
+    def allows(self, action: Action) -> bool:
+        return action.needs != "models" or self.may_adjust
+
+    @property
+    def actions(self) -> tuple[Action, ...]:
+        """The registered actions that are offered: in the footer, the help and the palette."""
+        return tuple(action for action in ACTIONS if self.allows(action))
+
+    def refusal(self, name: str) -> str:
+        """Why the application's action of this name may not run; empty where it may."""
+        for action in ACTIONS:
+            if action.name.split("(")[0] == name and not self.allows(action):
+                return f"a restricted session loads no models: {action.description}"
+        return ""
+
+
+def _inside(path: Path, folder: Path) -> bool:
+    return path.resolve().is_relative_to(folder.resolve())

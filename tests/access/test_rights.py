@@ -1,0 +1,131 @@
+"""What a session may do: paths, models and actions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2rstore.errors import RequestError
+from s2rtui import actions
+from s2rtui.access import Access, own_folder, rights
+from s2rtui.actions import ACTIONS, Action, footer, help_text
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.headless import settle, take
+from s2rtui.session import Session
+
+ADJUST = Action("side", ("J",), "program", "adjust the images", "adjust", needs="models")
+NAMES = st.lists(st.sampled_from(["..", ".", "a", "b", "s2rtui", "own"]), max_size=6)
+
+
+def restricted(folder: Path) -> Access:
+    return Access(folder / "s.s2r", folder / "own", True)
+
+
+@given(NAMES)
+def test_a_restricted_session_writes_in_its_own_folder_only(names: list[str]) -> None:
+    access = restricted(Path("/srv"))
+    path = access.own.joinpath(*names)
+    inside = Path("/srv/own") in [path.resolve(), *path.resolve().parents]
+    assert access.may_write(path) == inside
+
+
+def test_links_do_not_lead_out(tmp_path: Path) -> None:
+    access = restricted(tmp_path)
+    access.own.mkdir()
+    (access.own / "out").symlink_to(tmp_path)
+    assert access.may_write(access.own / "a.png")
+    assert not access.may_write(access.own / "out" / "a.png")
+    assert not access.may_read(access.own / "out" / "a.png")
+
+
+def test_the_store_is_read_and_never_written(tmp_path: Path) -> None:
+    access = restricted(tmp_path)
+    assert access.may_read(access.store / "CURRENT.json")
+    assert not access.may_write(access.store / "CURRENT.json")
+    assert not access.may_read(tmp_path / "other.s2r" / "CURRENT.json")
+    with pytest.raises(RequestError, match="own only"):
+        access.writable(tmp_path / "a.png")
+    with pytest.raises(RequestError, match="its store"):
+        access.readable(Path("/etc/passwd"))
+
+
+def test_an_ordinary_session_is_not_held_back(tmp_path: Path) -> None:
+    access = Access(tmp_path / "s.s2r", tmp_path / "own")
+    assert access.may_adjust
+    assert access.writable(tmp_path / "a.png") == tmp_path / "a.png"
+    assert access.readable(Path("/etc/passwd")) == Path("/etc/passwd")
+    assert access.actions == ACTIONS
+
+
+@pytest.mark.parametrize(
+    ("environment", "expected"),
+    [
+        ({"XDG_DATA_HOME": "/data"}, Path("/data/s2rtui")),
+        ({"XDG_DATA_HOME": "relative"}, Path.home() / ".local/share/s2rtui"),
+        ({}, Path.home() / ".local/share/s2rtui"),
+    ],
+)
+def test_the_own_folder(environment: dict[str, str], expected: Path) -> None:
+    assert own_folder(environment) == expected
+
+
+def test_what_is_not_allowed_is_not_offered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (actions, rights):
+        monkeypatch.setattr(module, "ACTIONS", (*ACTIONS, ADJUST))
+    offered = restricted(tmp_path).actions
+    assert ADJUST not in offered
+    assert set(offered) == set(ACTIONS)
+    assert "adjust" not in [word for _, word in footer(300, offered)]
+    assert "adjust the images" not in help_text(offered)
+    assert ADJUST in Access(tmp_path, tmp_path).actions
+
+
+async def test_a_refused_action_says_so(
+    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    changed = tuple(action for action in ACTIONS if action.name != "side")
+    monkeypatch.setattr(rights, "ACTIONS", (*changed, ADJUST))
+    access = Access(tiny_store, tmp_path, True)
+    app = S2RApp(Session(tiny_store), Look(), access=access)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        before = app.session.state.heat
+        for call in ("side", "app.side"):
+            app.session.tell("")
+            await app.run_action(call)
+            assert "restricted" in app.session.state.message
+        app.session.tell("")
+        await pilot.press("d")
+        await settle(app, pilot)
+        assert app.session.state.heat == before
+        assert "loads no models: adjust the images" in take(app).text
+        assert "adjust the images" not in [
+            command.title for command in app.get_system_commands(app.screen)
+        ]
+
+
+@pytest.mark.parametrize(
+    "call",
+    ["screenshot('a.svg', '.')", "app.suspend_process", "app.simulate_key('w')",
+     "change_theme", "app.push_screen('x')", "app.toggle('animation_level')"],
+)  # fmt: skip
+async def test_textuals_own_actions_are_closed(
+    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    app = S2RApp(Session(tiny_store), Look(), access=Access(tiny_store, tmp_path, True))
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(app, pilot)
+        await app.run_action(call)
+        await settle(app, pilot)
+        assert "not in a restricted session" in app.session.state.message
+        for key in ("w", "question_mark", "escape", "tab", "ctrl+z", "ctrl+p", "escape"):
+            await pilot.press(key)
+        await settle(app, pilot)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,49 @@
+"""A real OpenSSH server on loopback, shared by these tests, which run in one worker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import pytest
+
+from tests.support import sshd
+from tests.support.screen import Screen
+
+OpenScreen = Callable[..., Screen]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    here = Path(__file__).parent
+    for item in items:
+        if here in item.path.parents:
+            item.add_marker(pytest.mark.xdist_group("ssh"))
+
+
+@pytest.fixture(scope="session")
+def server(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[sshd.Sshd]:
+    """An SSH server whose forced account opens the tiny store."""
+    missing = sshd.missing_program()
+    if missing:
+        pytest.skip(f"{missing} is not installed (Debian: openssh-server, openssh-client)")
+    started = sshd.start(tmp_path_factory.mktemp("sshd"), tiny_store)
+    yield started
+    started.stop()
+
+
+@pytest.fixture
+def open_screen() -> Iterator[OpenScreen]:
+    """Terminals that are closed when the test ends."""
+    opened: list[Screen] = []
+
+    def start(
+        command: Sequence[str],
+        size: tuple[int, int] = (80, 24),
+        environment: Mapping[str, str] | None = None,
+    ) -> Screen:
+        opened.append(Screen(command, size, environment))
+        return opened[-1]
+
+    yield start
+    for screen in opened:
+        screen.close()

@@ -1,0 +1,101 @@
+"""Eight users at once while a precompute publishes: nobody sees an error or a torn state."""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore import layout
+from s2rstore.verify import verify
+from tests.support.copies import copied
+from tests.support.screen import LEFT, RIGHT, Screen
+from tests.support.sshd import Sshd, application
+
+OpenScreen = Callable[..., Screen]
+USERS = 8
+KINDS = "activation,feature_distance"
+KEYS = ("w", "b", "W", "B", "c", RIGHT, LEFT, "r", "R", "h", "v", "o", "d", "m", "+", "0", "u")
+_STATUS = re.compile(r"(?P<chosen>\d+) of (?P<all>\d+) . .* . gen (?P<generation>\d+)")
+_TROUBLE = re.compile(r"Traceback|[a-z]Error\b|damaged|cannot be|no such|run `s2r")
+
+
+@pytest.fixture
+def computed(trained: Path, tmp_path: Path) -> Path:
+    """A computed store with two more runs that are not computed yet."""
+    path = copied(trained, tmp_path / "s.s2r")
+    _s2r("precompute", str(path), "--kinds", KINDS)
+    for number in (1, 2):
+        adjust = f"real:brightness=1.{number}"
+        _s2r("run", "add", f"more{number}", "--model", "vanilla", "--adjust", adjust,
+             "--store", str(path))  # fmt: skip
+    return path
+
+
+def _call(*words: str) -> list[str]:
+    return [sys.executable, "-m", "s2rtui", *words]
+
+
+def _s2r(*words: str) -> None:
+    subprocess.run(_call(*words), check=True, capture_output=True, env=_environment())
+
+
+def _environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+
+
+def _publishing(path: Path) -> Iterator[None]:
+    """Yields while a precompute of the added runs is at work."""
+    words = _call("precompute", str(path), "--kinds", KINDS)
+    writer = subprocess.Popen(
+        words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=_environment()
+    )
+    while writer.poll() is None:
+        yield
+    _, told = writer.communicate()
+    assert writer.returncode == 0, told
+
+
+def test_eight_users_while_a_precompute_publishes(
+    server: Sshd, computed: Path, open_screen: OpenScreen
+) -> None:
+    first = layout.read_current(computed).generation
+    screens = [open_screen(server.login(*application(computed)), (120, 40)) for _ in range(USERS)]
+    for screen in screens:
+        screen.wait_for("of 80", 120)
+    rng = random.Random(0)
+    for _ in _publishing(computed):
+        before = [screen.received for screen in screens]
+        for screen in screens:
+            screen.press(rng.choice(KEYS))
+        for screen, received in zip(screens, before, strict=True):
+            screen.wait_for_bytes(received, 0.5)
+            text = screen.wait_for(lambda text: bool(_STATUS.search(text)))
+            assert not _TROUBLE.search(text), text
+            seen = _STATUS.search(text)
+            assert seen is not None
+            assert int(seen["chosen"]) <= int(seen["all"]) == 80
+            assert int(seen["generation"]) == first
+    newest = layout.read_current(computed).generation
+    assert newest > first
+    for screen in screens:
+        screen.press("c")
+        screen.wait_for("80 of 80", 120)
+        screen.wait_for(f"generation {newest} is there")
+        screen.press("g")
+        screen.wait_for(lambda text: text.splitlines()[0].endswith(f"gen {newest}"))
+        screen.press("w")
+        screen.wait_for("12 of 80")
+    for screen in screens:
+        screen.press("q")
+        assert screen.wait_for_end(120) == 0
+    assert verify(computed) == []
+    with s2rstore.open(computed) as store:
+        assert {"more1", "more2"} <= {name for name, run in store.runs.items() if run.key}

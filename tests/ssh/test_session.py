@@ -1,0 +1,139 @@
+"""A session over SSH: login, keys, sizes, colours, a lost connection, tmux."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.processes import applications_below, is_alive, wait_until
+from tests.support.screen import Screen
+from tests.support.sshd import Sshd, application
+
+OpenScreen = Callable[..., Screen]
+_COLOUR = re.compile(rb"\x1b\[(?:[0-9;]*;)?(?:[34][0-8]|9[0-7]|10[0-7])(?:;[0-9;]*)?m")
+
+
+def test_keys_change_the_selection(server: Sshd, tiny_store: Path, open_screen: OpenScreen) -> None:
+    screen = open_screen(server.login(*application(tiny_store)))
+    first = screen.wait_for("of 40")
+    assert "tiny.s2r" in first
+    assert "worst15" in first
+    screen.press("c")
+    screen.wait_for("40 of 40")
+    screen.press("w")
+    screen.wait_for("6 of 40")
+    screen.press("u")
+    screen.wait_for("40 of 40")
+    screen.press("q")
+    assert screen.wait_for_end() == 0
+
+
+def test_from_a_login_shell_and_back(
+    server: Sshd, tiny_store: Path, open_screen: OpenScreen
+) -> None:
+    screen = open_screen(server.login(), (100, 30))
+    screen.press(shlex.join(application(tiny_store)) + "; echo left with $?\n")
+    screen.wait_for("of 40")
+    screen.press("q")
+    screen.wait_for("left with 0")
+    screen.press("exit\n")
+    assert screen.wait_for_end() == 0
+
+
+def test_a_new_size_changes_the_layout(
+    server: Sshd, tiny_store: Path, open_screen: OpenScreen
+) -> None:
+    screen = open_screen(server.login(*application(tiny_store)), (80, 24))
+    screen.wait_for("2 map")
+    assert "1 overview" not in screen.text
+    screen.resize(200, 60)
+    names = ("1 overview", "2 map", "3 instance", "errors")
+    screen.wait_for(
+        lambda text: all(name in text for name in names) and max(map(len, text.splitlines())) > 150
+    )
+    screen.resize(30, 8)
+    screen.wait_for("too small")
+    screen.resize(80, 24)
+    screen.wait_for(lambda text: "2 map" in text and "3 instance" not in text)
+
+
+@pytest.mark.parametrize(
+    ("environment", "coloured", "truecolour"),
+    [
+        ({"TERM": "xterm-256color", "COLORTERM": "truecolor"}, True, True),
+        ({"TERM": "xterm-256color"}, True, False),
+        ({"TERM": "xterm"}, True, False),
+        ({"TERM": "xterm-256color", "COLORTERM": "truecolor", "NO_COLOR": "1"}, False, False),
+        ({"TERM": "vt100"}, False, False),
+    ],
+    ids=["truecolour", "256", "16", "NO_COLOR", "vt100"],
+)
+def test_colours_are_those_of_the_far_terminal(
+    server: Sshd, tiny_store: Path, open_screen: OpenScreen,
+    environment: dict[str, str], coloured: bool, truecolour: bool,
+) -> None:  # fmt: skip
+    screen = open_screen(server.login(*application(tiny_store)), (100, 30), environment)
+    screen.press("c")
+    screen.wait_for("40 of 40")
+    screen.press("w")
+    screen.wait_for("6 of 40")
+    assert bool(_COLOUR.search(screen.raw)) == coloured
+    assert (b"38;2;" in screen.raw or b"48;2;" in screen.raw) == truecolour
+
+
+def test_a_dumb_terminal_is_refused_with_the_reason(
+    server: Sshd, tiny_store: Path, open_screen: OpenScreen
+) -> None:
+    screen = open_screen(server.login(*application(tiny_store)), (200, 24), {"TERM": "dumb"})
+    assert screen.wait_for_end() == 2
+    assert "TERM=dumb" in screen.text
+    assert b"\x1b" not in screen.raw
+
+
+def test_a_lost_connection_leaves_nothing_running(
+    server: Sshd, tiny_store: Path, open_screen: OpenScreen
+) -> None:
+    screen = open_screen(server.login(*application(tiny_store)))
+    screen.wait_for("of 40")
+    running = applications_below(server.pid)
+    assert len(running) == 1
+    screen.kill()
+    assert wait_until(lambda: not is_alive(running[0]))
+
+
+@pytest.fixture
+def tmux(server: Sshd) -> Iterator[list[str]]:
+    """A call of tmux with a server of its own, ended afterwards."""
+    if shutil.which("tmux") is None:
+        pytest.skip("tmux is not installed")
+    call = ["tmux", "-u", "-S", str(server.folder / "tmux"), "-f", "/dev/null"]
+    yield call
+    subprocess.run([*call, "kill-server"], capture_output=True)
+
+
+def test_tmux_keeps_the_session_when_the_connection_is_cut(
+    server: Sshd, tiny_store: Path, open_screen: OpenScreen, tmux: list[str]
+) -> None:
+    command = [*tmux, "new-session", "-A", "-s", "work", shlex.join(application(tiny_store))]
+    before = open_screen(server.login(*command), (80, 24))
+    before.wait_for("of 40")
+    before.press("c")
+    before.wait_for("40 of 40")
+    before.press("w")
+    before.wait_for("6 of 40")
+    before.press("m")
+    before.wait_for("sim, truth, real")
+    before.kill()
+    after = open_screen(server.login(*command), (160, 45))
+    kept = ("6 of 40", "worst15", "sim, truth, real", "1 overview")
+    after.wait_for(lambda text: all(part in text for part in kept))
+    after.press("u")
+    after.wait_for("40 of 40")
+    after.press("q")
+    assert after.wait_for_end() == 0

@@ -1,0 +1,150 @@
+"""A terminal for tests: a program on a pseudo-terminal, drawn by an emulator, read as text."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import re
+import signal
+import struct
+import termios
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+import pyte
+
+PATIENCE = 60.0
+RIGHT, LEFT, CTRL_C, CTRL_P, CTRL_Z, ESCAPE = (
+    b"\x1b[C", b"\x1b[D", b"\x03", b"\x10", b"\x1a", b"\x1b",
+)  # fmt: skip
+# Sequences with private markers, of which the emulator would print the end.
+_PRIVATE = re.compile(rb"\x1b\[[<>=][0-9;]*[a-zA-Z]|\x1b\[\?[0-9;]*\$p")
+
+
+class Screen:
+    """Runs `command` on a terminal of `size` columns and rows; a thread reads and draws.
+
+    `raw` holds all bytes that arrived, `arrivals` the time and size of each piece.
+    """
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        size: tuple[int, int] = (80, 24),
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        self._emulator = pyte.Screen(*size)
+        self._stream = pyte.ByteStream(self._emulator)
+        self._changed = threading.Condition()
+        self._rest = b""
+        self.raw = bytearray()
+        self.arrivals: list[tuple[float, int]] = []
+        self.code: int | None = None
+        env = {"TERM": "xterm-256color", "LANG": "C.UTF-8", **(environment or {})}
+        env |= {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
+        self.pid, self._fd = pty.fork()
+        if self.pid == 0:
+            try:
+                os.execvpe(command[0], list(command), env)
+            finally:
+                os._exit(127)
+        self._set_size(size)
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def _set_size(self, size: tuple[int, int]) -> None:
+        columns, rows = size
+        fcntl.ioctl(self._fd, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+
+    def _read(self) -> None:
+        while True:
+            try:
+                piece = os.read(self._fd, 1 << 16)
+            except OSError:
+                piece = b""
+            with self._changed:
+                if not piece:
+                    _, status = os.waitpid(self.pid, 0)
+                    self.code = os.waitstatus_to_exitcode(status)
+                    self._changed.notify_all()
+                    return
+                self.raw += piece
+                self.arrivals.append((time.monotonic(), len(piece)))
+                self._draw(piece)
+                self._changed.notify_all()
+
+    def _draw(self, piece: bytes) -> None:
+        """Draw what is complete; a sequence cut in two waits for its other half."""
+        data = self._rest + piece
+        cut = data.rfind(b"\x1b")
+        whole = cut < 0 or re.match(rb"\x1b(\[[0-9;<>=?$]*[a-zA-Z]|[^\[])", data[cut:])
+        data, self._rest = (data, b"") if whole else (data[:cut], data[cut:])
+        self._stream.feed(_PRIVATE.sub(b"", data))
+
+    @property
+    def lines(self) -> list[str]:
+        with self._changed:
+            return [line.rstrip() for line in self._emulator.display]
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines)
+
+    def press(self, keys: str | bytes) -> None:
+        os.write(self._fd, keys.encode() if isinstance(keys, str) else keys)
+
+    def resize(self, columns: int, rows: int) -> None:
+        with self._changed:
+            self._emulator.resize(rows, columns)
+        self._set_size((columns, rows))
+        os.kill(self.pid, signal.SIGWINCH)
+
+    def wait_for(self, wanted: str | Callable[[str], bool], patience: float = PATIENCE) -> str:
+        """The screen's text once it holds `wanted`; AssertionError shows what it held instead."""
+        holds = wanted if callable(wanted) else lambda text: wanted in text
+        limit = time.monotonic() + patience
+        with self._changed:
+            while True:
+                text = "\n".join(line.rstrip() for line in self._emulator.display)
+                if holds(text):
+                    return text
+                left = limit - time.monotonic()
+                if left <= 0 or self.code is not None:
+                    told = "waited in vain" if self.code is None else f"ended with {self.code}"
+                    raise AssertionError(f"{told} for {wanted!r}; the screen:\n{text}")
+                self._changed.wait(left)
+
+    @property
+    def received(self) -> int:
+        """Bytes that arrived so far."""
+        return len(self.raw)
+
+    def wait_for_bytes(self, received: int, patience: float) -> bool:
+        """Whether more than `received` bytes arrive in time: some keys change nothing."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self.received > received, patience)
+
+    def wait_for_end(self, patience: float = PATIENCE) -> int:
+        """The program's exit code; AssertionError with the screen where it does not end."""
+        limit = time.monotonic() + patience
+        with self._changed:
+            while self.code is None:
+                left = limit - time.monotonic()
+                if left <= 0:
+                    raise AssertionError("still running; the screen:\n" + "\n".join(self.lines))
+                self._changed.wait(left)
+            return self.code
+
+    def kill(self) -> None:
+        """As when the network goes away: the client dies without a word."""
+        if self.code is None:
+            os.kill(self.pid, signal.SIGKILL)
+            self._thread.join(10)
+
+    def close(self) -> None:
+        if self.code is None:
+            os.kill(self.pid, signal.SIGHUP)
+            self._thread.join(10)
+        os.close(self._fd)
