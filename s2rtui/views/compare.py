@@ -87,7 +87,7 @@ class CompareView(View):
         x, y, width, height = place
         base, side = scene.state.base, scene.state.side
         errors = scene.store.run_columns(run).side(side).error
-        both = [scene.store.run_columns(r).side(side).error[base] for r in (run, other)]
+        both = [scene.store.run_columns(r).side(side).error[base] for r in (scene.state.run, other)]
         upper = max(percentile_range(part)[1] for part in both)
         state = replace(scene.state, run=run, map_mode="colour")
         view = derive.map_input(scene.store, state, scene.resources.floor_plan)
