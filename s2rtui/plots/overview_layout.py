@@ -17,7 +17,7 @@ NUMBERS = 12
 """Columns that the two numbers at the right take."""
 OWN = 7
 """Columns that the cursor's numbers take beside them."""
-MOST = 7
+MOST = 12
 """Rows that one run takes at most, its lines to the next run among them."""
 
 

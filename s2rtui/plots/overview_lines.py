@@ -169,7 +169,7 @@ class _Spans:
         return np.rint(grid[:, : self.width])
 
 
-@lru_cache(8)
+@lru_cache(4)
 def _spans(chart_width: int, step: int, size: int, bands: bool) -> _Spans:
     """Segments from the middle of one run's row to the middle of the next one's."""
     rows, width = 4 * step, 2 * chart_width

@@ -21,7 +21,6 @@ from s2rtui.session.state import Aggregate, HeatChoice, State
 
 SIGNED = ("activation", "occlusion")
 _ORDER: dict[Side, tuple[Side, Side]] = {"sim": ("sim", "real"), "real": ("real", "sim")}
-_NOT_HEAT = ("prediction", "embedding", "pca", "umap", "outlier")
 _PLANES = {"activation": ("loss", "x", "y", "heading")}
 _UNITS = {"m degrees": "m", "m m rad loss": ""}
 _BLOCK = 32
@@ -33,7 +32,7 @@ def choices(store: Store, run: str) -> list[tuple[str, str | None]]:
     """Kinds and modes of a run's heatmaps, in the order that keys walk through them."""
     found: list[tuple[str, str | None]] = []
     for record in store.arrays(run):
-        if record.kind in _NOT_HEAT or record.kind.startswith(("map:", "frames:")):
+        if "row" not in record.axes or record.kind.startswith(("map:", "frames:")):
             continue
         for mode in _PLANES.get(record.kind, (record.mode,)):
             if (record.kind, mode) not in found:

@@ -111,7 +111,7 @@ def test_many_lines_are_bands_without_gaps() -> None:
 
 
 def test_levels_rise_from_above_zero_to_one() -> None:
-    for peak in (1.0, 30.0, 1e5):
+    for peak in (2.0, 30.0, 1e5):
         shares = levels(np.array([0.0, 1.0, peak / 2, peak]), peak)
         assert shares[0] == 0
         assert shares[1] > 0

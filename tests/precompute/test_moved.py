@@ -12,6 +12,7 @@ import torch
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.geometry.camera import rays, to_floor
+from s2rstore.geometry.move import CameraMove
 from s2rstore.prune import prune
 from s2rstore.reader import Store
 from s2rstore.records import Domain
@@ -91,6 +92,18 @@ def test_depth_lies_on_the_floor_through_the_moved_rig_alone(store: Store) -> No
         wrong.append(np.median(np.abs(floor_heights(depth, declared))))
     assert np.median(right) < 0.01
     assert np.median(wrong) > 0.03
+
+
+@pytest.mark.parametrize("side", ["sim", "real"])
+def test_a_hair_of_a_move_renders_what_is_stored(store: Store, side: str) -> None:
+    """Poses and the noise of each view are those of its instance."""
+    n = len(store.instances)
+    rgb, depth = open_renderer(store, side).frames(side, 0, n, CameraMove(height=1e-7))
+    held = store.frames(side, 0, n)
+    away = np.abs(rgb.astype(np.float32) - held["rgb"]) > 3
+    far = np.abs(depth.astype(np.float32) - held["depth"]) > 20
+    assert away.mean(axis=(1, 2, 3)).max() < 0.01
+    assert far.mean(axis=(1, 2)).max() < 0.01
 
 
 def test_predictions_are_of_the_rendered_and_adjusted_images(store: Store) -> None:

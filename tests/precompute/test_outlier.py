@@ -13,6 +13,7 @@ from s2rstore.verify import verify
 from s2rstore.writer import edit
 from s2rtools.precompute import outlier
 from s2rtools.precompute.pipeline import Options, precompute
+from s2rtui.session.heat import choices
 from tests.precompute.test_pipeline import Quiet
 
 FEW = Options(kinds=("feature_distance",))
@@ -76,6 +77,11 @@ def test_the_index_holds_the_scores_of_the_components(computed: Path) -> None:
         seen = store.execute("SELECT max(abs(sim_outlier)), count(real_outlier) FROM pair")[0]
         assert seen[0] == pytest.approx(store.run_columns("vanilla").sim.outlier.max())
         assert seen[1] == len(store.instances)
+
+
+def test_distances_are_no_heatmap_to_look_at(computed: Path) -> None:
+    with s2rstore.open(computed) as store:
+        assert choices(store, "vanilla") == [("feature_distance", None)]
 
 
 @pytest.mark.parametrize("column", [True, False])
