@@ -115,10 +115,12 @@ class Prompts(Desk):
         adjust = self.session.state.adjust
         if adjust is not None:
             root, chains = self.session.store.path, adjusting.chains(adjust)
-            self.follow_saving(save_run(root, name.strip(), adjust.run, chains))
+            self.begin_saving(
+                name.strip(), partial(save_run, root, name.strip(), adjust.run, chains)
+            )
 
-    def follow_saving(self, saving: Saving) -> None:
-        """Show how far a run is on its way into the store."""
+    def begin_saving(self, name: str, start: Callable[[], Saving]) -> None:
+        """Save a run in the background, and show how far it is."""
         raise NotImplementedError
 
     def action_selections(self) -> None:

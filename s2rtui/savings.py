@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -22,11 +23,18 @@ class Savings(Desk):
         run: str
         progress: Progress
 
-    def follow_saving(self, saving: Saving) -> None:
+    def begin_saving(self, name: str, start: Callable[[], Saving]) -> None:
         """Show how far a run is, and move on to its generation once it is published."""
-        self.run_worker(partial(self._listen, saving), thread=True, group=f"saving {saving.run}")
+        self.session.tell(f"run {name}: checking")
+        self.run_worker(partial(self._listen, name, start), thread=True, group=f"saving {name}")
 
-    def _listen(self, saving: Saving) -> None:
+    def _listen(self, name: str, start: Callable[[], Saving]) -> None:
+        try:
+            saving = start()
+        except (S2RError, OSError) as error:
+            failed = Progress(0.0, "", "failed", str(error))
+            self.post_message(self.Told(name, failed))
+            return
         for progress in saving.follow():
             if not self.is_running:
                 return

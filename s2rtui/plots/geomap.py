@@ -10,7 +10,13 @@ from s2rtui.plots.geomap_arcs import draw_glyphs, glyph_legend
 from s2rtui.plots.geomap_ground import HEAT_RAMPS, draw_ground, draw_names
 from s2rtui.plots.geomap_layout import GeoMapLayout, draw_axes, map_layout, map_panel
 from s2rtui.plots.geomap_model import LINES_UP_TO, GeoMapModel, default_view, geomap_model
-from s2rtui.plots.geomap_points import draw_cursor, draw_others, draw_predictions, draw_values
+from s2rtui.plots.geomap_points import (
+    draw_cursor,
+    draw_live,
+    draw_others,
+    draw_predictions,
+    draw_values,
+)
 from s2rtui.plots.inputs import GeoMapInput
 from s2rtui.plots.legend import Part, colour_bar, draw_rows, ramp_for_values, scale_bar, words
 from s2rtui.plots.surface import Panel, draw_mark
@@ -55,6 +61,7 @@ def geomap(
     draw_names(chart, view.ground.rooms, frame, look)
     draw_selected = {"colour": draw_values, "glyph": draw_glyphs, "full": draw_predictions}
     draw_selected[view.mode](chart, view, model, frame, look)
+    draw_live(chart, view.live, frame, look)
     draw_cursor(chart, view, model.cursor, frame, look)
     canvas.paste(chart, layout.x, layout.y)
     if layout.axes:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +15,7 @@ from s2rtui.plots.bins import Chosen
 from s2rtui.plots.frame import MapFrame
 from s2rtui.plots.geomap_cells import level_shares, lit_cells, other_dots, top_levels
 from s2rtui.plots.geomap_model import GeoMapModel, lined
-from s2rtui.plots.inputs import Floats, GeoMapInput
+from s2rtui.plots.inputs import Floats, GeoMapInput, LivePose
 from s2rtui.plots.legend import ramp_for_values
 
 Places = NDArray[np.intp]
@@ -99,6 +101,15 @@ def draw_cursor(
         _pose(canvas, view.sim, view.sim_headings, cursor, frame, look, glyphs.sim, theme.sim)
         _pose(canvas, view.real, view.real_headings, cursor, frame, look, glyphs.real, theme.real)
     draw_pose(canvas, view.truth, view.headings, cursor, frame, look)
+
+
+def draw_live(canvas: Canvas, live: Sequence[LivePose], frame: MapFrame, look: Look) -> None:
+    """Predictions that are not stored, with their headings."""
+    theme, glyphs = look.theme, look.glyphs
+    for pose in live:
+        glyph, colour = (glyphs.sim, theme.sim) if pose.side == "sim" else (glyphs.real, theme.real)
+        points, headings = np.array([[pose.x, pose.y]]), np.array([pose.heading])
+        _pose(canvas, points, headings, 0, frame, look, glyph, colour)
 
 
 def draw_pose(

@@ -49,6 +49,16 @@ class OverviewLines:
     cursor: int | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class LivePose:
+    """A prediction that is not stored: metres, radians."""
+
+    side: Side
+    x: float
+    y: float
+    heading: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Ground:
     """What lies under the points of a map.
@@ -75,7 +85,8 @@ class GeoMapInput:
     `value_label` and `value_unit` name it, `value_range` fixes its scale (default: the 1st ..
     99th percentile of the valid). selected, valid: (N,) bool; cursor: an iid. headings, (N,)
     radians: the truth's. floor_plan, heat, clip: see `Ground`. Columns are taken as never changed
-    in place: what is worked out of them is kept for as long as the same arrays are given.
+    in place: what is worked out of them is kept for as long as the same arrays are given. `live`
+    are predictions for the cursor that no column has.
     """
 
     truth: Floats
@@ -103,6 +114,7 @@ class GeoMapInput:
     rooms: tuple[Room, ...] = ()
     room_names: bool = True
     mark: Mark | None = None
+    live: tuple[LivePose, ...] = ()
 
     @property
     def ground(self) -> Ground:

@@ -21,7 +21,7 @@ def sliders(store: Store) -> tuple[tuple[Slider, ...], str]:
     from s2rtools.adjust import ADJUSTMENTS
     from s2rtools.rendering import reason_against
 
-    reason = reason_against(store) or ""
+    reason = (reason_against(store) or "").removeprefix(f"{store.path}: ")
     found: list[Slider] = []
     for adjustment in ADJUSTMENTS.values():
         side: Side = "sim" if adjustment.needs_renderer else "real"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session, derive
+from s2rtui.session.adjusted import live_poses
 from s2rtui.views.contract import Pane, Scene, Table, View, area
 
 _TOLD = {
@@ -30,7 +32,7 @@ class MapView(View):
         return f"{told}, what the selection saw" if scene.state.clip else told
 
     def input(self, scene: Scene) -> plots.GeoMapInput:
-        return derive.map_input(
+        view = derive.map_input(
             scene.store,
             scene.state,
             scene.resources.floor_plan,
@@ -38,6 +40,8 @@ class MapView(View):
             scene.resources.seen if scene.state.clip else None,
             scene.mark(self.name),
         )
+        shown = scene.resources.live if scene.state.view == "adjust" else None
+        return replace(view, live=live_poses(shown)) if shown else view
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return plots.geomap(self.input(scene), size, look, scene.state.viewport)
