@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shutil
+import statistics
 import tempfile
 from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 
 import s2rstore
+from bench import slider
 from bench.figures import Figure, seconds
 from bench.worlds import frames_store, lively
 from s2rtools.adjust import chain_of
@@ -34,5 +36,7 @@ def figures(threads: int) -> Iterator[Figure]:
             label = f"live prediction with {kinds[0]}" if kinds else "live prediction"
             yield Figure(label, 1e3 * seconds(moved, _MOVES), "ms", budget)
         live.close()
+        drawn = slider.milliseconds(path, "r", _MOVES)
+        yield Figure("slider to prediction on the screen", statistics.median(drawn), "ms", 150.0)
     finally:
         shutil.rmtree(folder)

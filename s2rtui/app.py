@@ -22,6 +22,7 @@ from s2rtui.actions import ACTIONS, BY_NAME, footer
 from s2rtui.arrangement import Place, SizeClass
 from s2rtui.brushes import Brushes
 from s2rtui.canvas import ColourMode, Look
+from s2rtui.feeds import live
 from s2rtui.feeds.feeding import Feeding
 from s2rtui.messages import Fed, Progressed
 from s2rtui.notebook import Notebook
@@ -101,6 +102,7 @@ class S2RApp(Brushes, Prompts, Savings):
         if self.session.notebook is not None:
             with contextlib.suppress(RequestError):
                 self.session.notebook.remember((*state.past, state.expression))
+        live.leave()
         self.session.close()
 
     def on_resize(self, event: events.Resize) -> None:
