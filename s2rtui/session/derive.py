@@ -23,7 +23,7 @@ from s2rtui.session.state import HeatChoice, State
 
 Pixels = NDArray[np.uint8]
 Grid = NDArray[np.float32]
-_NEIGHBOURS = 6
+_NEIGHBOURS = 5
 
 
 def overview_rows(
@@ -154,10 +154,10 @@ def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
         try:
             near, _ = similarity.neighbours(store, run, side, iid, _NEIGHBOURS)
         except RequestError:
-            continue
+            return []
         listed = " ".join(str(other) for other in near if other != iid)
-        found.append((f"like it in {side}", listed or "none"))
-    return found
+        found.append(f"{side} {listed or 'none'}")
+    return [("alike", ", ".join(found))]
 
 
 def _side(

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size
 from s2rtui.plots.surface import Mark, Panel, Point
-from s2rtui.views.contract import Scene, Table, View, span
+from s2rtui.views.contract import Scene, Table, View, number, rounded, span
 
 BINS = 20
 """Of the flat table; the last one holds all that lies beyond."""
@@ -49,4 +49,9 @@ class ErrorsView(View):
         return (error, 0.0) if math.isfinite(error) else None
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        return span(panel, mark, f"{panel.name}.error")
+        field = f"{panel.name}.error"
+        cell = panel.to_data(1, 0)[0] - panel.to_data(0, 0)[0]
+        low, high = sorted(point[0] for point in (mark.points[0], mark.points[-1]))
+        if high > panel.to_data(panel.x + panel.width - 1, 0)[0]:
+            return f"{field} >= {number(rounded(low, cell))}"  # the last bar has no end
+        return span(panel, mark, field)

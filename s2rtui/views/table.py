@@ -34,10 +34,11 @@ class ListView(View):
         if state.sort != "iid":
             columns.append(self._numbers(scene, state.sort, True))
         columns.append(TableColumn("room", _named(truth.room, truth.room_names), 16, False))
+        if scene.notes.remarks:
+            columns.append(TableColumn("tags, note", scene.remark, 24, False))
         columns += [self._numbers(scene, name, False) for name in chosen[1:] if name != "iid"]
         trajectory = _named(truth.trajectory, truth.trajectory_names)
         columns.append(TableColumn("trajectory", trajectory, 12, False))
-        columns.append(TableColumn("tags, note", scene.remark, 32, False))
         rows = listing.order(store, state)
         return TableInput(rows, tuple(columns), state.cursor, state.descending)
 
