@@ -12,9 +12,10 @@ from pathlib import Path
 import s2rstore
 from bench import slider
 from bench.figures import Figure, seconds
-from bench.worlds import frames_store, lively
+from bench.worlds import QUIET, frames_store, lively
 from s2rtools.adjust import chain_of
 from s2rtools.live import LiveModel
+from s2rtools.precompute.pipeline import Options, precompute
 
 _MOVES = 15
 
@@ -36,6 +37,7 @@ def figures(threads: int) -> Iterator[Figure]:
             label = f"live prediction with {kinds[0]}" if kinds else "live prediction"
             yield Figure(label, 1e3 * seconds(moved, _MOVES), "ms", budget)
         live.close()
+        precompute(path, QUIET, ["r"], Options(("activation",)))
         drawn = slider.milliseconds(path, "r", _MOVES)
         yield Figure("slider to prediction on the screen", statistics.median(drawn), "ms", 150.0)
     finally:
