@@ -103,7 +103,8 @@ def calm(canvas: Canvas, tolerance: int) -> None:
     half = canvas.char == "▀"
     both[..., :3][~half] = 0
     start = both[:, 0].copy()
-    ground = (canvas.bg == np.array(canvas.theme.background, dtype=np.uint8)).all(axis=-1) & ~half
+    empty = np.array(canvas.theme.background, dtype=np.uint8)
+    ground = (canvas.bg == empty).all(axis=-1) & ((canvas.fg == empty).all(axis=-1) | ~half)
     joins = picture[:, 1:] & picture[:, :-1] & (half[:, 1:] == half[:, :-1])
     joins &= ground[:, 1:] == ground[:, :-1]  # a picture keeps its edges
     for column in range(1, canvas.width):
