@@ -15,10 +15,11 @@ from pathlib import Path
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
-from bench import inference, memory, occlusion, projection, startup, wire
+from bench import inference, live, memory, occlusion, projection, startup, wire
 from bench.figures import Figure
+from bench.worlds import QUIET
 
-_ROOMS = ("startup", "wire", "projection", "occlusion", "inference", "memory")
+_ROOMS = ("startup", "wire", "projection", "occlusion", "inference", "live", "memory")
 
 
 def main() -> int:
@@ -53,6 +54,8 @@ def _all(wanted: list[str], options: argparse.Namespace, folder: Path) -> Iterat
         yield from occlusion.figures(options.threads)
     if "inference" in wanted:
         yield from inference.figures(options.threads)
+    if "live" in wanted:
+        yield from live.figures(options.threads)
     if "memory" in wanted:
         yield from memory.figures((1_000, 100_000))
 
@@ -63,16 +66,11 @@ def _computed(folder: Path) -> Path:
     from s2rtools.world import shipped
     from s2rtui.cli import main as s2r
 
-    class Quiet:
-        def begin(self, what: str, total: int) -> None: ...
-        def advance(self, steps: int) -> None: ...
-        def say(self, line: str) -> None: ...
-
     path = folder / "world.s2r"
     with contextlib.redirect_stdout(sys.stderr):
         s2r(["ingest", "world", "--instances", "32", "--size", "256", "--store", str(path)])
     shipped.add(path)
-    precompute(path, Quiet(), ["vanilla"], Options(("activation", "feature_distance")))
+    precompute(path, QUIET, ["vanilla"], Options(("activation", "feature_distance")))
     return path
 
 

@@ -8,12 +8,12 @@ from functools import partial
 from typing import Literal
 
 from s2rtui.access import Access, Need
-from s2rtui.session import Session, listing, showing
+from s2rtui.session import Session, adjusting, listing, showing
 from s2rtui.session.state import State
 from s2rtui.views import VIEWS
 
-Group = Literal["select", "brush", "move", "heat", "map", "review", "views", "program"]
-When = Literal["always", "still", "brushing", "list", "elsewhere"]
+Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
+When = Literal["always", "still", "plain", "brushing", "list", "adjust", "elsewhere"]
 
 GROUPS: dict[Group, str] = {
     "select": "Select",
@@ -21,6 +21,7 @@ GROUPS: dict[Group, str] = {
     "move": "Move",
     "heat": "Heat",
     "map": "Map",
+    "adjust": "Adjust",
     "review": "Review",
     "views": "Views",
     "program": "Program",
@@ -32,7 +33,8 @@ class Action:
     """`name` is unique. `do` changes the session; without it the application has `action_NAME`.
 
     `keys` are Textual's names, the first one shown (as `shown`); `short` is the footer's word, if
-    any; `when` says in which situation the keys mean this; `needs` what a session must be allowed.
+    any; `when` says in which situation the keys mean this; `needs` what a session must be allowed
+    to do for the action to be offered.
     """
 
     name: str
@@ -60,9 +62,11 @@ class Action:
         return {
             "always": True,
             "still": not brushing,
+            "plain": not brushing and state.view != "adjust",
+            "adjust": not brushing and state.view == "adjust",
             "brushing": brushing,
             "list": not brushing and state.view == "list",
-            "elsewhere": not brushing and state.view != "list",
+            "elsewhere": not brushing and state.view not in ("list", "adjust"),
         }[self.when]
 
 
@@ -117,6 +121,26 @@ _BRUSHING = (
     Action("lasso", ("L",), "brush", "brush with a lasso or a box"),
 )  # fmt: skip
 
+_ADJUSTING = (
+    Action("adjust", ("a",), "adjust", "adjust images live", short="adjust", when="plain",
+           needs="models"),
+    Action("slider_up", ("up",), "adjust", "another slider",
+           lambda s: adjusting.choose(s, -1), shown="up, down", when="adjust"),
+    Action("slider_down", ("down",), "adjust", "", lambda s: adjusting.choose(s, 1),
+           when="adjust"),
+    Action("less", ("left",), "adjust", "move the slider; with shift five steps",
+           lambda s: adjusting.move(s, -1), "slider", "<- ->", "adjust"),
+    Action("more", ("right",), "adjust", "", lambda s: adjusting.move(s, 1), when="adjust"),
+    Action("much_less", ("shift+left",), "adjust", "", lambda s: adjusting.move(s, -5),
+           when="adjust"),
+    Action("much_more", ("shift+right",), "adjust", "", lambda s: adjusting.move(s, 5),
+           when="adjust"),
+    Action("neutral", ("backspace",), "adjust", "all sliders to neutral", adjusting.reset,
+           "neutral", when="adjust"),
+    Action("save_run", ("S",), "adjust", "save the adjustments as a run, for all images",
+           short="save run", when="adjust", needs="models"),
+)  # fmt: skip
+
 ACTIONS: tuple[Action, ...] = (
     Action("worst_real", ("w",), "select", "worst 15 % in reality (min)", _choose("worst15"),
            "worst", when="still"),
@@ -132,16 +156,21 @@ ACTIONS: tuple[Action, ...] = (
            when="still"),
     *_OPERATORS,
     *_BRUSHING,
+    *_ADJUSTING,
     Action("edit", ("slash",), "select", "write an expression", None, "query", "/", "still"),
     Action("undo", ("u",), "select", "the expression before this one", Session.undo),
     Action("redo", ("U",), "select", "the expression after this one", Session.redo),
     Action("copy", ("y",), "select", "copy the expression to the clipboard"),
     Action("save_selection", ("at",), "select", "save the selection by name", shown="@"),
     Action("selections", ("f",), "select", "saved selections and history"),
-    Action("next_instance", ("right", "n"), "move", "next instance",
-           lambda s: s.move_cursor(1), "instance", "->", "still"),
-    Action("previous_instance", ("left", "p"), "move", "previous instance",
-           lambda s: s.move_cursor(-1), "", "<-", "still"),
+    Action("next_instance", ("n",), "move", "next instance",
+           lambda s: s.move_cursor(1), when="still"),
+    Action("previous_instance", ("p",), "move", "previous instance",
+           lambda s: s.move_cursor(-1), when="still"),
+    Action("instance_right", ("right",), "move", "next instance",
+           lambda s: s.move_cursor(1), "instance", "->", "plain"),
+    Action("instance_left", ("left",), "move", "previous instance",
+           lambda s: s.move_cursor(-1), "", "<-", "plain"),
     Action("next_row", ("down",), "move", "next row of the list",
            lambda s: listing.move(s, 1), when="list"),
     Action("previous_row", ("up",), "move", "previous row of the list",
@@ -178,9 +207,9 @@ ACTIONS: tuple[Action, ...] = (
            when="still"),
     Action("zoom_all", ("0",), "map", "the whole map", partial(showing.zoom, factor=0)),
     Action("pan_left", ("shift+left",), "map", "move the map",
-           partial(showing.pan, across=-0.2, down=0), shown="shift+arrows", when="still"),
+           partial(showing.pan, across=-0.2, down=0), shown="shift+arrows", when="plain"),
     Action("pan_right", ("shift+right",), "map", "", partial(showing.pan, across=0.2, down=0),
-           when="still"),
+           when="plain"),
     Action("pan_up", ("shift+up",), "map", "", partial(showing.pan, across=0, down=-0.2),
            when="still"),
     Action("pan_down", ("shift+down",), "map", "", partial(showing.pan, across=0, down=0.2),
@@ -194,7 +223,11 @@ ACTIONS: tuple[Action, ...] = (
     Action("other_run", ("k",), "review", "compare with the next run", showing.change_other),
     Action("note", ("e",), "review", "note on this instance"),
     Action("tag", ("number_sign",), "review", "tag this instance", shown="#"),
-    *(Action(f"view('{v.name}')", (v.key,), "views", v.description) for v in VIEWS),
+    *(
+        Action(f"view('{view.name}')", (view.key,), "views", view.description)
+        for view in VIEWS
+        if view.key.isdigit()
+    ),
     Action("next_view", ("tab",), "views", "next view", short="view", when="still"),
     Action("previous_view", ("shift+tab",), "views", "previous view", when="still"),
     Action("jump", ("space",), "views", "jump to anything by a letter", when="still"),

@@ -22,11 +22,13 @@ from s2rtui.actions import ACTIONS, BY_NAME, footer, named, offered
 from s2rtui.arrangement import Place, SizeClass
 from s2rtui.brushes import Brushes
 from s2rtui.canvas import ColourMode, Look
-from s2rtui.feeding import Feeding
+from s2rtui.feeds import live
+from s2rtui.feeds.feeding import Feeding
 from s2rtui.messages import Fed, Progressed
 from s2rtui.notebook import Notebook
 from s2rtui.prompts import Prompts
-from s2rtui.session import Session, State, sharing, showing
+from s2rtui.savings import Savings
+from s2rtui.session import Session, State, adjusting, sharing, showing
 from s2rtui.themes import textual_theme
 from s2rtui.titles import StatusLine, status_line, titled
 from s2rtui.views import BY_NAME as VIEW_BY_NAME
@@ -43,7 +45,7 @@ WATCH_SECONDS = 2.0
 _PICTURE_TOLERANCE = {"map": 12, "instance": 12}
 
 
-class S2RApp(Brushes, Prompts):
+class S2RApp(Brushes, Prompts, Savings):
     """One store, one user, one screen."""
 
     CSS_PATH = "app.tcss"
@@ -100,6 +102,7 @@ class S2RApp(Brushes, Prompts):
         if self.session.notebook is not None:
             with contextlib.suppress(RequestError):
                 self.session.notebook.remember((*state.past, state.expression))
+        live.leave()
         self.session.close()
 
     def on_resize(self, event: events.Resize) -> None:
@@ -189,6 +192,8 @@ class S2RApp(Brushes, Prompts):
         self.refresh_views()
 
     def on_progressed(self, message: Progressed) -> None:
+        if not self.feeding.current(message.feed, message.ticket):
+            return
         self.resources = replace(self.resources, progress=message.share)
         self.show_message()
 
@@ -205,8 +210,9 @@ class S2RApp(Brushes, Prompts):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Whether an action means something now."""
         known = named(action, parameters)
-        applies = known is None or known.applies(self.session.state)
-        return applies and super().check_action(action, parameters)
+        if known is not None and not known.applies(self.session.state):
+            return False
+        return super().check_action(action, parameters)
 
     def action_do(self, name: str) -> None:
         """A change of the session, by its name in the registry."""
@@ -216,6 +222,7 @@ class S2RApp(Brushes, Prompts):
             change(self.session)
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
+        adjusting.follow(self.session)
         self.refresh_views()
 
     def action_view(self, name: str) -> None:

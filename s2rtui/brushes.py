@@ -147,6 +147,9 @@ class Brushes(Desk):
         start, *trail = (
             (x + 0.5, y - TITLE_ROWS + 0.5) for x, y in (message.start, *message.trail)
         )
+        if view.drag(self.session, self.scene, panel, panel.to_data(*trail[-1])):
+            self.refresh_views()
+            return
         lasso = (start, *trail) if self.session.state.lasso else ()
         brush = brushing.dragged(view.name, panel, start, trail[-1], lasso)
         if message.done:

@@ -33,10 +33,10 @@ class Desk(GuardedApp):
         """Draw the line of messages alone."""
         raise NotImplementedError
 
-    def refuse(self, error: Exception) -> None:
-        """Show what went wrong."""
-        self.tell_refusal(str(error))
-
     def tell_refusal(self, told: str) -> None:
         self.session.tell(told, is_error=True)
         self.refresh_views()
+
+    def refuse(self, error: Exception) -> None:
+        """Show what went wrong."""
+        self.tell_refusal(str(error))

@@ -9,7 +9,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from s2rtui.notebook import user_folder
+from s2rtui.own import own_folder
 from s2rtui.terminal import Terminal, detect
 
 Rows = list[tuple[str, str]]
@@ -36,7 +36,7 @@ def machine() -> Rows:
         ("python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
         ("processors", f"{os.cpu_count()}{flags}"),
         ("OMP_WAIT_POLICY", os.environ.get("OMP_WAIT_POLICY", "unset")),
-        ("data folder", str(user_folder())),
+        ("data folder", str(own_folder())),
     ]
 
 

@@ -10,12 +10,16 @@ from textual.message import Message
 
 @dataclass
 class Fed(Message):
-    """Fields of `Resources` from a feed; `ticket` numbers the request, the newest one counts."""
+    """Fields of `Resources` from a feed; `ticket` numbers the request, the newest one counts.
+
+    `partly` means that more is to come.
+    """
 
     feed: str
     ticket: int
     fields: dict[str, Any] = field(default_factory=dict)
     error: str = ""
+    partly: bool = False
 
 
 @dataclass

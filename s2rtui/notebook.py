@@ -20,6 +20,7 @@ from s2rstore.errors import RequestError
 from s2rstore.language import Node, parse
 from s2rstore.language.nodes import Ids
 from s2rstore.layout import write_atomic
+from s2rtui.own import own_folder
 
 _VERSION = 1
 _MOST_HISTORY = 500
@@ -77,7 +78,7 @@ class Notebook:
     def __init__(self, dataset_hash: str, folder: Path | None = None) -> None:
         """Raises RequestError where the file is damaged or cannot be read."""
         self._hash = dataset_hash
-        self.path = (folder or user_folder()) / f"{dataset_hash[:16]}.json"
+        self.path = (folder or own_folder()) / f"{dataset_hash[:16]}.json"
         self.notes = self._read()
 
     def save(self, name: str, saved: SavedSelection) -> None:
@@ -198,15 +199,9 @@ class Notebook:
         return notes
 
 
-def user_folder() -> Path:
-    """Where a user's things live."""
-    base = os.environ.get("XDG_DATA_HOME") or str(Path.home() / ".local" / "share")
-    return Path(base) / "s2rtui"
-
-
 def first_run() -> bool:
     """Whether this user opens the application for the first time; asked once, it is so no more."""
-    marker = user_folder() / "toured"
+    marker = own_folder() / "toured"
     if marker.exists():
         return False
     try:

@@ -13,7 +13,8 @@ from s2rstore.errors import S2RError
 from s2rstore.language import ExpressionError, complete
 from s2rtui.desk import Desk
 from s2rtui.notebook import Remark, SavedSelection, checked
-from s2rtui.session import sharing
+from s2rtui.saving import Saving, save_run
+from s2rtui.session import adjusting, sharing, showing
 from s2rtui.widgets.query import QueryLine
 from s2rtui.widgets.selections import SelectionsScreen
 
@@ -88,6 +89,39 @@ class Prompts(Desk):
         tagged = self.session.book.toggle_tag(iids, text.rstrip().rstrip("*"))
         some = f"{len(iids)} instances" if everyone else f"instance {iid}"
         self.session.tell(f"{'tagged' if tagged else 'tag taken off'}: {some}")
+
+    def action_adjust(self) -> None:
+        """Open the panel, or close it."""
+        if self.session.state.view != "adjust":
+            self._open_panel()
+        self.refresh_views()
+
+    def _open_panel(self) -> None:
+        if self.session.state.cursor is None:
+            self.session.tell("no instance to adjust: select some")
+            return
+        if self.session.state.adjust is None or self.session.state.adjust.missing:
+            try:
+                found, reason = adjusting.sliders(self.session.store)
+                adjusting.begin(self.session, found, reason)
+            except ModuleNotFoundError as error:
+                adjusting.lack(self.session, str(error.name))
+        showing.show_view(self.session, "adjust", "tab")
+
+    def action_save_run(self) -> None:
+        self._ask(self._save_run, "", "a name for the run with these adjustments")
+
+    def _save_run(self, name: str) -> None:
+        adjust = self.session.state.adjust
+        if adjust is not None:
+            root, chains = self.session.store.path, adjusting.chains(adjust)
+            self.begin_saving(
+                name.strip(), partial(save_run, root, name.strip(), adjust.run, chains)
+            )
+
+    def begin_saving(self, name: str, start: Callable[[], Saving]) -> None:
+        """Save a run in the background, and show how far it is."""
+        raise NotImplementedError
 
     def action_selections(self) -> None:
         self.push_screen(SelectionsScreen(self.session), self._took)

@@ -58,3 +58,32 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     request = TrainingRequest("vanilla", steps=3)
     train_into_store(root / "s.s2r", request, lambda *told: None, "s2r train")
     return root / "s.s2r"
+
+
+@pytest.fixture(scope="session")
+def moved_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small default world that no test writes to; runs of one model with moved cameras.
+
+    `zero` moves nothing by adjustments of 0, `up` the sim camera and brightens it, `low` the real
+    one; all are computed.
+    """
+    from s2rtools.precompute.pipeline import Options, precompute
+    from s2rtools.world import shipped
+    from s2rtui.cli import main
+    from tests.support.quiet import Quiet
+
+    path = tmp_path_factory.mktemp("moved") / "world.s2r"
+    assert main(["ingest", "world", "--instances", "4", "--store", str(path)]) == 0
+    shipped.add(path)
+    moves = {
+        "zero": "sim:camera_height=0,camera_pitch=0,camera_fov=0",
+        "up": "sim:camera_height=0.1,brightness=1.2,camera_pitch=-5,camera_fov=6",
+        "low": "real:camera_height=-0.1,camera_fov=-4",
+    }
+    for name, chain in moves.items():
+        words = ["run", "add", name, "--model", "vanilla", "--adjust", chain, "--store", str(path)]
+        assert main(words) == 0
+    kinds = ("feature_distance", "pixel_difference", "harmonised_distance")
+    precompute(path, Quiet(), ["vanilla", "zero", "low"], Options(kinds))
+    precompute(path, Quiet(), ["up"], Options(kinds, workers=2))
+    return path

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from s2rstore.errors import RequestError
-from s2rtui.notebook import user_folder
+from s2rtui.own import own_folder
 
 # What an action needs beyond reading the store and writing in the user's own folder.
 Need = Literal["", "models"]
@@ -28,7 +28,7 @@ class Access:
     @classmethod
     def of(cls, store: Path, restricted: bool = False) -> Access:
         """Of this user on `store`; makes the own folder of a restricted session where it can."""
-        own = user_folder().absolute()
+        own = own_folder().absolute()
         if restricted:
             with suppress(OSError):
                 own.mkdir(mode=0o700, parents=True, exist_ok=True)

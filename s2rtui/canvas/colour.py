@@ -29,6 +29,7 @@ class Theme:
     highlight: Rgb
     sim: Rgb
     real: Rgb
+    both: Rgb
     truth: Rgb
     unselected: Rgb
     cursor: Rgb
@@ -47,6 +48,7 @@ DARK = Theme(
     highlight=(34, 44, 62),
     sim=(92, 160, 255),
     real=(255, 102, 94),
+    both=(206, 122, 255),
     truth=(255, 204, 77),
     unselected=(132, 142, 158),
     cursor=(255, 255, 255),
@@ -60,6 +62,7 @@ LIGHT = Theme(
     highlight=(226, 233, 245),
     sim=(29, 95, 206),
     real=(208, 44, 48),
+    both=(132, 40, 190),
     truth=(176, 122, 0),
     unselected=(158, 165, 176),
     cursor=(0, 0, 0),

@@ -22,6 +22,7 @@ COMMANDS: dict[str, str] = {
     "query": "print the instances that an expression selects",
     "sql": "run a read-only SQL query on the index",
     "score": "how far heatmaps and reasons are right, where the truth is known",
+    "show": "print a view's numbers as a flat table",
     "export": "write a figure as PNG",
     "snapshot": "write the application's screen after given keys",
     "verify": "check that a store is complete and undamaged",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from s2rtui.cli.progress import STYLES, reporter
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path)
@@ -13,18 +15,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
     parser.add_argument("--backend", default="torch",
                         help="torch (default), torch-bfloat16, openvino, or auto")  # fmt: skip
+    parser.add_argument("--progress", choices=STYLES, default="auto",
+                        help="json: one object per line on standard output")  # fmt: skip
     parser.add_argument("--trust", action="store_true", help="allow models that execute code")
 
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.errors import RequestError
     from s2rtools.precompute.pipeline import Options, precompute
-    from s2rtui.cli.progress import reporter
 
     if options.workers < 1:
         raise RequestError("--workers: at least 1")
     kinds = tuple(options.kinds.split(",")) if options.kinds else None
-    with reporter() as told:
+    with reporter(options.progress) as told:
         wanted = Options(kinds, options.workers, options.backend, options.trust)
         precompute(options.store, told, options.run, wanted)
     return 0

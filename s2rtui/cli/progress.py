@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
+Style = Literal["auto", "json"]
+STYLES: tuple[Style, ...] = ("auto", "json")
 _LOG_SECONDS = 10.0
 
 
@@ -40,6 +44,32 @@ class LogReporter:
 
     def say(self, line: str) -> None:
         print(line, file=sys.stderr, flush=True)
+
+
+class JsonReporter:
+    """Writes a JSON object per line to standard output, {"stage", "done", "total"} or {"said"};
+    goes on in silence when nobody reads them any more.
+    """
+
+    def __init__(self) -> None:
+        self._what, self._total, self._done = "", 0, 0
+
+    def begin(self, what: str, total: int) -> None:
+        self._what, self._total, self._done = what, total, 0
+        self.advance(0)
+
+    def advance(self, steps: int) -> None:
+        self._done += steps
+        self._write({"stage": self._what, "done": self._done, "total": self._total})
+
+    def say(self, line: str) -> None:
+        self._write({"said": line})
+
+    def _write(self, told: dict[str, object]) -> None:
+        try:
+            print(json.dumps(told), flush=True)
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class BarReporter:
@@ -76,8 +106,11 @@ def percent(told: Reporter, what: str) -> Callable[[float, float, float], None]:
 
 
 @contextmanager
-def reporter() -> Iterator[Reporter]:
-    """The reporter that fits standard error."""
+def reporter(style: Style = "auto") -> Iterator[Reporter]:
+    """The reporter that fits standard error, or JSON lines."""
+    if style == "json":
+        yield JsonReporter()
+        return
     if not sys.stderr.isatty():
         yield LogReporter()
         return

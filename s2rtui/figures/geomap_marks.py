@@ -5,55 +5,95 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
 from s2rtui.canvas.colour import Theme, turbo
-from s2rtui.figures.style import plain, unit
-from s2rtui.plots.geomap_model import GeoMapModel
-from s2rtui.plots.inputs import GeoMapInput
-from s2rtui.plots.scale import short, step
+from s2rtui.figures.map_sheet import MANY, Spots
+from s2rtui.figures.style import unit
+from s2rtui.plots.bins import Chosen
+from s2rtui.plots.geomap_model import GeoMapModel, by_value, lined
+from s2rtui.plots.inputs import Floats, GeoMapInput
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.patheffects import AbstractPathEffect
 
 LINES_UP_TO = 200
 """Paper is finer than a terminal: this many instances get their error lines."""
 
 
-def draw_points(axes: Axes, view: GeoMapInput, model: GeoMapModel, theme: Theme) -> None:
-    """Unselected poses small and grey under the lit ones."""
-    truth = np.asarray(view.truth, dtype=np.float64)
-    grey = truth[model.grey]
-    axes.scatter(grey[:, 0], grey[:, 1], s=5, color=unit(theme.unselected), linewidths=0, zorder=3)
-    lit = truth[model.order]
-    edge = unit(theme.background)
-    if view.mode == "colour":
-        shares = model.fraction[model.order]
-        ink = turbo(shares) / 255.0
-        ink[~np.isfinite(shares)] = unit(theme.muted)
-        axes.scatter(lit[:, 0], lit[:, 1], s=26, c=ink, edgecolors=[edge], linewidths=0.6, zorder=5)
-        return
-    few = len(model.order) <= LINES_UP_TO
-    _error_lines(axes, view, model.order if few else model.lines, theme)
-    sim = np.asarray(view.sim, dtype=np.float64)[model.order]
-    real = np.asarray(view.real, dtype=np.float64)[model.order]
+def draw_others(axes: Axes, truth: Floats, chosen: Chosen, spots: Spots) -> None:
+    """Unselected poses, small and grey."""
+    others = chosen.few if chosen.inverted else _outside(chosen)
+    grey = np.asarray(truth, dtype=np.float64)[spots.kept(truth, others)]
+    ink = unit(spots.theme.unselected)
+    axes.scatter(grey[:, 0], grey[:, 1], s=5, color=ink, linewidths=0, zorder=3)
+
+
+def _outside(chosen: Chosen) -> NDArray[np.intp]:
+    inside = chosen.base.copy()
+    inside[chosen.few] = False
+    return np.flatnonzero(inside)
+
+
+def draw_values(axes: Axes, view: GeoMapInput, model: GeoMapModel, spots: Spots) -> None:
+    """The lit ones coloured by value, the largest on top."""
+    ids, shares = by_value(view, model)
+    held = spots.last(view.truth, ids)
+    lit, shares = np.asarray(view.truth, dtype=np.float64)[ids[held]], shares[held]
+    ink = turbo(shares) / 255.0
+    ink[~np.isfinite(shares)] = unit(spots.theme.muted)
+    draw_dots(axes, lit, ink, spots)
+
+
+def draw_dots(axes: Axes, points: Floats, ink: NDArray[np.float64], spots: Spots) -> None:
+    """Dots with an edge in the page's colour; smaller where they are many."""
+    edge = unit(spots.theme.background)
+    many = len(points) > MANY
+    size, width = (5, 0.0) if many else (26, 0.6)
     axes.scatter(
-        sim[:, 0], sim[:, 1], s=20, marker="D", linewidths=0, color=unit(theme.sim), zorder=5
+        points[:, 0], points[:, 1], s=size, c=ink, edgecolors=[edge], linewidths=width, zorder=5
+    )
+
+
+def draw_predictions(axes: Axes, view: GeoMapInput, model: GeoMapModel, spots: Spots) -> None:
+    """Sim, real and truth of the lit ones, joined by lines where they are few."""
+    ids, theme = model.chosen.members, spots.theme
+    edge = unit(theme.background)
+    _error_lines(axes, view, lined(view, model, limit=LINES_UP_TO), theme)
+    shrink = 0.2 if len(ids) > MANY else 1.0
+    sim, real, truth = (
+        np.asarray(side, dtype=np.float64)[spots.kept(side, ids)]
+        for side in (view.sim, view.real, view.truth)
+    )
+    axes.scatter(
+        sim[:, 0],
+        sim[:, 1],
+        s=20 * shrink,
+        marker="D",
+        linewidths=0,
+        color=unit(theme.sim),
+        zorder=5,
     )
     axes.scatter(
         real[:, 0],
         real[:, 1],
-        s=20,
+        s=20 * shrink,
         marker="D",
-        linewidths=1.1,
+        linewidths=1.1 * shrink,
         zorder=5,
         facecolors=[edge],
         edgecolors=[unit(theme.real)],
     )
     gold = unit(theme.truth)
     axes.scatter(
-        lit[:, 0], lit[:, 1], s=22, color=gold, edgecolors=[edge], linewidths=0.6, zorder=6
+        truth[:, 0],
+        truth[:, 1],
+        s=22 * shrink,
+        color=gold,
+        edgecolors=[edge],
+        linewidths=0.6 * shrink,
+        zorder=6,
     )
 
 
@@ -97,82 +137,3 @@ def draw_cursor(
             tip = (x + length * np.cos(angle), y + length * np.sin(angle))
             arrow = {"arrowstyle": "-|>", "color": ink, "lw": 1.6, "shrinkA": 4, "shrinkB": 0}
             axes.annotate("", xy=tip, xytext=(x, y), arrowprops=arrow, zorder=8)
-
-
-def draw_rooms(axes: Axes, view: GeoMapInput, theme: Theme) -> None:
-    """Dashed outlines; each name once, in the first rectangle of that name."""
-    from matplotlib import patheffects
-    from matplotlib.patches import Rectangle
-
-    halo: list[AbstractPathEffect] = [
-        patheffects.withStroke(linewidth=2.5, foreground=unit(theme.background))
-    ]
-    named: set[str] = set()
-    for room in view.rooms:
-        corner, wide, high = (room.x0, room.y0), room.x1 - room.x0, room.y1 - room.y0
-        axes.add_patch(
-            Rectangle(
-                corner,
-                wide,
-                high,
-                fill=False,
-                edgecolor=unit(theme.muted),
-                linewidth=0.8,
-                linestyle=(0, (4, 3)),
-                zorder=2.5,
-            )
-        )
-        if room.room not in named:
-            named.add(room.room)
-            top = room.y0 if view.y_down else room.y1
-            label = axes.annotate(
-                plain(room.room),
-                (room.x0, top),
-                xytext=(4, -4),
-                textcoords="offset points",
-                ha="left",
-                va="top",
-                fontsize=8,
-                color=unit(theme.muted),
-                zorder=6,
-                annotation_clip=True,
-            )
-            label.set_path_effects(halo)
-
-
-def draw_scale(axes: Axes, area: Bounds, y_down: bool, theme: Theme) -> None:
-    """A bar of round length in the lower left corner."""
-    from matplotlib import patheffects
-
-    length = step(area.width / 5, 1)
-    if length > area.width / 3:
-        length = step(area.width / 10, 1)
-    x = area.x0 + 0.03 * area.width
-    y = area.y1 - 0.03 * area.height if y_down else area.y0 + 0.03 * area.height
-    halo: list[AbstractPathEffect] = [
-        patheffects.withStroke(linewidth=4.5, foreground=unit(theme.background))
-    ]
-    axes.plot(
-        [x, x + length],
-        [y, y],
-        color=unit(theme.text),
-        linewidth=2.2,
-        solid_capstyle="butt",
-        zorder=9,
-        path_effects=halo,
-    )
-    label = axes.annotate(
-        f"{short(length)} m",
-        (x + length / 2, y),
-        xytext=(0, 4),
-        textcoords="offset points",
-        ha="center",
-        va="bottom",
-        fontsize=8,
-        color=unit(theme.text),
-        zorder=9,
-    )
-    halo_text: list[AbstractPathEffect] = [
-        patheffects.withStroke(linewidth=2.5, foreground=unit(theme.background))
-    ]
-    label.set_path_effects(halo_text)

@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from s2rtui.canvas.colour import LIGHT, Theme
+from s2rtui.figures.overview_lines import draw_lines, keys
 from s2rtui.figures.style import Page, Pixels, dress, heading, new_figure, page_of, plain, png, unit
-from s2rtui.plots.inputs import OverviewRow
-from s2rtui.plots.overview import OverviewModel, overview_model
+from s2rtui.plots.inputs import OverviewLines, OverviewRow
+from s2rtui.plots.overview_model import OverviewModel, overview_model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 NUMBERS = 2.75
 """Inches at the right that the numbers take."""
@@ -26,10 +28,14 @@ def overview_figure(
     selected: int | None = None,
     title: str = "Accuracy in simulation and in reality",
     subtitle: str = "",
+    lines: OverviewLines | None = None,
 ) -> bytes:
-    """A PNG of `size` pixels; `selected` (an index) is set apart by a ground and bold type."""
+    """A PNG of `size` pixels; `selected` (an index) is set apart by a ground and bold type.
+
+    With `lines` every instance is a line across the runs, the selected in their side's colour.
+    """
     page = page_of(size, theme)
-    model = overview_model(rows, baseline)
+    model = overview_model(rows, baseline, lines)
     figure = new_figure(page)
     top = heading(figure, page, title, subtitle)
     wide, _ = page.inches
@@ -46,10 +52,12 @@ def overview_figure(
     axes.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
     axes.set_xlabel("accuracy (%)")
     axes.set_yticks([])
+    if lines is not None:
+        draw_lines(axes, lines, model.axis, theme)
     for index, row in enumerate(model.rows):
         _row(axes, index, row, page, index == selected)
     _columns(axes, model, page, selected)
-    _legend(figure, axes, model, page, top)
+    _legend(figure, axes, model, page, top, lines)
     return png(figure, page)
 
 
@@ -157,27 +165,48 @@ def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None)
     for y, row in enumerate(model.rows):
         sim, real = row.sim_accuracy, row.real_accuracy
         gap = None if sim is None or real is None else sim - real
-        texts = [_percent(sim), _percent(real), _percent(gap), str(row.n) if row.n else "–"]
+        texts = [_percent(sim), _percent(real), _percent(gap), _size(row.n)]
         for spot, text, (_, ink) in zip(spots, texts, names, strict=True):
             put(spot, y, text, ink if text != "n/a" else theme.muted, y == selected)
+
+
+def _size(n: int) -> str:
+    """How many, in few characters."""
+    if n >= 1_000_000:
+        return f"{n / 1e6:.1f}M"
+    return f"{n // 1000}k" if n >= 100_000 else str(n) if n else "–"
 
 
 def _percent(value: float | None) -> str:
     return "n/a" if value is None else f"{100 * value:.1f}".replace("-", "−")
 
 
-def _legend(figure: Figure, axes: Axes, model: OverviewModel, page: Page, top: float) -> None:
+def _diamonds(theme: Theme) -> list[Line2D]:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=unit(theme.sim)),
+        Line2D([], [], color=unit(theme.real), markerfacecolor=unit(theme.background)),
+    ]
+    for handle in handles:
+        handle.set(linestyle="none", marker="D", markersize=7, markeredgewidth=1.6)
+    return handles
+
+
+def _legend(
+    figure: Figure,
+    axes: Axes,
+    model: OverviewModel,
+    page: Page,
+    top: float,
+    lines: OverviewLines | None,
+) -> None:
     """A line of its own, its upper edge `top` inches above the page's foot."""
     from matplotlib.lines import Line2D
 
     theme = page.theme
-    handles = [
-        Line2D([], [], color=unit(theme.sim)),
-        Line2D([], [], color=unit(theme.real), markerfacecolor=unit(theme.background)),
-        Line2D([], [], color=unit(theme.muted), linewidth=1.3, marker="|", markersize=6),
-    ]
-    for handle in handles[:2]:
-        handle.set(linestyle="none", marker="D", markersize=7, markeredgewidth=1.6)
+    handles = _diamonds(theme)
+    handles.append(Line2D([], [], color=unit(theme.muted), linewidth=1.3, marker="|", markersize=6))
     names = ["sim", "real", "95 % interval"]
     if model.baseline is not None:
         line = axes.axvline(
@@ -186,12 +215,15 @@ def _legend(figure: Figure, axes: Axes, model: OverviewModel, page: Page, top: f
         line.set_zorder(1.5)
         handles.append(line)
         names.append(f"constant mean position ({_percent(model.baseline)} %)")
+    for ink, name in keys(lines, theme):
+        handles.append(Line2D([], [], color=unit(ink), linewidth=1.2))
+        names.append(name)
     legend = figure.legend(
         handles,
         names,
         loc="upper left",
         bbox_to_anchor=(0.17 / page.inches[0], top / page.inches[1]),
-        ncols=4,
+        ncols=4 if lines is None else 7,
         frameon=False,
         fontsize=9 if page.inches[0] > 6 else 6,
         handletextpad=0.4,

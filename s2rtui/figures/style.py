@@ -136,7 +136,7 @@ def colour_scale(
     )
     axes.set_xticks([])
     axes.yaxis.tick_right()
-    axes.set_yticks(ticks(*scale, max(2, int(box[3] * page.inches[1] / 0.45))))
+    axes.set_yticks(ticks(*scale, max(2, int(box[3] * page.inches[1] / 0.36))))
     axes.tick_params(colors=unit(page.theme.muted), labelsize=8, width=0.8, length=3)
     for spine in axes.spines.values():
         spine.set_visible(False)

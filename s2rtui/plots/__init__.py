@@ -1,57 +1,116 @@
 """Views as pure functions: numbers in, a canvas out; each with the model that paper shares."""
 
+from s2rtui.plots.difference import difference, difference_layout, difference_surface
+from s2rtui.plots.difference_model import DifferenceModel, DifferenceSummary, difference_model
 from s2rtui.plots.frame import MapFrame, fit, panned, sample, zoomed
-from s2rtui.plots.geomap import GeoMapLayout, geomap, geomap_layout
+from s2rtui.plots.geomap import geomap, geomap_layout, geomap_surface
+from s2rtui.plots.geomap_layout import GeoMapLayout
 from s2rtui.plots.geomap_model import GeoMapModel, geomap_model
-from s2rtui.plots.histogram import HistogramModel, histogram, histogram_model
+from s2rtui.plots.histogram import HistogramLayout, histogram, histogram_layout, histogram_surface
+from s2rtui.plots.histogram_model import HistogramModel, histogram_model
 from s2rtui.plots.inputs import (
+    DifferenceInput,
     GeoMapInput,
     HistogramInput,
     InstanceInput,
     MapMode,
+    OrientationInput,
+    OverviewLines,
     OverviewRow,
     PoseNumbers,
+    RoomsInput,
     SideView,
+    UmapInput,
 )
 from s2rtui.plots.instance import InstanceLayout, instance, instance_layout
 from s2rtui.plots.instance_model import InstanceModel, instance_model
-from s2rtui.plots.overview import (
-    OverviewLayout,
-    OverviewModel,
-    overview,
-    overview_layout,
-    overview_model,
+from s2rtui.plots.orientation import (
+    OrientationLayout,
+    orientation,
+    orientation_layout,
+    orientation_surface,
 )
+from s2rtui.plots.orientation_model import OrientationModel, orientation_model
+from s2rtui.plots.overview import overview
+from s2rtui.plots.overview_layout import OverviewLayout, overview_layout, overview_surface
+from s2rtui.plots.overview_model import OverviewModel, overview_model
+from s2rtui.plots.pending import arc_of, range_of, steps_of
+from s2rtui.plots.rooms import RoomsLayout, rooms, rooms_layout, rooms_surface
+from s2rtui.plots.rooms_model import RoomsModel, rooms_model
+from s2rtui.plots.surface import Mark, Panel, draw_mark, panel_at
+from s2rtui.plots.umap import UmapLayout, umap, umap_layout, umap_surface
+from s2rtui.plots.umap_model import UmapModel, umap_model
 
 __all__ = [
+    "DifferenceInput",
+    "DifferenceModel",
+    "DifferenceSummary",
     "GeoMapInput",
     "GeoMapLayout",
     "GeoMapModel",
     "HistogramInput",
+    "HistogramLayout",
     "HistogramModel",
     "InstanceInput",
     "InstanceLayout",
     "InstanceModel",
     "MapFrame",
     "MapMode",
+    "Mark",
+    "OrientationInput",
+    "OrientationLayout",
+    "OrientationModel",
     "OverviewLayout",
+    "OverviewLines",
     "OverviewModel",
     "OverviewRow",
+    "Panel",
     "PoseNumbers",
+    "RoomsInput",
+    "RoomsLayout",
+    "RoomsModel",
     "SideView",
+    "UmapInput",
+    "UmapLayout",
+    "UmapModel",
+    "arc_of",
+    "difference",
+    "difference_layout",
+    "difference_model",
+    "difference_surface",
+    "draw_mark",
     "fit",
     "geomap",
     "geomap_layout",
     "geomap_model",
+    "geomap_surface",
     "histogram",
+    "histogram_layout",
     "histogram_model",
+    "histogram_surface",
     "instance",
     "instance_layout",
     "instance_model",
+    "orientation",
+    "orientation_layout",
+    "orientation_model",
+    "orientation_surface",
     "overview",
     "overview_layout",
     "overview_model",
+    "overview_surface",
+    "panel_at",
     "panned",
+    "range_of",
+    "rooms",
+    "rooms_layout",
+    "rooms_model",
+    "rooms_surface",
     "sample",
+    "steps_of",
+    "umap",
+    "umap_layout",
+    "umap_model",
+    "umap_surface",
     "zoomed",
 ]

@@ -1,134 +1,167 @@
-"""The error histogram: sim above real, the selected part lit."""
+"""The error histogram: sim above real, the selected part lit, its median marked."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from s2rtui.canvas.colour import ColourMode, Rgb
+from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.grid import Canvas, Size
 from s2rtui.canvas.look import Look
+from s2rtui.plots.bars import put_over, upright
+from s2rtui.plots.histogram_model import NAMES, Errors, HistogramModel, histogram_model
 from s2rtui.plots.inputs import HistogramInput
+from s2rtui.plots.pending import pending, range_of
 from s2rtui.plots.scale import short, step, tick_text, ticks
+from s2rtui.plots.surface import Mark, Panel, Point
 
-EIGHTHS = " ▁▂▃▄▅▆▇█"
-Counts = NDArray[np.intp]
-LABELS = 9
-"""Columns at the left that the names take."""
+LABELS = 12
+"""Columns at the left that names and numbers take."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HistogramModel:
-    """edges: (bins + 1,), from 0. Counts per side, (bins,): all valid, and the selected of them.
+@dataclass(frozen=True, slots=True)
+class HistogramLayout:
+    """The bars' first column and width; (first row, rows) of sim and of real; the axis' row."""
 
-    What lies beyond the last edge counts into the last bin.
+    left: int
+    width: int
+    sides: tuple[tuple[int, int], ...]
+    axis: int | None
+
+
+def histogram_layout(size: Size) -> HistogramLayout:
+    """Both sides in equal heights over one axis; one row shows sim alone."""
+    width, height = max(1, size[0]), max(1, size[1])
+    left = LABELS if width >= 24 else 0
+    axis = height - 1 if height >= 5 else None
+    rows = height - (axis is not None)
+    upper = (rows + 1) // 2
+    sides = ((0, upper), (upper, rows - upper))
+    return HistogramLayout(left, width - left, tuple(side for side in sides if side[1]), axis)
+
+
+def histogram_surface(
+    view: HistogramInput, size: Size, look: Look | None = None
+) -> tuple[Panel, ...]:
+    """Ranges "sim" and "real": x is the error, y a count on the side's scale.
+
+    The last column holds all errors beyond it, too.
     """
+    layout = histogram_layout(size)
+    model = histogram_model(view, layout.width)
+    panels = []
+    sides = (model.sim, model.real)
+    for name, errors, (top, rows) in zip(NAMES, sides, layout.sides, strict=False):
+        corner, scale = (layout.left, top + rows), (model.upper / layout.width, errors.peak / rows)
+        to_data = partial(_to_data, corner, scale)
+        to_cells = partial(_to_cells, corner, scale)
+        panels.append(Panel(name, "range", layout.left, top, layout.width, rows, to_data, to_cells))
+    return tuple(panels)
 
-    edges: NDArray[np.float64]
-    sim: tuple[Counts, Counts]
-    real: tuple[Counts, Counts]
+
+def _to_data(corner: tuple[int, int], scale: Point, column: float, row: float) -> Point:
+    return (column - corner[0]) * scale[0], (corner[1] - row) * scale[1]
 
 
-def histogram_model(view: HistogramInput, bins: int) -> HistogramModel:
-    """Both sides over one range: 0 to `upper`, by default the 99th percentile of both."""
-    valid = np.asarray(view.valid, dtype=np.bool_)
-    both = np.concatenate([np.asarray(view.sim)[valid], np.asarray(view.real)[valid]])
-    both = both[np.isfinite(both)]
-    upper = view.upper
-    if upper is None:
-        upper = float(np.percentile(both, 99)) if both.size else 1.0
-    upper = upper if upper > 0 else 1.0
-    count = max(1, bins)
-
-    def counts(errors: NDArray[np.floating]) -> tuple[Counts, Counts]:
-        errors = np.asarray(errors, dtype=np.float64)
-        good = valid & np.isfinite(errors)
-        index = np.clip(np.where(good, errors, 0) / upper * count, 0, count - 1).astype(np.intp)
-        lit = good & np.asarray(view.selected, dtype=np.bool_)
-        return (
-            np.bincount(index[good], minlength=count),
-            np.bincount(index[lit], minlength=count),
-        )
-
-    edges = np.linspace(0.0, upper, count + 1)
-    return HistogramModel(edges, counts(view.sim), counts(view.real))
+def _to_cells(corner: tuple[int, int], scale: Point, x: float, y: float) -> Point:
+    return corner[0] + x / scale[0], corner[1] - y / scale[1]
 
 
 def histogram(view: HistogramInput, size: Size, look: Look | None = None) -> Canvas:
     """The view in `size` (columns, rows): two rows of bars over one axis."""
     look = look or Look()
     canvas = Canvas(*size, theme=look.theme)
+    layout = histogram_layout((canvas.width, canvas.height))
+    model = histogram_model(view, layout.width)
+    panels = histogram_surface(view, (canvas.width, canvas.height), look)
     theme, glyphs = look.theme, look.glyphs
-    left = LABELS if canvas.width >= 20 else 0
-    model = histogram_model(view, canvas.width - left)
-    axis = 1 if canvas.height >= 5 else 0
-    upper = max(1, (canvas.height - axis + 1) // 2)
-    lower = max(0, canvas.height - axis - upper)
-    peak = int(max(model.sim[0].max(), model.real[0].max(), 1))
-    for top, rows, counts, glyph, name, colour in (
-        (0, upper, model.sim, glyphs.sim, "sim", theme.sim),
-        (upper, lower, model.real, glyphs.real, "real", theme.real),
+    for panel, errors, glyph, colour in zip(
+        panels,
+        (model.sim, model.real),
+        (glyphs.sim, glyphs.real),
+        (theme.sim, theme.real),
+        strict=False,
     ):
-        _bars(canvas, left, top, rows, counts, peak, colour, look)
-        if left and rows:
-            canvas.text(0, top, f"{glyph} {name}", colour)
-            if rows > 1:
-                canvas.text(0, top + 1, _most(int(counts[0].max())), theme.muted)
-    if axis:
-        _axis(canvas, left, model, view, look)
+        mark = pending(view.mark, panel.name)
+        _side(canvas, panel, errors, mark, colour, look)
+        if layout.left:
+            _labels(canvas, panel, errors, f"{glyph} {panel.name}", colour, look)
+    if layout.axis is not None:
+        _axis(canvas, layout, model, view, look)
     return canvas
 
 
+def _labels(
+    canvas: Canvas, panel: Panel, errors: Errors, name: str, colour: Rgb, look: Look
+) -> None:
+    canvas.text(0, panel.y, name, colour)
+    lines = [f"median {short(errors.median, 2)}", _most(errors.peak)]
+    for row, line in enumerate(lines[: panel.height - 1], start=1):
+        canvas.text(0, panel.y + row, line[: LABELS - 1], look.theme.muted)
+
+
 def _most(count: int) -> str:
-    return f"max {count}" if count < 10_000 else f"max {count // 1000}k"
+    return f"max {count}" if count < 100_000 else f"max {count // 1000}k"
 
 
-def _bars(
+def _side(
     canvas: Canvas,
-    x: int,
-    y: int,
-    rows: int,
-    counts: tuple[Counts, Counts],
-    peak: int,
+    panel: Panel,
+    errors: Errors,
+    mark: Mark | None,
     colour: Rgb,
     look: Look,
 ) -> None:
-    """Bars upwards from the last of `rows`; the unselected part grey above the selected one."""
-    total, lit = (np.ceil(part / peak * rows * 8).astype(np.intp) for part in counts)
-    theme = look.theme
-    for row in range(rows):
-        level = (rows - 1 - row) * 8
-        for column in np.flatnonzero(total > level).tolist():
-            whole = int(min(8, total[column] - level))
-            part = int(np.clip(lit[column] - level, 0, 8))
-            if look.ascii or look.mode is ColourMode.NONE:
-                glyph = ".#"[2 * part >= whole] if look.ascii else "░█"[2 * part >= whole]
-                canvas.put(x + column, y + row, glyph, colour if part else theme.unselected)
-            elif part == 0:
-                canvas.put(x + column, y + row, EIGHTHS[whole], theme.unselected)
-            elif part == 8 or part == whole:
-                canvas.put(x + column, y + row, EIGHTHS[part], colour)
-            else:
-                ground = theme.unselected if whole == 8 else None
-                canvas.put(x + column, y + row, EIGHTHS[part], colour, ground)
+    """Bars, the pending brush, the median as a line and the cursor at the foot."""
+    theme, bottom = look.theme, panel.y + panel.height - 1
+    ends: list[int] = []
+    if mark is not None:
+        ends = [_column(panel, x) for x in range_of(mark)]
+        wide = ends[1] - ends[0] + 1
+        canvas.fill(ends[0], panel.y, wide, panel.height, theme.highlight)
+    bars = (errors.lit / errors.peak, errors.total / errors.peak)
+    upright(canvas, panel.x, panel.y, panel.height, bars, colour, look)
+    if math.isfinite(errors.median):
+        at = _column(panel, errors.median)
+        for row in range(panel.y, bottom + 1):
+            put_over(canvas, at, row, look.glyphs.baseline, theme.text)
+    for at, glyph in zip(ends, (look.glyphs.scale_left, look.glyphs.scale_right), strict=False):
+        for row in range(panel.y, bottom + 1):
+            canvas.put(at, row, glyph, theme.truth, bold=True)
+    if errors.cursor is not None:
+        at = _column(panel, errors.cursor)
+        put_over(canvas, at, bottom, look.glyphs.cursor, theme.cursor)
+
+
+def _column(panel: Panel, error: float) -> int:
+    """The column of an error, the last one for what lies beyond it."""
+    column = int(np.floor(panel.to_cells(error, 0.0)[0] + 1e-9))
+    return min(max(column, panel.x), panel.x + panel.width - 1)
 
 
 def _axis(
-    canvas: Canvas, left: int, model: HistogramModel, view: HistogramInput, look: Look
+    canvas: Canvas,
+    layout: HistogramLayout,
+    model: HistogramModel,
+    view: HistogramInput,
+    look: Look,
 ) -> None:
-    upper, row = float(model.edges[-1]), canvas.height - 1
-    chart = canvas.width - left
+    upper, row, chart = model.upper, canvas.height - 1, layout.width
     count = max(1, chart // 8)
     width = step(upper, count)
     name = f"{view.label} {view.unit}".strip()
+    beyond = model.sim.beyond + model.real.beyond
+    if beyond and chart >= 40:
+        name = f"{name}, last: {short(upper, 2)} and more"
     stop = canvas.width - len(name) - 1
-    free = left
+    free = layout.left
     for tick in ticks(0.0, upper, count):
         text = tick_text(tick, width) if width < 1e4 else short(tick)
-        start = left + min(chart - 1, int(tick / upper * chart))
+        start = layout.left + min(chart - 1, int(tick / upper * chart))
         if start >= free and start + len(text) <= stop:
             free = canvas.text(start, row, text, look.theme.muted) + 1
-    if stop > left:
+    if stop > layout.left:
         canvas.text(canvas.width - len(name), row, name, look.theme.muted)

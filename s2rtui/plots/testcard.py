@@ -8,7 +8,6 @@ from s2rtui.canvas.colour import turbo
 from s2rtui.canvas.grid import Canvas, Size
 from s2rtui.canvas.look import Look
 from s2rtui.canvas.raster import braille, half_blocks
-from s2rtui.plots.histogram import EIGHTHS
 from s2rtui.plots.legend import DIGITS
 
 LABEL = 22
@@ -87,7 +86,7 @@ def _dots(canvas: Canvas, x: int, y: int, look: Look) -> None:
 
 
 def _bars(canvas: Canvas, x: int, y: int, look: Look) -> None:
-    canvas.text(x, y, ".#" if look.ascii else EIGHTHS.strip() * 4, look.theme.sim)
+    canvas.text(x, y, ".#" if look.ascii else "▁▂▃▄▅▆▇█" * 4, look.theme.sim)
 
 
 def _lines(canvas: Canvas, x: int, y: int, look: Look) -> None:

@@ -10,16 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore import headlines
+from s2rstore import headlines, similarity
+from s2rstore.errors import RequestError
 from s2rstore.reader import Store
-from s2rstore.records import Side
-from s2rtui.plots import GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView
+from s2rstore.records import SIDES, Side
+from s2rtui.plots import GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView, UmapInput
 from s2rtui.plots.same import Same
+from s2rtui.plots.surface import Mark
 from s2rtui.session.heat import SIGNED, ray_of, run_range, unit
+from s2rtui.session.seen import Seen, seen
 from s2rtui.session.state import HeatChoice, State
 
 Pixels = NDArray[np.uint8]
 Grid = NDArray[np.float32]
+_NEIGHBOURS = 5
 
 
 def overview_rows(
@@ -46,15 +50,25 @@ def overview_rows(
     return rows, headlines.baseline(store, rows[0].run) if rows else math.nan
 
 
+def truth_points(store: Store) -> NDArray[np.float64]:
+    """(N, 2) true positions, metres."""
+    return _points(store.instances.x, store.instances.y)
+
+
 def map_input(
-    store: Store, state: State, floor_plan: Pixels | None = None, heat: Grid | None = None
+    store: Store,
+    state: State,
+    floor_plan: Pixels | None = None,
+    heat: Grid | None = None,
+    seen: Grid | None = None,
+    mark: Mark | None = None,
 ) -> GeoMapInput:
     """The map of the state's run."""
     truth, columns = store.instances, store.run_columns(state.run)
     choice = state.heat
     shown = heat is not None and choice is not None
     return GeoMapInput(
-        truth=_points(truth.x, truth.y),
+        truth=truth_points(store),
         sim=_points(columns.sim.x, columns.sim.y),
         real=_points(columns.real.x, columns.real.y),
         values=columns.shift,
@@ -71,6 +85,10 @@ def map_input(
         heat=heat if shown else None,
         heat_label=f"{choice.label}, {choice.side}" if shown and choice else "heat",
         heat_unit=unit(store, state.run, choice) if shown and choice else "",
+        clip=seen,
+        rooms=store.rooms,
+        room_names=state.room_names,
+        mark=mark,
     )
 
 
@@ -92,10 +110,11 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
     room = truth.room[iid]
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
     columns = store.run_columns(run)
+    sim, real = (seen(store, store.run(run), side, iid) for side in SIDES)
     return InstanceInput(
         iid=iid,
-        sim=_side(store, run, iid, "sim", heat),
-        real=_side(store, run, iid, "real", heat),
+        sim=_side(store, run, iid, "sim", heat, sim),
+        real=_side(store, run, iid, "real", heat, real),
         truth=(float(truth.x[iid]), float(truth.y[iid]), float(truth.heading[iid])),
         kind=heat.kind.replace("_", " ") if heat else None,
         mode=heat.mode if heat else None,
@@ -107,6 +126,9 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             ("gap", f"{columns.gap[iid]:+.2f} m, shift {columns.shift[iid]:.2f} m"),
             ("ranks", _ranks(store, run, iid)),
+            *_neighbours(store, run, iid),
+            *sim.notes,
+            *real.notes,
         ),
     )
 
@@ -125,28 +147,32 @@ def _ranks(store: Store, run: str, iid: int) -> str:
     return f"{', '.join(parts)} of {total} by error"
 
 
-def _side(store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None) -> SideView:
-    record = store.run(run)
-    domain = store.domains[record.domain(side)]
-    frame = store.frame(iid, domain.domain)
+def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
+    """The instances that the run sees alike, on each side; nothing where embeddings lack."""
+    found = []
+    for side in SIDES:
+        try:
+            near, _ = similarity.neighbours(store, run, side, iid, _NEIGHBOURS)
+        except RequestError:
+            return []
+        listed = " ".join(str(other) for other in near if other != iid)
+        found.append(f"{side} {listed or 'none'}")
+    return [("alike", ", ".join(found))]
+
+
+def _side(
+    store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None, shown: Seen
+) -> SideView:
     part = store.run_columns(run).side(side)
-    metres = np.where(frame.valid, frame.depth * np.float32(domain.depth_scale), np.nan)
     values = [part.x, part.y, part.heading, part.error, part.heading_error]
     x, y, heading, error, turn = (float(column[iid]) for column in values)
-    pose = None if math.isnan(x) else PoseNumbers(x, y, heading, error, turn)
-    chain = record.adjustments(side)
-    adjusted = f", before {_chain_text(chain)}" if chain else ""
     return SideView(
-        rgb=frame.rgb,
-        depth=metres.astype(np.float32),
+        rgb=shown.rgb,
+        depth=shown.depth,
         heat=None if heat is None else store.heatmap(run, heat.kind, side, iid, heat.mode),
-        pose=pose,
-        title=f"{domain.domain}{adjusted}" if domain.domain != side or adjusted else "",
+        pose=None if math.isnan(x) else PoseNumbers(x, y, heading, error, turn),
+        title=shown.title,
     )
-
-
-def _chain_text(chain: list[dict[str, Any]]) -> str:
-    return ", ".join(f"{step['name']}={step['value']:g}" for step in chain)
 
 
 @lru_cache(maxsize=4)
@@ -156,3 +182,35 @@ def floor_plan(path: str) -> Pixels:
 
     with Image.open(path) as picture:
         return np.asarray(picture.convert("RGB"))
+
+
+def umap_input(store: Store, state: State, mark: Mark | None = None) -> UmapInput:
+    """The embeddings of the state's run in the plane."""
+    columns = store.run_columns(state.run)
+    return UmapInput(
+        _points(columns.sim.u, columns.sim.v),
+        _points(columns.real.u, columns.real.v),
+        None,
+        state.selected,
+        state.base,
+        cursor=state.cursor,
+        mark=mark,
+    )
+
+
+def point_of(points: NDArray[np.floating[Any]], iid: int | None) -> tuple[float, float] | None:
+    """One of the points (N, 2), where it is known."""
+    if iid is None or not np.isfinite(points[iid]).all():
+        return None
+    return float(points[iid, 0]), float(points[iid, 1])
+
+
+def nearest(
+    points: NDArray[np.floating[Any]], base: NDArray[np.bool_], at: tuple[float, float]
+) -> int | None:
+    """The iid of the base whose point (N, 2) is nearest."""
+    with np.errstate(invalid="ignore"):
+        distance = np.square(points[:, 0] - at[0]) + np.square(points[:, 1] - at[1])
+    distance = np.where(base & np.isfinite(distance), distance, np.inf)
+    iid = int(np.argmin(distance)) if distance.size else 0
+    return iid if distance.size and np.isfinite(distance[iid]) else None

@@ -16,11 +16,11 @@ from s2rstore.geometry.alignment import Surface
 from s2rstore.geometry.grid import AGGREGATES, MapGrid, Projector, Ray
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Run, Side
+from s2rstore.sides import run_domain, run_frames
 from s2rtui.session.state import Aggregate, HeatChoice, State
 
 SIGNED = ("activation", "occlusion")
 _ORDER: dict[Side, tuple[Side, Side]] = {"sim": ("sim", "real"), "real": ("real", "sim")}
-_NOT_HEAT = ("prediction", "embedding", "pca", "umap")
 _PLANES = {"activation": ("loss", "x", "y", "heading")}
 _UNITS = {"m degrees": "m", "m m rad loss": ""}
 _BLOCK = 32
@@ -32,7 +32,7 @@ def choices(store: Store, run: str) -> list[tuple[str, str | None]]:
     """Kinds and modes of a run's heatmaps, in the order that keys walk through them."""
     found: list[tuple[str, str | None]] = []
     for record in store.arrays(run):
-        if record.kind in _NOT_HEAT or record.kind.startswith("map:"):
+        if "row" not in record.axes or record.kind.startswith(("map:", "frames:")):
             continue
         for mode in _PLANES.get(record.kind, (record.mode,)):
             if (record.kind, mode) not in found:
@@ -144,16 +144,17 @@ def _project(
     """Lay the heat of the chosen instances of a block on the grid, as precompute does."""
     dataset, truth = store.dataset, store.instances
     frame = dataset.frame_height, dataset.frame_width
-    own, other = (store.domains[run.domain(side)] for side in _ORDER[heat.side])
+    own, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
     noted = json.loads(store.provenance(f"run:{run.run}").get("surfaces", "{}"))
     correction = store.correction(run.sim_domain, run.real_domain)
     surface = Surface(own, other, frame, heat.side == "real", correction, noted.get(heat.kind))
 
-    def depth(domain: Domain) -> NDArray[Any]:
-        read = store.frames(domain.domain, block.start, block.stop, ("depth",))
+    def depth(side: Side) -> NDArray[Any]:
+        read = run_frames(store, run, side, block.start, block.stop, ("depth",))
         return np.asarray(read["depth"][chosen])
 
-    lies = surface.depth(depth(own), depth(other) if surface.needs_other else None)
+    near, far = _ORDER[heat.side]
+    lies = surface.depth(depth(near), depth(far) if surface.needs_other else None)
     poses = np.stack([truth.x[block], truth.y[block], truth.heading[block]], axis=1)[chosen]
     rig = surface.domain
     projector = _projector(rig.domain, _Held(rig), frame, dataset.y_down)

@@ -13,6 +13,7 @@ from s2rtui.session.state import State
 
 COLUMNS = (
     "real.error", "sim.error", "gap", "shift", "real.heading_error", "sim.heading_error",
+    "real.outlier", "sim.outlier",
     "iid", "x", "y", "heading",
 )  # fmt: skip
 """What a list can be sorted by, as the language names it."""

@@ -37,12 +37,52 @@ class HeatChoice:
 
 
 @dataclass(frozen=True, slots=True)
+class Slider:
+    """One adjustment of one side, as the registry of adjustments declares it."""
+
+    side: Side
+    name: str
+    lowest: float
+    highest: float
+    neutral: float
+    step: float
+    unit: str
+
+    @property
+    def key(self) -> tuple[Side, str]:
+        return self.side, self.name
+
+    def clipped(self, value: float) -> float:
+        """Within the slider's range, on its steps."""
+        steps = round((value - self.neutral) / self.step)
+        return round(min(max(self.neutral + steps * self.step, self.lowest), self.highest), 6)
+
+
+@dataclass(frozen=True, slots=True)
 class Brush:
     """A mark that is being drawn in a view; `corners` are those of a lasso that are fixed."""
 
     view: str
     mark: Mark
     corners: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Adjust:
+    """Sliders on a run: a value per (side, adjustment), the slider that keys move.
+
+    `reason` says why something cannot be adjusted here; `missing` what has to be installed first.
+    """
+
+    run: str
+    values: tuple[tuple[tuple[Side, str], float], ...] = ()
+    active: int = 0
+    sliders: tuple[Slider, ...] = ()
+    reason: str = ""
+    missing: str = ""
+
+    def value(self, key: tuple[Side, str]) -> float:
+        return dict(self.values)[key]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +111,7 @@ class State:
     brush: Brush | None = None
     lasso: bool = False
     other: str | None = None
+    adjust: Adjust | None = None
     map_mode: MapMode = "colour"
     overlay: Overlay = "off"
     aggregate: Aggregate = "mean"

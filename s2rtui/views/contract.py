@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from s2rstore.language.text import quoted
 from s2rstore.reader import Store
+from s2rstore.records import Side
 from s2rtui.canvas import Canvas, Look, Size
 from s2rtui.notebook import Notes
 from s2rtui.plots import InstanceInput, OverviewRow
@@ -20,6 +21,15 @@ from s2rtui.session import Session, State
 
 Pane = Literal["overview", "centre", "tab"]
 Grid = NDArray[np.float32]
+Table = tuple[Sequence[str], Sequence[Sequence[object]]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunAccuracies:
+    """Accuracies (N,) of every run on one side."""
+
+    side: Side
+    values: Mapping[str, NDArray[np.float32]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,17 +37,26 @@ class Resources:
     """What workers have brought so far; a view shows what is there.
 
     `grid` is the heat that lies on the map, `seen` (rows, cols) what the selection has seen,
-    `progress` the share of it that is done.
+    `progress` the share of it that is done. `live` is the instance as it is being adjusted.
     """
 
     rows: tuple[OverviewRow, ...] = ()
+    lines: RunAccuracies | None = None
     baseline: float = math.nan
     floor_plan: NDArray[np.uint8] | None = None
     pictures: InstanceInput | None = None
     instance_grid: Grid | None = None
     grid: Grid | None = None
     seen: Grid | None = None
+    live: InstanceInput | None = None
+    live_grid: Grid | None = None
     progress: float | None = None
+
+    def heat_on_map(self, state: State) -> Grid | None:
+        """What lies on the floor: the heat asked for, or that of the image being adjusted."""
+        if state.view == "adjust" and state.overlay == "instance":
+            return self.live_grid
+        return self.grid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,6 +117,14 @@ class View:
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         """What a click on a panel does, at a point in data."""
+
+    def drag(self, session: Session, scene: Scene, panel: Panel, point: Point) -> bool:
+        """What dragging to a point in data does; False where it draws a mark."""
+        return False
+
+    def numbers(self, scene: Scene) -> Table:
+        """What it shows as a flat table: names of columns, and rows."""
+        raise NotImplementedError
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         """The expression that a mark stands for."""

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size
-from s2rtui.views.contract import Scene, View
+from s2rtui.plots.surface import Mark, Panel, Point
+from s2rtui.views.contract import Scene, Table, View, number, rounded, span
+
+BINS = 20
+"""Of the flat table; the last one holds all that lies beyond."""
 
 
 class ErrorsView(View):
@@ -16,11 +23,35 @@ class ErrorsView(View):
         return "position error of the selection"
 
     def input(self, scene: Scene) -> plots.HistogramInput:
-        columns = scene.store.run_columns(scene.state.run)
         state = scene.state
+        columns = scene.store.run_columns(state.run)
         return plots.HistogramInput(
-            columns.sim.error, columns.real.error, state.selected, state.base
-        )
+            columns.sim.error, columns.real.error, state.selected, state.base,
+            cursor=state.cursor, mark=scene.mark(self.name),
+        )  # fmt: skip
+
+    def numbers(self, scene: Scene) -> Table:
+        model = plots.histogram_model(self.input(scene), BINS)
+        ends = model.edges.tolist()
+        counts = (model.sim.lit.tolist(), model.real.lit.tolist())
+        return ("from", "to", "sim", "real"), list(zip(ends, ends[1:], *counts, strict=False))
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return plots.histogram(self.input(scene), size, look)
+
+    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+        return plots.histogram_surface(self.input(scene), size, look)
+
+    def at(self, scene: Scene, panel: Panel) -> Point | None:
+        if scene.state.cursor is None:
+            return None
+        error = float(getattr(self.input(scene), panel.name)[scene.state.cursor])
+        return (error, 0.0) if math.isfinite(error) else None
+
+    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        field = f"{panel.name}.error"
+        cell = panel.to_data(1, 0)[0] - panel.to_data(0, 0)[0]
+        low, high = sorted(point[0] for point in (mark.points[0], mark.points[-1]))
+        if high > panel.to_data(panel.x + panel.width - 1, 0)[0]:
+            return f"{field} >= {number(rounded(low, cell))}"  # the last bar has no end
+        return span(panel, mark, field)

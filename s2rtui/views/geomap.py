@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size
-from s2rtui.session import derive
-from s2rtui.views.contract import Pane, Scene, View
+from s2rtui.plots.surface import Mark, Panel, Point
+from s2rtui.session import Session, derive
+from s2rtui.session.adjusted import live_poses
+from s2rtui.views.contract import Pane, Scene, Table, View, area
 
 _TOLD = {
     "colour": "truth coloured by shift",
@@ -21,12 +28,46 @@ class MapView(View):
     description = "geo-map: truth, predictions and heat on the floor plan"
 
     def told(self, scene: Scene) -> str:
-        return _TOLD[scene.state.map_mode]
+        told = _TOLD[scene.state.map_mode]
+        return f"{told}, what the selection saw" if scene.state.clip else told
 
     def input(self, scene: Scene) -> plots.GeoMapInput:
-        return derive.map_input(
-            scene.store, scene.state, scene.resources.floor_plan, scene.resources.grid
+        view = derive.map_input(
+            scene.store,
+            scene.state,
+            scene.resources.floor_plan,
+            scene.resources.heat_on_map(scene.state),
+            scene.resources.seen if scene.state.clip else None,
+            scene.mark(self.name),
         )
+        shown = scene.resources.live if scene.state.view == "adjust" else None
+        return replace(view, live=live_poses(shown)) if shown else view
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return plots.geomap(self.input(scene), size, look, scene.state.viewport)
+
+    def numbers(self, scene: Scene) -> Table:
+        truth, run = scene.store.instances, scene.store.run_columns(scene.state.run)
+        columns = (truth.x, truth.y, np.degrees(truth.heading), run.sim.x, run.sim.y,
+                   np.degrees(run.sim.heading), run.real.x, run.real.y,
+                   np.degrees(run.real.heading), run.shift)  # fmt: skip
+        names = ("iid", "x", "y", "heading", "sim x", "sim y", "sim heading", "real x", "real y",
+                 "real heading", "shift")  # fmt: skip
+        chosen = np.flatnonzero(scene.state.selected)
+        picked = [column[chosen].tolist() for column in columns]
+        return names, list(zip(chosen.tolist(), *picked, strict=True))
+
+    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+        return plots.geomap_surface(self.input(scene), size, look, scene.state.viewport)
+
+    def at(self, scene: Scene, panel: Panel) -> Point | None:
+        return derive.point_of(derive.truth_points(scene.store), scene.state.cursor)
+
+    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        points = derive.truth_points(scene.store)
+        nearest = derive.nearest(points, scene.state.base, point)
+        if nearest is not None:
+            session.put_cursor(nearest)
+
+    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        return area(panel, mark, "box", "lasso")

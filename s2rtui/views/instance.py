@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size
-from s2rtui.views.contract import Scene, View
+from s2rtui.views.contract import Scene, Table, View
 
 
 class InstanceView(View):
@@ -23,6 +23,15 @@ class InstanceView(View):
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
         return (scene.resources.pictures,)
+
+    def numbers(self, scene: Scene) -> Table:
+        names = ("what", "x", "y", "heading", "error", "heading error")
+        shown = scene.resources.pictures
+        if shown is None:
+            return names, []
+        model = plots.instance_model(shown)
+        rows: list[tuple[object, ...]] = [(line.role, *line.cells) for line in model.poses]
+        return names, rows + [(name, value, "", "", "", "") for name, value in shown.notes]
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         if scene.resources.pictures is None or scene.state.cursor is None:

@@ -1,10 +1,18 @@
-"""The overview: a line per run."""
+"""The overview: a line per run, and every instance as a thin line across them."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size
-from s2rtui.views.contract import Pane, Scene, View
+from s2rtui.plots.surface import Mark, Panel, Point
+from s2rtui.session import Session
+from s2rtui.views.contract import Pane, Scene, Table, View, quoted, span
+
+ROWS_PER_RUN = 3
+"""What a run would like: its marks, and the lines to the next one."""
 
 
 class OverviewView(View):
@@ -14,16 +22,56 @@ class OverviewView(View):
     description = "runs: accuracy in simulation and in reality"
 
     def told(self, scene: Scene) -> str:
-        return "accuracy, sim and real"
+        lines = f", each instance in {scene.state.side} a line" if scene.resources.lines else ""
+        return f"accuracy, sim and real{lines}"
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
-        state = scene.state
-        return (scene.resources.rows, state.run)
+    def lines(self, scene: Scene) -> plots.OverviewLines | None:
+        """The instances across the runs, once a worker has brought them."""
+        lines, rows, state = scene.resources.lines, scene.resources.rows, scene.state
+        if lines is None or any(row.run not in lines.values for row in rows):
+            return None
+        values = tuple(lines.values[row.run] for row in rows)
+        return plots.OverviewLines(values, state.selected, state.base, lines.side, state.cursor)
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def _arguments(
+        self, scene: Scene
+    ) -> tuple[tuple[plots.OverviewRow, ...], float | None, int | None]:
         rows = scene.resources.rows
         selected = next((i for i, row in enumerate(rows) if row.run == scene.state.run), None)
-        return plots.overview(rows, scene.resources.baseline, selected, size, look)
+        return rows, scene.resources.baseline, selected
+
+    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+        lines, mark = self.lines(scene), scene.mark(self.name)
+        return plots.overview(*self._arguments(scene), size, look, lines, mark)
+
+    def numbers(self, scene: Scene) -> Table:
+        names = ("run", "sim accuracy", "sim low", "sim high", "real accuracy", "real low",
+                 "real high", "n", "baseline")  # fmt: skip
+        rows = [
+            (row.run, row.sim_accuracy, *(row.sim_interval or (None, None)), row.real_accuracy,
+             *(row.real_interval or (None, None)), row.n, scene.resources.baseline)
+            for row in scene.resources.rows
+        ]  # fmt: skip
+        return names, rows
 
     def height(self, scene: Scene, width: int) -> int:
-        return len(scene.state.runs) + 4
+        return ROWS_PER_RUN * len(scene.state.runs) + 1
+
+    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+        return plots.overview_surface(*self._arguments(scene), size, self.lines(scene))
+
+    def at(self, scene: Scene, panel: Panel) -> Point | None:
+        lines, cursor = scene.resources.lines, scene.state.cursor
+        if lines is None or cursor is None or panel.name not in lines.values:
+            return None
+        value = float(lines.values[panel.name][cursor])
+        return (value, 0.0) if math.isfinite(value) else None
+
+    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        if panel.name in session.state.runs:
+            session.put_run(panel.name)
+
+    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        side = scene.resources.lines.side if scene.resources.lines else scene.state.side
+        run = "" if panel.name == scene.state.run else f"run({quoted(panel.name)})."
+        return span(panel, mark, f"{run}{side}.accuracy")

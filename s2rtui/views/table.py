@@ -12,7 +12,7 @@ from s2rtui.canvas import Canvas, Look, Size
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.plots.table import TableColumn, TableInput, table, table_surface
 from s2rtui.session import Session, listing
-from s2rtui.views.contract import Pane, Scene, View
+from s2rtui.views.contract import Pane, Scene, Table, View
 
 _UNITS = {"heading": "deg", "real.heading_error": "deg", "sim.heading_error": "deg"}
 
@@ -34,10 +34,11 @@ class ListView(View):
         if state.sort != "iid":
             columns.append(self._numbers(scene, state.sort, True))
         columns.append(TableColumn("room", _named(truth.room, truth.room_names), 16, False))
+        if scene.notes.remarks:
+            columns.append(TableColumn("tags, note", scene.remark, 24, False))
         columns += [self._numbers(scene, name, False) for name in chosen[1:] if name != "iid"]
         trajectory = _named(truth.trajectory, truth.trajectory_names)
         columns.append(TableColumn("trajectory", trajectory, 12, False))
-        columns.append(TableColumn("tags, note", scene.remark, 32, False))
         rows = listing.order(store, state)
         return TableInput(rows, tuple(columns), state.cursor, state.descending)
 
@@ -46,6 +47,11 @@ class ListView(View):
         scale = 180 / math.pi if name in _UNITS else 1.0
         title = name.replace("heading_error", "turn")
         return TableColumn(title, _number(values, scale), max(8, len(title) + 1), sorts=sorts)
+
+    def numbers(self, scene: Scene) -> Table:
+        view = self.input(scene)
+        rows = [[column.text(int(iid)) for column in view.columns] for iid in view.rows]
+        return [column.title for column in view.columns], rows
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return table(self.input(scene), size, look)

@@ -46,8 +46,9 @@ class SideColumns:
 
     Missing numbers are NaN; `rank` counts from 1 (the smallest error) with 0 for NULL; `split`
     is a code into `records.SPLITS` with -1 for NULL; `room` is the prediction's room, a code
-    into `InstanceColumns.room_names` with -1 for none; u, v are the UMAP coordinates. x, y,
-    error in metres, heading and heading_error in radians.
+    into `InstanceColumns.room_names` with -1 for none; u, v are the UMAP coordinates; `outlier`
+    is the distance to the nearest embeddings over the side's median. x, y, error in metres,
+    heading and heading_error in radians.
     """
 
     x: FloatColumn
@@ -62,6 +63,7 @@ class SideColumns:
     room: IntColumn
     u: FloatColumn
     v: FloatColumn
+    outlier: FloatColumn
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,3 +82,15 @@ class RunColumns:
 
     def side(self, side: Side) -> SideColumns:
         return self.sim if side == "sim" else self.real
+
+
+def population(
+    valid: BoolColumn, truth: InstanceColumns, trajectories: tuple[str, ...] | None
+) -> BoolColumn:
+    """Those of `valid` (N,) in the named trajectories; None means all of them."""
+    if trajectories is None:
+        return valid
+    codes = [truth.trajectory_names.index(n) for n in trajectories if n in truth.trajectory_names]
+    seen = np.zeros(len(truth.trajectory_names) + 1, dtype=np.bool_)  # the last for code -1
+    seen[codes] = True
+    return valid & seen[truth.trajectory]

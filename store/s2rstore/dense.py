@@ -62,13 +62,19 @@ def run_columns(
     run: str,
     truth: InstanceColumns,
     rooms: Sequence[Room],
+    lacking: frozenset[str] = frozenset(),
 ) -> RunColumns:
-    """Both sides of one run; instances without a prediction are NaN and not valid."""
+    """Both sides of one run; instances without a prediction are NaN and not valid.
+
+    `lacking` are columns of table `prediction` that the index does not have.
+    """
+    outlier = "NULL::DOUBLE" if "outlier" in lacking else "p.outlier"
     sides = {}
     for side in ("sim", "real"):
         found = connection.execute(
-            """SELECT p.iid, p.x, p.y, p.heading, p.error, p.heading_error, p.loss, p.accuracy,
-                      p.rank, list_position(?, p.split) - 1 AS split, j.u, j.v
+            f"""SELECT p.iid, p.x, p.y, p.heading, p.error, p.heading_error, p.loss, p.accuracy,
+                      p.rank, list_position(?, p.split) - 1 AS split, j.u, j.v,
+                      {outlier} AS outlier
                FROM prediction p LEFT JOIN projection j USING (run, iid, side)
                WHERE run = ? AND side = ?""",
             [list(SPLITS), run, side],
@@ -84,6 +90,18 @@ def run_columns(
         shift=np.sqrt(dx * dx + dy * dy),
         valid=~(np.isnan(sim.error) | np.isnan(real.error)),
     )
+
+
+def accuracies(
+    connection: duckdb.DuckDBPyConnection, run: str, side: str, n: int
+) -> NDArray[np.float32]:
+    """One side of one run, (n,), NaN where there is no prediction."""
+    found = connection.execute(
+        "SELECT iid, accuracy FROM prediction WHERE run = ? AND side = ?", [run, side]
+    ).fetchnumpy()
+    column = np.full(n, np.nan, dtype=np.float32)
+    column[np.asarray(found["iid"], dtype=np.int64)] = _floats(found["accuracy"])
+    return column
 
 
 def _side(found: Columns, truth: InstanceColumns, rooms: Sequence[Room]) -> SideColumns:
@@ -102,8 +120,10 @@ def _side(found: Columns, truth: InstanceColumns, rooms: Sequence[Room]) -> Side
 
     floats = {
         name: spread(name)
-        for name in ("x", "y", "heading", "error", "heading_error", "loss", "accuracy", "u", "v")
-    }
+        for name in (
+            "x", "y", "heading", "error", "heading_error", "loss", "accuracy", "u", "v", "outlier"
+        )
+    }  # fmt: skip
     return SideColumns(
         **floats,
         rank=spread_codes("rank", 0),

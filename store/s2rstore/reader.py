@@ -17,6 +17,7 @@ from s2rstore import arrays, dense, layout, sandbox, schema
 from s2rstore.columns import InstanceColumns, RunColumns
 from s2rstore.errors import RequestError
 from s2rstore.geometry.alignment import Correction
+from s2rstore.recent import Recent
 from s2rstore.records import (
     ArrayRecord,
     Bounds,
@@ -33,11 +34,13 @@ from s2rstore.records import (
 if TYPE_CHECKING:
     import zarr
 
-# Which plane of a heatmap's leading axis each mode shows; None takes the kind's default.
-_PLANES: dict[str, dict[str | None, int]] = {
-    "activation": {"x": 0, "y": 1, "heading": 2, "loss": 3, None: 3},
-}
-_DEFAULT_MODES = {"occlusion": "rgbd", "pixel_difference": "rgb"}
+# Which plane of a heatmap's leading axis each mode shows.
+_PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
+DEFAULT_MODES = {"activation": "loss", "occlusion": "rgbd", "pixel_difference": "rgb"}
+"""The mode of a heatmap kind that is meant where none is named."""
+
+_EVALUATED_BYTES = 128 * 2**20
+_EMBEDDING_BYTES = 512 * 2**20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,9 +69,11 @@ class Store:
             )
         self.generation = current.generation
         self._index = self.path / current.index
-        self._connection = sandbox.connect(self._index)
+        self._opened: duckdb.DuckDBPyConnection | None = sandbox.connect(self._index)
         self._runs_columns: dict[str, RunColumns] = {}
         self._arrays: dict[Path, zarr.Array[Any]] = {}
+        self.evaluated = Recent(_EVALUATED_BYTES)
+        self.embeddings = Recent(_EMBEDDING_BYTES)
 
     def __enter__(self) -> Store:
         return self
@@ -82,7 +87,16 @@ class Store:
         self.close()
 
     def close(self) -> None:
-        self._connection.close()
+        """Let the index go; what was read stays."""
+        if self._opened is not None:
+            self._opened.close()
+            self._opened = None
+
+    @property
+    def _connection(self) -> duckdb.DuckDBPyConnection:
+        if self._opened is None:
+            raise RequestError(f"{self.path}: the store is closed")
+        return self._opened
 
     def latest_generation(self) -> int:
         """The generation that is published now; this store stays at its own."""
@@ -131,6 +145,13 @@ class Store:
     def domains(self) -> dict[str, Domain]:
         return {self._name(row, "domain"): _domain(row) for row in self._rows("domain")}
 
+    def domain(self, name: str) -> Domain:
+        """Raises RequestError with the known names."""
+        if name not in self.domains:
+            known = ", ".join(self.domains)
+            raise RequestError(f"domain {name!r}: not in {self.path} (domains: {known})")
+        return self.domains[name]
+
     @cached_property
     def models(self) -> dict[str, Model]:
         return {self._name(row, "model"): Model(**row) for row in self._rows("model")}
@@ -173,10 +194,22 @@ class Store:
         if run not in self._runs_columns:
             if self.run(run).key is None:
                 raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
+            lacking = self.lacking("prediction")
             self._runs_columns[run] = dense.run_columns(
-                self._connection.cursor(), run, self.instances, self.rooms
+                self._connection.cursor(), run, self.instances, self.rooms, lacking
             )
         return self._runs_columns[run]
+
+    def lacking(self, table: str) -> frozenset[str]:
+        """The columns that this index, written by an earlier release, does not have."""
+        cursor = self._connection.cursor().execute(f'SELECT * FROM "{table}" LIMIT 0')
+        found = {column[0] for column in cursor.description}
+        optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
+        return frozenset(optional - found)
+
+    def accuracies(self, run: str, side: Side) -> NDArray[np.float32]:
+        """One side's accuracies of a run, (N,), NaN for none; without its other columns."""
+        return dense.accuracies(self._connection.cursor(), run, side, len(self.instances))
 
     def provenance(self, what: str) -> dict[str, str]:
         """Facts about how `what` came to be, such as `dataset` or `model:NAME`."""
@@ -201,7 +234,7 @@ class Store:
 
     def frame(self, iid: int, domain: str) -> Frame:
         """Raises RequestError for an unknown instance or domain."""
-        record = self._known_domain(domain)
+        record = self.domain(domain)
         columns = self.instances
         if not 0 <= iid < len(columns):
             raise RequestError(f"instance {iid}: the store holds 0 .. {len(columns) - 1}")
@@ -218,7 +251,7 @@ class Store:
         self, domain: str, start: int, stop: int, images: tuple[str, ...] = ("rgb", "depth")
     ) -> dict[str, NDArray[Any]]:
         """The images of iids [start, stop): rgb (n, H, W, 3) uint8, depth (n, H, W) raw values."""
-        self._known_domain(domain)
+        self.domain(domain)
         parts: dict[str, list[NDArray[Any]]] = {image: [] for image in images}
         for trajectory, first in self._first_iids.items():
             count = self._counts[trajectory]
@@ -247,12 +280,6 @@ class Store:
     def _row_in_trajectory(self, iid: int) -> tuple[int, str]:
         name = self.instances.trajectory_names[int(self.instances.trajectory[iid])]
         return iid - self.first_iid(name), name
-
-    def _known_domain(self, domain: str) -> Domain:
-        if domain not in self.domains:
-            known = ", ".join(self.domains)
-            raise RequestError(f"domain {domain!r}: not in {self.path} (domains: {known})")
-        return self.domains[domain]
 
     def _array(self, path: Path) -> zarr.Array[Any]:
         if path not in self._arrays:
@@ -302,7 +329,8 @@ class Store:
     ) -> NDArray[np.float32]:
         """Heatmaps of iids [start, stop) as in `heatmap`, shape (n, rows, columns)."""
         planes = _PLANES.get(kind)
-        stored_mode = None if planes else mode or _DEFAULT_MODES.get(kind)
+        mode = mode or DEFAULT_MODES.get(kind)
+        stored_mode = None if planes else mode
         record, array = self.array(run, kind, side, stored_mode)
         block = np.asarray(arrays.read_rows(array, start, min(stop, array.shape[0])), np.float32)
         block = (block - np.float32(record.zero)) * np.float32(record.scale)
@@ -310,7 +338,7 @@ class Store:
             return block
         if planes and mode not in planes:
             raise RequestError(f"{kind} has no mode {mode!r} (modes: x, y, heading, loss)")
-        return np.asarray(block[:, planes[mode] if planes else 0])
+        return np.asarray(block[:, planes[str(mode)] if planes else 0])
 
     def map_grid(
         self,
@@ -325,8 +353,7 @@ class Store:
         Shape (rows, columns); row 0 lies at the bounds' y0. NaN where no pixel fell. `aggregate`
         is mean, max, sum or count.
         """
-        stored_mode = mode or ("loss" if kind in _PLANES else _DEFAULT_MODES.get(kind))
-        _, array = self.array(run, f"map:{kind}", side, stored_mode)
+        _, array = self.array(run, f"map:{kind}", side, mode or DEFAULT_MODES.get(kind))
         known = str(array.attrs["aggregates"]).split(",")
         if aggregate not in known:
             raise RequestError(f"aggregate {aggregate!r}: one of {', '.join(known)}")

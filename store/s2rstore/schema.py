@@ -15,9 +15,12 @@ STORAGE_VERSION = "v1.4.0"
 
 @dataclass(frozen=True, slots=True)
 class Column:
+    """`optional` ones are missing in stores that an earlier release wrote."""
+
     name: str
     type: str
     comment: str
+    optional: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +35,12 @@ class Table:
         return tuple(column.name for column in self.columns)
 
 
-def _table(name: str, comment: str, order: str, *columns: tuple[str, str, str]) -> Table:
+def _table(
+    name: str,
+    comment: str,
+    order: str,
+    *columns: tuple[str, str, str] | tuple[str, str, str, bool],
+) -> Table:
     return Table(name, comment, tuple(Column(*column) for column in columns), tuple(order.split()))
 
 
@@ -168,6 +176,12 @@ TABLES: tuple[Table, ...] = (
         ("accuracy", "DOUBLE", "max(0, 1 - error / accuracy_scale)"),
         ("rank", "INTEGER", "by error among the run's side, 1 = smallest, ties by iid"),
         ("split", "VARCHAR", "train, validation, test or unseen: what the model knew of it"),
+        (
+            "outlier",
+            "DOUBLE",
+            "mean distance to the nearest embeddings over the side's median; NULL = unknown",
+            True,
+        ),
     ),
     _table(
         "projection",
@@ -184,7 +198,7 @@ TABLES: tuple[Table, ...] = (
         "published arrays; value = (stored - zero) * scale",
         "run kind side mode",
         ("run", "VARCHAR", "run"),
-        ("kind", "VARCHAR", "what it holds: embedding, a heatmap kind, map grids"),
+        ("kind", "VARCHAR", "what it holds: embedding, a heatmap kind, map grids, rendered frames"),
         ("side", "VARCHAR", "sim or real; NULL = both share it"),
         ("mode", "VARCHAR", "variant of the kind; NULL = only one"),
         ("path", "VARCHAR", "inside runs.zarr"),
@@ -217,6 +231,7 @@ _SIDE_COLUMNS = (
     ("accuracy", "see prediction"),
     ("rank", "see prediction"),
     ("split", "see prediction"),
+    ("outlier", "see prediction"),
 )
 
 

@@ -7,8 +7,19 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.language import MaskContext, Node, SqlContext, Vocabulary, mask, parse, to_sql
+from s2rstore import similarity
+from s2rstore.language import (
+    MaskContext,
+    Neighbours,
+    Node,
+    SqlContext,
+    Vocabulary,
+    mask,
+    parse,
+    to_sql,
+)
 from s2rstore.reader import Store
+from s2rstore.records import SIDES, Side
 
 Saved = Mapping[str, Node]
 
@@ -29,7 +40,13 @@ def context(
     """What masks of a run (by default the first computed one) are evaluated on."""
     names = None if trajectories is None else tuple(trajectories)
     return MaskContext(
-        store.instances, store.run(run).run, store.run_columns, vocabulary(store, saved), names
+        store.instances,
+        store.run(run).run,
+        store.run_columns,
+        vocabulary(store, saved),
+        names,
+        _neighbours(store),
+        store.evaluated,
     )
 
 
@@ -55,4 +72,18 @@ def sql(
 ) -> tuple[str, list[object]]:
     """The same selection as a DuckDB query with bound parameters."""
     names = None if trajectories is None else tuple(trajectories)
-    return to_sql(parse(expression), SqlContext(store.run(run).run, vocabulary(store), names))
+    lacking = frozenset(f"{s}_{name}" for name in store.lacking("prediction") for s in SIDES)
+    words = vocabulary(store)
+    return to_sql(
+        parse(expression),
+        SqlContext(store.run(run).run, words, names, _neighbours(store), lacking),
+    )
+
+
+def _neighbours(store: Store) -> Neighbours:
+    def found(
+        run: str, side: Side, iid: int, count: int, trajectories: tuple[str, ...] | None
+    ) -> NDArray[np.int64]:
+        return similarity.neighbours(store, run, side, iid, count, trajectories)[0]
+
+    return found

@@ -97,7 +97,7 @@ _FIGURES = """WITH figures AS (
 
 
 def _tables(store: Store, current: layout.Current) -> Iterator[Damage]:
-    for table, what, condition in _RULES:
+    for table, what, condition in (*_RULES, *_optional_rules(store)):
         count = store.execute(f'SELECT count(*) FROM "{table}" WHERE {condition}')[0][0]
         if count:
             yield Damage(f"table {table}", f"{count} rows: {what}")
@@ -118,7 +118,13 @@ def _tables(store: Store, current: layout.Current) -> Iterator[Damage]:
     if plan is not None and not (plan.is_file() and plan.stat().st_size):
         yield Damage(str(store.dataset.floor_plan), "the floor plan is missing")
     for known in schema.TABLES:
-        store.execute(f'SELECT {", ".join(known.column_names)} FROM "{known.name}" LIMIT 0')
+        names = [name for name in known.column_names if name not in store.lacking(known.name)]
+        store.execute(f'SELECT {", ".join(names)} FROM "{known.name}" LIMIT 0')
+
+
+def _optional_rules(store: Store) -> Iterator[tuple[str, str, str]]:
+    if "outlier" not in store.lacking("prediction"):
+        yield "prediction", "outlier is no distance", "isnan(outlier) OR outlier < 0"
 
 
 def _complete_runs(store: Store, total: int) -> Iterator[Damage]:

@@ -137,10 +137,17 @@ def _begin(connection: duckdb.DuckDBPyConnection, beside: Path, base: Path | Non
     if base is not None:
         connection.execute(f"ATTACH '{_sql_path(base)}' AS base (READ_ONLY)")
         for table in schema.TABLES:
-            names = ", ".join(f'"{name}"' for name in table.column_names)
+            names = ", ".join(f'"{name}"' for name in _shared(connection, table))
             rows = f'SELECT {names} FROM base."{table.name}"'
             connection.execute(f'INSERT INTO draft."{table.name}" ({names}) {rows}')
         connection.execute("DETACH base")
+
+
+def _shared(connection: duckdb.DuckDBPyConnection, table: schema.Table) -> list[str]:
+    """The table's columns, without the optional ones that the base lacks."""
+    described = connection.execute(f'SELECT * FROM base."{table.name}" LIMIT 0').description
+    found = {column[0] for column in described}
+    return [c.name for c in table.columns if c.name in found or not c.optional]
 
 
 def _finish(connection: duckdb.DuckDBPyConnection) -> str:

@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
-from s2rtools.adjust import ADJUSTMENTS, apply_chain, parse
+from s2rstore.geometry import move
+from s2rstore.records import SIDES
+from s2rtools.adjust import ADJUSTMENTS, ImageAdjustment, apply_chain, chain_of, parse
 from s2rtools.models import build
 from s2rtools.models.preprocess import preprocess
 
@@ -131,8 +135,57 @@ def test_the_command_line_form():
         ("real:brightness=nan", r"0 \.\. 3"),
         ("real:brightness=much", "not a number"),
         ("real:", "one of brightness"),
+        ("sim:camera_height", "needs a value, such as camera_height=0.02"),
+        ("sim:camera_pitch=31", r"-30 \.\. 30 \(degrees\)"),
     ],
 )
 def test_wrong_requests_say_what_could_stand_there(text, named):
     with pytest.raises(RequestError, match=named):
         parse(text)
+
+
+def test_the_registry_alone_makes_sliders():
+    for name, adjustment in ADJUSTMENTS.items():
+        assert adjustment.name == name
+        assert adjustment.lowest <= adjustment.neutral <= adjustment.highest
+        steps = (adjustment.highest - adjustment.lowest) / adjustment.step
+        assert 10 <= steps <= 200
+        assert steps == pytest.approx(round(steps))
+        assert adjustment.unit
+        assert adjustment.description
+        assert set(adjustment.sides) <= set(SIDES)
+        assert isinstance(adjustment, ImageAdjustment) != adjustment.needs_renderer
+    rendered = [name for name, found in ADJUSTMENTS.items() if found.needs_renderer]
+    assert tuple(rendered) == move.NAMES
+
+
+def test_what_needs_a_renderer_leaves_images_alone(frames):
+    rgb, depth = apply_chain(*frames, chain(camera_height=0.3, camera_pitch=-4, camera_fov=10))
+    assert rgb is frames[0]
+    assert depth is frames[1]
+
+
+@given(
+    st.dictionaries(st.sampled_from(list(ADJUSTMENTS)), st.floats(0, 1), max_size=5),
+    st.sampled_from(SIDES),
+)
+def test_values_make_the_chain_that_the_command_line_makes(shares, side):
+    values = {}
+    for name, share in shares.items():
+        low, high = ADJUSTMENTS[name].lowest, ADJUSTMENTS[name].highest
+        values[name] = round(low + share * (high - low), 3)
+    made = chain_of(side, values)
+    assert [step["name"] for step in made] == [
+        name for name in ADJUSTMENTS if values.get(name, ADJUSTMENTS[name].neutral)
+        != ADJUSTMENTS[name].neutral
+    ]  # fmt: skip
+    if made:
+        text = ",".join(f"{step['name']}={step['value']!r}" for step in made)
+        assert parse(f"{side}:{text}")[side] == made
+
+
+def test_values_out_of_range_are_refused():
+    with pytest.raises(RequestError, match=r"brightness=4: 0 \.\. 3"):
+        chain_of("real", {"brightness": 4.0})
+    with pytest.raises(RequestError, match="one of brightness"):
+        chain_of("real", {"glow": 1.0})

@@ -14,7 +14,7 @@ from s2rstore.language import ExpressionError, fields, parse, to_text
 from s2rstore.language import nodes as n
 from s2rstore.reader import Store
 from s2rstore.writer import edit
-from tests.support import tiny
+from tests.support import embeddings, tiny
 
 NUMBERS = st.one_of(
     st.integers(-200, 200).map(float),
@@ -22,7 +22,11 @@ NUMBERS = st.one_of(
 )
 RUN_NAMES = st.sampled_from([None, None, "vanilla", "dataaug"])
 NUMERIC = st.builds(n.Field, st.sampled_from(sorted(fields.NUMERIC)), RUN_NAMES)
-PLANES = st.sampled_from([*fields.PLANES.values(), *fields.UMAP_PLANES.values()])
+PLANES = st.sampled_from(sorted(fields.PLANES.values()))
+# Whole metres, so that corners and points of the grid meet.
+CORNERS = st.lists(
+    st.tuples(*[st.one_of(st.integers(-2, 11).map(float), NUMBERS)] * 2), min_size=3, max_size=8
+)
 
 
 def _between(field: n.Field, a: float, b: float) -> n.Node:
@@ -71,7 +75,16 @@ LEAVES = st.one_of(
         lambda plane, run, x, y, r: n.Near(
             n.Field(plane[0], run), n.Field(plane[1], run), (x, y), abs(r)
         ),
-        st.sampled_from(sorted(fields.PLANES.values())), RUN_NAMES, NUMBERS, NUMBERS, NUMBERS,
+        PLANES, RUN_NAMES, NUMBERS, NUMBERS, NUMBERS,
+    ),
+    st.builds(
+        lambda plane, run, corners: n.Lasso(
+            n.Field(plane[0], run), n.Field(plane[1], run), tuple(corners)
+        ),
+        PLANES, RUN_NAMES, CORNERS,
+    ),
+    st.builds(
+        n.Like, st.sampled_from(["sim", "real"]), st.integers(0, 47), st.integers(1, 60), RUN_NAMES
     ),
 )  # fmt: skip
 EXPRESSIONS = st.recursive(
@@ -88,7 +101,7 @@ EXPRESSIONS = st.recursive(
 
 @pytest.fixture(scope="module")
 def holey(tmp_path_factory: pytest.TempPathFactory) -> Store:
-    """A store with missing predictions and projections, ties, and rooms without a name."""
+    """A store with missing figures and embeddings, ties, points on edges, rooms without a name."""
     path = tiny.build(tmp_path_factory.mktemp("holey") / "holey.s2r", n=48)
     with edit(path) as draft:
         draft._connection.execute(
@@ -102,6 +115,15 @@ def holey(tmp_path_factory: pytest.TempPathFactory) -> Store:
         draft._connection.execute("DELETE FROM prediction WHERE run = 'dataaug' AND iid = 20")
         draft._connection.execute("UPDATE instance SET room = NULL, curvature = NULL WHERE iid = 9")
         draft._connection.execute("UPDATE instance SET curvature = 10 WHERE iid = 12")
+        draft._connection.execute("UPDATE prediction SET x = round(x), y = round(y) WHERE iid > 30")
+        draft._connection.execute("UPDATE instance SET x = round(x), y = round(y) WHERE iid > 30")
+        draft._connection.execute("UPDATE prediction SET outlier = NULL WHERE iid % 4 = 0")
+    rng = np.random.default_rng(5)
+    for run in ("vanilla", "dataaug"):
+        points = {side: rng.integers(0, 3, (48, 3)).astype(float) for side in ("sim", "real")}
+        points["sim"][[4, 17, 31]] = np.nan
+        points["real"][[9, 10]] = np.nan
+        embeddings.add(path, run, points)
     return s2rstore.open(path)
 
 

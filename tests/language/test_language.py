@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import s2rstore
 from s2rstore import selection
-from s2rstore.language import ExpressionError, Vocabulary, complete, expand, parse, to_text
+from s2rstore.language import (
+    ExpressionError,
+    Vocabulary,
+    base_population,
+    complete,
+    expand,
+    parse,
+    to_text,
+)
 from s2rstore.reader import Store
 
 
@@ -49,6 +58,13 @@ def test_precedence(text: str, explicit: str | None) -> None:
         ("worst(120%)", 1, "0% .. 100%"),
         ("gap", 4, "needs a condition"),
         ("all & $", 7, "no meaning"),
+        ("all & like(3)", 7, "like(123, 20)"),
+        ("sim.like(3.5, 2)", 1, "sim.like(123, 20)"),
+        ("like(3, 0)", 1, "neighbours"),
+        ("like(gap, 4)", 1, "takes iid, k"),
+        ("sim.lik(3, 4)", 1, "sim.like"),
+        ("umap.sim.laso(1, 2)", 1, "umap.sim.lasso"),
+        ("worst15 | lasso", 16, "needs ("),
     ],
 )
 def test_a_wrong_expression_says_where_and_what_could_stand_there(
@@ -112,3 +128,64 @@ def test_completion_offers_only_what_goes_on() -> None:
     for line, _ in complete("real.", words):
         assert line.startswith("real.")
     assert to_text(expand(parse("@bad"), words)) == "all"
+
+
+@pytest.mark.parametrize(
+    ("text", "offered", "withheld"),
+    [
+        ("worst15 & lik", "like(", "lasso("),
+        ("sim.", "sim.like(", "real.like("),
+        ('run("vanilla").', "real.lasso(", "ids("),
+        ('run("vanilla").sim.o', "sim.outlier", "sim.error"),
+        ("run(", '"vanilla").', "all"),
+        ('run("van', '"vanilla").', "all"),
+        ("worst(15%, ", "sim.outlier", "worst15"),
+        ("all & (", "all", ")"),
+    ],
+)
+def test_completion_knows_where_it_stands(text: str, offered: str, withheld: str) -> None:
+    words = Vocabulary(("vanilla",), (), ())
+    lines = [line for line, _ in complete(text, words)]
+    assert any(line.endswith(offered) for line in lines)
+    assert not any(line.endswith(withheld) for line in lines)
+
+
+def test_completion_leaves_numbers_to_the_user() -> None:
+    words = Vocabulary(("vanilla",), ("left (hall",), ())
+    for text in ("like(", "like(12, ", "real.lasso(1, 2, ", "ids(3, "):
+        assert complete(text, words) == []
+    assert complete('room:"left (hall" & hea', words)
+
+
+def test_short_names_of_shapes(store: Store) -> None:
+    for short, long in (
+        ("umap.sim(0, 0, 3, 3)", "umap.sim.box(0, 0, 3, 3)"),
+        ("real.like(3, 4)", "like(3, 4)"),
+        ('run("dataaug").umap.real(1, 2, 3, 4)', 'run("dataaug").umap.real.box(1, 2, 3, 4)'),
+    ):
+        assert parse(short) == parse(long)
+    assert to_text(parse("umap.sim.box(0, 0, 3, 3)")) == "umap.sim(0, 0, 3, 3)"
+
+
+def test_a_mask_belongs_to_who_asked_for_it(store: Store) -> None:
+    first = selection.select(store, "real.error > 1")
+    first[:] = False
+    assert selection.select(store, "real.error > 1").any()
+    base = base_population(selection.context(store, trajectories=["a"]))
+    with pytest.raises(ValueError, match="read-only"):
+        base[0] = False
+
+
+def test_masks_of_one_run_or_view_are_not_anothers(own_store: Path) -> None:
+    asked = [
+        (text, run, view)
+        for text in ("worst15", "gap > 0", "seq:3..9", "room:right", "real.lasso(0,0,9,0,5,8)")
+        for run in ("vanilla", "dataaug")
+        for view in (None, ("a",), ("b",))
+    ]
+    with s2rstore.open(own_store) as shared:
+        for text, run, view in [*asked, *asked]:
+            with s2rstore.open(own_store) as fresh:
+                alone = selection.select(fresh, text, run, view)
+            assert (selection.select(shared, text, run, view) == alone).all()
+        assert 0 < shared.evaluated.nbytes < 2**20

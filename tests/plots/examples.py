@@ -8,12 +8,17 @@ import numpy as np
 
 from s2rstore.records import Bounds, Room
 from s2rtui.plots import (
+    DifferenceInput,
     GeoMapInput,
     HistogramInput,
     InstanceInput,
+    OrientationInput,
+    OverviewLines,
     OverviewRow,
     PoseNumbers,
+    RoomsInput,
     SideView,
+    UmapInput,
 )
 
 N = 60
@@ -24,6 +29,20 @@ ROWS = (
     OverviewRow("dataaug", 0.93, 0.86, (0.92, 0.94), (0.84, 0.88), 542),
     OverviewRow("seen everything", None, float("nan"), None, None, 0, "no unseen instance"),
 )
+
+
+def overview_lines(**changes: Any) -> OverviewLines:
+    """Lines of the three runs of `ROWS`; the last one knows no accuracy."""
+    random = np.random.default_rng(11)
+    first = np.clip(random.normal(0.8, 0.1, N), 0, 1)
+    second = np.clip(first + random.normal(0.05, 0.05, N), 0, 1)
+    fields: dict[str, Any] = {
+        "values": (first, second, np.full(N, np.nan)),
+        "selected": np.arange(N) >= 45,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return OverviewLines(**(fields | changes))
 
 
 def geomap_input(**changes: Any) -> GeoMapInput:
@@ -52,6 +71,24 @@ def geomap_input(**changes: Any) -> GeoMapInput:
         "rooms": (Room("hall", 0, 0, 0, 10, 10), Room("größer", 1, 10, 0, 20, 10)),
     }
     return GeoMapInput(**(view | changes))
+
+
+def difference_input(**changes: Any) -> DifferenceInput:
+    view = geomap_input()
+    random = np.random.default_rng(9)
+    fields: dict[str, Any] = {
+        "truth": view.truth,
+        "first": random.gamma(2, 0.5, N),
+        "second": random.gamma(2, 0.5, N),
+        "selected": view.selected,
+        "valid": view.valid,
+        "bounds": BOUNDS,
+        "names": ("vanilla", "größer"),
+        "cursor": 50,
+        "floor_plan": view.floor_plan,
+        "rooms": view.rooms,
+    }
+    return DifferenceInput(**(fields | changes))
 
 
 def side(seed: int, heat: bool = True, depth: bool = True) -> SideView:
@@ -90,3 +127,57 @@ def histogram_input(**changes: Any) -> HistogramInput:
         "valid": np.ones(N, dtype=np.bool_),
     }
     return HistogramInput(**(view | changes))
+
+
+def umap_input(**changes: Any) -> UmapInput:
+    """Two clusters; instance 4 has no real point."""
+    random = np.random.default_rng(11)
+    sim = random.normal(0, 1, (N, 2)) + np.where(np.arange(N) < 30, 0, 6)[:, None]
+    real = sim + random.normal(0, 1.5, (N, 2))
+    real[4] = np.nan
+    view: dict[str, Any] = {
+        "sim": sim,
+        "real": real,
+        "values": None,
+        "selected": np.arange(N) >= 40,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return UmapInput(**(view | changes))
+
+
+def orientation_input(**changes: Any) -> OrientationInput:
+    """All round, sim a little and real a lot beside the truth; instance 4 has no real heading."""
+    random = np.random.default_rng(12)
+    truth = np.linspace(-np.pi, np.pi, N, endpoint=False)
+    real = truth + random.normal(0, 0.8, N)
+    real[4] = np.nan
+    view: dict[str, Any] = {
+        "sim": truth + random.normal(0, 0.1, N),
+        "truth": truth,
+        "real": real,
+        "selected": np.arange(N) < 20,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return OrientationInput(**(view | changes))
+
+
+ROOM_NAMES = ("hall", "größer", "a very long name of a room", "kitchen", "5")
+
+
+def rooms_input(**changes: Any) -> RoomsInput:
+    """Five rooms, some real predictions in none."""
+    random = np.random.default_rng(13)
+    truth = (np.arange(N) // 12).astype(np.int32)
+    real = np.where(random.random(N) < 0.2, -1, random.integers(0, 5, N)).astype(np.int32)
+    view: dict[str, Any] = {
+        "sim": truth,
+        "truth": truth,
+        "real": real,
+        "room_names": ROOM_NAMES,
+        "selected": np.arange(N) < 20,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return RoomsInput(**(view | changes))

@@ -10,6 +10,7 @@ from s2rtui.canvas import DARK, ColourMode, Look, heading_arrow
 from s2rtui.canvas.colour import legible, turbo
 from s2rtui.canvas.look import ASCII, UNICODE
 from s2rtui.plots import fit, geomap, geomap_layout, geomap_model, panned, sample, zoomed
+from s2rtui.plots.geomap_model import LINES_UP_TO, by_value, lined
 from tests.plots.examples import BOUNDS, geomap_input
 
 SIZE = (80, 26)
@@ -48,21 +49,21 @@ def test_sample_puts_image_rows_where_they_are_drawn() -> None:
 
 
 def test_model_sorts_by_value_and_leaves_out_the_invalid() -> None:
-    model = geomap_model(geomap_input(cursor=3))
-    assert model.order.tolist() == list(range(45, 60))
-    assert not model.grey[3]
-    assert model.grey.sum() == 44
+    view = geomap_input(cursor=3)
+    model = geomap_model(view)
+    assert by_value(view, model)[0].tolist() == list(range(45, 60))
+    assert (model.lit, model.others) == (15, 44)
     assert model.cursor is None
 
 
 def test_selected_points_are_turbo_and_the_others_grey() -> None:
     view = geomap_input(floor_plan=None, heat=None, rooms=(), cursor=None)
-    canvas, model = geomap(view, SIZE), geomap_model(view)
+    canvas = geomap(view, SIZE)
     layout = geomap_layout(view, SIZE)
     column, row = np.floor(layout.frame.to_cells(view.truth)[59]).astype(int)
     column += layout.x
     assert canvas.char[row, column] == "●"
-    assert tuple(canvas.fg[row, column]) == tuple(legible(turbo(model.fraction[59:60]), DARK)[0])
+    assert tuple(canvas.fg[row, column]) == tuple(legible(turbo([1.0]), DARK)[0])
     column, row = np.floor(layout.frame.to_cells(view.truth)[20]).astype(int)
     assert 0x2800 < ord(canvas.char[row, column + layout.x]) <= 0x28FF
     assert tuple(canvas.fg[row, column + layout.x]) == DARK.unselected
@@ -83,13 +84,25 @@ def test_full_mode_shows_three_marks_and_the_cursor_with_lines() -> None:
     text = "\n".join(geomap(view, SIZE).lines()[:20])
     for glyph in (UNICODE.sim, UNICODE.real, UNICODE.truth, UNICODE.cursor):
         assert glyph in text
-    assert geomap_model(view).lines.tolist() == [10, 30]
+    assert lined(view, geomap_model(view)).tolist() == [10, 30]
     assert any(arrow in text for arrow in UNICODE.arrows)
 
 
 def test_many_selected_draw_no_lines_but_the_cursors() -> None:
     view = geomap_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=8)
-    assert geomap_model(view).lines.tolist() == [8]
+    model = geomap_model(view)
+    assert lined(view, model).tolist() == [8]
+    assert f"lines up to {LINES_UP_TO} in view" in "\n".join(geomap(view, (100, 30)).lines())
+
+
+def test_zooming_in_on_a_few_of_many_draws_their_lines() -> None:
+    view = geomap_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=None)
+    near = Bounds(16.0, 3.5, 18.0, 6.5)
+    frame = geomap_layout(view, SIZE, near).frame
+    cells = frame.to_cells(view.truth)
+    seen = ((cells >= 0) & (cells < (frame.width, frame.height // 2))).all(axis=1) & view.valid
+    assert 0 < seen.sum() <= LINES_UP_TO
+    assert lined(view, geomap_model(view), frame).tolist() == np.flatnonzero(seen).tolist()
 
 
 @pytest.mark.parametrize(
@@ -148,7 +161,7 @@ def test_viewport_changes_what_is_seen() -> None:
 def test_nothing_valid_and_nothing_known_still_draws() -> None:
     nothing = np.zeros(60, dtype=np.bool_)
     gone = np.full(60, np.nan)
-    for mode in ("colour", "full"):
+    for mode in ("colour", "glyph", "full"):
         view = geomap_input(valid=nothing, values=gone, mode=mode, heat=np.full((3, 3), np.nan))
         geomap(view, SIZE)
         geomap(geomap_input(values=gone, mode=mode, truth=np.full((60, 2), np.nan)), SIZE)

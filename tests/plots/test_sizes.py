@@ -4,25 +4,50 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtui.canvas import LIGHT, Canvas, ColourMode, Look, to_strips
-from s2rtui.plots import geomap, histogram, instance, overview
+from s2rtui.plots import (
+    Mark,
+    difference,
+    geomap,
+    histogram,
+    instance,
+    orientation,
+    overview,
+    rooms,
+    umap,
+)
 from tests.plots.examples import (
     ROWS,
+    difference_input,
     geomap_input,
     histogram_input,
     instance_input,
+    orientation_input,
+    overview_lines,
+    rooms_input,
     side,
+    umap_input,
 )
 
 Draw = Callable[[tuple[int, int], Look], Canvas]
+BOX = Mark("map", ((2.0, 2.0), (9.0, 5.0)))
+LASSO = Mark("map", ((2.0, 2.0), (9.0, 5.0), (4.0, 8.0)), lasso=True)
 VIEWS: dict[str, Draw] = {
     "overview": lambda size, look: overview(ROWS, 0.72, 1, size, look),
+    "threads": lambda size, look: overview(
+        ROWS, 0.72, 1, size, look, overview_lines(), Mark("vanilla", ((0.6, 0.0), (0.8, 0.0)))
+    ),
     "map": lambda size, look: geomap(geomap_input(), size, look),
     "full map": lambda size, look: geomap(geomap_input(mode="full"), size, look),
+    "glyph map": lambda size, look: geomap(
+        geomap_input(mode="glyph", clip=np.eye(5), mark=BOX), size, look
+    ),
+    "difference": lambda size, look: difference(difference_input(mark=LASSO), size, look),
     "bare map": lambda size, look: geomap(
         geomap_input(floor_plan=None, heat=None, headings=None, cursor=None), size, look
     ),
@@ -33,6 +58,23 @@ VIEWS: dict[str, Draw] = {
         look,
     ),
     "histogram": lambda size, look: histogram(histogram_input(), size, look),
+    "marked histogram": lambda size, look: histogram(
+        histogram_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0)))), size, look
+    ),
+    "umap": lambda size, look: umap(umap_input(), size, look),
+    "marked umap": lambda size, look: umap(
+        umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
+        size,
+        look,
+    ),
+    "orientation": lambda size, look: orientation(orientation_input(), size, look),
+    "marked orientation": lambda size, look: orientation(
+        orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0)))), size, look
+    ),
+    "rooms": lambda size, look: rooms(rooms_input(), size, look),
+    "marked rooms": lambda size, look: rooms(
+        rooms_input(mark=Mark("truth", ((0.0, 1.0), (0.0, 9.0)))), size, look
+    ),
 }
 LOOKS = [
     Look(),

@@ -122,6 +122,7 @@ def _run(draft: Draft, run: str, number: int, truth: tuple[np.ndarray, ...], rng
                 "x": px, "y": py, "heading": angle, "error": error, "heading_error": off,
                 "loss": stats.pose_loss(error, off), "accuracy": stats.accuracy(error, 12.0),
                 "rank": stats.rank(error), "split": list(np.broadcast_to(split, n)),
+                "outlier": error / np.median(error),
             },
         )  # fmt: skip
         draft.insert(

@@ -5,7 +5,7 @@
 """
 
 from s2rstore.language.complete import complete
-from s2rstore.language.context import Vocabulary, expand, used_runs
+from s2rstore.language.context import Neighbours, Vocabulary, expand, used_runs
 from s2rstore.language.errors import ExpressionError
 from s2rstore.language.masks import MaskContext, base_population, mask
 from s2rstore.language.nodes import Node
@@ -27,6 +27,7 @@ def parse(text: str) -> Node:
 __all__ = [
     "ExpressionError",
     "MaskContext",
+    "Neighbours",
     "Node",
     "SqlContext",
     "Vocabulary",

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
 from s2rstore.language import fields
 from s2rstore.language.errors import ExpressionError, unknown
 from s2rstore.language.nodes import (
@@ -15,6 +20,8 @@ from s2rstore.language.nodes import (
     Compare,
     Extreme,
     Field,
+    Lasso,
+    Like,
     Minus,
     Named,
     Near,
@@ -24,7 +31,17 @@ from s2rstore.language.nodes import (
     Saved,
     leaves,
 )
-from s2rstore.records import SPLITS
+from s2rstore.records import SPLITS, Side
+
+
+class Neighbours(Protocol):
+    """Who is near whom in the embeddings of a run's side."""
+
+    def __call__(
+        self, run: str, side: Side, iid: int, count: int, trajectories: tuple[str, ...] | None
+    ) -> NDArray[np.int64]:
+        """The instance and its `count` nearest of the base population; RequestError if unknown."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +74,9 @@ def expand(node: Node, words: Vocabulary, inside: tuple[str, ...] = ()) -> Node:
         if node.name in inside:
             raise ExpressionError(node.column, f"@{node.name} contains itself")
         return expand(words.saved[node.name], words, (*inside, node.name))
-    for used in used_fields(node):
-        if used.run is not None and used.run not in words.runs:
-            raise unknown(1, "run", used.run, words.runs)
+    for run in _runs(node):
+        if run not in words.runs:
+            raise unknown(1, "run", run, words.runs)
     if isinstance(node, Named):
         text = fields.TEXT[node.field.name]
         if node.value not in words.of(text.vocabulary):
@@ -71,9 +88,29 @@ def used_fields(node: Node) -> tuple[Field, ...]:
     """The fields that a leaf looks at."""
     if isinstance(node, Compare | Between | Around | Named | Extreme):
         return (node.field,)
-    return (node.x, node.y) if isinstance(node, Box | Near) else ()
+    return (node.x, node.y) if isinstance(node, Box | Near | Lasso) else ()
 
 
 def used_runs(node: Node) -> set[str]:
     """The runs that an expanded expression names."""
-    return {f.run for leaf in leaves(node) for f in used_fields(leaf) if f.run is not None}
+    return {run for leaf in leaves(node) for run in _runs(leaf)}
+
+
+def _runs(leaf: Node) -> set[str]:
+    named = [leaf.run] if isinstance(leaf, Like) else [f.run for f in used_fields(leaf)]
+    return {run for run in named if run is not None}
+
+
+def resolved(
+    node: Like, run: str, trajectories: tuple[str, ...] | None, neighbours: Neighbours | None
+) -> NDArray[np.int64]:
+    """The instances that `like` means, where `run` is the current one.
+
+    Raises ExpressionError where the run has no embeddings or the instance does not exist.
+    """
+    if neighbours is None:
+        raise ExpressionError(node.column, "like needs a store with embeddings")
+    try:
+        return neighbours(node.run or run, node.side, node.iid, node.count, trajectories)
+    except RequestError as error:
+        raise ExpressionError(node.column, f"like: {error}") from error

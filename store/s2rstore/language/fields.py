@@ -43,6 +43,7 @@ _SIDE_NUMERIC = (
     ("loss", "", "0.7 error^2 + 0.3 heading error in radians", 1.0, False),
     ("accuracy", "", "1 - error / accuracy scale, at least 0", 1.0, False),
     ("rank", "", "by error among the run's side, 1 = smallest", 1.0, False),
+    ("outlier", "", "distance to its nearest embeddings, 1 = the side's median", 1.0, False),
     ("x", "m", "predicted position", 1.0, False),
     ("y", "m", "predicted position", 1.0, False),
     ("heading", "degrees", "predicted heading", _DEGREE, True),
@@ -82,26 +83,42 @@ TEXT: dict[str, Text] = {
     },
 }
 
-# Prefixes of box(...) and near(...): the two columns that each looks at.
+# Prefixes of box(...), near(...) and lasso(...): the two columns that each looks at.
 PLANES: dict[str, tuple[str, str]] = {
     "": ("x", "y"),
     "sim.": ("sim.x", "sim.y"),
     "real.": ("real.x", "real.y"),
+    "umap.sim.": ("sim.u", "sim.v"),
+    "umap.real.": ("real.u", "real.v"),
 }
-UMAP_PLANES = {"umap.sim": ("sim.u", "sim.v"), "umap.real": ("real.u", "real.v")}
+
+_SHAPES = (
+    ("box", "box({0}0, {1}0, {0}1, {1}1): {2} in a rectangle{3}"),
+    ("near", "near({0}, {1}, radius): {2} in a circle{3}"),
+    ("lasso", "lasso({0}0, {1}0, {0}1, {1}1, {0}2, {1}2, ...): {2} in a polygon{3}"),
+)
+_SHOWN = {
+    "": ("x", "y", "ground truth", ", m"),
+    "sim.": ("x", "y", "sim predictions", ", m"),
+    "real.": ("x", "y", "real predictions", ", m"),
+    "umap.sim.": ("u", "v", "sim side of the UMAP", ""),
+    "umap.real.": ("u", "v", "real side of the UMAP", ""),
+}
 
 FUNCTIONS: dict[str, str] = {
     "worst": "worst(20%, sim.error): the largest values",
     "best": "best(25, gap): the smallest values",
-    "box": "box(x0, y0, x1, y1): ground truth in a rectangle, m",
-    "near": "near(x, y, radius): ground truth in a circle, m",
     "ids": "ids(3, 7..12): instances by number",
-    "sim.box": "sim predictions in a rectangle",
-    "real.box": "real predictions in a rectangle",
-    "sim.near": "sim predictions in a circle",
-    "real.near": "real predictions in a circle",
-    "umap.sim": "umap.sim(u0, v0, u1, v1): a rectangle of the UMAP",
-    "umap.real": "umap.real(u0, v0, u1, v1): a rectangle of the UMAP",
+    "like": "like(iid, k): the k nearest by embedding, real side, and itself",
+    "sim.like": "sim.like(iid, k): the k nearest by embedding, sim side, and itself",
+    "real.like": "the same as like",
+    **{
+        f"{prefix}{name}": prefix + text.format(*shown)
+        for name, text in _SHAPES
+        for prefix, shown in _SHOWN.items()
+    },
+    "umap.sim": "the same as umap.sim.box",
+    "umap.real": "the same as umap.real.box",
 }
 
 WORDS: dict[str, str] = {
@@ -114,3 +131,9 @@ WORDS: dict[str, str] = {
     "straight": "heading change under 10 degrees",
     "curved": "heading change of 10 degrees or more",
 }
+
+
+def is_truth(name: str) -> bool:
+    """Whether a field is the instance's own, whatever the run."""
+    known = NUMERIC.get(name) or TEXT[name]
+    return known.path == "iid" or known.path.startswith("instances.")

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.columns import InstanceColumns, RunColumns
-from s2rstore.language import angles, fields
-from s2rstore.language.context import Vocabulary, expand
+from s2rstore.columns import InstanceColumns, RunColumns, population
+from s2rstore.extremes import extremes
+from s2rstore.language import angles, fields, lasso
+from s2rstore.language.context import Neighbours, Vocabulary, expand, resolved, used_fields
 from s2rstore.language.nodes import (
     And,
     Around,
@@ -24,6 +25,8 @@ from s2rstore.language.nodes import (
     Extreme,
     Field,
     Ids,
+    Lasso,
+    Like,
     Minus,
     Named,
     Near,
@@ -32,9 +35,13 @@ from s2rstore.language.nodes import (
     Nothing,
     Or,
 )
+from s2rstore.recent import Recent
 
 Mask = NDArray[np.bool_]
+Values = NDArray[np.float64]
 _STRAIGHT_BELOW = 10.0
+_BLOCK = 32_768
+_KEPT_BYTES = 64 * 2**20
 _OPERATORS = {
     "<": np.less,
     "<=": np.less_equal,
@@ -48,7 +55,8 @@ _OPERATORS = {
 class MaskContext:
     """Columns to evaluate on: `run_columns` gives those of a named run.
 
-    `trajectories` are those in view; None means all of them.
+    `trajectories` are those in view; None means all of them. `neighbours` finds what `like` means.
+    `evaluated` keeps the masks of leaves: share it between contexts of the same columns.
     """
 
     instances: InstanceColumns
@@ -56,6 +64,8 @@ class MaskContext:
     run_columns: Callable[[str], RunColumns]
     words: Vocabulary
     trajectories: tuple[str, ...] | None = None
+    neighbours: Neighbours | None = None
+    evaluated: Recent = field(default_factory=lambda: Recent(_KEPT_BYTES))
 
 
 def mask(node: Node, context: MaskContext) -> Mask:
@@ -65,13 +75,23 @@ def mask(node: Node, context: MaskContext) -> Mask:
 
 
 def base_population(context: MaskContext, run: str | None = None) -> Mask:
-    """The valid instances of the run in the trajectories in view."""
-    valid = context.run_columns(run or context.run).valid
-    if context.trajectories is None:
+    """The valid instances of the run in the trajectories in view; not to be changed."""
+    name, view = run or context.run, context.trajectories
+    valid = context.run_columns(name).valid
+    if view is None:
         return valid
-    names = context.instances.trajectory_names
-    codes = [names.index(name) for name in context.trajectories if name in names]
-    return valid & np.isin(context.instances.trajectory, codes)
+    return _kept(context, ("base", name, view), lambda: population(valid, context.instances, view))
+
+
+def _kept(context: MaskContext, key: Hashable, make: Callable[[], Mask]) -> Mask:
+    """A mask that is made once."""
+
+    def made() -> Mask:
+        fresh = make()
+        fresh.flags.writeable = False
+        return fresh
+
+    return context.evaluated.get(key, made)
 
 
 def _evaluate(node: Node, context: MaskContext, base: Mask) -> Mask:
@@ -83,45 +103,68 @@ def _evaluate(node: Node, context: MaskContext, base: Mask) -> Mask:
         return _evaluate(node.left, context, base) & ~_evaluate(node.right, context, base)
     if isinstance(node, Or):
         return _evaluate(node.left, context, base) | _evaluate(node.right, context, base)
+    if isinstance(node, Everything):
+        return base
+    if isinstance(node, Nothing):
+        return np.zeros_like(base)
+    return _kept(context, _key(node, context), lambda: _leaf(node, context))
+
+
+def _key(node: Node, context: MaskContext) -> Hashable:
+    """All that a leaf's mask depends on."""
+    if isinstance(node, Extreme | Like):
+        return node, context.run, context.trajectories
+    of_a_run = not all(fields.is_truth(used.name) for used in used_fields(node))
+    return node, context.run if of_a_run else None
+
+
+def _leaf(node: Node, context: MaskContext) -> Mask:
     with np.errstate(invalid="ignore"):
-        return _leaf(node, context, base)
+        match node:
+            case Ids(ranges):
+                return _ids(ranges, len(context.instances))
+            case Compare(field, operator, value):
+                return _compare(_values(field, context), operator, value * _scale(field))
+            case Between():
+                return _between(node, context)
+            case Around():
+                return _around(node, context)
+            case Named():
+                return _named(node, context)
+            case Extreme():
+                return _extreme(node, context)
+            case Box():
+                return _box(node, context)
+            case Near():
+                return _near(node, context)
+            case Lasso(x, y, corners):
+                return lasso.inside(_bands(x, y, context), corners, len(context.instances))
+            case Like():
+                return _like(node, context)
+            case Bend(straight):
+                bend = np.abs(context.instances.curvature)
+                return np.asarray(bend < _STRAIGHT_BELOW if straight else bend >= _STRAIGHT_BELOW)
+            case _:
+                raise TypeError(f"{type(node).__name__} is no leaf")
 
 
-def _leaf(node: Node, context: MaskContext, base: Mask) -> Mask:
-    match node:
-        case Everything():
-            return base
-        case Nothing():
-            return np.zeros_like(base)
-        case Ids(ranges):
-            chosen = np.zeros_like(base)
-            for low, high in ranges:
-                chosen[max(0, low) : max(0, high + 1)] = True
-            return chosen
-        case Compare(field, operator, value):
-            return _compare(_values(field, context), operator, value * _scale(field))
-        case Between():
-            return _between(node, context)
-        case Around():
-            return _around(node, context)
-        case Named():
-            return _named(node, context)
-        case Extreme():
-            return _extreme(node, context)
-        case Box(x, y, (x0, y0, x1, y1)):
-            u, v = _values(x, context), _values(y, context)
-            return np.asarray((u >= x0) & (u <= x1) & (v >= y0) & (v <= y1))
-        case Near(x, y, (cx, cy), radius):
-            dx, dy = _values(x, context) - cx, _values(y, context) - cy
-            return np.asarray(dx * dx + dy * dy <= radius * radius)
-        case Bend(straight):
-            bend = np.abs(context.instances.curvature)
-            return np.asarray(bend < _STRAIGHT_BELOW if straight else bend >= _STRAIGHT_BELOW)
-        case _:
-            raise TypeError(f"{type(node).__name__} is no leaf")
+def _blockwise(condition: Callable[..., Mask], *columns: Values) -> Mask:
+    """A condition over columns, evaluated in blocks that stay in the processor's cache."""
+    found = np.empty(columns[0].size, dtype=np.bool_)
+    for start in range(0, found.size, _BLOCK):
+        block = slice(start, start + _BLOCK)
+        found[block] = condition(*(column[block] for column in columns))
+    return found
 
 
-def _compare(values: NDArray[np.float64], operator: str, limit: float) -> Mask:
+def _ids(ranges: tuple[tuple[int, int], ...], n: int) -> Mask:
+    chosen = np.zeros(n, dtype=np.bool_)
+    for low, high in ranges:
+        chosen[max(0, low) : max(0, high + 1)] = True
+    return chosen
+
+
+def _compare(values: Values, operator: str, limit: float) -> Mask:
     if operator == "!=":
         return np.asarray((values != limit) & ~np.isnan(values))
     return np.asarray(_OPERATORS[operator](values, limit))
@@ -130,23 +173,65 @@ def _compare(values: NDArray[np.float64], operator: str, limit: float) -> Mask:
 def _between(node: Between, context: MaskContext) -> Mask:
     values = _values(node.field, context)
     if not fields.NUMERIC[node.field.name].angle:
-        scale = _scale(node.field)
-        return np.asarray((values >= node.low * scale) & (values <= node.high * scale))
+        low, high = node.low * _scale(node.field), node.high * _scale(node.field)
+        return _blockwise(lambda v: (v >= low) & (v <= high), values)
     ends = angles.span(node.low, node.high)
     if ends is None:
         return ~np.isnan(values)
-    above, below = values >= ends[0], values <= ends[1]
-    return np.asarray(above & below if ends[0] <= ends[1] else above | below)
+    first, last = ends
+    if first <= last:
+        return _blockwise(lambda v: (v >= first) & (v <= last), values)
+    return _blockwise(lambda v: (v >= first) | (v <= last), values)
 
 
 def _around(node: Around, context: MaskContext) -> Mask:
     values = _values(node.field, context)
     if not fields.NUMERIC[node.field.name].angle:
         scale = _scale(node.field)
-        return np.asarray(np.abs(values - node.centre * scale) <= node.tolerance * scale)
-    off = np.abs(values - angles.wrapped(node.centre))
-    off = np.minimum(off, angles.TURN - off)
-    return np.asarray(off <= math.radians(node.tolerance) + angles.TOLERANCE)
+        centre, tolerance = node.centre * scale, node.tolerance * scale
+        return _blockwise(lambda v: np.abs(v - centre) <= tolerance, values)
+    middle = angles.wrapped(node.centre)
+    limit = math.radians(node.tolerance) + angles.TOLERANCE
+
+    def near(block: Values) -> Mask:
+        off = np.abs(block - middle)
+        return np.asarray(np.minimum(off, angles.TURN - off) <= limit)
+
+    return _blockwise(near, values)
+
+
+def _box(node: Box, context: MaskContext) -> Mask:
+    x0, y0, x1, y1 = node.corners
+    return _blockwise(
+        lambda u, v: (u >= x0) & (u <= x1) & (v >= y0) & (v <= y1),
+        _values(node.x, context),
+        _values(node.y, context),
+    )
+
+
+def _near(node: Near, context: MaskContext) -> Mask:
+    cx, cy = node.centre
+    limit = node.radius * node.radius
+
+    def near(u: Values, v: Values) -> Mask:
+        dx, dy = u - cx, v - cy
+        return np.asarray(dx * dx + dy * dy <= limit)
+
+    return _blockwise(near, _values(node.x, context), _values(node.y, context))
+
+
+def _bands(x: Field, y: Field, context: MaskContext) -> lasso.Bands:
+    run = None if fields.is_truth(x.name) else x.run or context.run
+    return context.evaluated.get(
+        ("bands", x.name, y.name, run),
+        lambda: lasso.bands(_values(x, context), _values(y, context)),
+    )
+
+
+def _like(node: Like, context: MaskContext) -> Mask:
+    chosen = np.zeros(len(context.instances), dtype=np.bool_)
+    chosen[resolved(node, context.run, context.trajectories, context.neighbours)] = True
+    return chosen
 
 
 def _named(node: Named, context: MaskContext) -> Mask:
@@ -162,22 +247,9 @@ def _named(node: Named, context: MaskContext) -> Mask:
 
 def _extreme(node: Extreme, context: MaskContext) -> Mask:
     base = base_population(context, node.field.run)
-    chosen = np.zeros_like(base)
-    total = int(base.sum())
+    total = np.count_nonzero(base)
     count = math.ceil(node.amount * total / 100) if node.percent else int(node.amount)
-    values = _values(node.field, context)
-    rows = np.flatnonzero(base & ~np.isnan(values))
-    if not count or not rows.size:
-        return chosen
-    keys = values[rows] if node.which == "best" else -values[rows]
-    if count < rows.size:
-        limit = np.partition(keys, count - 1)[count - 1]
-        below = rows[keys < limit]
-        ties = rows[keys == limit][: count - below.size]
-        chosen[below] = chosen[ties] = True
-    else:
-        chosen[rows] = True
-    return chosen
+    return extremes(_values(node.field, context), base, count, node.which == "worst")
 
 
 def _scale(field: Field) -> float:

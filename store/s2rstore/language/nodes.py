@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from dataclasses import field as attribute
 from typing import Literal
 
+from s2rstore.records import Side
+
 
 @dataclass(frozen=True)
 class Field:
@@ -98,6 +100,26 @@ class Near:
 
 
 @dataclass(frozen=True)
+class Lasso:
+    """`lasso(x0, y0, x1, y1, x2, y2, ...)` over two columns: a polygon by the even-odd rule."""
+
+    x: Field
+    y: Field
+    corners: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Like:
+    """`like(iid, count)`: an instance and its nearest neighbours in one side's embeddings."""
+
+    side: Side
+    iid: int
+    count: int
+    run: str | None = None
+    column: int = attribute(default=1, compare=False)
+
+
+@dataclass(frozen=True)
 class Bend:
     """`straight` (|curvature| < 10 degrees) or `curved` (the others)."""
 
@@ -136,8 +158,8 @@ class Or:
 
 
 Node = (
-    Everything | Nothing | Ids | Compare | Between | Around | Named | Extreme | Box | Near | Bend
-    | Saved | Not | And | Minus | Or
+    Everything | Nothing | Ids | Compare | Between | Around | Named | Extreme | Box | Near | Lasso
+    | Like | Bend | Saved | Not | And | Minus | Or
 )  # fmt: skip
 
 

@@ -12,20 +12,18 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 
 from s2rstore.language import fields
 from s2rstore.language.errors import ExpressionError, unknown
+from s2rstore.language.functions import Call, Head, apply, has_kind, numeric
 from s2rstore.language.nodes import (
     And,
     Around,
     Bend,
     Between,
-    Box,
     Compare,
     Everything,
     Extreme,
     Field,
-    Ids,
     Minus,
     Named,
-    Near,
     Node,
     Not,
     Nothing,
@@ -115,19 +113,6 @@ def _unexpected(error: UnexpectedToken, text: str) -> ExpressionError:
     )
 
 
-class _Head:
-    """A dotted name with its run and where it stands."""
-
-    def __init__(self, name: str, column: int, run: str | None = None) -> None:
-        self.name, self.column, self.run = name, column, run
-
-
-class _Call(_Head):
-    def __init__(self, name: str, column: int, arguments: list[Any]) -> None:
-        super().__init__(name, column)
-        self.arguments = arguments
-
-
 @v_args(inline=True)
 class _Build(Transformer[Token, Any]):
     """Builds nodes bottom up; every problem is an ExpressionError."""
@@ -148,16 +133,20 @@ class _Build(Transformer[Token, Any]):
     def negation(self, inner: Node) -> Node:
         return Not(inner)
 
-    def head(self, name: Token | _Head) -> _Head:
+    def head(self, name: Token | Head) -> Head:
         return _head(name)
 
-    def dotted(self, call: _Call, rest: Token) -> _Head:
-        if call.name != "run" or len(call.arguments) != 1 or not _is(call.arguments[0], "text"):
+    def dotted(self, call: Call, rest: Token) -> Head:
+        if (
+            call.name != "run"
+            or len(call.arguments) != 1
+            or not has_kind(call.arguments[0], "text")
+        ):
             raise ExpressionError(call.column, "only a run has fields", ['run("name").field'])
-        return _Head(str(rest)[1:], call.column, call.arguments[0][1])
+        return Head(str(rest)[1:], call.column, call.arguments[0][1])
 
-    def call(self, name: Token, arguments: list[Any]) -> _Call:
-        return _Call(str(name), int(name.column or 1), arguments)
+    def call(self, name: Token, arguments: list[Any]) -> Call:
+        return Call(str(name), int(name.column or 1), arguments)
 
     def arguments(self, *items: Any) -> list[Any]:
         return list(items)
@@ -180,7 +169,7 @@ class _Build(Transformer[Token, Any]):
     def around(self, centre: tuple[float, str], tolerance: tuple[float, str]) -> Any:
         return "around", (centre[0], tolerance[0])
 
-    def field(self, head: _Head) -> Any:
+    def field(self, head: Head) -> Any:
         return "field", head
 
     def text(self, token: Token) -> Any:
@@ -195,7 +184,7 @@ class _Build(Transformer[Token, Any]):
     def saved(self, at: Token, label: tuple[str, int]) -> Node:
         return Saved(label[0], int(at.column or 1))
 
-    def word(self, name: Token | _Head) -> Node:
+    def word(self, name: Token | Head) -> Node:
         head = _head(name)
         short = _SHORT.match(head.name)
         if short:
@@ -208,13 +197,16 @@ class _Build(Transformer[Token, Any]):
             raise ExpressionError(
                 head.column + len(head.name), f"{head.name} needs a condition", [" > 1", ":value"]
             )
+        if head.name in fields.FUNCTIONS:
+            after = head.column + len(head.name)
+            raise ExpressionError(after, f"{head.name} needs ( and its arguments")
         words = ["worst15", "best15"] if head.run else [*fields.WORDS, *fields.FUNCTIONS]
         raise unknown(head.column, "word", head.name, words)
 
-    def comparison(self, head: _Head, operator: Token, value: tuple[float, str]) -> Node:
-        return Compare(_numeric(head), cast(Any, str(operator)), value[0])
+    def comparison(self, head: Head, operator: Token, value: tuple[float, str]) -> Node:
+        return Compare(numeric(head), cast(Any, str(operator)), value[0])
 
-    def tag(self, head: _Head, value: Any) -> Node:
+    def tag(self, head: Head, value: Any) -> Node:
         kind, content = value
         if head.name in fields.TEXT:
             if kind not in ("name", "number"):
@@ -222,7 +214,7 @@ class _Build(Transformer[Token, Any]):
             name = content[0] if kind == "name" else content[1]
             column = content[1] if kind == "name" else head.column
             return Named(Field(head.name, head.run), name, column)
-        field = _numeric(head)
+        field = numeric(head)
         if kind == "span":
             if content[0] > content[1] and not fields.NUMERIC[field.name].angle:
                 raise ExpressionError(head.column, "the range's first end is above its second")
@@ -235,90 +227,17 @@ class _Build(Transformer[Token, Any]):
             return Between(field, content[0], content[0])
         raise ExpressionError(content[1], f"{head.name}: takes a number", ["1..5", "90+-20"])
 
-    def function(self, call: _Call) -> Node:
-        return _function(call, call.arguments)
+    def function(self, call: Call) -> Node:
+        return apply(call, call.arguments)
 
-    def run_function(self, head: _Head, arguments: list[Any]) -> Node:
-        return _function(head, arguments)
-
-
-def _head(name: Token | _Head) -> _Head:
-    return name if isinstance(name, _Head) else _Head(str(name), int(name.column or 1))
+    def run_function(self, head: Head, arguments: list[Any]) -> Node:
+        return apply(head, arguments)
 
 
-def _is(argument: Any, kind: str) -> bool:
-    return bool(argument[0] == kind)
+def _head(name: Token | Head) -> Head:
+    return name if isinstance(name, Head) else Head(str(name), int(name.column or 1))
 
 
 def _unquoted(token: Token) -> str:
     text = str(token)
     return re.sub(r"\\(.)", r"\1", text[1:-1]) if token.type == "STRING" else text
-
-
-def _numeric(head: _Head) -> Field:
-    if head.name not in fields.NUMERIC:
-        raise unknown(head.column, "number field", head.name, list(fields.NUMERIC))
-    return Field(head.name, head.run)
-
-
-def _function(head: _Head, arguments: list[Any]) -> Node:
-    if head.name in ("worst", "best"):
-        return _extreme(head, arguments)
-    if head.name == "ids" and head.run is None:
-        return Ids(tuple(_id_range(head, argument) for argument in arguments))
-    if head.name in fields.UMAP_PLANES:
-        return _box(head, arguments, fields.UMAP_PLANES[head.name])
-    prefix, dot, last = head.name.rpartition(".")
-    plane = fields.PLANES.get(prefix + dot)
-    if plane is not None and last in ("box", "near"):
-        return (_box if last == "box" else _near)(head, arguments, plane)
-    if head.name == "like":
-        raise ExpressionError(head.column, "like(...) is not available", fields.FUNCTIONS)
-    raise unknown(head.column, "function", head.name, fields.FUNCTIONS)
-
-
-def _extreme(head: _Head, arguments: list[Any]) -> Node:
-    usage = [f"{head.name}(20%, real.error)", f"{head.name}(25, gap)"]
-    if not 1 <= len(arguments) <= 2 or arguments[0][0] not in ("percent", "number"):
-        raise ExpressionError(head.column, f"{head.name} takes a share and a field", usage)
-    percent = _is(arguments[0], "percent")
-    amount = arguments[0][1][0]
-    if amount < 0 or (percent and amount > 100) or (not percent and amount != int(amount)):
-        raise ExpressionError(head.column, "the share is 0% .. 100% or a whole number", usage)
-    field = Field("real.error", head.run)
-    if len(arguments) == 2:
-        if not _is(arguments[1], "field"):
-            raise ExpressionError(head.column, f"{head.name} takes a share and a field", usage)
-        field = _numeric(arguments[1][1])
-        field = Field(field.name, field.run or head.run)
-    return Extreme("worst" if head.name == "worst" else "best", amount, percent, field)
-
-
-def _id_range(head: _Head, argument: Any) -> tuple[int, int]:
-    if argument[0] not in ("number", "span"):
-        raise ExpressionError(head.column, "ids takes whole numbers", ["ids(3, 7..12)"])
-    ends = argument[1] if _is(argument, "span") else (argument[1][0],) * 2
-    if any(end != int(end) for end in ends):
-        raise ExpressionError(head.column, "ids takes whole numbers", ["ids(3, 7..12)"])
-    if ends[0] > ends[1]:
-        raise ExpressionError(head.column, "the range's first end is above its second")
-    return int(ends[0]), int(ends[1])
-
-
-def _numbers(head: _Head, arguments: list[Any], usage: str) -> list[float]:
-    if len(arguments) != usage.count(",") + 1 or any(not _is(a, "number") for a in arguments):
-        raise ExpressionError(head.column, f"{head.name} takes {usage}")
-    return [argument[1][0] for argument in arguments]
-
-
-def _box(head: _Head, arguments: list[Any], plane: tuple[str, str]) -> Node:
-    x0, y0, x1, y1 = _numbers(head, arguments, "x0, y0, x1, y1")
-    corners = min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)
-    return Box(Field(plane[0], head.run), Field(plane[1], head.run), corners)
-
-
-def _near(head: _Head, arguments: list[Any], plane: tuple[str, str]) -> Node:
-    x, y, radius = _numbers(head, arguments, "x, y, radius")
-    if radius < 0:
-        raise ExpressionError(head.column, "the radius is below 0")
-    return Near(Field(plane[0], head.run), Field(plane[1], head.run), (x, y), radius)

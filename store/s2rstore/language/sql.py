@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from s2rstore.language import angles, fields
-from s2rstore.language.context import Vocabulary, expand
+from s2rstore.language import angles, fields, lasso
+from s2rstore.language.context import Neighbours, Vocabulary, expand, resolved
 from s2rstore.language.nodes import (
     And,
     Around,
@@ -19,6 +19,8 @@ from s2rstore.language.nodes import (
     Extreme,
     Field,
     Ids,
+    Lasso,
+    Like,
     Minus,
     Named,
     Near,
@@ -33,11 +35,17 @@ _STRAIGHT_BELOW = 10.0
 
 @dataclass(frozen=True, slots=True)
 class SqlContext:
-    """The current run and the trajectories in view (None = all)."""
+    """The current run and the trajectories in view (None = all).
+
+    `neighbours` finds what `like` means; `lacking` are columns of view `pair` that the index,
+    written by an earlier release, does not have.
+    """
 
     run: str
     words: Vocabulary
     trajectories: tuple[str, ...] | None = None
+    neighbours: Neighbours | None = None
+    lacking: frozenset[str] = frozenset()
 
 
 @dataclass(slots=True)
@@ -50,6 +58,11 @@ class _Writer:
     def bind(self, value: Any) -> str:
         self.parameters.append(value)
         return "?"
+
+    def column(self, field: Field) -> str:
+        """A numeric column on alias q, NULL where the index lacks it."""
+        name = fields.NUMERIC[field.name].column
+        return "NULL::DOUBLE" if name in self.context.lacking else f"q.{name}"
 
 
 def to_sql(node: Node, context: SqlContext) -> tuple[str, list[Any]]:
@@ -101,7 +114,7 @@ def _leaf(node: Node, writer: _Writer) -> str:
             parts = [f"p.iid BETWEEN {writer.bind(a)} AND {writer.bind(b)}" for a, b in ranges]
             return f"({' OR '.join(parts) or 'false'})"
         case Compare(field, operator, value):
-            column = _column(field)
+            column = writer.column(field)
             sign = "<>" if operator == "!=" else operator
             return _among(writer, field, lambda w: (
                 f"{_known(column)} AND {column} {sign} {w.bind(value * _scale(field))}"
@@ -115,19 +128,25 @@ def _leaf(node: Node, writer: _Writer) -> str:
         case Extreme():
             return _extreme(node, writer)
         case Box(x, y, corners):
-            u, v = _column(x), _column(y)
+            u, v = writer.column(x), writer.column(y)
             return _among(writer, x, lambda w: (
                 f"{u} >= {w.bind(corners[0])} AND {v} >= {w.bind(corners[1])} AND "
                 f"{u} <= {w.bind(corners[2])} AND {v} <= {w.bind(corners[3])}"
             ))  # fmt: skip
         case Near(x, y, centre, radius):
-            dx = f"({_column(x)} - {{}})"
-            dy = f"({_column(y)} - {{}})"
+            dx = f"({writer.column(x)} - {{}})"
+            dy = f"({writer.column(y)} - {{}})"
             return _among(writer, x, lambda w: (
                 f"{dx.format(w.bind(centre[0]))} * {dx.format(w.bind(centre[0]))} + "
                 f"{dy.format(w.bind(centre[1]))} * {dy.format(w.bind(centre[1]))} "
                 f"<= {w.bind(radius * radius)}"
             ))  # fmt: skip
+        case Lasso(x):
+            return _among(writer, x, lambda w: _lasso(node, w))
+        case Like():
+            context = writer.context
+            found = resolved(node, context.run, context.trajectories, context.neighbours)
+            return f"p.iid IN (SELECT unnest({writer.bind(found.tolist())}::INTEGER[]))"
         case Bend(straight):
             sign = "<" if straight else ">="
             column = "i.curvature"
@@ -144,19 +163,10 @@ def _among(writer: _Writer, field: Field, condition: Any) -> str:
 
     Ground truth is the instance's own, whatever the run.
     """
-    if _is_truth(field):
+    if fields.is_truth(field.name):
         return f"p.iid IN (SELECT q.iid FROM instance q WHERE {condition(writer)})"
     run = writer.bind(field.run or writer.context.run)
     return f"p.iid IN (SELECT q.iid FROM pair q WHERE q.run = {run} AND {condition(writer)})"
-
-
-def _is_truth(field: Field) -> bool:
-    known = fields.NUMERIC.get(field.name) or fields.TEXT[field.name]
-    return known.path == "iid" or known.path.startswith("instances.")
-
-
-def _column(field: Field) -> str:
-    return f"q.{fields.NUMERIC[field.name].column}"
 
 
 def _scale(field: Field) -> float:
@@ -164,7 +174,7 @@ def _scale(field: Field) -> float:
 
 
 def _between(node: Between, writer: _Writer) -> str:
-    column = _column(node.field)
+    column = writer.column(node.field)
     if not fields.NUMERIC[node.field.name].angle:
         scale = _scale(node.field)
         low, high = writer.bind(node.low * scale), writer.bind(node.high * scale)
@@ -178,7 +188,7 @@ def _between(node: Between, writer: _Writer) -> str:
 
 
 def _around(node: Around, writer: _Writer) -> str:
-    column = _column(node.field)
+    column = writer.column(node.field)
     if not fields.NUMERIC[node.field.name].angle:
         scale = _scale(node.field)
         centre, tolerance = writer.bind(node.centre * scale), writer.bind(node.tolerance * scale)
@@ -189,6 +199,18 @@ def _around(node: Around, writer: _Writer) -> str:
     second = f"abs({column} - {writer.bind(middle)})"
     limit = writer.bind(math.radians(node.tolerance) + angles.TOLERANCE)
     return f"{_known(column)} AND least({first}, {turn} - {second}) <= {limit}"
+
+
+def _lasso(node: Lasso, writer: _Writer) -> str:
+    """An odd number of edges to the right, as `lasso` defines it."""
+    x, y = writer.column(node.x), writer.column(node.y)
+    parts = ["0"]
+    for edge in lasso.edges(node.corners):
+        low, high = writer.bind(edge.low), writer.bind(edge.high)
+        at = f"({y} - {writer.bind(edge.low)}) / {writer.bind(edge.rise)}"
+        at = f"{at} * {writer.bind(edge.run)} + {writer.bind(edge.x)}"
+        parts.append(f"(CASE WHEN {y} >= {low} AND {y} < {high} AND {x} < {at} THEN 1 ELSE 0 END)")
+    return f"{_known(x)} AND {_known(y)} AND ({' + '.join(parts)}) % 2 = 1"
 
 
 def _named(node: Named, writer: _Writer) -> str:
@@ -203,7 +225,7 @@ def _named(node: Named, writer: _Writer) -> str:
 
 
 def _extreme(node: Extreme, writer: _Writer) -> str:
-    column = _column(node.field)
+    column = writer.column(node.field)
     direction = "ASC" if node.which == "best" else "DESC"
     inner = (
         f"SELECT q.iid FROM pair q WHERE {_base(writer, node.field.run, 'q')} AND {_known(column)}"

@@ -16,6 +16,8 @@ from s2rstore.language.nodes import (
     Extreme,
     Field,
     Ids,
+    Lasso,
+    Like,
     Minus,
     Named,
     Near,
@@ -73,6 +75,10 @@ def _leaf(node: Node) -> str:
             return _call(x, "box", corners)
         case Near(x, _, centre, radius):
             return _call(x, "near", (*centre, radius))
+        case Lasso(x, _, corners):
+            return _call(x, "lasso", tuple(value for corner in corners for value in corner))
+        case Like(side, iid, count, run):
+            return f"{_run(run)}{'sim.' if side == 'sim' else ''}like({iid}, {count})"
         case Bend(straight):
             return "straight" if straight else "curved"
         case Saved(name):
@@ -89,21 +95,19 @@ def _extreme(node: Extreme) -> str:
 
 
 def _call(field: Field, name: str, numbers: tuple[float, ...]) -> str:
-    if field.name.endswith(".u"):
-        function = f"umap.{field.name.split('.')[0]}"
-    else:
-        prefix = next(p for p, plane in fields.PLANES.items() if plane[0] == field.name)
-        function = f"{prefix}{name}"
+    prefix = next(p for p, plane in fields.PLANES.items() if plane[0] == field.name)
+    short = name == "box" and prefix.startswith("umap.")
+    function = prefix.rstrip(".") if short else f"{prefix}{name}"
     listed = ", ".join(_number(value) for value in numbers)
-    return f"{_run(field)}{function}({listed})"
+    return f"{_run(field.run)}{function}({listed})"
 
 
-def _run(field: Field) -> str:
-    return f"run({string(field.run)})." if field.run is not None else ""
+def _run(run: str | None) -> str:
+    return f"run({string(run)})." if run is not None else ""
 
 
 def _field(field: Field) -> str:
-    return f"{_run(field)}{field.name}"
+    return f"{_run(field.run)}{field.name}"
 
 
 def quoted(name: str) -> str:

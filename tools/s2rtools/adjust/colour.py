@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.adjust.contract import Adjustment, Images
+from s2rtools.adjust.contract import ImageAdjustment, Images
 
 _LEVELS = np.arange(256, dtype=np.float64)
 
@@ -41,12 +41,12 @@ def _temperature(
     return np.stack([warm[rgb[..., 0]], rgb[..., 1], cold[rgb[..., 2]]], axis=-1), depth
 
 
-BRIGHTNESS = Adjustment(
-    "brightness", 0.0, 3.0, 1.0, "factor", "every channel times the factor", _brightness
+BRIGHTNESS = ImageAdjustment(
+    "brightness", 0.0, 3.0, 1.0, 0.05, "factor", "every channel times the factor", _brightness
 )
-CONTRAST = Adjustment(
-    "contrast", 0.0, 3.0, 1.0, "factor", "spread around the image's mean", _contrast
+CONTRAST = ImageAdjustment(
+    "contrast", 0.0, 3.0, 1.0, 0.05, "factor", "spread around the image's mean", _contrast
 )
-TEMPERATURE = Adjustment(
-    "temperature", -1.0, 1.0, 0.0, "warmer > 0", "red against blue", _temperature
+TEMPERATURE = ImageAdjustment(
+    "temperature", -1.0, 1.0, 0.0, 0.05, "warmer > 0", "red against blue", _temperature
 )

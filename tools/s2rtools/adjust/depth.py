@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.adjust.contract import Adjustment, Images
+from s2rtools.adjust.contract import ImageAdjustment, Images
 
 
 def _depth_range(
@@ -33,9 +33,9 @@ def _depth_blur(
     return rgb, made
 
 
-DEPTH_RANGE = Adjustment(
-    "depth_range", 0.25, 4.0, 1.0, "factor", "valid depth times the factor", _depth_range
+DEPTH_RANGE = ImageAdjustment(
+    "depth_range", 0.25, 4.0, 1.0, 0.05, "factor", "valid depth times the factor", _depth_range
 )
-DEPTH_BLUR = Adjustment(
-    "depth_blur", 0.0, 16.0, 0.0, "sigma, pixels", "blur of the valid depth", _depth_blur
+DEPTH_BLUR = ImageAdjustment(
+    "depth_blur", 0.0, 16.0, 0.0, 0.5, "sigma, pixels", "blur of the valid depth", _depth_blur
 )

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.adjust.contract import Adjustment, Images
+from s2rtools.adjust.contract import ImageAdjustment, Images
 
 
 def _black(
@@ -19,4 +19,6 @@ def _black(
     return dark, np.rint(depth * keep).astype(depth.dtype)
 
 
-BLACK = Adjustment("black", 0.0, 1.0, 0.0, "share taken away", "RGB and depth to zero", _black)
+BLACK = ImageAdjustment(
+    "black", 0.0, 1.0, 0.0, 0.05, "share taken away", "RGB and depth to zero", _black
+)

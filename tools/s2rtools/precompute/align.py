@@ -14,6 +14,7 @@ import s2rstore
 from s2rstore.geometry.alignment import Correction
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Intrinsics, Run
+from s2rstore.sides import run_domain
 from s2rstore.writer import edit
 from s2rtools.heatmaps.harmonise import Alignment, Images, View
 
@@ -30,12 +31,15 @@ FINE_ZOOM = (-0.02, 0.0, 0.02)
 
 
 def alignment(store: Store, run: Run) -> Alignment | None:
-    """The rigs of a run with the correction that the store keeps; None before it is known."""
+    """The rigs of a run with the correction that the store keeps; None before it is known.
+
+    The correction is that of the domains' declarations, so it stays where the run moves a camera.
+    """
     correction = store.correction(run.sim_domain, run.real_domain)
     if correction is None:
         return None
     frame = store.dataset.frame_height, store.dataset.frame_width
-    sim, real = (store.domains[run.domain(side)] for side in SIDES)
+    sim, real = (run_domain(store, run, side) for side in SIDES)
     return Alignment(sim, real, frame, correction)
 
 
@@ -44,7 +48,7 @@ def ensure(root: Path, run: Run) -> bool:
     with s2rstore.open(root) as store:
         if store.provenance(_noted(run)).get("version") == str(VERSION):
             return False
-        sim, real = (store.domains[run.domain(side)] for side in SIDES)
+        sim, real = (store.domain(run.domain(side)) for side in SIDES)
         pairs, frame = _samples(store, sim, real)
         size = store.dataset.frame_height, store.dataset.frame_width
         found = calibrate(_shrunk(sim, frame, size), _shrunk(real, frame, size), frame, pairs)

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 import s2rstore
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
+from s2rstore.sides import FRAME_KINDS
 from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.harmonise import Alignment
 from s2rtools.inference import Backend, open_backend
 from s2rtools.models.library import load_model
-from s2rtools.precompute import align, maps, projection
-from s2rtools.precompute.frames import PairFrames, read_pairs
+from s2rtools.precompute import align, maps, outlier, projection
+from s2rtools.precompute.frames import PairFrames, Renderers, RunFrames, SideFrames, read_pairs
 from s2rtools.precompute.units import ArraySpec, Unit
 
 Values = dict[ArraySpec, NDArray[Any]]
@@ -35,6 +36,7 @@ class Computer:
         self._trust = trust
         self._threads = threads
         self._backends: dict[str, Backend] = {}
+        self._renderers: Renderers = {}
 
     def __call__(self, unit: Unit) -> None:
         """Compute and write what is missing of one shard."""
@@ -44,9 +46,23 @@ class Computer:
     def _compute(self, run: Run, unit: Unit) -> Values:
         if unit.stage.name == "projection":
             return _projection(self._root, unit)
+        if unit.stage.name == "outlier":
+            return dict(outlier.distances(self._root, unit, self._threads))
         if unit.stage.name.startswith("map:"):
             return maps.grids(self._store, run, unit)
+        if unit.stage.name == "frames":
+            return self._rendered(run, unit)
         return self._network(run, unit)
+
+    def _rendered(self, run: Run, unit: Unit) -> Values:
+        frames = RunFrames(self._store, run, renderers=self._renderers)
+        found: Values = {}
+        for side in SIDES:
+            wanted = [spec for spec in unit.missing if spec.side == side]
+            images = frames.read(side, *unit.stage.span(unit.shard)) if wanted else {}
+            by_kind = {FRAME_KINDS[image]: values for image, values in images.items()}
+            found |= {spec: by_kind[spec.kind] for spec in wanted}
+        return found
 
     def backend(self, run: Run) -> Backend:
         if run.run not in self._backends:
@@ -61,7 +77,8 @@ class Computer:
         parts: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
         size = backend.model.network.input_size
         aligned = align.alignment(self._store, run)
-        for iid, frames in read_pairs(self._store, run, size, start, stop, backend.batch):
+        source = RunFrames(self._store, run, unit.stage.kept(self._root))
+        for iid, frames in read_pairs(self._store, run, size, start, stop, backend.batch, source):
             pair = pair_batch(self._store, backend, iid, frames, aligned)
             for spec, values in _pair_values(pair, unit.missing).items():
                 parts[spec].append(values)
@@ -84,22 +101,24 @@ def pair_batch(
     rows = slice(iid, iid + len(frames["sim"].x))
     truth = store.instances
     poses = np.stack([truth.x[rows], truth.y[rows], truth.heading[rows]], axis=1)
-    sides = {}
-    for side in SIDES:
-        domain_frames = frames[side]
-        forward = backend.forward_all(domain_frames.x)
-        sides[side] = SideBatch(
-            x=forward.x,
-            rgb=domain_frames.rgb,
-            depth=domain_frames.depth,
-            valid=domain_frames.valid,
-            depth_scale=domain_frames.depth_scale,
-            features=forward.features,
-            embedding=forward.embedding,
-            prediction=forward.pose,
-            truth=poses,
-        )
-    return PairBatch(backend.model, backend, sides["sim"], sides["real"], aligned)
+    sim, real = (side_batch(backend, frames[side], poses) for side in SIDES)
+    return PairBatch(backend.model, backend, sim, real, aligned)
+
+
+def side_batch(backend: Backend, frames: SideFrames, poses: NDArray[np.float64]) -> SideBatch:
+    """One side after the forward pass; `poses` (B, 3) are the truth."""
+    forward = backend.forward_all(frames.x)
+    return SideBatch(
+        x=forward.x,
+        rgb=frames.rgb,
+        depth=frames.depth,
+        valid=frames.valid,
+        depth_scale=frames.depth_scale,
+        features=forward.features,
+        embedding=forward.embedding,
+        prediction=forward.pose,
+        truth=poses,
+    )
 
 
 def _pair_values(pair: PairBatch, specs: tuple[ArraySpec, ...]) -> Values:
@@ -109,17 +128,18 @@ def _pair_values(pair: PairBatch, specs: tuple[ArraySpec, ...]) -> Values:
         if spec.kind == "prediction":
             values[spec] = np.asarray(pair.side(spec.side).prediction, dtype=np.float64)
         elif spec.kind == "embedding":
-            values[spec] = _half(np.asarray(pair.side(spec.side).embedding))
+            values[spec] = as_stored(np.asarray(pair.side(spec.side).embedding), spec.dtype)
         else:
             if spec.kind not in computed:
                 computed[spec.kind] = KINDS[spec.kind].compute(pair)
-            made = computed[spec.kind][spec.side, spec.mode]
-            values[spec] = _half(made) if spec.dtype == "float16" else made.astype(spec.dtype)
+            values[spec] = as_stored(computed[spec.kind][spec.side, spec.mode], spec.dtype)
     return values
 
 
-def _half(values: NDArray[np.float32]) -> NDArray[np.float16]:
-    """Values that float16 cannot hold become its largest; NaN stays."""
+def as_stored(values: NDArray[Any], dtype: str) -> NDArray[Any]:
+    """Values in their array's type: what float16 cannot hold becomes its largest, NaN stays."""
+    if dtype != "float16":
+        return values.astype(dtype)
     limit = np.finfo(np.float16).max
     return np.clip(values, -limit, limit).astype(np.float16)
 

@@ -11,7 +11,9 @@ from s2rstore.geometry import grid as map_geometry
 from s2rstore.geometry.alignment import Surface
 from s2rstore.reader import Store
 from s2rstore.records import Run, Side
+from s2rstore.sides import run_domain
 from s2rtools.heatmaps import KINDS
+from s2rtools.precompute.frames import RunFrames
 from s2rtools.precompute.stages import MAP_SETTINGS
 from s2rtools.precompute.units import ArraySpec, Unit
 
@@ -29,12 +31,13 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
     kind = stage.specs[0].kind.removeprefix("map:")
     valid = stage.valid(store.path)
     frame = store.dataset.frame_height, store.dataset.frame_width
-    names = run.domain(side), run.domain("real" if side == "sim" else "sim")
+    other: Side = "real" if side == "sim" else "sim"
     surface = Surface(
-        store.domains[names[0]], store.domains[names[1]], frame, side == "real",
+        run_domain(store, run, side), run_domain(store, run, other), frame, side == "real",
         store.correction(run.sim_domain, run.real_domain),
         KINDS[kind].surface if KINDS[kind].aligned else None,
     )  # fmt: skip
+    frames = RunFrames(store, run, stage.kept(store.path))
     poses = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
     maps = {spec: map_geometry.MapGrid(store.dataset.bounds, MAP_SETTINGS["cells"])
             for spec in unit.missing}  # fmt: skip
@@ -47,7 +50,7 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
         rows = np.flatnonzero(valid[start:stop])
         if not rows.size:
             continue
-        depth = _depth(store, surface, *names, slice(start, stop), rows)
+        depth = _depth(frames, surface, side, other, slice(start, stop), rows)
         for spec, target in maps.items():
             heat = _heat(stage.source, store, kind, side, spec.mode, start, stop)[rows]
             ray = KINDS[kind].ray(spec.mode)
@@ -56,12 +59,13 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
 
 
 def _depth(
-    store: Store, surface: Surface, own: str, other: str, span: slice, rows: NDArray[np.intp]
-) -> NDArray[Any]:
+    frames: RunFrames, surface: Surface, own: Side, other: Side, span: slice,
+    rows: NDArray[np.intp],
+) -> NDArray[Any]:  # fmt: skip
     """Raw depth (k, H, W) of some of the instances of `span`, where their heat lies."""
 
-    def read(domain: str) -> NDArray[Any]:
-        return store.frames(domain, span.start, span.stop, ("depth",))["depth"][rows]
+    def read(side: Side) -> NDArray[Any]:
+        return frames.read(side, span.start, span.stop, ("depth",))["depth"][rows]
 
     return surface.depth(read(own), read(other) if surface.needs_other else None)
 

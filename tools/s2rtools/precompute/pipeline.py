@@ -16,7 +16,7 @@ from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import KINDS
-from s2rtools.inference import choose_backend
+from s2rtools.inference import Backend, choose_backend
 from s2rtools.models.library import load_model
 from s2rtools.precompute import align
 from s2rtools.precompute import stages as run_stages
@@ -84,25 +84,31 @@ def _compute_run(
         backend = _backend(store, run, options)
         model = load_model(store, run.model, options.trust)
         allowed = [kind for kind in kinds if KINDS[kind].suits(model)]
-        forward = run_stages.forward_stage(store, run, model, backend, allowed)
-        others = run_stages.occlusion_stages(store, run, model, backend, allowed)
-        second = [run_stages.projection_stage(store, forward)]
-        second += run_stages.map_stages(store, forward, others)
-    for group in ([forward, *others], second):
+        frames = run_stages.frames_stages(store, run)
+        rendered = tuple(spec for stage in frames for spec in stage.specs)
+        forward = run_stages.forward_stage(store, run, model, backend, allowed, rendered)
+        others = run_stages.occlusion_stages(store, run, model, backend, allowed, rendered)
+        projection = run_stages.projection_stage(store, forward)
+        second = [projection, *run_stages.map_stages(store, forward, others)]
+        third = [run_stages.outlier_stage(store, forward, projection)]
+    for group in (frames, [forward, *others], second, third):
         _compute_stages(root, group, {name: backend["name"]}, options, reporter)
-    published = publish_run(root, name, [forward, *others, *second], backend)
+    stages = [forward, *others, *second, *third, *frames]
+    published = publish_run(root, name, stages, backend)
     reporter.say(f"{name}: {'published' if published else 'up to date'}")
     return published
 
 
 def _backend(store: Store, run: Run, options: Options) -> dict[str, Any]:
-    """The backend's name and precision, after calibration on the run's first images."""
+    """The backend's name and precision; any but plain torch is held against the first images."""
     model = load_model(store, run.model, options.trust)
-    size = model.network.input_size
-    stop = min(16, len(store.instances))
-    batches = [f for _, f in read_pairs(store, run, size, 0, stop, 16)]
-    sample = np.concatenate([frames[side].x for frames in batches for side in SIDES])
-    chosen = choose_backend(model, sample, options.backend, threads=0)
+    height, width = model.network.input_size
+    parts = [np.empty((0, 4, height, width), dtype=np.float32)]
+    if options.backend != Backend.name:
+        stop = min(16, len(store.instances))
+        for _, frames in read_pairs(store, run, (height, width), 0, stop, 16):
+            parts += [frames[side].x for side in SIDES]
+    chosen = choose_backend(model, np.concatenate(parts), options.backend, threads=0)
     return {"name": chosen.name, "precision": chosen.precision}
 
 

@@ -18,6 +18,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rstore.writer import edit
 from s2rtools.heatmaps import KINDS
+from s2rtools.precompute import outlier
 from s2rtools.precompute.projection import SETTINGS
 from s2rtools.precompute.rows import decode_split, prediction_columns
 from s2rtools.precompute.units import ArraySpec, Stage
@@ -37,9 +38,10 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
     with s2rstore.open(root) as store:
         same = store.run(run).key == key
         listed = store.arrays(run) if same else []
-        if {spec.path(run) for spec in specs} <= {record.path for record in listed}:
+        complete = {spec.path(run) for spec in specs} <= {record.path for record in listed}
+        if complete and not store.lacking("prediction"):
             return False
-        columns = [*_predictions(store, run, stages[0]), *_projections(store, run, stages)]
+        columns = [*_predictions(store, run, specs), *_projections(store, run, specs)]
         ranges = _heat_ranges(store, run, specs)
         noted = store.provenance(f"run:{run}") if same else {}
     kept = [r for r in listed if (r.kind, r.side, r.mode) not in {_identity(s) for s in specs}]
@@ -65,28 +67,31 @@ def _array(store: Store, run: str, spec: ArraySpec) -> np.ndarray:
     return np.asarray(arrays.open_read(store.path / layout.RUNS / spec.path(run))[:])
 
 
-def _predictions(store: Store, run: str, forward: Stage) -> list[tuple[str, dict[str, Any]]]:
+def _predictions(
+    store: Store, run: str, specs: Sequence[ArraySpec]
+) -> list[tuple[str, dict[str, Any]]]:
     splits = store.provenance(f"model:{store.run(run).model}")
     n = len(store.instances)
+    scale = store.dataset.accuracy_scale
     found = []
     for side in SIDES:
-        for spec in (s for s in forward.specs if (s.kind, s.side) == ("prediction", side)):
-            domain = store.run(run).domain(side)
-            split = decode_split(splits.get(f"split:{domain}"), n)
-            poses = _array(store, run, spec)
-            scale = store.dataset.accuracy_scale
-            columns = prediction_columns(run, side, poses, store.instances, scale, split)
-            found.append(("prediction", columns))
+        poses, distances = (
+            _array(store, run, next(s for s in specs if (s.kind, s.side) == (kind, side)))
+            for kind in ("prediction", outlier.KIND)
+        )
+        split = decode_split(splits.get(f"split:{store.run(run).domain(side)}"), n)
+        scores = outlier.scores(distances)
+        columns = prediction_columns(run, side, poses, store.instances, scale, split, scores)
+        found.append(("prediction", columns))
     return found
 
 
 def _projections(
-    store: Store, run: str, stages: Sequence[Stage]
+    store: Store, run: str, specs: Sequence[ArraySpec]
 ) -> list[tuple[str, dict[str, Any]]]:
     found = []
-    specs = [spec for stage in stages for spec in stage.specs if spec.kind == "umap"]
     n = len(store.instances)
-    for spec in specs:
+    for spec in (spec for spec in specs if spec.kind == "umap"):
         plane = _array(store, run, spec).astype(np.float64)
         columns = {
             "run": np.full(n, run, dtype=object),
@@ -147,6 +152,7 @@ def _provenance(
         "backend": backend,
         "heat ranges": json.loads(noted.get("heat ranges", "{}")) | ranges,
         "projection": SETTINGS.facts(),
+        "outlier": outlier.SETTINGS.facts(),
         "bootstrap": asdict(stats.BOOTSTRAP),
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},

@@ -9,12 +9,14 @@ from typing import Any
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.geometry.move import UNMOVED, camera_move
 from s2rstore.layout import checked_name
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rstore.writer import Draft, edit
 from s2rtools.models.conventions import parse_convention
 from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register
+from s2rtools.rendering import open_renderer
 
 Chains = Mapping[str, Sequence[Mapping[str, Any]]]
 
@@ -47,10 +49,33 @@ def add_run(
             known = ", ".join(store.models) or "none"
             raise RequestError(f"--model {model}: not in {root} (models: {known})")
         domains = domain_of(store, "sim", sim), domain_of(store, "real", real)
+        for domain, chain in zip(domains, (chains["sim"], chains["real"]), strict=True):
+            _check_move(store, domain, chain)
     with edit(root) as draft:
         refuse_taken(draft, "run", name)
         insert_run(draft, name, model, domains, chains)
     return name
+
+
+def drop_run(root: Path, name: str) -> bool:
+    """Take a run that was never computed out of the store; False where it is not that.
+
+    Its arrays stay until `s2r prune`: a run of that name and the same facts takes them up.
+    """
+    with s2rstore.open(root) as store:
+        if name not in store.runs or store.runs[name].key is not None:
+            return False
+    with edit(root) as draft:
+        if draft.rows("SELECT 1 FROM run WHERE run = ? AND key IS NULL", [name]):
+            draft.delete("run", run=name)
+    return True
+
+
+def _check_move(store: Store, domain: str, chain: Sequence[Mapping[str, Any]]) -> None:
+    """Raises RequestError where a chain moves cameras that it cannot."""
+    record = store.domain(domain)
+    if camera_move(chain, record, store.dataset.frame_width) != UNMOVED:
+        open_renderer(store, domain)
 
 
 def insert_run(

@@ -23,11 +23,12 @@ def prediction_columns(
     truth: InstanceColumns,
     accuracy_scale: float,
     split: NDArray[np.int8],
+    outlier: NDArray[np.float64],
 ) -> dict[str, Any]:
     """Columns of table `prediction` for one side.
 
     `poses` (N, 3): x and y in metres, heading in radians. A pose that is not finite is a missing
-    prediction: its figures are NaN and its rank is 0 (both become NULL).
+    prediction: its figures are NaN and its rank is 0 (both become NULL). `outlier` (N,) as it is.
     """
     known = np.isfinite(poses).all(axis=1, keepdims=True)
     poses = np.where(known, poses, np.nan)
@@ -50,6 +51,7 @@ def prediction_columns(
         "accuracy": stats.accuracy(error, accuracy_scale),
         "rank": np.where(rank > 0, rank, np.nan),
         "split": np.array(SPLITS, dtype=object)[split],
+        "outlier": outlier,
     }
 
 

@@ -1,4 +1,4 @@
-"""The stages of a run: forward passes, occlusion, projection, map grids; and their keys."""
+"""The stages of a run: forward passes, occlusion, projection, map grids, outliers; their keys."""
 
 from __future__ import annotations
 
@@ -7,22 +7,61 @@ from dataclasses import asdict
 from typing import Any
 
 from s2rstore.geometry import grid as map_geometry
+from s2rstore.geometry.move import UNMOVED
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
+from s2rstore.sides import FRAME_KINDS, run_move
 from s2rtools.heatmaps import KINDS
 from s2rtools.models.contract import LoadedModel
+from s2rtools.precompute import outlier
 from s2rtools.precompute.projection import SETTINGS
 from s2rtools.precompute.units import ArraySpec, Stage, content_key, run_facts
+from s2rtools.rendering import renderer_version
 
+FRAME_ROWS = 32
 FORWARD_ROWS = 256
 OCCLUSION_ROWS = 64
+OUTLIER_ROWS = 32_768
 MAP_SETTINGS: dict[str, Any] = {"cells": 264, "heights": [0.1, 2.0], "version": 1}
 
 
+def frames_stages(store: Store, run: Run) -> list[Stage]:
+    """One stage for the sides whose cameras are moved; none where no side's are."""
+    specs = []
+    for side in SIDES:
+        domain, move = store.domain(run.domain(side)), run_move(store, run, side)
+        if move == UNMOVED:
+            continue
+        depth = store.frames(domain.domain, 0, 1, ("depth",))["depth"].dtype.name
+        frame = store.dataset.frame_height, store.dataset.frame_width
+        facts = {
+            "dataset": store.dataset.hash,
+            "domain": domain.domain,
+            "move": asdict(move),
+            "renderer": renderer_version(store),
+        }
+        key = content_key({**facts, "kind": "frames"})
+        n, axes = len(store.instances), ("iid", "row", "column")
+        specs += [
+            ArraySpec(FRAME_KINDS["rgb"], side, None, (*frame, 3), "uint8", (*axes, "channel"), "",
+                      key, n),
+            ArraySpec(FRAME_KINDS["depth"], side, None, frame, depth, axes, "raw", key, n),
+        ]  # fmt: skip
+    return [Stage("frames", run.run, tuple(specs), FRAME_ROWS)] if specs else []
+
+
 def forward_stage(
-    store: Store, run: Run, model: LoadedModel, backend: dict[str, Any], kinds: Sequence[str]
+    store: Store,
+    run: Run,
+    model: LoadedModel,
+    backend: dict[str, Any],
+    kinds: Sequence[str],
+    frames: tuple[ArraySpec, ...] = (),
 ) -> Stage:
-    """Predictions, embeddings and every heatmap kind that needs no more than a forward pass."""
+    """Predictions, embeddings and every heatmap kind that needs no more than a forward pass.
+
+    `frames` are the arrays of rendered frames that it reads.
+    """
     facts = run_facts(store, run, backend)
     key = content_key({**facts, "kind": "prediction"})
     n, size = len(store.instances), model.network.embedding_size
@@ -37,19 +76,25 @@ def forward_stage(
     for kind in kinds:
         if KINDS[kind].cost == "forward":
             specs += _kind_specs(store, run, facts, kind, model)
-    return Stage("forward", run.run, tuple(specs), FORWARD_ROWS)
+    return Stage("forward", run.run, tuple(specs), FORWARD_ROWS, frames)
 
 
 def occlusion_stages(
-    store: Store, run: Run, model: LoadedModel, backend: dict[str, Any], kinds: Sequence[str]
+    store: Store,
+    run: Run,
+    model: LoadedModel,
+    backend: dict[str, Any],
+    kinds: Sequence[str],
+    frames: tuple[ArraySpec, ...] = (),
 ) -> list[Stage]:
     """One stage per heatmap kind that recomputes the network many times."""
     facts = run_facts(store, run, backend)
     return [
-        Stage(kind, run.run, tuple(_kind_specs(store, run, facts, kind, model)), OCCLUSION_ROWS)
+        Stage(kind, run.run, tuple(_kind_specs(store, run, facts, kind, model)), OCCLUSION_ROWS,
+              frames)
         for kind in kinds
         if KINDS[kind].cost != "forward"
-    ]
+    ]  # fmt: skip
 
 
 def _kind_specs(
@@ -81,6 +126,18 @@ def projection_stage(store: Store, forward: Stage) -> Stage:
     return Stage("projection", forward.run, tuple(specs), max(n, 1), sources)
 
 
+def outlier_stage(store: Store, forward: Stage, projection: Stage) -> Stage:
+    """Distances to the nearest principal components of the same side."""
+    n = len(store.instances)
+    components = _of_kind(projection, "pca")
+    key = content_key({"pca": components[0].key, **outlier.SETTINGS.facts()})
+    specs = [
+        ArraySpec(outlier.KIND, side, None, (), "float32", ("iid",), "", key, n) for side in SIDES
+    ]
+    sources = _of_kind(forward, "prediction") + components
+    return Stage("outlier", forward.run, tuple(specs), OUTLIER_ROWS, sources)
+
+
 def _of_kind(stage: Stage, kind: str) -> tuple[ArraySpec, ...]:
     return tuple(spec for spec in stage.specs if spec.kind == kind)
 
@@ -102,7 +159,7 @@ def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[St
                 ]
                 stages.append(
                     Stage(f"map:{kind}:{side}", stage.run, tuple(specs),
-                          len(map_geometry.AGGREGATES), predictions + heat)
+                          len(map_geometry.AGGREGATES), predictions + heat + forward.sources)
                 )  # fmt: skip
     return stages
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from s2rstore import arrays, layout
 from s2rstore.ledger import Ledger
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
+from s2rstore.sides import FRAME_KINDS
 
 KEY_VERSION = 1
 
@@ -83,6 +85,13 @@ class Stage:
         for spec in self.specs:
             plan = arrays.plan(spec.rows, spec.item, spec.dtype, self.shard_rows)
             arrays.create(root / layout.RUNS / spec.path(self.run), plan, dict(spec.attributes))
+
+    def kept(self, root: Path) -> Callable[[str, str], Any] | None:
+        """Where the arrays of rendered frames are among the sources; None without any."""
+        kinds = set(FRAME_KINDS.values())
+        if not any(spec.kind in kinds for spec in self.sources):
+            return None
+        return partial(self.source, root)
 
     def source(self, root: Path, kind: str, side: str, mode: str | None = None) -> Any:
         """The Zarr array of a source."""

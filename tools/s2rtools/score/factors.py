@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore import headlines, stats
+from s2rstore.geometry.move import CameraMove
 from s2rstore.records import Run
 from s2rtools.adjust import apply_chain
 from s2rtools.inference import Backend
 from s2rtools.models.preprocess import preprocess
-from s2rtools.score.truth import Truth
+from s2rtools.score.truth import Truth, moved
 from s2rtools.world.factors import FACTORS
 from s2rtools.world.renderer import Renderer, Views
 from s2rtools.world.world import facts, side_camera, through_sensor
@@ -77,6 +78,9 @@ class Counterfactuals:
         self.iids = np.unique(np.linspace(0, n - 1, min(n, instances)).astype(int))
         self.active = {k: v for k, v in truth.data.severities("real").items() if v > 0}
         self._renderers: dict[tuple[object, ...], Renderer] = {}
+        self._by_move: dict[CameraMove, list[tuple[Run, Backend]]] = {}
+        for run, backend in judges:
+            self._by_move.setdefault(truth.moves(run.run)["real"], []).append((run, backend))
 
     def factor_scores(self) -> list[FactorScore]:
         """Each active factor for each run that has instances it was not trained on."""
@@ -113,14 +117,17 @@ class Counterfactuals:
             iids = self.iids[start : start + _BATCH]
             rendered: dict[tuple[object, ...], Views] = {}
             for label, factors in conditions.items():
-                camera = side_camera(truth.data.recipe.frame, factors)
+                own = side_camera(truth.data.recipe.frame, factors)
                 scene = {k: v for k, v in factors.items() if FACTORS[k].shapes_scene}
-                key = (camera, *sorted(scene.items()))
-                if key not in rendered:
-                    rendered[key] = self._renderer(scene).render(truth.poses[iids], camera)
-                parts[label].append(
-                    self._errors(rendered[key], truth.poses[iids], factors, truth.numbers[iids])
-                )
+                found: Errors = {}
+                for move, judges in self._by_move.items():
+                    camera = moved(own, move)
+                    key = (camera, *sorted(scene.items()))
+                    if key not in rendered:
+                        rendered[key] = self._renderer(scene).render(truth.poses[iids], camera)
+                    poses, numbers = truth.poses[iids], truth.numbers[iids]
+                    found |= self._errors(judges, rendered[key], poses, factors, numbers)
+                parts[label].append(found)
         return {label: _joined(found) for label, found in parts.items()}
 
     def _renderer(self, scene: Factors) -> Renderer:
@@ -130,11 +137,26 @@ class Counterfactuals:
         return self._renderers[key]
 
     def _errors(
-        self, views: Views, poses: NDArray[np.float64], factors: Factors, numbers: NDArray[np.intp]
+        self,
+        judges: Judges,
+        views: Views,
+        poses: NDArray[np.float64],
+        factors: Factors,
+        numbers: NDArray[np.intp],
     ) -> Errors:
         """Errors by run of rendered views, once the factors' sensors have had their part."""
         made = through_sensor(views, factors, self._truth.data.recipe.seed, numbers)
-        return {run.run: self._judged(run, backend, made, poses) for run, backend in self._judges}
+        return {run.run: self._judged(run, backend, made, poses) for run, backend in judges}
+
+    def _seen_by_all(
+        self, renderer: Renderer, rows: NDArray[np.intp], poses: NDArray[np.float64]
+    ) -> Errors:
+        """Errors by run of real views of some poses, each run's through its own camera."""
+        numbers, found = _APART + rows, Errors()
+        for move, judges in self._by_move.items():
+            views = renderer.render(poses[rows], moved(self._truth.data.camera("real"), move))
+            found |= self._errors(judges, views, poses[rows], self.active, numbers)
+        return found
 
     def object_scores(self) -> list[ObjectScore]:
         """Each labelled object put back as it is in simulation, the rest of the gap kept.
@@ -162,22 +184,19 @@ class Counterfactuals:
         """Per object that is seen at all: errors on the same views without and with it put back."""
         data = self._truth.data
         poses = np.concatenate([data.world.poses(name, DENSE) for name in data.names])
-        numbers = _APART + np.arange(len(poses))
         views = self._views_of_objects(poses)
         if not views:
             return
         used = np.unique(np.concatenate(list(views.values())))
-        real, camera = data.renderer("real"), data.camera("real")
         parts = [
-            self._errors(real.render(poses[rows], camera), poses[rows], self.active, numbers[rows])
+            self._seen_by_all(data.renderer("real"), rows, poses)
             for rows in np.split(used, range(_BATCH, len(used), _BATCH))
         ]
         before = _joined(parts)
         for number, rows in views.items():
             places = np.searchsorted(used, rows)
             restored = data.world.renderer(self.active, restored=number)
-            views_after = restored.render(poses[rows], camera)
-            after = self._errors(views_after, poses[rows], self.active, numbers[rows])
+            after = self._seen_by_all(restored, rows, poses)
             yield number, {run: errors[places] for run, errors in before.items()}, after
 
     def _views_of_objects(self, poses: NDArray[np.float64]) -> dict[int, NDArray[np.intp]]:
@@ -204,7 +223,7 @@ class Counterfactuals:
         self, run: Run, backend: Backend, views: Views, poses: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Position errors (n,) in metres on real views, through the run's adjustments."""
-        domain = self._truth.store.domains[run.real_domain]
+        domain = self._truth.store.domain(run.real_domain)
         depth = self._truth.data.raw(views)
         valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
         rgb, depth = apply_chain(views.rgb, depth, valid, run.real_adjustments)

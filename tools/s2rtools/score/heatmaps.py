@@ -15,7 +15,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.heatmaps import KINDS
 from s2rtools.score.measures import TOP, Ranked
-from s2rtools.score.truth import REBIN, SHARE, Truth, to_cells
+from s2rtools.score.truth import NO_MOVES, REBIN, SHARE, Moves, Truth, to_cells
 
 Place = Literal["image", "floor"]
 
@@ -78,13 +78,14 @@ def _image_scores(
             for start in range(0, len(truth.poses), _ROWS)
         )
         cells = np.concatenate([to_cells(block) for block in blocks])
-        auroc, precision, base, without = _per_frame(cells, truth.seen[side].cells, seed)
+        positive = truth.seen(side, truth.moves(run)[side]).cells
+        auroc, precision, base, without = _per_frame(cells, positive, seed)
         yield HeatScore(run, kind, mode, side, "image", _mean(auroc),
                         _mean(precision), base, len(auroc), without)  # fmt: skip
 
 
 def _random_image(truth: Truth, seed: int) -> HeatScore:
-    positive = truth.seen["real"].cells
+    positive = truth.seen("real").cells
     cells = np.random.default_rng([seed, 1]).random(positive.shape)
     auroc, precision, base, without = _per_frame(cells, positive, seed)
     return HeatScore("-", "random", None, "real", "image", _mean(auroc),
@@ -118,7 +119,8 @@ def _floor_scores(
         planes[side] = np.stack([_rebinned(total), _rebinned(count)])
     planes["both"] = planes["sim"] + planes["real"]
     for name, (total, count) in planes.items():
-        yield _floor_score(truth, run, kind, mode, name, _smoothed(total, count), seed)
+        heat = _smoothed(total, count)
+        yield _floor_score(truth, run, kind, mode, name, heat, seed, truth.moves(run))
 
 
 def _random_floor(truth: Truth, seed: int) -> HeatScore:
@@ -135,8 +137,9 @@ def _floor_score(
     side: Side | Literal["both"],
     heat: NDArray[Any],
     seed: int,
+    moves: Moves = NO_MOVES,
 ) -> HeatScore:
-    positive, visited = floor_truth(truth, side)
+    positive, visited = floor_truth(truth, side, moves)
     rows, cols = np.indices(visited.shape) // TILE
     tile = (rows * (visited.shape[1] // TILE + 1) + cols)[visited]
     ranked = Ranked.of(heat[visited], positive[visited], np.random.default_rng([seed, 3]))
@@ -154,16 +157,16 @@ def _floor_score(
 
 
 def floor_truth(
-    truth: Truth, side: Side | Literal["both"]
+    truth: Truth, side: Side | Literal["both"], moves: Moves = NO_MOVES
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Positive floor cells, and those that a side (or either) has seen, each (rows, columns).
 
     A cell is positive where a quarter of either side's samples show a labelled object.
     """
-    shape = truth.seen["sim"].samples.shape
+    shape = truth.seen("sim", moves["sim"]).samples.shape
     positive, visited = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
     for own in SIDES:
-        seen = truth.seen[own]
+        seen = truth.seen(own, moves[own])
         enough = seen.samples >= MIN_SAMPLES
         positive |= enough & (seen.hits >= SHARE * seen.samples)
         if side in (own, "both"):

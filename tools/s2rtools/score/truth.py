@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry.grid import MapGrid, Projector
+from s2rstore.geometry.move import UNMOVED, CameraMove
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Side
+from s2rstore.sides import run_move
 from s2rtools.precompute.stages import MAP_SETTINGS
 from s2rtools.world.dataset import WorldData
+from s2rtools.world.renderer import Camera
 
 CELLS = 32
 SHARE = 0.25
@@ -22,6 +24,8 @@ REBIN = 3
 _BATCH = 32
 
 Plane = NDArray[np.float32]
+Moves = dict[Side, CameraMove]
+NO_MOVES: Moves = dict.fromkeys(SIDES, UNMOVED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,16 +63,24 @@ class Truth:
             data.number(t.trajectory, row) for t in store.trajectories for row in range(t.instances)
         ], dtype=np.intp)  # fmt: skip
         self.changed = data.world.changed(data.severities("real"))
+        self._seen: dict[tuple[Side, CameraMove], Seen] = {}
 
-    @cached_property
-    def seen(self) -> dict[Side, Seen]:
-        return {side: self._seen(side) for side in SIDES}
+    def moves(self, run: str) -> Moves:
+        """How a run moves the cameras of either side."""
+        record = self.store.run(run)
+        return {side: run_move(self.store, record, side) for side in SIDES}
 
-    def _seen(self, side: Side) -> Seen:
-        camera, dataset = self.data.camera(side), self.store.dataset
+    def seen(self, side: Side, move: CameraMove = UNMOVED) -> Seen:
+        """What a side's true camera sees, moved as a run moves it."""
+        if (side, move) not in self._seen:
+            self._seen[side, move] = self._look(side, move)
+        return self._seen[side, move]
+
+    def _look(self, side: Side, move: CameraMove) -> Seen:
+        camera, dataset = moved(self.data.camera(side), move), self.store.dataset
         fine = MapGrid(dataset.bounds, MAP_SETTINGS["cells"])
         grid = MapGrid(dataset.bounds, max(fine.rows, fine.cols) // REBIN)
-        projector = Projector(self._true_domain(side), camera.frame, dataset.y_down)
+        projector = Projector(self._true_domain(side, camera), camera.frame, dataset.y_down)
         cells = []
         for start in range(0, len(self.poses), _BATCH):
             poses = self.poses[start : start + _BATCH]
@@ -84,13 +96,17 @@ class Truth:
         planes = grid.aggregates()
         return Seen(np.concatenate(cells), np.nan_to_num(planes[2]), planes[3])
 
-    def _true_domain(self, side: Side) -> Domain:
-        camera = self.data.camera(side)
+    def _true_domain(self, side: Side, camera: Camera) -> Domain:
         declared = self.store.domains[side]
         return Domain(
             declared.domain, side, camera.lens, camera.lens, camera.height, camera.forward_offset,
             declared.depth_scale, declared.depth_raw_min, declared.depth_raw_max,
         )  # fmt: skip
+
+
+def moved(camera: Camera, move: CameraMove) -> Camera:
+    """The world's camera, moved as an adjustment says."""
+    return camera.moved(move.height, move.pitch, move.zoom)
 
 
 def to_cells(heat: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -10,9 +10,11 @@ from textual.timer import Timer
 
 from s2rstore.errors import S2RError
 from s2rstore.reader import Store
-from s2rtui.feeds import FEEDS, REST_SECONDS, Feed, Key
+from s2rtui.feeds import FEEDS, Feed, Key
 from s2rtui.messages import Fed, Progressed
 from s2rtui.session.state import State
+
+REST_SECONDS = 0.15
 
 
 class Feeding:
@@ -59,26 +61,48 @@ class Feeding:
 
     def _read(self, feed: Feed, ticket: int, store: Store, state: State) -> None:
         """In a worker's thread."""
-
-        def told(share: float) -> bool:
-            current = ticket == self._ticket[feed.name]
-            if current and share < 1:
-                self._app.post_message(Progressed(feed.name, ticket, share))
-            return current
-
-        if ticket != self._ticket[feed.name]:
+        caller = _Caller(self, feed.name, ticket)
+        if not caller.wanted():
             return
         try:
-            fields = feed.read(store, state, told)
+            fields = feed.read(store, state, caller)
         except (S2RError, OSError, ValueError) as error:
             empty = dict.fromkeys(feed.empty)
-            self._app.post_message(Fed(feed.name, ticket, empty, str(error)))
+            self.post(Fed(feed.name, ticket, empty, str(error)))
             return
-        self._app.post_message(Fed(feed.name, ticket, fields))
+        self.post(Fed(feed.name, ticket, fields))
+
+    def current(self, feed: str, ticket: int) -> bool:
+        """Whether a ticket is that of the newest request."""
+        return ticket == self._ticket[feed]
+
+    def post(self, message: Fed | Progressed) -> None:
+        self._app.post_message(message)
 
     def accept(self, message: Fed) -> bool:
         """Whether an answer is to the newest request."""
-        if message.ticket != self._ticket[message.feed]:
+        if not self.current(message.feed, message.ticket):
             return False
-        self._answered[message.feed] = message.ticket
+        if not message.partly:
+            self._answered[message.feed] = message.ticket
         return True
+
+
+class _Caller:
+    """One request of one feed, in its worker's thread."""
+
+    def __init__(self, feeding: Feeding, feed: str, ticket: int) -> None:
+        self._feeding, self._feed, self._ticket = feeding, feed, ticket
+
+    def wanted(self) -> bool:
+        return self._feeding.current(self._feed, self._ticket)
+
+    def progress(self, share: float) -> bool:
+        wanted = self.wanted()
+        if wanted and share < 1:
+            self._feeding.post(Progressed(self._feed, self._ticket, share))
+        return wanted
+
+    def bring(self, fields: dict[str, Any]) -> None:
+        if self.wanted():
+            self._feeding.post(Fed(self._feed, self._ticket, fields, partly=True))

@@ -1,0 +1,21 @@
+"""What workers bring. A new feed is two functions and a line here; of several requests the newest
+wins.
+"""
+
+from s2rtui.feeds import live, reading
+from s2rtui.feeds.contract import Caller, Feed, Fields, Key
+
+FEEDS: tuple[Feed, ...] = (
+    Feed("rows", reading.wants_rows, reading.read_rows, rests=False),
+    Feed("lines", reading.wants_lines, reading.read_lines, rests=False),
+    Feed(
+        "floor plan", reading.wants_floor_plan, reading.read_floor_plan, ("floor_plan",),
+        rests=False,
+    ),
+    Feed("pictures", reading.wants_pictures, reading.read_pictures, ("pictures",)),
+    Feed("heat on the map", reading.wants_grid, reading.read_grid, ("grid",)),
+    Feed("what was seen", reading.wants_seen, reading.read_seen, ("seen",)),
+    Feed("live", live.wants_live, live.read_live, ("live", "live_grid"), rests=False),
+)  # fmt: skip
+
+__all__ = ["FEEDS", "Caller", "Feed", "Fields", "Key"]

@@ -1,0 +1,98 @@
+"""Feeds that read the store: when each is wanted, and how it is read."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.reader import Store
+from s2rtui.feeds.contract import Caller, Fields, Key
+from s2rtui.plots.same import Same
+from s2rtui.session import derive, heat
+from s2rtui.session.state import State
+from s2rtui.views.contract import RunAccuracies
+
+MOST_GATHERED = 2000
+"""A larger selection's heat is gathered over so many of its instances, evenly taken."""
+
+
+def wants_rows(store: Store, state: State) -> Key:
+    return (state.generation, state.runs)
+
+
+def read_rows(store: Store, state: State, caller: Caller) -> Fields:
+    rows, baseline = derive.overview_rows(store)
+    return {"rows": tuple(rows), "baseline": baseline}
+
+
+def wants_lines(store: Store, state: State) -> Key:
+    return (state.generation, state.runs, state.side)
+
+
+def read_lines(store: Store, state: State, caller: Caller) -> Fields:
+    values = {run: store.accuracies(run, state.side) for run in state.runs}
+    return {"lines": RunAccuracies(state.side, values)}
+
+
+def wants_floor_plan(store: Store, state: State) -> Key | None:
+    return (str(store.floor_plan_path()),) if store.floor_plan_path() else None
+
+
+def read_floor_plan(store: Store, state: State, caller: Caller) -> Fields:
+    return {"floor_plan": derive.floor_plan(str(store.floor_plan_path()))}
+
+
+def wants_pictures(store: Store, state: State) -> Key | None:
+    if state.cursor is None:
+        return None
+    return (state.generation, state.run, state.cursor, state.heat)
+
+
+def read_pictures(store: Store, state: State, caller: Caller) -> Fields:
+    assert state.cursor is not None
+    return {"pictures": derive.instance_input(store, state.run, state.cursor, state.heat)}
+
+
+def wants_grid(store: Store, state: State) -> Key | None:
+    if state.heat is None or state.overlay == "off":
+        return None
+    about: object = None
+    if state.overlay == "instance":
+        about = state.cursor
+    elif state.overlay == "selection":
+        about = Same(state.selected)
+    return (state.generation, state.run, state.heat, state.overlay, state.aggregate, about)
+
+
+def read_grid(store: Store, state: State, caller: Caller) -> Fields:
+    assert state.heat is not None
+    if state.overlay == "run":
+        return {"grid": heat.run_grid(store, state.run, state.heat, state.aggregate)}
+    if state.overlay == "instance":
+        if state.cursor is None:
+            return {"grid": None}
+        return {"grid": heat.instance_grid(store, state.run, state.heat, state.cursor)}
+    iids = evenly(np.flatnonzero(state.selected), MOST_GATHERED)
+    if not iids.size:
+        return {"grid": None}
+    return {
+        "grid": heat.gathered(store, state.run, state.heat, iids, state.aggregate, caller.progress)
+    }
+
+
+def wants_seen(store: Store, state: State) -> Key | None:
+    if not state.clip:
+        return None
+    return (state.generation, state.run, state.side, Same(state.selected))
+
+
+def read_seen(store: Store, state: State, caller: Caller) -> Fields:
+    iids = evenly(np.flatnonzero(state.selected), MOST_GATHERED)
+    return {"seen": heat.seen(store, state.run, state.side, iids, caller.progress)}
+
+
+def evenly(iids: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """At most so many of the iids, in even steps."""
+    if iids.size <= most:
+        return iids
+    return iids[np.linspace(0, iids.size - 1, most).round().astype(np.intp)]

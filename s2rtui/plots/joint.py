@@ -1,0 +1,49 @@
+"""Several columns counted together: one pass over the selection instead of one per column."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache, reduce
+
+import numpy as np
+
+from s2rtui.plots.bins import Bins, Chosen, Counts, count, joined
+from s2rtui.plots.same import Same
+
+LARGEST = 1 << 20
+"""Cells of a joint table up to which one pass is faster than one per column."""
+
+
+def counts(columns: Sequence[Bins], chosen: Chosen) -> list[tuple[Counts, Counts]]:
+    """Counts as `bins.count` gives them, for each column."""
+    sizes = tuple(column.count + 1 for column in columns)
+    if math.prod(sizes) > LARGEST:
+        return [count(column, chosen) for column in columns]
+    table = _table(tuple(Same(column.codes) for column in columns), sizes)
+    lit, total = count(table, chosen)
+    parts = _margins(lit, sizes)
+    return list(zip(parts, _totals(Same(total), sizes), strict=True))
+
+
+@lru_cache(16)
+def _table(codes: tuple[Same, ...], sizes: tuple[int, ...]) -> Bins:
+    """Every combination of bins; what is in no bin of a column has a place of its own."""
+    columns = [Bins(np.asarray(same.array), size) for same, size in zip(codes, sizes, strict=True)]
+    return reduce(joined, columns)
+
+
+@lru_cache(16)
+def _totals(total: Same, sizes: tuple[int, ...]) -> list[Counts]:
+    return _margins(np.asarray(total.array), sizes)
+
+
+def _margins(table: Counts, sizes: tuple[int, ...]) -> list[Counts]:
+    """Sums over all other columns, without the place for none."""
+    parts: list[Counts] = []
+    rest = table
+    for size in reversed(sizes):
+        rest = rest.reshape(-1, size)
+        parts.append(rest.sum(axis=0)[:-1])
+        rest = rest.sum(axis=1)
+    return parts[::-1]

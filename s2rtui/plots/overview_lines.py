@@ -1,0 +1,192 @@
+"""Instances as lines across the runs, as numbers: how many lines cross each braille dot.
+
+Each column of accuracies is binned once per axis, neighbouring columns are joined to codes once;
+a selection is counted per pair of bins, and every pair of bins that occurs is one segment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtui.plots.bins import Bins, Chosen, choose, count
+from s2rtui.plots.inputs import Interval, OverviewLines
+from s2rtui.plots.overview_layout import OverviewLayout
+from s2rtui.plots.same import Same
+
+PIECE = 1 << 15
+MANY = 20_000
+"""More instances than these are binned coarsely on wide charts, too."""
+BANDS = 2_000
+"""More lines than these are bands as wide as their bins, so that no gaps show between bins."""
+Density = NDArray[np.float64]
+Counts = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineDensity:
+    """Lines per braille dot, (4 rows, 2 columns per cell of the chart): selected, and others."""
+
+    lit: Density
+    others: Density
+
+
+def line_density(lines: OverviewLines, axis: Interval, layout: OverviewLayout) -> LineDensity:
+    """Segments between neighbouring runs in view, or bars on their rows where those adjoin."""
+    chosen = choose(np.asarray(lines.selected), np.asarray(lines.valid))
+    shown = lines.values[layout.first : layout.first + layout.shown]
+    columns = tuple(Same(column) for column in shown)
+    draw = _segments if layout.step > 1 and layout.shown > 1 else _bars
+    return draw(columns, axis, layout.chart_width, layout.step, chosen)
+
+
+@lru_cache(4)
+def _segments(
+    columns: tuple[Same, ...], axis: Interval, width: int, step: int, chosen: Chosen
+) -> LineDensity:
+    """From the middle of one run's row to the middle of the next one's."""
+    size = bin_count(width, len(chosen.base))
+    parts: tuple[list[Density], list[Density]] = ([], [])
+    for first, second in pairwise(columns):
+        for part, table in zip(parts, _tables(first, second, axis, size, chosen), strict=True):
+            held = table[:size, :size].ravel()
+            bands = int(held.sum()) > BANDS
+            part.append(_spans(width, step, size, bands).density(held))
+    edge = np.zeros((2, 2 * width))
+    return LineDensity(*(np.concatenate([edge, *part, edge]) for part in parts))
+
+
+@lru_cache(4)
+def _bars(
+    columns: tuple[Same, ...], axis: Interval, width: int, step: int, chosen: Chosen
+) -> LineDensity:
+    """On each run's row a bar of up to four dots per column of dots; two runs per count."""
+    size = bin_count(width, len(chosen.base))
+    found: list[tuple[Density, Density]] = []
+    for index in range(0, len(columns), 2):
+        first, second = columns[index], columns[min(index + 1, len(columns) - 1)]
+        tables = _tables(first, second, axis, size, chosen)
+        for along in range(min(2, len(columns) - index)):
+            inside = [table.sum(axis=1 - along)[:size] for table in tables]
+            found.append((_per_dot(inside[0], width), _per_dot(inside[1], width)))
+    peak = max(float((lit + others).max()) for lit, others in found)
+    up = np.arange(4, 0, -1)[:, None]
+    parts: tuple[list[Density], list[Density]] = ([], [])
+    for pair in found:
+        for grid, column in zip(parts, pair, strict=True):
+            grid.append((np.ceil(4 * levels(column, peak)) >= up) * column)
+    return LineDensity(*(np.concatenate(grid) for grid in parts))
+
+
+def pair_counts(lines: OverviewLines, axis: Interval, size: int) -> list[tuple[Counts, Counts]]:
+    """Per pair of neighbouring runs how many go from bin to bin: selected, and others.
+
+    Each (size, size), size up to 254; bin i covers i .. i + 1 of `size` parts of the axis.
+    """
+    chosen = choose(np.asarray(lines.selected), np.asarray(lines.valid))
+    found = []
+    for first, second in pairwise(lines.values):
+        lit, others = _tables(Same(first), Same(second), axis, size, chosen)
+        found.append((lit[:size, :size], others[:size, :size]))
+    return found
+
+
+def _tables(
+    first: Same, second: Same, axis: Interval, size: int, chosen: Chosen
+) -> tuple[Counts, Counts]:
+    """Counts per pair of bins, (size + 1, size + 1), the last ones none: selected, and others."""
+    lit, total = count(_pairs(first, second, axis, size), chosen)
+    shape = (size + 1, size + 1)
+    return lit.reshape(shape), (total - lit).reshape(shape)
+
+
+def _per_dot(counts: NDArray[np.intp], width: int) -> Density:
+    """Counts per bin to counts per column of dots, (2 width,)."""
+    at = np.floor(_places(width, len(counts))).astype(np.intp)
+    return np.asarray(np.bincount(at, counts, minlength=2 * width), dtype=np.float64)
+
+
+def levels(density: Density, peak: float) -> Density:
+    """Counts as 0 .. 1 on a logarithmic scale, steeper where they are many."""
+    shares: Density = np.log1p(density) / np.log1p(max(peak, 1.0))
+    return shares ** max(1.0, float(np.log10(max(peak, 1.0))) - 1)
+
+
+def bin_count(chart_width: int, instances: int) -> int:
+    """Bins of an accuracy axis: about one per dot where the chart is wide and lines are few."""
+    return 64 if instances > MANY or chart_width < 80 else 128
+
+
+def _places(chart_width: int, size: int, within: float = 0.5) -> Density:
+    """Each bin in dots, (size,), as marks of the same accuracy stand; by default its middle."""
+    return 2 * (0.5 + (np.arange(size) + within) / size * (chart_width - 1))
+
+
+@lru_cache(64)
+def _binned(values: Same, axis: Interval, size: int) -> NDArray[np.uint8]:
+    """Bins of the axis; what lies beyond an end is in the last one there, NaN in bin `size`."""
+    column = np.asarray(values.array)
+    codes = np.empty(len(column), dtype=np.uint8)
+    scale = size / (axis[1] - axis[0])
+    for start in range(0, len(column), PIECE):
+        places = (column[start : start + PIECE] - axis[0]) * scale
+        places = np.where(np.isnan(places), size, np.clip(places, 0, size - 1))
+        codes[start : start + PIECE] = places
+    return codes
+
+
+@lru_cache(32)
+def _pairs(first: Same, second: Same, axis: Interval, size: int) -> Bins:
+    """Both bins: code = first * (size + 1) + second; the last bin of each is none."""
+    one, two = (_binned(part, axis, size) for part in (first, second))
+    return Bins(one.astype(np.uint16) * np.uint16(size + 1) + two, (size + 1) ** 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spans:
+    """For each pair of bins and row of dots where its segment begins, and the dot after it.
+
+    begin, end: (pairs, rows) places in a grid of `rows` x (`width` + 1).
+    """
+
+    begin: NDArray[np.int32]
+    end: NDArray[np.int32]
+    rows: int
+    width: int
+
+    def density(self, counts: NDArray[np.intp]) -> Density:
+        """Lines per dot, (rows, width)."""
+        held = np.flatnonzero(counts)
+        weights = np.repeat(counts[held].astype(np.float64), self.rows)
+        size = self.rows * (self.width + 1)
+        steps = np.bincount(self.begin[held].ravel(), weights, minlength=size)
+        steps -= np.bincount(self.end[held].ravel(), weights, minlength=size)
+        grid = np.cumsum(steps.reshape(self.rows, self.width + 1), axis=1)
+        return np.rint(grid[:, : self.width])
+
+
+@lru_cache(4)
+def _spans(chart_width: int, step: int, size: int, bands: bool) -> _Spans:
+    """Segments from the middle of one run's row to the middle of the next one's."""
+    rows, width = 4 * step, 2 * chart_width
+    left, right = (
+        _edges(chart_width, rows, size, part) for part in ((0, 1) if bands else (0.5, 0.5))
+    )
+    low, high = np.minimum(left[:, :-1], left[:, 1:]), np.maximum(right[:, :-1], right[:, 1:])
+    if not bands:
+        low += left[:, 1:] < left[:, :-1]
+        high -= right[:, 1:] > right[:, :-1]
+    base = np.arange(rows, dtype=np.int32) * (width + 1)
+    return _Spans(low + base, np.minimum(high + 1, width) + base, rows, width)
+
+
+def _edges(chart_width: int, rows: int, size: int, within: float) -> NDArray[np.int32]:
+    """The dot of each segment at the upper end of every row and the lower end of the last."""
+    places = _places(chart_width, size, within)
+    along = np.arange(rows + 1) / rows
+    start, stop = places[:, None, None], places[None, :, None]
+    return np.floor(start + (stop - start) * along).astype(np.int32).reshape(-1, rows + 1)

@@ -1,0 +1,75 @@
+"""The overview as numbers: clean rows and the axis that holds them, with or without lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from s2rtui.plots.inputs import Interval, OverviewLines, OverviewRow
+from s2rtui.plots.same import Same
+from s2rtui.plots.scale import finite, step
+
+
+@dataclass(frozen=True, slots=True)
+class OverviewModel:
+    """Rows with NaN turned into None, and the axis (accuracies) that holds them all."""
+
+    rows: tuple[OverviewRow, ...]
+    baseline: float | None
+    axis: Interval
+
+
+def overview_model(
+    rows: Sequence[OverviewRow],
+    baseline: float | None = None,
+    lines: OverviewLines | None = None,
+) -> OverviewModel:
+    """The cleaned rows; the axis is rounded outwards and stays within what accuracies can be.
+
+    With lines it also reaches from the 1st percentile of the valid of every run to 1.
+    """
+    clean = tuple(
+        OverviewRow(
+            row.run,
+            finite(row.sim_accuracy),
+            finite(row.real_accuracy),
+            _interval(row.sim_interval),
+            _interval(row.real_interval),
+            row.n,
+            row.note,
+        )
+        for row in rows
+    )
+    seen = [finite(baseline)]
+    for row in clean:
+        seen += [row.sim_accuracy, row.real_accuracy]
+        seen += [*(row.sim_interval or ()), *(row.real_interval or ())]
+    if lines is not None:
+        valid = Same(lines.valid)
+        seen += [1.0, *(finite(_lowest(Same(column), valid)) for column in lines.values)]
+    values = [value for value in seen if value is not None]
+    low, high = (min(values), max(values)) if values else (0.0, 1.0)
+    width = step(max(high - low, 0.02), 4)
+    low, high = math.floor(low / width + 1e-9) * width, math.ceil(high / width - 1e-9) * width
+    if high <= low:
+        high = low + width
+    return OverviewModel(clean, finite(baseline), (max(0.0, low), min(max(1.0, low + width), high)))
+
+
+@lru_cache(64)
+def _lowest(values: Same, valid: Same) -> float:
+    """The 1st percentile of the valid, NaN where none is known."""
+    column = np.asarray(values.array)[np.asarray(valid.array, dtype=np.bool_)]
+    column = column[np.isfinite(column)]
+    return float(np.percentile(column, 1)) if column.size else math.nan
+
+
+def _interval(interval: Interval | None) -> Interval | None:
+    if interval is None:
+        return None
+    low, high = finite(interval[0]), finite(interval[1])
+    return None if low is None or high is None else (min(low, high), max(low, high))

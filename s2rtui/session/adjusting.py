@@ -1,0 +1,116 @@
+"""Adjusting live: sliders with values, and the chains of adjustments that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from s2rstore.reader import Store
+from s2rstore.records import SIDES, Side
+from s2rtui.session.session import Session
+from s2rtui.session.state import Adjust, Slider, State
+
+
+def sliders(store: Store) -> tuple[tuple[Slider, ...], str]:
+    """What can be adjusted on this store, and why other things cannot be.
+
+    Images on the real side; the camera on the sim side where the data set has a renderer. Raises
+    ModuleNotFoundError where the tools are not installed.
+    """
+    from s2rtools.adjust import ADJUSTMENTS
+    from s2rtools.rendering import reason_against
+
+    reason = (reason_against(store) or "").removeprefix(f"{store.path}: ")
+    found: list[Slider] = []
+    for adjustment in ADJUSTMENTS.values():
+        side: Side = "sim" if adjustment.needs_renderer else "real"
+        if side in adjustment.sides and not (adjustment.needs_renderer and reason):
+            found.append(
+                Slider(
+                    side, adjustment.name, adjustment.lowest, adjustment.highest,
+                    adjustment.neutral, adjustment.step, adjustment.unit,
+                )
+            )  # fmt: skip
+    return tuple(found), reason
+
+
+def begin(session: Session, found: tuple[Slider, ...], reason: str) -> State:
+    """Sliders at the values of the present run."""
+    return session.set(replace(session.state, adjust=_fresh(session, found, reason)))
+
+
+def lack(session: Session, package: str) -> State:
+    """The panel without a package that it needs."""
+    missing = f"adjusting live needs {package}: pip install 's2rtui[tools]'"
+    return session.set(replace(session.state, adjust=Adjust(session.state.run, missing=missing)))
+
+
+def _fresh(session: Session, found: Sequence[Slider], reason: str) -> Adjust:
+    run = session.store.run(session.state.run)
+    values = {slider.key: slider.neutral for slider in found}
+    for side in SIDES:
+        for step in run.adjustments(side):
+            values[side, str(step["name"])] = float(step["value"])
+    return Adjust(session.state.run, tuple(values.items()), 0, tuple(found), reason)
+
+
+def follow(session: Session) -> State:
+    """Begin anew where the run has changed since."""
+    adjust = session.state.adjust
+    if adjust is None or adjust.run == session.state.run:
+        return session.state
+    return session.set(
+        replace(session.state, adjust=_fresh(session, adjust.sliders, adjust.reason))
+    )
+
+
+def choose(session: Session, steps: int) -> State:
+    """Another slider."""
+    adjust = session.state.adjust
+    if adjust is None or not adjust.sliders:
+        return session.state
+    active = (adjust.active + steps) % len(adjust.sliders)
+    return _put(session, replace(adjust, active=active))
+
+
+def move(session: Session, steps: int) -> State:
+    """The active slider by steps."""
+    adjust = session.state.adjust
+    if adjust is None or not adjust.sliders:
+        return session.state
+    slider = adjust.sliders[adjust.active]
+    return put(session, adjust.active, adjust.value(slider.key) + steps * slider.step)
+
+
+def put(session: Session, index: int, value: float) -> State:
+    """A slider to a value."""
+    adjust = session.state.adjust
+    if adjust is None:
+        return session.state
+    slider = adjust.sliders[index]
+    values = {**dict(adjust.values), slider.key: slider.clipped(value)}
+    return _put(session, replace(adjust, values=tuple(values.items()), active=index))
+
+
+def reset(session: Session) -> State:
+    """Every slider to neutral."""
+    adjust = session.state.adjust
+    if adjust is None:
+        return session.state
+    values = tuple((slider.key, slider.neutral) for slider in adjust.sliders)
+    return _put(session, replace(adjust, values=values))
+
+
+def chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
+    """The chains that the sliders stand for."""
+    from s2rtools.adjust import chain_of
+
+    return {
+        side: chain_of(side, {name: value for (own, name), value in adjust.values if own == side})
+        for side in SIDES
+    }
+
+
+def _put(session: Session, adjust: Adjust) -> State:
+    return session.set(replace(session.state, adjust=adjust, message="", is_error=False))

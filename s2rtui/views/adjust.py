@@ -1,0 +1,73 @@
+"""Adjusting live: sliders, and under them what the model sees and says with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from s2rtui import plots
+from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.plots.sliders import SliderLine, sliders, sliders_surface
+from s2rtui.plots.surface import Panel, Point
+from s2rtui.session import Session, adjusting
+from s2rtui.session.state import Adjust
+from s2rtui.views.contract import Scene, View
+
+
+class AdjustView(View):
+    name = "adjust"
+    key = "a"
+    description = "adjust images live, and save that as a run"
+
+    def told(self, scene: Scene) -> str:
+        adjust = scene.state.adjust
+        if adjust is None or adjust.missing:
+            return ""
+        live = scene.resources.live
+        if live is None:
+            return f"run {adjust.run}: loading the model"
+        return f"run {adjust.run}, instance {live.iid}: arrows, backspace neutral, S saves a run"
+
+    def lines(self, scene: Scene) -> tuple[SliderLine, ...]:
+        adjust = scene.state.adjust or Adjust("")
+        return tuple(
+            SliderLine(
+                slider.name.replace("_", " "), slider.side, slider.lowest, slider.highest,
+                slider.neutral, adjust.value(slider.key), slider.unit, index == adjust.active,
+            )
+            for index, slider in enumerate(adjust.sliders)
+        )  # fmt: skip
+
+    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+        canvas = Canvas(*size, theme=look.theme)
+        adjust = scene.state.adjust
+        if adjust is None or adjust.missing:
+            told = adjust.missing if adjust else "no instance to adjust"
+            canvas.text(0, 0, told, look.theme.muted)
+            return canvas
+        lines = self.lines(scene)
+        rows = self._rows(scene, canvas.height)
+        canvas.paste(sliders(lines, (canvas.width, rows), look), 0, 0)
+        used = rows
+        if adjust.reason and canvas.height > rows + 2:
+            canvas.text(0, rows, f"camera: {adjust.reason}"[: canvas.width], look.theme.muted)
+            used += 1
+        space = canvas.height - used - 1
+        if scene.resources.live is not None and space > 0:
+            shown = plots.instance(scene.resources.live, (canvas.width, space), look)
+            canvas.paste(shown, 0, used + 1)
+        return canvas
+
+    def _rows(self, scene: Scene, height: int) -> int:
+        """The sliders, as long as the pictures keep most of the room."""
+        return max(1, min(len(self.lines(scene)), height // 2))
+
+    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+        lines = self.lines(scene)
+        return sliders_surface(lines, (size[0], self._rows(scene, size[1]))) if lines else ()
+
+    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        adjusting.put(session, int(panel.name), point[0])
+
+    def drag(self, session: Session, scene: Scene, panel: Panel, point: Point) -> bool:
+        adjusting.put(session, int(panel.name), point[0])
+        return True

@@ -1,0 +1,144 @@
+"""Two runs on one selection: where the one errs less than the other, and who got worse."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from s2rtui import plots
+from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.plots.inputs import Floats
+from s2rtui.plots.scale import percentile_range
+from s2rtui.plots.surface import Mark, Panel, Point
+from s2rtui.session import Session, comparing, derive
+from s2rtui.views.contract import Pane, Scene, Table, View, area
+
+_WIDE, _TALL = 56, 30
+_EQUAL = 0.05
+"""Metres within which two errors count as equal."""
+
+
+class CompareView(View):
+    name = "compare"
+    key = "9"
+    pane: Pane = "centre"
+    description = "two runs compared on the selection"
+
+    def told(self, scene: Scene) -> str:
+        other = comparing.other_run(scene.state)
+        if other is None:
+            return "there is only one run"
+        return f"{scene.state.run} and {other}, {scene.state.side}: k another run, d side"
+
+    def input(self, scene: Scene, other: str) -> plots.DifferenceInput:
+        store, state = scene.store, scene.state
+        first, second = (store.run_columns(run).side(state.side) for run in (state.run, other))
+        return plots.DifferenceInput(
+            derive.truth_points(store), first.error, second.error, state.selected, state.base,
+            store.dataset.bounds, (state.run, other), state.side, equal=_EQUAL,
+            cursor=state.cursor, y_down=store.dataset.y_down,
+            floor_plan=scene.resources.floor_plan, rooms=store.rooms,
+            room_names=state.room_names, mark=scene.mark(self.name),
+        )  # fmt: skip
+
+    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+        canvas = Canvas(*size, theme=look.theme)
+        other = comparing.other_run(scene.state)
+        if other is None:
+            canvas.text(0, 0, "nothing to compare with", look.theme.muted)
+            return canvas
+        notes = comparing.differences(scene.store, scene.state.run, other)
+        for row, note in enumerate(notes[: max(0, canvas.height - 3)]):
+            canvas.text(0, row, note[: canvas.width], look.theme.truth)
+        top = self._top(scene, size)
+        height = canvas.height - top
+        maps = height // 2 if self._both(size) else 0
+        if maps:
+            half = (canvas.width - 2) // 2
+            for x, run in ((0, scene.state.run), (half + 2, other)):
+                self._map(canvas, scene, run, other, (x, top, half, maps), look)
+        view = self.input(scene, other)
+        shown = plots.difference(view, (canvas.width, height - maps), look, scene.state.viewport)
+        canvas.paste(shown, 0, top + maps)
+        return canvas
+
+    def _both(self, size: Size) -> bool:
+        return size[0] >= _WIDE and size[1] >= _TALL
+
+    def _top(self, scene: Scene, size: Size) -> int:
+        """Rows that the notes on cameras take."""
+        other = comparing.other_run(scene.state)
+        notes = comparing.differences(scene.store, scene.state.run, other) if other else []
+        return min(len(notes), max(0, size[1] - 3))
+
+    def _map(
+        self,
+        canvas: Canvas,
+        scene: Scene,
+        run: str,
+        other: str,
+        place: tuple[int, int, int, int],
+        look: Look,
+    ) -> None:
+        """One run's map, coloured by its error on a scale that both share."""
+        x, y, width, height = place
+        base, side = scene.state.base, scene.state.side
+        errors = scene.store.run_columns(run).side(side).error
+        both = [scene.store.run_columns(r).side(side).error[base] for r in (scene.state.run, other)]
+        upper = max(percentile_range(part)[1] for part in both)
+        state = replace(scene.state, run=run, map_mode="colour")
+        view = derive.map_input(scene.store, state, scene.resources.floor_plan)
+        view = replace(view, values=errors, value_label=f"{run}, error", value_range=(0.0, upper))
+        drawn = plots.geomap(view, (width, height), look, scene.state.viewport)
+        canvas.paste(drawn, x, y)
+
+    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+        other = comparing.other_run(scene.state)
+        if other is None:
+            return ()
+        top = self._top(scene, size)
+        maps = (size[1] - top) // 2 if self._both(size) else 0
+        inner = (size[0], size[1] - top - maps)
+        panels = plots.difference_surface(
+            self.input(scene, other), inner, look, scene.state.viewport
+        )
+        return [comparing.lowered(panel, top + maps) for panel in panels]
+
+    def at(self, scene: Scene, panel: Panel) -> Point | None:
+        return derive.point_of(derive.truth_points(scene.store), scene.state.cursor)
+
+    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        points = derive.truth_points(scene.store)
+        nearest = derive.nearest(points, scene.state.base, point)
+        if nearest is not None:
+            session.put_cursor(nearest)
+
+    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        return area(panel, mark, "box", "lasso")
+
+    def numbers(self, scene: Scene) -> Table:
+        names = ("room", "n", "first mean", "second mean", "difference", "improved", "worse",
+                 "equal")  # fmt: skip
+        other = comparing.other_run(scene.state)
+        if other is None:
+            return names, []
+        view, truth = self.input(scene, other), scene.store.instances
+        known = view.selected & view.valid & np.isfinite(view.first) & np.isfinite(view.second)
+        rows = []
+        for code, name in [*enumerate(truth.room_names), (-1, "no room"), (None, "all")]:
+            members = known if code is None else known & (truth.room == code)
+            if members.any() or code is None:
+                rows.append((name, *_summary(view.first[members], view.second[members])))
+        return names, rows
+
+
+def _summary(first: Floats, second: Floats) -> tuple[object, ...]:
+    """n, both means, their difference, and how many improved, got worse, stayed equal."""
+    difference = first - second
+    better, worse = int((difference > _EQUAL).sum()), int((difference < -_EQUAL).sum())
+    n = first.size
+    means = (float(part.mean()) if n else math.nan for part in (first, second, difference))
+    return (n, *means, better, worse, n - better - worse)

@@ -1,0 +1,53 @@
+"""Headings of the selection: predicted in sim, true, predicted in reality."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from s2rtui import plots
+from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.plots.surface import Mark, Panel, Point
+from s2rtui.views.contract import Scene, Table, View, turn
+
+_FIELDS = {"sim": "sim.heading", "truth": "heading", "real": "real.heading"}
+
+
+class OrientationView(View):
+    name = "orientation"
+    key = "5"
+    description = "headings in bins of 5 degrees: sim, truth, real"
+
+    def told(self, scene: Scene) -> str:
+        return "headings: sim, truth, real"
+
+    def input(self, scene: Scene) -> plots.OrientationInput:
+        store, state = scene.store, scene.state
+        columns = store.run_columns(state.run)
+        return plots.OrientationInput(
+            columns.sim.heading, store.instances.heading, columns.real.heading, state.selected,
+            state.base, store.dataset.y_down, state.cursor, scene.mark(self.name),
+        )  # fmt: skip
+
+    def numbers(self, scene: Scene) -> Table:
+        model = plots.orientation_model(self.input(scene))
+        counts = [panel.lit.tolist() for panel in model.panels]
+        step = 360 // len(counts[0])
+        starts = [-180 + step * index for index in range(len(counts[0]))]
+        rows = list(zip(starts, [s + step for s in starts], *counts, strict=True))
+        return ("from", "to", "sim", "truth", "real"), rows
+
+    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+        return plots.orientation(self.input(scene), size, look)
+
+    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+        return plots.orientation_surface(self.input(scene), size, look)
+
+    def at(self, scene: Scene, panel: Panel) -> Point | None:
+        if scene.state.cursor is None:
+            return None
+        heading = float(getattr(self.input(scene), panel.name)[scene.state.cursor])
+        return (math.degrees(heading), 1.0) if math.isfinite(heading) else None
+
+    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        return turn(mark, _FIELDS[panel.name])

@@ -1,0 +1,56 @@
+"""The embeddings in the plane: sim beside real, near points saw something alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from s2rtui import plots
+from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.plots.inputs import Floats
+from s2rtui.plots.surface import Mark, Panel, Point
+from s2rtui.session import Session, derive
+from s2rtui.views.contract import Scene, Table, View, area
+
+
+class UmapView(View):
+    name = "umap"
+    key = "4"
+    description = "embeddings in the plane (UMAP), sim and real"
+
+    def told(self, scene: Scene) -> str:
+        return "embeddings, coloured by the distance to the counterpart"
+
+    def input(self, scene: Scene) -> plots.UmapInput:
+        return derive.umap_input(scene.store, scene.state, scene.mark(self.name))
+
+    def numbers(self, scene: Scene) -> Table:
+        view = self.input(scene)
+        chosen = np.flatnonzero(scene.state.selected)
+        sim, real = view.sim[chosen], view.real[chosen]
+        distance = np.hypot(*(real - sim).T)
+        names = ("iid", "sim u", "sim v", "real u", "real v", "distance")
+        columns = (chosen, sim[:, 0], sim[:, 1], real[:, 0], real[:, 1], distance)
+        return names, list(zip(*(column.tolist() for column in columns), strict=True))
+
+    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+        return plots.umap(self.input(scene), size, look)
+
+    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+        return plots.umap_surface(self.input(scene), size, look)
+
+    def at(self, scene: Scene, panel: Panel) -> Point | None:
+        return derive.point_of(self._points(scene, panel), scene.state.cursor)
+
+    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        nearest = derive.nearest(self._points(scene, panel), scene.state.base, point)
+        if nearest is not None:
+            session.put_cursor(nearest)
+
+    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        return area(panel, mark, f"umap.{panel.name}", f"umap.{panel.name}.lasso")
+
+    def _points(self, scene: Scene, panel: Panel) -> Floats:
+        view = self.input(scene)
+        return view.sim if panel.name == "sim" else view.real

@@ -1,0 +1,79 @@
+"""A rig that is mounted or zoomed otherwise than its domain declares."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from s2rstore.errors import RequestError
+from s2rstore.records import Domain, Intrinsics
+
+HEIGHT, PITCH, FOV = "camera_height", "camera_pitch", "camera_fov"
+"""Names of the adjustments that move a camera: metres up, degrees up, degrees wider."""
+NAMES = (HEIGHT, PITCH, FOV)
+_LEAST_HEIGHT = 0.02
+_FOVS = (5.0, 160.0)
+_MOST_PITCH = 80.0
+
+
+@dataclass(frozen=True, slots=True)
+class CameraMove:
+    """Metres up, radians of pitch up, a factor of the focal lengths; of a rig's both cameras."""
+
+    height: float = 0.0
+    pitch: float = 0.0
+    zoom: float = 1.0
+
+    def applied(self, domain: Domain) -> Domain:
+        """The domain with its cameras moved; the very same where nothing moves."""
+        if self == UNMOVED:
+            return domain
+        return replace(
+            domain, rgb=self._lens(domain.rgb), depth=self._lens(domain.depth),
+            camera_height=domain.camera_height + self.height,
+        )  # fmt: skip
+
+    def _lens(self, lens: Intrinsics) -> Intrinsics:
+        return replace(
+            lens, fx=lens.fx * self.zoom, fy=lens.fy * self.zoom, pitch=lens.pitch + self.pitch
+        )
+
+
+UNMOVED = CameraMove()
+
+
+def hfov(lens: Intrinsics, width: int) -> float:
+    """Horizontal field of view in degrees of a lens over frames of `width` pixels."""
+    return 2 * math.degrees(math.atan(width / 2 / lens.fx))
+
+
+def camera_move(chain: Sequence[Mapping[str, Any]], domain: Domain, width: int) -> CameraMove:
+    """How a chain of adjustments moves the cameras of a domain; `width` of its stored frames.
+
+    Steps of one name add up; other adjustments are passed over. The field of view is that of the
+    domain's RGB camera; both focal lengths follow. Raises RequestError for a camera that sinks
+    into the floor, looks straight up or down or sees no sensible field of view.
+    """
+    total = dict.fromkeys(NAMES, 0.0)
+    for step in chain:
+        if step["name"] in total:
+            total[str(step["name"])] += float(step["value"])
+    zoom, now = 1.0, hfov(domain.rgb, width)
+    wanted = now + total[FOV]
+    if total[FOV]:
+        if not _FOVS[0] <= wanted <= _FOVS[1]:
+            span = f"{_FOVS[0] - now:+.0f} .. {_FOVS[1] - now:+.0f}"
+            raise RequestError(
+                f"{FOV}={total[FOV]:g}: domain {domain.domain} allows {span} degrees"
+            )
+        zoom = math.tan(math.radians(now) / 2) / math.tan(math.radians(wanted) / 2)
+    if total[HEIGHT] and domain.camera_height + total[HEIGHT] < _LEAST_HEIGHT:
+        raise RequestError(
+            f"{HEIGHT}={total[HEIGHT]:g}: the camera of domain {domain.domain} is only "
+            f"{domain.camera_height:.2f} m above the floor"
+        )
+    if total[PITCH] and abs(math.degrees(domain.rgb.pitch) + total[PITCH]) > _MOST_PITCH:
+        raise RequestError(f"{PITCH}={total[PITCH]:g}: at most {_MOST_PITCH:g} degrees up or down")
+    return CameraMove(total[HEIGHT], math.radians(total[PITCH]), zoom)

@@ -1,0 +1,60 @@
+"""A bounded store of values that are dear to make."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from threading import Lock
+from typing import Protocol, TypeVar
+
+
+class Sized(Protocol):
+    """Knows its size in bytes, as numpy arrays do."""
+
+    @property
+    def nbytes(self) -> int: ...
+
+
+V = TypeVar("V", bound=Sized)
+
+
+class Recent:
+    """The values asked for last, up to `limit` bytes together, at least one; for any thread."""
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._values: OrderedDict[Hashable, Sized] = OrderedDict()
+        self._bytes = 0
+        self._lock = Lock()
+
+    def get(self, key: Hashable, make: Callable[[], V]) -> V:
+        """The value of `key`, made where it is not kept.
+
+        A key stands for one value of one type, which nobody may change. Two threads may make the
+        same value at once.
+        """
+        with self._lock:
+            if key in self._values:
+                self._values.move_to_end(key)
+                return self._values[key]  # type: ignore[return-value]
+        value = make()
+        with self._lock:
+            self._put(key, value)
+        return value
+
+    def _put(self, key: Hashable, value: Sized) -> None:
+        if key in self._values:
+            self._bytes -= self._values.pop(key).nbytes
+        self._values[key] = value
+        self._bytes += value.nbytes
+        while self._bytes > self._limit and len(self._values) > 1:
+            _, oldest = self._values.popitem(last=False)
+            self._bytes -= oldest.nbytes
+
+    @property
+    def nbytes(self) -> int:
+        """What is kept, together."""
+        return self._bytes
+
+    def __len__(self) -> int:
+        return len(self._values)

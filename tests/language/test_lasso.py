@@ -1,0 +1,85 @@
+"""What a polygon holds: the even-odd rule, edges counted once, the same in every band."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rstore.language import ExpressionError, parse
+from s2rstore.language.lasso import MOST_CORNERS, Corners, bands, edges, inside
+
+WHOLE = st.integers(-4, 4).map(float)
+GRID = np.array([(x, y) for x in range(-5, 6) for y in range(-5, 6)], dtype=float)
+
+
+def held(points: np.ndarray, corners: Corners) -> np.ndarray:
+    return inside(bands(points[:, 0], points[:, 1]), corners, len(points))
+
+
+def plain(x: np.ndarray, y: np.ndarray, corners: Corners) -> np.ndarray:
+    """The definition, edge by edge."""
+    odd = np.zeros(x.size, dtype=bool)
+    for edge in edges(corners):
+        right = x < (y - edge.low) / edge.rise * edge.run + edge.x
+        odd ^= (y >= edge.low) & (y < edge.high) & right
+    return odd
+
+
+def test_a_square_holds_its_left_and_lowest_edge_only() -> None:
+    square = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
+    assert sorted(map(tuple, GRID[held(GRID, square)])) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert (held(GRID, square[::-1]) == held(GRID, square)).all()
+
+
+def test_what_is_enclosed_twice_is_outside() -> None:
+    star = tuple((float(np.cos(a)), float(np.sin(a))) for a in np.arange(5) * 4 * np.pi / 5)
+    points = np.array([(0.0, 0.0), (0.7, 0.0), (0.0, 2.0)])
+    assert held(points, star).tolist() == [False, True, False]
+
+
+@settings(max_examples=300, deadline=None)
+@given(corners=st.lists(st.tuples(WHOLE, WHOLE), min_size=3, max_size=9), point=st.integers(0, 120))
+def test_cutting_a_polygon_shares_every_point_out_once(
+    corners: list[tuple[float, float]], point: int
+) -> None:
+    """A corner put between the last and the first adds or takes exactly the triangle's points."""
+    whole = held(GRID, tuple(corners))
+    extra = (float(GRID[point][0]) / 3, float(GRID[point][1]) / 7)
+    triangle = held(GRID, (corners[-1], extra, corners[0]))
+    assert (held(GRID, (*corners, extra)) == (whole ^ triangle)).all()
+
+
+def test_bands_change_nothing() -> None:
+    rng = np.random.default_rng(3)
+    n = 120_000
+    x, y = rng.normal(0, 3, n), np.round(rng.normal(0, 3, n), 2)
+    x[::97], y[::89] = np.nan, np.nan
+    x[5], y[6], y[7] = -np.inf, np.inf, -np.inf
+    points = bands(x, y)
+    assert len(points.starts) > 5
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 40))
+    radii = rng.uniform(1, 6, 40)
+    wild = tuple(
+        zip((radii * np.cos(angles)).tolist(), np.round(radii * np.sin(angles), 1), strict=True)
+    )
+    for corners in (wild, wild[:3], ((0.0, -9.0), (4.0, 9.0), (4.0, -9.0))):
+        chosen = inside(points, corners, n)
+        assert (chosen == plain(x, y, corners)).all()
+        assert 0 < chosen.sum() < n
+
+
+@pytest.mark.parametrize("n", [0, 1, 40_000])
+def test_points_of_one_height_are_one_band(n: int) -> None:
+    points = bands(np.linspace(0, 1, n), np.full(n, 2.0))
+    corners = ((-1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (-1.0, 3.0))
+    assert inside(points, corners, n).all()
+    assert inside(points, corners[::-1], n).sum() == n
+
+
+def test_a_lasso_has_3_to_64_corners() -> None:
+    assert parse("lasso(" + ", ".join(["1"] * 2 * MOST_CORNERS) + ")")
+    for count, problem in ((4, "not 2"), (2 * MOST_CORNERS + 2, "not 65"), (7, "no y")):
+        with pytest.raises(ExpressionError, match=problem):
+            parse("lasso(" + ", ".join(["1"] * count) + ")")

@@ -1,0 +1,92 @@
+"""`like`: an instance and those that a run sees alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore import selection, similarity
+from s2rstore.errors import RequestError
+from s2rstore.language import ExpressionError
+from s2rstore.reader import Store
+from s2rstore.writer import edit
+from tests.support import embeddings, tiny
+
+N = 40
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    """Run `vanilla` sees instances on a line: i at (i, 0) real, at (i // 2, 0) sim."""
+    path = tiny.build(tmp_path_factory.mktemp("like") / "like.s2r", n=N)
+    line = np.stack([np.arange(N), np.zeros(N)], axis=1).astype(np.float32)
+    real, sim = line.copy(), line // 2
+    real[11] = np.nan
+    embeddings.add(path, "vanilla", {"sim": sim, "real": real})
+    with edit(path) as draft:
+        draft._connection.execute(
+            "UPDATE prediction SET error = NULL WHERE run = 'vanilla' AND iid = 13"
+        )
+    return s2rstore.open(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("like(20, 4)", {18, 19, 20, 21, 22}),
+        ("real.like(20, 1)", {19, 20}),  # 19 and 21 are equally near
+        ("sim.like(20, 3)", {18, 19, 20, 21}),
+        ("like(0, 2)", {0, 1, 2}),
+        ("like(12, 2)", {10, 12, 14}),  # 11 has no embedding, 13 no prediction
+        ("like(11, 5)", set()),
+        ("like(20, 4) - ids(20)", {18, 19, 21, 22}),
+        ("like(3, 100)", set(range(N)) - {11, 13}),
+        ('run("vanilla").like(20, 1)', {19, 20}),
+    ],
+)
+def test_like_takes_the_instance_and_its_nearest(store: Store, text: str, wanted: set[int]) -> None:
+    assert set(np.flatnonzero(selection.select(store, text, "vanilla"))) == wanted
+    query, parameters = selection.sql(store, text, "vanilla")
+    assert {row[0] for row in store.execute(query, parameters)} == wanted
+
+
+def test_neighbours_are_looked_for_in_view(store: Store) -> None:
+    chosen = np.flatnonzero(selection.select(store, "like(24, 3)", "vanilla", ("b",)))
+    assert chosen.tolist() == [25, 26, 27]  # 24 itself is of trajectory a
+    found, distances = similarity.neighbours(store, "vanilla", "real", 24, 3)
+    assert found.tolist() == [24, 23, 25, 22]
+    assert distances.tolist() == [0, 1, 1, 2]
+
+
+def test_a_run_without_embeddings_says_so(store: Store) -> None:
+    for evaluate in (selection.select, selection.sql):
+        with pytest.raises(ExpressionError, match=r"column 10: like: run 'dataaug' has no pca"):
+            evaluate(store, "gap > 0 |like(3, 4)", "dataaug")
+        with pytest.raises(ExpressionError, match=r"no instance 40: the store holds 0 \.\. 39"):
+            evaluate(store, "like(40, 4)", "vanilla")
+
+
+def test_embeddings_stand_in_for_components(own_store: Path) -> None:
+    rows = np.arange(N * 3, dtype=np.float32).reshape(N, 3)
+    embeddings.add(own_store, "vanilla", {"sim": rows, "real": rows}, "embedding")
+    with s2rstore.open(own_store) as store:
+        assert set(np.flatnonzero(selection.select(store, "like(5, 2)"))) == {4, 5, 6}
+
+
+def test_embeddings_of_other_instances_are_refused(own_store: Path) -> None:
+    embeddings.add(own_store, "vanilla", {"real": np.zeros((7, 2), np.float32)})
+    with (
+        s2rstore.open(own_store) as store,
+        pytest.raises(RequestError, match="7 rows; run `s2r verify`"),
+    ):
+        similarity.neighbours(store, "vanilla", "real", 3, 2)
+
+
+def test_near_points_keep_their_order_far_from_the_origin() -> None:
+    points = np.full((50, 8), 3000.0, np.float32)
+    points[:, 0] += np.arange(50, dtype=np.float32) * np.float32(0.01)
+    found, _ = similarity.nearest(points, 20, 6, np.ones(50, bool))
+    assert set(found[1:]) == {17, 18, 19, 21, 22, 23}

@@ -1,0 +1,127 @@
+"""Runs saved in the background: the same as the command line's, told as they go, or gone."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore import locks
+from s2rstore.errors import RequestError
+from s2rstore.verify import verify
+from s2rtools.adjust import chain_of
+from s2rtools.precompute.registry import add_run, drop_run
+from s2rtui.cli import main
+from s2rtui.saving import Saving, save_run
+from tests.support.copies import copied
+
+pytestmark = pytest.mark.xdist_group("world")
+
+
+def test_a_saved_run_is_the_one_of_the_command_line(moved_world: Path, tmp_path: Path) -> None:
+    path = copied(moved_world, tmp_path / "s.s2r")
+    chain = {
+        "sim": chain_of("sim", {"camera_pitch": 2.0}),
+        "real": chain_of("real", {"contrast": 0.9, "brightness": 1.15}),
+    }
+    with s2rstore.open(path) as reader:
+        saving = save_run(path, "saved", "vanilla", chain)
+        told = list(saving.follow())
+        assert told[-1] == saving.progress
+        assert (told[-1].outcome, told[-1].fraction) == ("done", 1.0)
+        assert [p.is_running for p in told] == [True] * (len(told) - 1) + [False]
+        fractions = [p.fraction for p in told]
+        assert fractions == sorted(fractions)
+        assert len(set(fractions)) > 3
+        assert "saved" not in reader.runs
+    words = ["--adjust", "real:brightness=1.15,contrast=0.9", "--store", str(path),
+             "--adjust", "sim:camera_pitch=2"]  # fmt: skip
+    assert main(["run", "add", "typed", "--model", "vanilla", *words]) == 0
+    assert main(["precompute", str(path), "--run", "typed"]) == 0
+    with s2rstore.open(path) as store:
+        assert store.run("saved").key == store.run("typed").key
+        assert len(store.arrays("saved")) == len(store.arrays("typed"))
+        for record in store.arrays("saved"):
+            names = record.kind, record.side, record.mode
+            mine, other = (store.array(run, *names)[1][:] for run in ("saved", "typed"))
+            assert np.asarray(mine).tobytes() == np.asarray(other).tobytes(), names
+        rows = "SELECT * EXCLUDE (run) FROM prediction WHERE run = ? ORDER BY side, iid"
+        assert store.execute(rows, ["saved"]) == store.execute(rows, ["typed"])
+    assert verify(path) == []
+
+
+def waited(saving: Saving, stage: str) -> None:
+    deadline = time.monotonic() + 60
+    for progress in saving.follow():
+        assert time.monotonic() < deadline
+        if progress.stage.startswith(stage):
+            return
+    raise AssertionError(saving.progress)
+
+
+def test_a_cancelled_run_leaves_its_name_free(trained: Path, tmp_path: Path) -> None:
+    path = copied(trained, tmp_path / "s.s2r")
+    saving = save_run(path, "saved", "vanilla", {"sim": chain_of("sim", {"black": 0.5})})
+    waited(saving, "forward")
+    saving.cancel()
+    last = list(saving.follow())[-1]
+    assert (last.outcome, last.error) == ("cancelled", "")
+    saving.cancel()
+    with s2rstore.open(path) as store:
+        assert list(store.runs) == ["vanilla"]
+    add_run(path, "saved", "vanilla", None, None, {"sim": [], "real": []})
+    assert verify(path) == []
+
+
+def test_a_busy_store_is_told_and_the_run_is_gone(trained: Path, tmp_path: Path) -> None:
+    path = copied(trained, tmp_path / "s.s2r")
+    with locks.compute_lock(path):
+        last = list(save_run(path, "saved", "vanilla", {}).follow())[-1]
+    assert last.outcome == "failed"
+    assert "holds the compute lock" in last.error
+    with s2rstore.open(path) as store:
+        assert "saved" not in store.runs
+
+
+def test_wrong_requests_start_nothing(trained: Path) -> None:
+    with pytest.raises(RequestError, match="choose another name"):
+        save_run(trained, "vanilla", "vanilla", {})
+    with pytest.raises(RequestError, match="runs: vanilla"):
+        save_run(trained, "saved", "nothing", {})
+    with pytest.raises(RequestError, match="taken, not rendered"):
+        save_run(trained, "saved", "vanilla", {"sim": chain_of("sim", {"camera_fov": 5})})
+
+
+def test_computed_runs_are_not_dropped(own_store: Path) -> None:
+    assert not drop_run(own_store, "vanilla")
+    assert not drop_run(own_store, "nothing")
+    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+    assert drop_run(own_store, "later")
+    with s2rstore.open(own_store) as store:
+        assert list(store.runs) == ["vanilla", "dataaug"]
+
+
+def test_progress_is_told_as_json_and_survives_its_reader(
+    moved_world: Path, tmp_path: Path
+) -> None:
+    path = copied(moved_world, tmp_path / "s.s2r")
+    add_run(path, "later", "perlin", None, None, {"sim": [], "real": []})
+    command = [sys.executable, "-m", "s2rtui", "precompute", str(path), "--run", "later",
+               "--kinds", "feature_distance", "--progress", "json"]  # fmt: skip
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert json.loads(process.stdout.readline()) == {
+            "stage": "later: forward", "done": 0, "total": 8,
+        }  # fmt: skip
+        process.stdout.close()
+        assert process.wait(timeout=120) == 0
+        assert process.stderr is not None
+        assert process.stderr.read() == b""
+    with s2rstore.open(path) as store:
+        assert store.run("later").key is not None

@@ -1,0 +1,78 @@
+"""The pictures are those that the model was shown, and where they cannot be the view says so."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.reader import Store
+from s2rstore.records import Run
+from s2rtools.adjust import parse
+from s2rtools.precompute.registry import add_run
+from s2rtui.session.derive import instance_input
+from s2rtui.session.seen import seen
+
+
+@pytest.fixture
+def store(own_store: Path) -> Store:
+    for name, chain in (
+        ("bright", "real:brightness=1.5"),
+        ("dark", "real:black"),
+        ("many", "real:brightness=1.5,contrast=0.5"),
+    ):
+        add_run(own_store, name, "vanilla", None, None, parse(chain))
+    return s2rstore.open(own_store)
+
+
+def run(store: Store, name: str) -> Run:
+    return store.runs[name]
+
+
+def test_pictures_are_adjusted(store: Store) -> None:
+    plain, bright = (seen(store, run(store, name), "real", 4) for name in ("vanilla", "bright"))
+    np.testing.assert_array_equal(
+        bright.rgb, np.clip(np.rint(plain.rgb * 1.5), 0, 255).astype(np.uint8)
+    )
+    np.testing.assert_array_equal(bright.depth, plain.depth)
+    assert (plain.title, bright.title) == ("", "real, brightness=1.5")
+    assert seen(store, run(store, "bright"), "sim", 4).title == ""
+
+
+def test_depth_that_was_taken_away_is_no_depth(store: Store) -> None:
+    dark = seen(store, run(store, "dark"), "real", 4)
+    assert np.isnan(dark.depth).all()
+    assert not dark.rgb.any()
+
+
+def test_long_chains_are_told_in_a_note(store: Store) -> None:
+    many = seen(store, run(store, "many"), "real", 4)
+    assert many.title == "real, adjusted"
+    assert many.notes == (("real images", "brightness=1.5, contrast=0.5"),)
+
+
+def test_without_the_tools_the_stored_frame_says_so(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = seen(store, run(store, "vanilla"), "real", 4)
+    monkeypatch.setitem(sys.modules, "s2rtools.adjust", None)
+    bright, many = (seen(store, run(store, name), "real", 4) for name in ("bright", "many"))
+    np.testing.assert_array_equal(bright.rgb, plain.rgb)
+    assert bright.title == "real, before brightness=1.5"
+    assert many.title == "real, before adjustments"
+
+
+@pytest.mark.xdist_group("world")
+def test_the_instance_view_shows_the_moved_camera(moved_world: Path) -> None:
+    with s2rstore.open(moved_world) as store:
+        up, plain = (instance_input(store, name, 2, None) for name in ("up", "vanilla"))
+        assert (up.sim.rgb != plain.sim.rgb).mean() > 0.5
+        assert (up.real.rgb == plain.real.rgb).all()
+        assert up.sim.title == "sim, adjusted"
+        notes = dict(up.notes)
+        assert notes["sim camera"] == "height=0.1, pitch=-5, fov=6"
+        assert notes["sim images"] == "brightness=1.2"
+        assert not any("real" in name for name in notes)

@@ -1,0 +1,60 @@
+"""Stores that an earlier release wrote, without the columns that came later."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore import schema, selection
+from s2rstore.verify import verify
+from s2rstore.writer import edit
+
+
+@pytest.fixture
+def older(own_store: Path) -> Path:
+    view = schema._pair_view()
+    for side, alias in (("sim", "s"), ("real", "r")):
+        view = view.replace(f"{alias}.outlier AS {side}_outlier, ", "")
+    assert "outlier" not in view
+    with edit(own_store) as draft:
+        draft._connection.execute("DROP VIEW pair")
+        draft._connection.execute("ALTER TABLE prediction DROP COLUMN outlier")
+        draft._connection.execute(view)
+    return own_store
+
+
+def test_it_opens_and_what_it_lacks_is_missing(older: Path) -> None:
+    with s2rstore.open(older) as store:
+        assert store.lacking("prediction") == {"outlier"}
+        assert np.isnan(store.run_columns("vanilla").real.outlier).all()
+        for text in (
+            "sim.outlier > 1",
+            "worst(15%, real.outlier)",
+            "!(real.outlier < 2)",
+            "worst15",
+        ):
+            chosen = np.flatnonzero(selection.select(store, text))
+            query, parameters = selection.sql(store, text)
+            assert [row[0] for row in store.execute(query, parameters)] == chosen.tolist()
+    assert verify(older) == []
+
+
+def test_the_next_generation_has_the_column(older: Path) -> None:
+    with edit(older) as draft:
+        draft._connection.execute("UPDATE prediction SET outlier = 2 WHERE iid < 3")
+    with s2rstore.open(older) as store:
+        assert not store.lacking("prediction")
+        assert np.flatnonzero(selection.select(store, "sim.outlier = 2")).tolist() == [0, 1, 2]
+        assert store.execute("SELECT count(*) FROM pair WHERE real_outlier = 2") == [(6,)]
+    assert verify(older) == []
+
+
+def test_a_negative_outlier_score_is_damage(own_store: Path) -> None:
+    with edit(own_store) as draft:
+        draft._connection.execute(
+            "UPDATE prediction SET outlier = -1 WHERE iid = 3 AND side = 'sim'"
+        )
+    assert [damage.what for damage in verify(own_store)] == ["2 rows: outlier is no distance"]

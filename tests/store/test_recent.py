@@ -1,0 +1,39 @@
+"""What is kept of costly values: the last ones, within bounds."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from s2rstore.recent import Recent
+
+
+def test_the_last_used_stay() -> None:
+    kept, made = Recent(300), []
+
+    def get(key: str, size: int = 100) -> np.ndarray:
+        return kept.get(key, lambda: made.append(key) or np.zeros(size, np.uint8))
+
+    for key in "abcabdab":
+        get(key)
+    assert made == ["a", "b", "c", "d"]
+    get("c")
+    assert made[-1] == "c"
+    assert (kept.nbytes, len(kept)) == (300, 3)
+    get("huge", 1000)
+    assert (kept.nbytes, len(kept)) == (1000, 1)
+
+
+def test_many_threads_share_it() -> None:
+    kept = Recent(50)
+
+    def work(seed: int) -> bool:
+        keys = np.random.default_rng(seed).integers(0, 9, 500)
+        return all(
+            (kept.get(int(k), lambda k=k: np.full(10, k, np.uint8)) == k).all() for k in keys
+        )
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(work, range(8)))
+    assert kept.nbytes <= 50

@@ -1,0 +1,29 @@
+"""Embeddings made by code, added to a synthetic store."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from s2rstore import arrays, layout
+from s2rstore.ledger import Ledger
+from s2rstore.writer import edit
+
+
+def add(path: Path, run: str, points: dict[str, np.ndarray], kind: str = "pca") -> None:
+    """Publish `points` (N, D) of each side as the run's array of a kind."""
+    ledger = Ledger(path)
+    with edit(path) as draft:
+        for side, rows in points.items():
+            relative = f"{run}/made/{kind}.{side}"
+            plan = arrays.plan(len(rows), rows.shape[1:], "float32", len(rows))
+            arrays.create(path / layout.RUNS / relative, plan)
+            file = arrays.write_shard(path / layout.RUNS / relative, 0, rows.astype(np.float32))
+            ledger.add(f"{relative}:0", [(file.relative_to(path).as_posix(), len(rows))])
+            draft.insert_row(
+                "zarr_array",
+                {"run": run, "kind": kind, "side": side, "mode": None, "path": relative,
+                 "dtype": "float32", "shape": list(rows.shape), "axes": ["iid", "component"],
+                 "scale": 1.0, "zero": 0.0, "unit": ""},
+            )  # fmt: skip

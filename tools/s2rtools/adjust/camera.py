@@ -1,0 +1,12 @@
+"""Adjustments of the camera: the data set's renderer takes the frames anew."""
+
+from __future__ import annotations
+
+from s2rstore.geometry import move
+from s2rtools.adjust.contract import RenderedAdjustment
+
+HEIGHT = RenderedAdjustment(move.HEIGHT, -0.5, 1.0, 0.0, 0.02, "m", "camera higher above the floor")
+PITCH = RenderedAdjustment(move.PITCH, -30.0, 30.0, 0.0, 1.0, "degrees", "camera pitched up")
+FOV = RenderedAdjustment(
+    move.FOV, -30.0, 30.0, 0.0, 1.0, "degrees", "wider horizontal field of view"
+)
