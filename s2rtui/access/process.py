@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import signal
 import sys
 import termios
 import tty
 from collections.abc import Callable, Iterable, MutableMapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,6 +18,7 @@ from s2rtui.access.rights import Access
 
 WEB_DRIVER = "textual.drivers.web_driver:WebDriver"
 
+_PR_SET_PDEATHSIG = 1
 _DEVICES = ("/dev/null", "/dev/tty")
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 _PROGRAMS = ("subprocess.Popen", "pty.spawn", "os.exec", "os.fork", "os.forkpty", "os.posix_spawn",
@@ -41,6 +45,12 @@ def clean_environment(environment: MutableMapping[str, str]) -> None:
         del environment[name]
     if served:
         environment["TEXTUAL_DRIVER"] = WEB_DRIVER
+
+
+def end_with_parent() -> None:
+    """Have this process ended when its parent ends, however that happens (Linux)."""
+    with suppress(AttributeError, OSError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def confine(access: Access) -> None:

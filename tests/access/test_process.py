@@ -111,7 +111,7 @@ def test_the_application_works_confined(tiny_store: Path, tmp_path: Path) -> Non
         screen.press(" ")
         screen.wait_for("3 instance")
         screen.press("c")
-        screen.wait_for("40 of 40")
+        screen.wait_for("│ 40 of 40 │")
         for keys in ("w", "h", "v", "o", "o", "m", "+", "0", "r", "n", "y", "?"):
             screen.press(keys)
         screen.wait_for("all but these")

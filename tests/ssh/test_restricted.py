@@ -103,9 +103,9 @@ def test_no_key_leads_to_a_shell(server: Sshd, open_screen: OpenScreen) -> None:
     screen.press(ESCAPE)
     screen.wait_for(lambda text: "🔎" not in text)
     screen.press("c")
-    screen.wait_for("40 of 40")
+    screen.wait_for("│ 40 of 40 │")
     screen.press("w")
-    screen.wait_for("6 of 40")
+    screen.wait_for("│ 6 of 40 │")
     assert applications_below(server.pid) == running
     assert _shells(server) == []
     screen.press("q")
@@ -124,7 +124,7 @@ def test_keys_pressed_while_it_starts(server: Sshd, open_screen: OpenScreen, key
     if screen.code is None:
         screen.press("\n$((40+2))\n")
         screen.press("c")
-        screen.wait_for("40 of 40")
+        screen.wait_for("│ 40 of 40 │")
     assert b"42: " not in screen.raw
     assert _shells(server) == []
 
