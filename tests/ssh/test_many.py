@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import random
-import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -16,6 +15,7 @@ import s2rstore
 from s2rstore import layout
 from s2rstore.verify import verify
 from tests.support.copies import copied
+from tests.support.replay import STATUS, faults
 from tests.support.screen import LEFT, RIGHT, Screen
 from tests.support.sshd import Sshd, application
 
@@ -23,8 +23,6 @@ OpenScreen = Callable[..., Screen]
 USERS = 8
 KINDS = "activation,feature_distance"
 KEYS = ("w", "b", "W", "B", "c", RIGHT, LEFT, "r", "R", "h", "v", "o", "d", "m", "+", "0", "u")
-_STATUS = re.compile(r"(?P<chosen>\d+) of (?P<all>\d+) . .* . gen (?P<generation>\d+)")
-_TROUBLE = re.compile(r"Traceback|[a-z]Error\b|damaged|cannot be|no such|run `s2r")
 
 
 @pytest.fixture
@@ -77,12 +75,11 @@ def test_eight_users_while_a_precompute_publishes(
             screen.press(rng.choice(KEYS))
         for screen, received in zip(screens, before, strict=True):
             screen.wait_for_bytes(received, 0.5)
-            text = screen.wait_for(lambda text: bool(_STATUS.search(text)))
-            assert not _TROUBLE.search(text), text
-            seen = _STATUS.search(text)
+            text = screen.wait_for(lambda text: bool(STATUS.search(text)))
+            assert faults(text.splitlines()) == [], text
+            seen = STATUS.search(text)
             assert seen is not None
-            assert int(seen["chosen"]) <= int(seen["all"]) == 80
-            assert int(seen["generation"]) == first
+            assert (int(seen["all"]), int(seen["generation"])) == (80, first)
     newest = layout.read_current(computed).generation
     assert newest > first
     for screen in screens:

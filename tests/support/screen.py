@@ -23,6 +23,21 @@ RIGHT, LEFT, CTRL_C, CTRL_P, CTRL_Z, ESCAPE = (
 _PRIVATE = re.compile(rb"\x1b\[[<>=][0-9;]*[a-zA-Z]|\x1b\[\?[0-9;]*\$p")
 
 
+def emulator(size: tuple[int, int]) -> tuple[pyte.Screen, pyte.ByteStream]:
+    """An empty screen of columns and rows, and the stream that draws on it."""
+    screen = pyte.Screen(*size)
+    return screen, pyte.ByteStream(screen)
+
+
+def feed(stream: pyte.ByteStream, data: bytes) -> bytes:
+    """Draw what is complete; gives back a sequence that is cut in two, for the next call."""
+    cut = data.rfind(b"\x1b")
+    whole = cut < 0 or re.match(rb"\x1b(\[[0-9;<>=?$]*[a-zA-Z]|[^\[])", data[cut:])
+    data, rest = (data, b"") if whole else (data[:cut], data[cut:])
+    stream.feed(_PRIVATE.sub(b"", data))
+    return rest
+
+
 class Screen:
     """Runs `command` on a terminal of `size` columns and rows; a thread reads and draws.
 
@@ -34,9 +49,11 @@ class Screen:
         command: Sequence[str],
         size: tuple[int, int] = (80, 24),
         environment: Mapping[str, str] | None = None,
+        draws: bool = True,
     ) -> None:
-        self._emulator = pyte.Screen(*size)
-        self._stream = pyte.ByteStream(self._emulator)
+        """Without `draws` the bytes are only kept."""
+        self._draws = draws
+        self._emulator, self._stream = emulator(size)
         self._changed = threading.Condition()
         self._rest = b""
         self.raw = bytearray()
@@ -72,16 +89,9 @@ class Screen:
                     return
                 self.raw += piece
                 self.arrivals.append((time.monotonic(), len(piece)))
-                self._draw(piece)
+                if self._draws:
+                    self._rest = feed(self._stream, self._rest + piece)
                 self._changed.notify_all()
-
-    def _draw(self, piece: bytes) -> None:
-        """Draw what is complete; a sequence cut in two waits for its other half."""
-        data = self._rest + piece
-        cut = data.rfind(b"\x1b")
-        whole = cut < 0 or re.match(rb"\x1b(\[[0-9;<>=?$]*[a-zA-Z]|[^\[])", data[cut:])
-        data, self._rest = (data, b"") if whole else (data[:cut], data[cut:])
-        self._stream.feed(_PRIVATE.sub(b"", data))
 
     @property
     def lines(self) -> list[str]:
