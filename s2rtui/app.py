@@ -25,7 +25,7 @@ from s2rtui.canvas import ColourMode, Look
 from s2rtui.feeds.feeding import Feeding
 from s2rtui.messages import Fed, Progressed
 from s2rtui.notebook import Notebook
-from s2rtui.prompts import Prompts
+from s2rtui.papers import Papers
 from s2rtui.savings import Savings
 from s2rtui.session import Session, State, adjusting, sharing, showing
 from s2rtui.themes import textual_theme
@@ -44,7 +44,7 @@ WATCH_SECONDS = 2.0
 _PICTURE_TOLERANCE = {"map": 12, "instance": 12}
 
 
-class S2RApp(Brushes, Prompts, Savings):
+class S2RApp(Brushes, Papers, Savings):
     """One store, one user, one screen."""
 
     CSS_PATH = "app.tcss"
@@ -65,7 +65,7 @@ class S2RApp(Brushes, Prompts, Savings):
         pictures_at: Path | None = None,
         access: Access | None = None,
     ) -> None:
-        """`pictures_at` is the folder that snapshots are written to (default: here, if allowed)."""
+        """`pictures_at` is the folder that files are written to (default: here, if allowed)."""
         super().__init__(ansi_color=look.mode in (ColourMode.ANSI, ColourMode.NONE))
         self.animation_level = "none"
         self.session = session
@@ -73,7 +73,7 @@ class S2RApp(Brushes, Prompts, Savings):
         self.resources = Resources()
         self.feeding = Feeding(self)
         self.access = access or Access.of(session.store.path)
-        self._pictures_at = pictures_at or self.access.pictures
+        self.files_at = pictures_at or self.access.pictures
         self._size_class: SizeClass = "narrow"
         self.first_run = False
 
@@ -253,21 +253,6 @@ class S2RApp(Brushes, Prompts, Savings):
     def action_copy(self) -> None:
         self.copy_to_clipboard(sharing.shared_text(self.session))
         self.session.tell("copied the expression with what it was evaluated on")
-        self.refresh_views()
-
-    def action_snapshot(self) -> None:
-        """Write the screen as PNG beside earlier ones."""
-        from s2rtui.headless import screen_png
-
-        number = 1
-        while (target := self._pictures_at / f"s2r-{number:03d}.png").exists():
-            number += 1
-        try:
-            target.write_bytes(screen_png(self))
-        except OSError as error:
-            self.session.tell(f"{target}: {error.strerror}", is_error=True)
-        else:
-            self.session.tell(f"wrote {target}")
         self.refresh_views()
 
     def action_jump(self) -> None:

@@ -7,6 +7,7 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.segment import Segment
 from textual.app import App
@@ -15,6 +16,7 @@ from textual.pilot import Pilot
 
 from s2rtui.app import S2RApp
 from s2rtui.canvas import DARK, Look
+from s2rtui.desk import Desk
 from s2rtui.notebook import ReadNotebook
 from s2rtui.session import Session, State
 
@@ -50,13 +52,13 @@ def is_key(name: str) -> bool:
         return False
 
 
-def take(app: App[None]) -> Snapshot:
+def take(app: App[Any]) -> Snapshot:
     """What the compositor would draw now."""
     strips = app.screen._compositor.render_strips()
     return Snapshot(tuple(tuple(strip) for strip in strips))
 
 
-def screen_png(app: S2RApp) -> bytes:
+def screen_png(app: Desk) -> bytes:
     """The application's screen as PNG."""
     return take(app).png(app.look)
 

@@ -50,16 +50,16 @@ def staged(path: Path, wanted: Wanted, *views: View) -> Iterator[Scene]:
     session = Session(path, wanted.run, ReadNotebook)
     try:
         described(session, wanted)
-        if wanted.iid is None and views and not any(view.one for view in views):
-            session.set(replace(session.state, cursor=None))
-        yield fed(session, *views)
+        cursor = wanted.iid is not None or not views or any(view.one for view in views)
+        yield fed(session, *views, cursor=cursor)
     finally:
         session.close()
 
 
-def fed(session: Session, *views: View) -> Scene:
-    """The session's scene with all that workers would bring for some views."""
+def fed(session: Session, *views: View, cursor: bool = True) -> Scene:
+    """The session's scene, with its cursor or without, and what workers bring for some views."""
     store, state = session.store, session.state
+    state = state if cursor else replace(state, cursor=None)
     needed = {name for view in views for name in view.feeds}
     fields: Fields = {}
     for feed in FEEDS:

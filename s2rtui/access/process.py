@@ -48,6 +48,7 @@ def confine(access: Access) -> None:
     A guard against mistakes of the program, not a sandbox against code that already runs in it.
     """
     clean_environment(os.environ)
+    os.environ["MPLCONFIGDIR"] = str(access.own / "matplotlib")
     sys.dont_write_bytecode = True
     signal.signal(signal.SIGTSTP, signal.SIG_IGN)
     sys.addaudithook(_hook(access))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from s2rstore.records import Bounds
 from s2rtui.canvas.colour import Rgb, Theme, luma, mix, turbo
 from s2rtui.canvas.raster import resample
-from s2rtui.figures.style import Box, Page, dress, heading, new_figure, plain, unit
+from s2rtui.figures.style import Box, Page, broken, dress, heading, new_figure, plain, unit
 from s2rtui.plots.frame import MapFrame, fit
 from s2rtui.plots.geomap_cells import dots
 from s2rtui.plots.geomap_layers import DIMMED, heat_scale, seen_cells
@@ -122,7 +122,7 @@ def marker_legend(
             markersize=6,
             color=unit(ink),
             markerfacecolor=unit(ink) if filled else "none",
-            label=plain(name),
+            label=plain(broken(name)),
         )
         for name, marker, ink, filled in marks
     ]

@@ -41,32 +41,36 @@ _SETTINGS = {
     "svg.hashsalt": "s2r", "svg.fonttype": "path", "pdf.fonttype": 42,
 }  # fmt: skip
 _form: ContextVar[Form] = ContextVar("form", default="png")
+_type_size: ContextVar[float] = ContextVar("type_size", default=1.0)
 
 
 @contextmanager
-def written_as(form: Form) -> Iterator[None]:
-    """Figures inside are files of this form; pixels and type keep their size."""
-    before = _form.set(form)
+def written_as(form: Form = "png", type_size: float = 1.0) -> Iterator[None]:
+    """Figures inside are files of this form, their type and lines so many times as large."""
+    before = _form.set(form), _type_size.set(type_size)
     try:
         yield
     finally:
-        _form.reset(before)
+        _form.reset(before[0])
+        _type_size.reset(before[1])
 
 
 @dataclass(frozen=True, slots=True)
 class Page:
     """A figure's size in pixels and its theme.
 
-    The type keeps its share of the page: 10 points are 22 pixels on 1600 x 1200.
+    The type keeps its share of the page: 10 points are 22 pixels on 1600 x 1200, times `type_size`.
     """
 
     width: int
     height: int
     theme: Theme = LIGHT
+    type_size: float = 1.0
 
     @property
     def dpi(self) -> float:
-        return max(SMALLEST_DPI, math.sqrt(self.width * self.height * 4 / 3) / 10)
+        usual = math.sqrt(self.width * self.height * 4 / 3) / 10
+        return max(SMALLEST_DPI, usual * self.type_size)
 
     @property
     def inches(self) -> tuple[float, float]:
@@ -83,7 +87,7 @@ def page_of(size: Pixels, theme: Theme) -> Page:
     width, height = size
     if not (16 <= width <= 20000 and 16 <= height <= 20000):
         raise RequestError(f"--size {width}x{height}: a figure has 16 to 20000 pixels a side")
-    return Page(int(width), int(height), theme)
+    return Page(int(width), int(height), theme, _type_size.get())
 
 
 def new_figure(page: Page) -> Figure:
@@ -156,7 +160,7 @@ def plain(text: str) -> str:
 
 def broken(label: str) -> str:
     """A scale's label in lines that fit beside a map."""
-    return "\n".join(textwrap.wrap(label, 26, break_long_words=False)) or label
+    return "\n".join(textwrap.wrap(label, 23, break_long_words=False)) or label
 
 
 def colour_scale(

@@ -45,6 +45,15 @@ def json_text(names: Sequence[str], rows: Rows, facts: Told | None = None) -> st
     return json.dumps(whole, indent=1, default=str, allow_nan=False) + "\n"
 
 
+def save(target: Path, names: Sequence[str], rows: Rows, facts: Told | None = None) -> None:
+    """Write a file in the format that its end names. Raises RequestError, OSError."""
+    if target.suffix == ".parquet":
+        write_parquet(names, rows, target, facts)
+    else:
+        text = {".csv": csv_text, ".json": json_text}[target.suffix](names, rows, facts)
+        target.write_text(text, encoding="utf-8")
+
+
 def write_parquet(
     names: Sequence[str], rows: Rows, target: Path, facts: Told | None = None
 ) -> None:
