@@ -125,6 +125,8 @@ class S2RApp(Brushes, Prompts, Savings):
         self.refresh_views()
 
     def refresh_views(self) -> None:
+        if not self.query("#status"):
+            return  # an answer that comes while the screen is being taken down
         state = self.session.state
         status = self.query_one("#status", Bar)
         if self._size_class == "tiny":
@@ -147,6 +149,8 @@ class S2RApp(Brushes, Prompts, Savings):
         return "".join(self._status(self.session.state))
 
     def show_message(self) -> None:
+        if not self.query("#message"):
+            return
         state = self.session.state
         text, share = state.message, self.resources.progress
         if share is not None and not state.is_error:
