@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from dataclasses import dataclass
 from functools import cached_property
@@ -88,9 +89,10 @@ class Store:
 
     def close(self) -> None:
         """Let the index go; what was read stays."""
-        if self._opened is not None:
-            self._opened.close()
-            self._opened = None
+        opened, self._opened = self._opened, None
+        if opened is not None:
+            with contextlib.suppress(duckdb.Error):  # busy in another thread: closed after that
+                opened.close()
 
     @property
     def _connection(self) -> duckdb.DuckDBPyConnection:
