@@ -196,7 +196,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("mode", ("v",), "heat", "next mode of the kind", showing.change_mode),
     Action("overlay", ("o",), "heat", "heat on the map: off, instance, selection, run",
            showing.change_overlay, "on map"),
-    Action("aggregate", ("A",), "heat", "heat on the map: mean, max, sum",
+    Action("aggregate", ("A",), "heat", "heat on the map: mean, max, sum, count",
            showing.change_aggregate),
     Action("side", ("d",), "heat", "side that is shown: real or sim", showing.change_side),
     Action("map_mode", ("m",), "map", "map: colour, glyph or full", showing.change_map_mode,

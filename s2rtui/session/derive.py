@@ -83,13 +83,24 @@ def map_input(
         mode=state.map_mode,
         floor_plan=floor_plan,
         heat=heat if shown else None,
-        heat_label=f"{choice.label}, {choice.side}" if shown and choice else "heat",
-        heat_unit=unit(store, state.run, choice) if shown and choice else "",
+        heat_label=_heat_label(state, choice) if shown and choice else "heat",
+        heat_unit=_heat_unit(store, state, choice) if shown and choice else "",
         clip=seen,
         rooms=store.rooms,
         room_names=state.room_names,
         mark=mark,
     )
+
+
+def _heat_label(state: State, choice: HeatChoice) -> str:
+    """The heat's name, its side and, where that is no mean, how it was gathered."""
+    gathered = state.overlay in ("selection", "run") and state.aggregate != "mean"
+    return f"{choice.label}, {choice.side}" + (f", {state.aggregate}" if gathered else "")
+
+
+def _heat_unit(store: Store, state: State, choice: HeatChoice) -> str:
+    counts = state.overlay in ("selection", "run") and state.aggregate == "count"
+    return "pixels" if counts else unit(store, state.run, choice)
 
 
 def _points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ class AdjustView(View):
     name = "adjust"
     key = "a"
     description = "adjust images live, and save that as a run"
+    stored = False
 
     def told(self, scene: Scene) -> str:
         adjust = scene.state.adjust
