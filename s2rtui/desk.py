@@ -46,5 +46,4 @@ class Desk(GuardedApp):
 
     def refuse(self, error: Exception) -> None:
         """Show what went wrong."""
-        self.session.tell(str(error), is_error=True)
-        self.refresh_views()
+        self.tell_refusal(str(error))
