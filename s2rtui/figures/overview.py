@@ -24,6 +24,7 @@ from s2rtui.plots.overview_model import OverviewModel, overview_model
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 NUMBERS = 2.75
 """Inches at the right that the numbers take."""
@@ -192,6 +193,18 @@ def _percent(value: float | None) -> str:
     return "n/a" if value is None else f"{100 * value:.1f}".replace("-", "−")
 
 
+def _diamonds(theme: Theme) -> list[Line2D]:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=unit(theme.sim)),
+        Line2D([], [], color=unit(theme.real), markerfacecolor=unit(theme.background)),
+    ]
+    for handle in handles:
+        handle.set(linestyle="none", marker="D", markersize=7, markeredgewidth=1.6)
+    return handles
+
+
 def _legend_columns(wide: float, lines: OverviewLines | None) -> int:
     """How many keys stand side by side on a page of so many inches."""
     if lines is None and wide > 5:
@@ -211,13 +224,8 @@ def _legend(
     from matplotlib.lines import Line2D
 
     theme = page.theme
-    handles = [
-        Line2D([], [], color=unit(theme.sim)),
-        Line2D([], [], color=unit(theme.real), markerfacecolor=unit(theme.background)),
-        Line2D([], [], color=unit(theme.muted), linewidth=1.3, marker="|", markersize=6),
-    ]
-    for handle in handles[:2]:
-        handle.set(linestyle="none", marker="D", markersize=7, markeredgewidth=1.6)
+    handles = _diamonds(theme)
+    handles.append(Line2D([], [], color=unit(theme.muted), linewidth=1.3, marker="|", markersize=6))
     names = ["sim", "real", "95 % interval"]
     if model.baseline is not None:
         line = axes.axvline(
@@ -226,9 +234,9 @@ def _legend(
         line.set_zorder(1.5)
         handles.append(line)
         names.append(f"constant mean position ({_percent(model.baseline)} %)")
-    if lines is not None:
-        handles += [Line2D([], [], color=unit(ink), linewidth=1.2) for ink, _ in keys(lines, theme)]
-        names += [name for _, name in keys(lines, theme)]
+    for ink, name in keys(lines, theme):
+        handles.append(Line2D([], [], color=unit(ink), linewidth=1.2))
+        names.append(name)
     legend = figure.legend(
         handles,
         names,

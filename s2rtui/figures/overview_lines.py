@@ -101,8 +101,10 @@ def _own(axes: Axes, lines: OverviewLines, axis: Interval, theme: Theme) -> None
             label.set_path_effects(halo)
 
 
-def keys(lines: OverviewLines, theme: Theme) -> list[tuple[Rgb, str]]:
+def keys(lines: OverviewLines | None, theme: Theme) -> list[tuple[Rgb, str]]:
     """Colours and names for the legend."""
+    if lines is None:
+        return []
     colour = theme.sim if lines.side == "sim" else theme.real
     found: list[tuple[Rgb, str]] = [(colour, f"an instance, {lines.side}")]
     if not np.array_equal(np.asarray(lines.selected) & lines.valid, lines.valid):

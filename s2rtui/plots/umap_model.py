@@ -46,7 +46,6 @@ class UmapModel:
     cursor: int | None
 
 
-@lru_cache(4)
 def umap_model(view: UmapInput, frame: MapFrame) -> UmapModel:
     """What lies in each cell of `frame` (an even number of pixels high)."""
     values = umap_values(view)
