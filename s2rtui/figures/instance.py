@@ -160,6 +160,7 @@ def _numbers(
         label.set(color=unit(ink), **style)
 
     columns = (0.92, 1.42, 2.02)
+    room = max(12, int((wide - left - 0.1) / (9 * LETTER)))
     for x, name in zip(columns, ("x (m)", "y (m)", "heading"), strict=True):
         put(left + x, top, name, theme.muted, ha="right")
     for line in model.poses:
@@ -175,16 +176,10 @@ def _numbers(
     for line in errors:
         top -= 0.24
         put(left, top, f"{line.role} error", inks[line.role], fontweight="bold")
-        put(left + columns[1], top, line.cells[3], theme.text, ha="right")
-        put(
-            left + columns[2],
-            top,
-            f"{line.cells[4]}°".replace("n/a°", "n/a"),
-            theme.text,
-            ha="right",
-        )
+        turn = f"{line.cells[4]}°".replace("n/a°", "n/a")
+        for x, text in zip(columns[1:], (line.cells[3], turn), strict=True):
+            put(left + x, top, text, theme.text, ha="right")
     top -= 0.16
-    room = max(12, int((wide - left - 0.1) / (9 * LETTER)))
     for name, value in view.notes:
         for part in textwrap.wrap(f"{name}  {value}", room, subsequent_indent="    "):
             top -= 0.22

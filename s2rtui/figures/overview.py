@@ -52,8 +52,7 @@ def overview_figure(
     longest = max((len(row.run) for row in model.rows), default=4)
     left = min(0.4 + 0.085 * min(longest, 32), wide * 0.35)
     right = min(NUMBERS, wide * 0.32)
-    across = _legend_columns(wide, lines)
-    keyed = 0.4 + 0.22 * -(-(4 if lines is None else 7) // across)
+    across, keyed = _legend_size(wide, lines)
     box = page.box(left, 0.62, wide - left - right, top - 0.62 - keyed)
     axes = figure.add_axes(box)
     dress(axes, theme, grid=True)
@@ -205,11 +204,12 @@ def _diamonds(theme: Theme) -> list[Line2D]:
     return handles
 
 
-def _legend_columns(wide: float, lines: OverviewLines | None) -> int:
-    """How many keys stand side by side on a page of so many inches."""
-    if lines is None and wide > 5:
-        return 4
-    return 7 if wide > 8.5 else 4 if wide > 6 else 3 if wide > 4 else 2
+def _legend_size(wide: float, lines: OverviewLines | None) -> tuple[int, float]:
+    """How many keys stand side by side on a page of so many inches, and the inches of all lines."""
+    keys = 4 if lines is None else 7
+    fit = 7 if wide > 8.5 else 4 if wide > (5 if lines is None else 6) else 3 if wide > 4 else 2
+    across = min(fit, keys)
+    return across, 0.4 + 0.22 * -(-keys // across)
 
 
 def _legend(

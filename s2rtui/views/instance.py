@@ -51,7 +51,7 @@ class InstanceView(View):
         if shown is None:
             return "No instance."
         sides = [
-            f"{role} error {side.pose.error:.2f} m and {math.degrees(side.pose.heading_error):.0f} "
+            f"{role} error {side.pose.error:.2f} m and {math.degrees(side.pose.heading_error):.1f} "
             "degrees"
             for role, side in (("sim", shown.sim), ("real", shown.real))
             if side.pose is not None

@@ -52,7 +52,7 @@ class ListView(View):
             columns.append(_numbers(scene, state.sort, True))
         columns.append(_texts("room", _named(truth.room, truth.room_names), 16))
         if scene.notes.remarks:
-            columns.append(_texts("tags, note", scene.remark, 24))
+            columns.append(_texts("remark", scene.remark, 24, "tags, note"))
         columns += [_numbers(scene, name, False) for name in chosen[1:] if name != "iid"]
         trajectory = _named(truth.trajectory, truth.trajectory_names)
         return [*columns, _texts("trajectory", trajectory, 12)]
@@ -74,7 +74,8 @@ class ListView(View):
         from s2rtui import figures
 
         title = f"{scene.state.run}: instances by {scene.state.sort}"
-        return figures.table_figure(self.input(scene), size, theme, title, scene.caption)
+        told = f"{scene.caption}  ·  metres and degrees"
+        return figures.table_figure(self.input(scene), size, theme, title, told)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return table(self.input(scene), size, look)
@@ -116,8 +117,9 @@ def _numbers(scene: Scene, name: str, sorts: bool) -> _Column:
     return _Column(name, shown, value)
 
 
-def _texts(name: str, text: Callable[[int], str], width: int) -> _Column:
-    return _Column(name, TableColumn(name, text, width, False), lambda iid: text(iid) or None)
+def _texts(name: str, text: Callable[[int], str], width: int, title: str = "") -> _Column:
+    shown = TableColumn(title or name, text, width, False)
+    return _Column(name, shown, lambda iid: text(iid) or None)
 
 
 def _named(codes: NDArray[np.int32], names: Sequence[str]) -> Callable[[int], str]:
