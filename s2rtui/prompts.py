@@ -65,6 +65,7 @@ class Prompts(Desk):
         count = int(state.selected.sum())
         saved = SavedSelection(state.expression, state.generation, state.run, count)
         self.session.book.save(name, saved)
+        self.session.renew()
         self.session.tell(f"saved as @{checked(name, 'name')}")
 
     def action_note(self) -> None:
@@ -87,6 +88,7 @@ class Prompts(Desk):
         everyone = text.rstrip().endswith("*")
         iids = np.flatnonzero(self.session.state.selected).tolist() if everyone else [iid]
         tagged = self.session.book.toggle_tag(iids, text.rstrip().rstrip("*"))
+        self.session.renew()
         some = f"{len(iids)} instances" if everyone else f"instance {iid}"
         self.session.tell(f"{'tagged' if tagged else 'tag taken off'}: {some}")
 

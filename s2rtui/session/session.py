@@ -128,6 +128,15 @@ class Session:
         current = parse(self.state.expression)
         return self.set(self._selected(self.state, joined(current, self.state.operator, node)))
 
+    def renew(self) -> State:
+        """The present expression evaluated anew, after saved names have changed their meaning."""
+        if "@" not in self.state.expression:
+            return self.state
+        try:
+            return self.select(self.state.expression)
+        except RequestError as error:
+            return self.tell(f"{error}: the selection is as it was", is_error=True)
+
     def complement(self) -> State:
         """All valid instances that are not selected."""
         node = parse(self.state.expression)
@@ -262,9 +271,14 @@ class Session:
         if self.store.latest_generation() == self.store.generation:
             return self.tell("this is the newest generation")
         old, state = self.store, self.state
-        self.store = s2rstore.open(old.path)
+        fresh_store = s2rstore.open(old.path)
+        runs = tuple(name for name, record in fresh_store.runs.items() if record.key)
+        if fresh_store.dataset.hash != old.dataset.hash or not runs:
+            fresh_store.close()
+            what = "has no computed run" if not runs else "holds another data set"
+            return self.tell(f"the newest generation {what}: open it anew", is_error=True)
+        self.store = fresh_store
         self._bases.clear()
-        runs = tuple(name for name, record in self.store.runs.items() if record.key)
         run = state.run if state.run in runs else runs[0]
         fresh = replace(
             state,
@@ -274,12 +288,13 @@ class Session:
             run=run,
             other=state.other if state.other in runs else None,
         )
+        told = f"generation {self.store.generation}"
         try:
             made = self._selected(fresh, state.expression)
-        except RequestError:
+        except RequestError as error:
             made = self._selected(fresh, "all")
+            told += f"; {state.expression} means nothing there: {error}"
         self._retire(old)
-        told = f"generation {self.store.generation}"
         return self.set(replace(with_heat(self.store, made), message=told))
 
 
