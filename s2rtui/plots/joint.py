@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache, reduce
+from functools import reduce
 
 import numpy as np
 
 from s2rtui.plots.bins import Bins, Chosen, Counts, count, joined
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 
 LARGEST = 1 << 20
 """Cells of a joint table up to which one pass is faster than one per column."""
@@ -26,14 +26,14 @@ def counts(columns: Sequence[Bins], chosen: Chosen) -> list[tuple[Counts, Counts
     return list(zip(parts, _totals(Same(total), sizes), strict=True))
 
 
-@lru_cache(16)
+@kept(16)
 def _table(codes: tuple[Same, ...], sizes: tuple[int, ...]) -> Bins:
     """Every combination of bins; what is in no bin of a column has a place of its own."""
     columns = [Bins(np.asarray(same.array), size) for same, size in zip(codes, sizes, strict=True)]
     return reduce(joined, columns)
 
 
-@lru_cache(16)
+@kept(16)
 def _totals(total: Same, sizes: tuple[int, ...]) -> list[Counts]:
     return _margins(np.asarray(total.array), sizes)
 

@@ -13,7 +13,7 @@ from s2rtui.plots import joint
 from s2rtui.plots.bins import Bins, Chosen, bins, choose
 from s2rtui.plots.inputs import Floats, OrientationInput
 from s2rtui.plots.pending import wrapped
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 
 BINS = 72
 WIDTH = 360 / BINS
@@ -56,7 +56,7 @@ class OrientationModel:
         return panel.lit / self.peak, panel.total / self.whole
 
 
-@lru_cache(4)
+@lru_cache(1)
 def orientation_model(view: OrientationInput, count: int = BINS) -> OrientationModel:
     """Counts in `count` bins (a divisor of 72) and means of the three headings."""
     chosen = choose(view.selected, view.valid)
@@ -73,13 +73,13 @@ def orientation_model(view: OrientationInput, count: int = BINS) -> OrientationM
     return OrientationModel(panels, longest, longest / share)
 
 
-@lru_cache(16)
+@kept(16)
 def _bins(headings: Same) -> Bins:
     turned = np.mod(np.degrees(np.asarray(headings.array, dtype=np.float64)) + 180, 360) / WIDTH
     return bins(np.where(turned >= BINS, 0.0, turned), BINS)
 
 
-@lru_cache(16)
+@kept(16)
 def _directions(headings: Same) -> NDArray[np.complex128]:
     """(72,) the mean unit vector of everything in each bin."""
     column = np.asarray(headings.array, dtype=np.float64)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from s2rtui.plots import joint
 from s2rtui.plots.bins import Bins, choose
 from s2rtui.plots.inputs import RoomsInput
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 
 NAMES = ("sim", "truth", "real")
 NO_ROOM = "no room"
@@ -33,7 +33,7 @@ class RoomsModel:
     cursor: tuple[int | None, int | None, int | None]
 
 
-@lru_cache(4)
+@lru_cache(1)
 def rooms_model(view: RoomsInput) -> RoomsModel:
     """Counts of all three columns over one scale."""
     number = len(view.room_names)
@@ -52,7 +52,7 @@ def rooms_model(view: RoomsInput) -> RoomsModel:
     return RoomsModel(names, lit, total, peak, (at[0], at[1], at[2]))
 
 
-@lru_cache(32)
+@kept(32)
 def _bins(rooms: Same, number: int) -> Bins:
     """The room of each instance; what is in none has the last bin."""
     codes = np.asarray(rooms.array)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.plots.bins import Bins, Chosen
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 
 Floats = NDArray[np.float64]
 
@@ -22,7 +20,7 @@ def sums(column: Bins, weights: NDArray[np.floating], chosen: Chosen) -> Floats:
     return _totals(Same(column.codes), column.count, Same(weights), base) - part
 
 
-@lru_cache(16)
+@kept(16)
 def _totals(codes: Same, size: int, weights: Same, base: Same) -> Floats:
     members = np.flatnonzero(np.asarray(base.array))
     column = Bins(np.asarray(codes.array), size)

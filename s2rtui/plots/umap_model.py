@@ -12,7 +12,7 @@ from s2rstore.records import Bounds
 from s2rtui.plots.bins import Bins, Chosen, bins, choose, count, joined
 from s2rtui.plots.frame import MapFrame, fit
 from s2rtui.plots.inputs import Bools, Floats, Interval, UmapInput
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 from s2rtui.plots.scale import fraction, percentile_range
 
 LEVELS = 20
@@ -46,7 +46,7 @@ class UmapModel:
     cursor: int | None
 
 
-@lru_cache(4)
+@lru_cache(1)
 def umap_model(view: UmapInput, frame: MapFrame) -> UmapModel:
     """What lies in each cell of `frame` (an even number of pixels high)."""
     values = umap_values(view)
@@ -86,7 +86,7 @@ def level_shares() -> NDArray[np.float64]:
     return (np.arange(LEVELS) + 0.5) / LEVELS
 
 
-@lru_cache(16)
+@kept(16)
 def _extent(sim: Same, real: Same) -> Bounds:
     ends = []
     for side in (sim, real):
@@ -102,25 +102,25 @@ def _extent(sim: Same, real: Same) -> Bounds:
     return Bounds(float(x0), float(y0), float(x1), float(y1))
 
 
-@lru_cache(16)
+@kept(16)
 def _distance(sim: Same, real: Same) -> NDArray[np.float64]:
     apart = np.asarray(sim.array, dtype=np.float64) - np.asarray(real.array, dtype=np.float64)
     return np.hypot(apart[:, 0], apart[:, 1])
 
 
-@lru_cache(16)
+@kept(16)
 def _percentiles(values: Same) -> Interval:
     return percentile_range(np.asarray(values.array))
 
 
-@lru_cache(16)
+@kept(16)
 def _levels(values: Same, scale: Interval) -> Bins:
     """Level of each instance; all have one, 0 for no value."""
     steps = np.floor(fraction(np.asarray(values.array), scale) * LEVELS)
     return bins(np.nan_to_num(np.minimum(steps, LEVELS - 1) + 1, nan=0.0), LEVELS + 1)
 
 
-@lru_cache(16)
+@kept(16)
 def _places(points: Same, frame: MapFrame) -> tuple[Bins, Bins]:
     """The braille dot and the cell of each instance, row by row."""
     pixels = frame.to_pixels(np.asarray(points.array))
@@ -130,7 +130,7 @@ def _places(points: Same, frame: MapFrame) -> tuple[Bins, Bins]:
     return dots, joined(bins(down / 2, rows), bins(across, columns))
 
 
-@lru_cache(16)
+@kept(16)
 def _cells(points: Same, frame: MapFrame, levels: Same) -> Bins:
     """Cell and level together."""
     return joined(_places(points, frame)[1], Bins(np.asarray(levels.array), LEVELS + 1))
