@@ -17,6 +17,7 @@ os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
 from bench import inference, live, memory, occlusion, projection, startup, wire
 from bench.figures import Figure
+from bench.worlds import QUIET
 
 _ROOMS = ("startup", "wire", "projection", "occlusion", "inference", "live", "memory")
 
@@ -65,16 +66,11 @@ def _computed(folder: Path) -> Path:
     from s2rtools.world import shipped
     from s2rtui.cli import main as s2r
 
-    class Quiet:
-        def begin(self, what: str, total: int) -> None: ...
-        def advance(self, steps: int) -> None: ...
-        def say(self, line: str) -> None: ...
-
     path = folder / "world.s2r"
     with contextlib.redirect_stdout(sys.stderr):
         s2r(["ingest", "world", "--instances", "32", "--size", "256", "--store", str(path)])
     shipped.add(path)
-    precompute(path, Quiet(), ["vanilla"], Options(("activation", "feature_distance")))
+    precompute(path, QUIET, ["vanilla"], Options(("activation", "feature_distance")))
     return path
 
 

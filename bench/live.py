@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import shutil
+import statistics
 import tempfile
 from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 
 import s2rstore
+from bench import slider
 from bench.figures import Figure, seconds
-from bench.worlds import frames_store, lively
+from bench.worlds import QUIET, frames_store, lively
 from s2rtools.adjust import chain_of
 from s2rtools.live import LiveModel
+from s2rtools.precompute.pipeline import Options, precompute
 
 _MOVES = 15
 
@@ -34,5 +37,8 @@ def figures(threads: int) -> Iterator[Figure]:
             label = f"live prediction with {kinds[0]}" if kinds else "live prediction"
             yield Figure(label, 1e3 * seconds(moved, _MOVES), "ms", budget)
         live.close()
+        precompute(path, QUIET, ["r"], Options(("activation",)))
+        drawn = slider.milliseconds(path, "r", _MOVES)
+        yield Figure("slider to prediction on the screen", statistics.median(drawn), "ms", 150.0)
     finally:
         shutil.rmtree(folder)

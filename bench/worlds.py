@@ -115,3 +115,14 @@ def lively(architecture: str) -> PoseNetwork:
         if isinstance(module, torch.nn.BatchNorm2d):
             module.running_var.uniform_(0.5, 1.5)
     return network.eval().requires_grad_(False)
+
+
+class _Quiet:
+    """A reporter that says nothing."""
+
+    def begin(self, what: str, total: int) -> None: ...
+    def advance(self, steps: int) -> None: ...
+    def say(self, line: str) -> None: ...
+
+
+QUIET = _Quiet()

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
+from s2rtui.access import Access, Need
 from s2rtui.session import Session, adjusting, listing, showing
 from s2rtui.session.state import State
 from s2rtui.views import VIEWS
 
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
-Need = Literal["", "models"]
 When = Literal["always", "still", "plain", "brushing", "list", "adjust", "elsewhere"]
 
 GROUPS: dict[Group, str] = {
@@ -196,7 +196,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("mode", ("v",), "heat", "next mode of the kind", showing.change_mode),
     Action("overlay", ("o",), "heat", "heat on the map: off, instance, selection, run",
            showing.change_overlay, "on map"),
-    Action("aggregate", ("A",), "heat", "heat on the map: mean, max, sum",
+    Action("aggregate", ("A",), "heat", "heat on the map: mean, max, sum, count",
            showing.change_aggregate),
     Action("side", ("d",), "heat", "side that is shown: real or sim", showing.change_side),
     Action("map_mode", ("m",), "map", "map: colour, glyph or full", showing.change_map_mode,
@@ -241,9 +241,22 @@ ACTIONS: tuple[Action, ...] = (
 BY_NAME = {action.name: action for action in ACTIONS}
 
 
-def footer(width: int, state: State, actions: Sequence[Action] = ()) -> list[tuple[str, str]]:
+def named(call: str, parameters: tuple[object, ...] = ()) -> Action | None:
+    """The action that Textual calls by a name and parameters; None where it is not registered."""
+    if call == "do":
+        return BY_NAME.get(str(parameters[0]))
+    listed = ", ".join(repr(parameter) for parameter in parameters)
+    return BY_NAME.get(f"{call}({listed})" if parameters else call)
+
+
+def offered(access: Access | None = None) -> list[Action]:
+    """The actions that a session may run at all."""
+    return [action for action in ACTIONS if access is None or access.grants(action.needs)]
+
+
+def footer(width: int, state: State, access: Access | None = None) -> list[tuple[str, str]]:
     """Pairs of key and word that fit into `width` columns; help and quit always do, if anything."""
-    applicable = [a for a in actions or ACTIONS if a.short and a.applies(state)]
+    applicable = [a for a in offered(access) if a.short and a.applies(state)]
     words = [(action.key, action.short) for action in applicable]
     last = [pair for pair in words if pair[1] in ("help", "quit")]
     room = width - sum(len(key) + len(word) + 3 for key, word in last)
@@ -255,12 +268,12 @@ def footer(width: int, state: State, actions: Sequence[Action] = ()) -> list[tup
     return [*shown, *last]
 
 
-def help_text(actions: Sequence[Action] = ()) -> str:
-    """Actions (by default all) by group, in plain text."""
+def help_text(access: Access | None = None) -> str:
+    """All actions that are offered, by group, in plain text."""
     lines = []
     for group, title in GROUPS.items():
         lines.append(title)
-        for action in actions or ACTIONS:
+        for action in offered(access):
             if action.group == group and action.description:
                 keys = action.key if " " in action.key else "  ".join(_keys(action))
                 lines.append(f"  {keys:<18}{action.description}")

@@ -18,10 +18,11 @@ from textual.screen import Screen
 from s2rstore.errors import RequestError, S2RError
 from s2rtui import arrangement, notebook
 from s2rtui.access import Access
-from s2rtui.actions import ACTIONS, BY_NAME, footer
+from s2rtui.actions import ACTIONS, BY_NAME, footer, named, offered
 from s2rtui.arrangement import Place, SizeClass
 from s2rtui.brushes import Brushes
 from s2rtui.canvas import ColourMode, Look
+from s2rtui.feeds import live
 from s2rtui.feeds.feeding import Feeding
 from s2rtui.messages import Fed, Progressed
 from s2rtui.notebook import Notebook
@@ -101,6 +102,7 @@ class S2RApp(Brushes, Prompts, Savings):
         if self.session.notebook is not None:
             with contextlib.suppress(RequestError):
                 self.session.notebook.remember((*state.past, state.expression))
+        live.leave()
         self.session.close()
 
     def on_resize(self, event: events.Resize) -> None:
@@ -123,6 +125,8 @@ class S2RApp(Brushes, Prompts, Savings):
         self.refresh_views()
 
     def refresh_views(self) -> None:
+        if not self.query("#status"):
+            return  # an answer that comes while the screen is being taken down
         state = self.session.state
         status = self.query_one("#status", Bar)
         if self._size_class == "tiny":
@@ -145,6 +149,8 @@ class S2RApp(Brushes, Prompts, Savings):
         return "".join(self._status(self.session.state))
 
     def show_message(self) -> None:
+        if not self.query("#message"):
+            return
         state = self.session.state
         text, share = state.message, self.resources.progress
         if share is not None and not state.is_error:
@@ -154,7 +160,7 @@ class S2RApp(Brushes, Prompts, Savings):
         self.query_one("#message", Bar).say(_safe(text), "error" if state.is_error else "")
 
     def _show_keys(self, state: State) -> None:
-        pairs = footer(self.size.width - 2, state, self.access.actions)
+        pairs = footer(self.size.width - 2, state, self.access)
         self.query_one("#keys", Bar).say(
             "  ".join(f"[b]{_safe(key)}[/b] {word}" for key, word in pairs)
         )
@@ -207,11 +213,7 @@ class S2RApp(Brushes, Prompts, Savings):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Whether an action means something now."""
-        name = str(parameters[0]) if action == "do" else action
-        if action != "do" and parameters:
-            listed = ", ".join(repr(parameter) for parameter in parameters)
-            name = f"{action}({listed})"
-        known = BY_NAME.get(name)
+        known = named(action, parameters)
         if known is not None and not known.applies(self.session.state):
             return False
         return super().check_action(action, parameters)
@@ -298,7 +300,7 @@ class S2RApp(Brushes, Prompts, Savings):
         self.push_screen(TourScreen())
 
     def action_help(self) -> None:
-        self.push_screen(HelpScreen(self.access.actions))
+        self.push_screen(HelpScreen(self.access))
 
     def action_command_palette(self) -> None:
         """The palette's frame is not ASCII; the help screen lists the same actions."""
@@ -312,7 +314,7 @@ class S2RApp(Brushes, Prompts, Savings):
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         state = self.session.state
-        for action in self.access.actions:
+        for action in offered(self.access):
             if action.description and action.applies(state):
                 run = partial(self.run_action, action.call)
                 yield SystemCommand(f"{action.description} ({action.key})", action.group, run)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from s2rtui.access.guard import GuardedApp
 from s2rtui.canvas import Look
+from s2rtui.saving import Saving
 from s2rtui.session import Session
 from s2rtui.views import BY_NAME, Resources, Scene, View
 
@@ -33,11 +36,14 @@ class Desk(GuardedApp):
         """Draw the line of messages alone."""
         raise NotImplementedError
 
+    def begin_saving(self, name: str, start: Callable[[], Saving]) -> None:
+        """Save a run in the background, and show how far it is."""
+        raise NotImplementedError
+
     def tell_refusal(self, told: str) -> None:
         self.session.tell(told, is_error=True)
         self.refresh_views()
 
     def refuse(self, error: Exception) -> None:
         """Show what went wrong."""
-        self.session.tell(str(error), is_error=True)
-        self.refresh_views()
+        self.tell_refusal(str(error))

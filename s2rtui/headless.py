@@ -10,11 +10,12 @@ from pathlib import Path
 
 from rich.segment import Segment
 from textual.app import App
-from textual.keys import Keys
+from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 from textual.pilot import Pilot
 
 from s2rtui.app import S2RApp
 from s2rtui.canvas import DARK, Look
+from s2rtui.notebook import ReadNotebook
 from s2rtui.session import Session, State
 
 _PATIENCE = 3000
@@ -39,8 +40,9 @@ class Snapshot:
 
 def is_key(name: str) -> bool:
     """Whether a name is a key that can be pressed: a character, or Textual's word for it."""
-    last = name.split("+")[-1]
-    if len(last) == 1 or last in {key.value for key in Keys} or name == "plus":
+    last = name if len(name) == 1 else name.split("+")[-1]
+    words = {*(key.value for key in Keys), *KEY_NAME_REPLACEMENTS.values()}
+    if len(last) == 1 or last in words:
         return True
     try:
         return bool(unicodedata.lookup(last.replace("_", " ")))
@@ -95,7 +97,7 @@ async def _snapshot(
     run: str | None,
     state: State | None = None,
 ) -> Snapshot:
-    session = Session(path, run)
+    session = Session(path, run, ReadNotebook)
     session.state = state or session.state
     app = S2RApp(session, look)
     app.feeding.rest_seconds = 0.001

@@ -199,6 +199,13 @@ class Notebook:
         return notes
 
 
+class ReadNotebook(Notebook):
+    """A notebook that is read and never written: of commands, and of pictures of the screen."""
+
+    def _change(self, change: Callable[[Notes], Notes]) -> None:
+        raise RequestError("nothing is kept in this session")
+
+
 def first_run() -> bool:
     """Whether this user opens the application for the first time; asked once, it is so no more."""
     marker = own_folder() / "toured"

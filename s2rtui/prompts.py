@@ -13,7 +13,7 @@ from s2rstore.errors import S2RError
 from s2rstore.language import ExpressionError, complete
 from s2rtui.desk import Desk
 from s2rtui.notebook import Remark, SavedSelection, checked
-from s2rtui.saving import Saving, save_run
+from s2rtui.saving import save_run
 from s2rtui.session import adjusting, sharing, showing
 from s2rtui.widgets.query import QueryLine
 from s2rtui.widgets.selections import SelectionsScreen
@@ -109,6 +109,11 @@ class Prompts(Desk):
         showing.show_view(self.session, "adjust", "tab")
 
     def action_save_run(self) -> None:
+        adjust = self.session.state.adjust
+        if adjust is None or not adjust.sliders:
+            self.session.tell("nothing to save: no slider is there")
+            self.refresh_views()
+            return
         self._ask(self._save_run, "", "a name for the run with these adjustments")
 
     def _save_run(self, name: str) -> None:
@@ -118,10 +123,6 @@ class Prompts(Desk):
             self.begin_saving(
                 name.strip(), partial(save_run, root, name.strip(), adjust.run, chains)
             )
-
-    def begin_saving(self, name: str, start: Callable[[], Saving]) -> None:
-        """Save a run in the background, and show how far it is."""
-        raise NotImplementedError
 
     def action_selections(self) -> None:
         self.push_screen(SelectionsScreen(self.session), self._took)

@@ -1,6 +1,5 @@
 """What a session may do, asked in one place, and made to hold for the whole process."""
 
-from s2rtui.access.rights import Access
-from s2rtui.own import own_folder
+from s2rtui.access.rights import Access, Need
 
-__all__ = ["Access", "own_folder"]
+__all__ = ["Access", "Need"]

@@ -10,6 +10,7 @@ from textual.app import App
 from textual.dom import DOMNode
 
 from s2rtui.access.rights import Access
+from s2rtui.actions import named
 
 # Of Textual's own actions, those that neither write a file nor leave the screen.
 _HARMLESS = frozenset(
@@ -26,18 +27,21 @@ class GuardedApp(App[None]):
         """Show why an action did not run."""
         self.notify(told, severity="warning")
 
-    def refusal(self, name: str) -> str:
-        """Why the action of this name may not run; empty where it may."""
+    def refusal(self, name: str, parameters: tuple[object, ...] = ()) -> str:
+        """Why an action of the application may not run; empty where it may."""
         if not self.access.restricted:
             return ""
         built_in = getattr(App, f"action_{name}", None)
         replaced = getattr(type(self), f"action_{name}", None) is not built_in
         if built_in is not None and not replaced and name not in _HARMLESS:
             return f"not in a restricted session: {name.replace('_', ' ')}"
-        return self.access.refusal(name)
+        action = named(name, parameters)
+        if action is None or self.access.grants(action.needs):
+            return ""
+        return f"not in a restricted session: {action.description}"
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        return False if self.refusal(action) else super().check_action(action, parameters)
+        return not self.refusal(action, parameters) and super().check_action(action, parameters)
 
     async def run_action(
         self,
@@ -45,9 +49,9 @@ class GuardedApp(App[None]):
         default_namespace: DOMNode | None = None,
         namespaces: Mapping[str, DOMNode] | None = None,
     ) -> bool:
-        space, name, _ = actions.parse(action) if isinstance(action, str) else action
+        space, name, parameters = actions.parse(action) if isinstance(action, str) else action
         if space == "app" or (not space and default_namespace in (None, self)):
-            told = self.refusal(name)
+            told = self.refusal(name, parameters)
             if told:
                 self.tell_refusal(told)
                 return True

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import sys
+import termios
+import tty
 from collections.abc import Callable, Iterable, MutableMapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,6 +18,7 @@ from s2rtui.access.rights import Access
 
 WEB_DRIVER = "textual.drivers.web_driver:WebDriver"
 
+_PR_SET_PDEATHSIG = 1
 _DEVICES = ("/dev/null", "/dev/tty")
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 _PROGRAMS = ("subprocess.Popen", "pty.spawn", "os.exec", "os.fork", "os.forkpty", "os.posix_spawn",
@@ -42,15 +47,30 @@ def clean_environment(environment: MutableMapping[str, str]) -> None:
         environment["TEXTUAL_DRIVER"] = WEB_DRIVER
 
 
+def end_with_parent() -> None:
+    """Have this process ended when its parent ends, however that happens (Linux)."""
+    with suppress(AttributeError, OSError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
 def confine(access: Access) -> None:
     """Hold this process to `access` until it ends: PermissionError for files, programs, network.
 
     A guard against mistakes of the program, not a sandbox against code that already runs in it.
     """
     clean_environment(os.environ)
+    _silence_keys()
     sys.dont_write_bytecode = True
-    signal.signal(signal.SIGTSTP, signal.SIG_IGN)
     sys.addaudithook(_hook(access))
+
+
+def _silence_keys() -> None:
+    """Let ctrl+z and its like be keys from now on: one pressed now would stop the program."""
+    if not os.isatty(0):
+        return
+    attributes = termios.tcgetattr(0)
+    attributes[tty.LFLAG] &= ~termios.ISIG
+    termios.tcsetattr(0, termios.TCSANOW, attributes)
 
 
 def _hook(access: Access) -> Callable[[str, tuple[Any, ...]], None]:

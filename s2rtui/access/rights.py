@@ -5,10 +5,13 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from s2rstore.errors import RequestError
-from s2rtui.actions import ACTIONS, Action
 from s2rtui.own import own_folder
+
+# What an action needs beyond reading the store and writing in the user's own folder.
+Need = Literal["", "models"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +28,7 @@ class Access:
     @classmethod
     def of(cls, store: Path, restricted: bool = False) -> Access:
         """Of this user on `store`; makes the own folder of a restricted session where it can."""
-        own = own_folder()
+        own = own_folder().absolute()
         if restricted:
             with suppress(OSError):
                 own.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -35,6 +38,10 @@ class Access:
     def may_adjust(self) -> bool:
         """Whether a model may be loaded, and a run of it registered and computed."""
         return not self.restricted
+
+    def grants(self, need: Need) -> bool:
+        """Whether what an action needs is allowed: those that lack it are not offered."""
+        return need != "models" or self.may_adjust
 
     def may_write(self, path: Path) -> bool:
         return not self.restricted or _inside(path, self.own)
@@ -60,21 +67,6 @@ class Access:
             told = f"a restricted session reads its store and {self.own} only"
             raise RequestError(f"{path}: {told}")
         return path
-
-    def allows(self, action: Action) -> bool:
-        return action.needs != "models" or self.may_adjust
-
-    @property
-    def actions(self) -> tuple[Action, ...]:
-        """The registered actions that are offered: in the footer, the help and the palette."""
-        return tuple(action for action in ACTIONS if self.allows(action))
-
-    def refusal(self, name: str) -> str:
-        """Why the application's action of this name may not run; empty where it may."""
-        for action in ACTIONS:
-            if action.name.split("(")[0] == name and not self.allows(action):
-                return f"a restricted session loads no models: {action.description}"
-        return ""
 
 
 def _inside(path: Path, folder: Path) -> bool:

@@ -103,7 +103,10 @@ def calm(canvas: Canvas, tolerance: int) -> None:
     half = canvas.char == "▀"
     both[..., :3][~half] = 0
     start = both[:, 0].copy()
+    empty = np.array(canvas.theme.background, dtype=np.uint8)
+    ground = (canvas.bg == empty).all(axis=-1) & ((canvas.fg == empty).all(axis=-1) | ~half)
     joins = picture[:, 1:] & picture[:, :-1] & (half[:, 1:] == half[:, :-1])
+    joins &= ground[:, 1:] == ground[:, :-1]  # a picture keeps its edges
     for column in range(1, canvas.width):
         here = both[:, column]
         near = joins[:, column - 1] & (np.abs(here - start).max(axis=-1) <= tolerance)

@@ -18,6 +18,7 @@ COMMANDS: dict[str, str] = {
     "run": "register a run: a model on two domains, with adjustments",
     "precompute": "compute what is missing for runs and publish it",
     "tui": "open the application on a store",
+    "serve": "open the application on a store in a browser",
     "runs": "list the runs of a store with their figures",
     "query": "print the instances that an expression selects",
     "sql": "run a read-only SQL query on the index",

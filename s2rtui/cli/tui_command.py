@@ -24,11 +24,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtui.access import Access
-    from s2rtui.access.process import confine, is_served
+    from s2rtui.access.process import confine, end_with_parent, is_served
     from s2rtui.terminal import detect, prepare_environment, refuse_unusable
 
     if options.restricted:
-        if not is_served():
+        if is_served():
+            end_with_parent()
+        else:
             refuse_unusable(instead=_FORCED)
         access = Access.of(options.store, restricted=True)
         confine(access)

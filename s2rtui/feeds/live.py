@@ -47,9 +47,18 @@ class Bench:
         return self._held.model
 
     def close(self) -> None:
+        """Let the model go."""
         if self._held is not None:
             self._held.model.close()
             self._held = None
+
+    def leave(self) -> None:
+        """Close, unless somebody is at it."""
+        if self._lock.acquire(timeout=2.0):
+            try:
+                self.close()
+            finally:
+                self._lock.release()
 
     def read(self, store: Store, state: State, caller: Caller) -> Fields:
         """Pictures and predictions first, then heat, then heat on the floor."""
@@ -78,6 +87,11 @@ class Bench:
 
 
 _BENCH = Bench()
+
+
+def leave() -> None:
+    """The application ends: nothing is kept."""
+    _BENCH.leave()
 
 
 def wants_live(store: Store, state: State) -> tuple[Any, ...] | None:

@@ -41,9 +41,11 @@ def draw_wedges(sheet: MapSheet, view: GeoMapInput, model: GeoMapModel) -> None:
     theme, axes = sheet.page.theme, sheet.axes
     ids = model.chosen.members
     truth = np.asarray(view.truth, dtype=np.float64)[sheet.spots.kept(view.truth, ids)]
-    axes.scatter(truth[:, 0], truth[:, 1], s=4, color=unit(theme.truth), linewidths=0, zorder=4)
     frame = sheet.grid(CELL)
     found = error_glyphs(view, model, frame, FOOTPRINT)
+    size, alpha = (1, 0.25) if found.crowded else (4, 1.0)
+    gold = unit(theme.truth)
+    axes.scatter(truth[:, 0], truth[:, 1], s=size, color=gold, alpha=alpha, linewidths=0, zorder=4)
     metres = sheet.area.width / sheet.inches[0] / 72
     centres = found.centres * (frame.pitch, 2 * frame.pitch * (1 if view.y_down else -1))
     centres += (frame.x0, frame.y0)
@@ -131,5 +133,5 @@ def wedge_legend(
         ("ground truth", "o", theme.truth, True),
     ]
     if model.lit > 1:
-        marks.append(("number: mean of so many", "", theme.text, False))
+        marks.append(("number: mean of n", "", theme.text, False))
     return marks

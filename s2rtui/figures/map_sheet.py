@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.records import Bounds
+from s2rstore.records import Bounds, Room
 from s2rtui.canvas.colour import Rgb, Theme, luma, mix, turbo
 from s2rtui.canvas.raster import resample
-from s2rtui.figures.style import Page, dress, heading, new_figure, plain, unit
+from s2rtui.figures.style import Box, Page, dress, heading, new_figure, plain, unit
 from s2rtui.plots.frame import MapFrame, fit
 from s2rtui.plots.geomap_cells import dots
 from s2rtui.plots.geomap_layers import DIMMED, heat_scale, seen_cells
@@ -81,15 +81,28 @@ def map_sheet(ground: Ground, area: Bounds, page: Page, title: str, subtitle: st
     scale = min(room[0] / area.width, room[1] / area.height)
     inches = area.width * scale, area.height * scale
     left = 0.75
-    axes = figure.add_axes(page.box(left, top - inches[1], *inches))
+    corner = (left + inches[0] + 0.3, top) if side else None
+    return map_panel(figure, page, ground, area, (left, top - inches[1], *inches), corner)
+
+
+def map_panel(
+    figure: Figure,
+    page: Page,
+    ground: Ground,
+    area: Bounds,
+    box: Box,
+    side: tuple[float, float] | None = None,
+) -> MapSheet:
+    """The map in a rectangle of the area's shape: left, bottom, width, height in inches."""
+    inches = box[2], box[3]
+    axes = figure.add_axes(page.box(*box))
     _picture(axes, ground, page, inches[0])
     _axes(axes, ground, area, page, inches)
-    _rooms(axes, ground, page.theme, scale)
+    _rooms(axes, ground, page.theme, inches[0] / area.width)
     _scale(axes, area, ground.y_down, page.theme)
     points = [max(1, int(length * 72)) for length in inches]
     fine = fit(area, points[0], points[1], ground.y_down)
-    corner = (left + inches[0] + 0.3, top) if side else None
-    return MapSheet(figure, page, axes, area, inches, Spots(fine, page.theme), corner)
+    return MapSheet(figure, page, axes, area, inches, Spots(fine, page.theme), side)
 
 
 def marker_legend(
@@ -172,49 +185,51 @@ def _axes(
 
 
 def _rooms(axes: Axes, ground: Ground, theme: Theme, scale: float) -> None:
-    """Dashed outlines; each name once, in the first rectangle of that name, broken to fit.
+    """Dashed outlines; each name once, in the first rectangle of that name.
 
     `scale` is in inches per metre.
     """
-    from matplotlib import patheffects
     from matplotlib.patches import Rectangle
+
+    named: set[str] = set()
+    for room in ground.rooms:
+        outline = Rectangle(
+            (room.x0, room.y0),
+            room.x1 - room.x0,
+            room.y1 - room.y0,
+            fill=False,
+            edgecolor=unit(theme.muted),
+            linewidth=0.8,
+            linestyle=(0, (4, 3)),
+            zorder=2.5,
+        )
+        axes.add_patch(outline)
+        if room.room not in named:
+            named.add(room.room)
+            _name(axes, room, room.y0 if ground.y_down else room.y1, theme, scale)
+
+
+def _name(axes: Axes, room: Room, top: float, theme: Theme, scale: float) -> None:
+    """A room's name in its upper left corner, broken where the room is too narrow."""
+    from matplotlib import patheffects
 
     halo: list[AbstractPathEffect] = [
         patheffects.withStroke(linewidth=2.5, foreground=unit(theme.background))
     ]
-    named: set[str] = set()
-    for room in ground.rooms:
-        corner, wide, high = (room.x0, room.y0), room.x1 - room.x0, room.y1 - room.y0
-        axes.add_patch(
-            Rectangle(
-                corner,
-                wide,
-                high,
-                fill=False,
-                edgecolor=unit(theme.muted),
-                linewidth=0.8,
-                linestyle=(0, (4, 3)),
-                zorder=2.5,
-            )
-        )
-        if room.room not in named:
-            named.add(room.room)
-            top = room.y0 if ground.y_down else room.y1
-            broad = len(room.room) * LETTER > wide * scale
-            name = room.room.replace(" ", "\n") if broad else room.room
-            label = axes.annotate(
-                plain(name),
-                (room.x0, top),
-                xytext=(4, -4),
-                textcoords="offset points",
-                ha="left",
-                va="top",
-                fontsize=8,
-                color=unit(theme.muted),
-                zorder=6,
-                annotation_clip=True,
-            )
-            label.set_path_effects(halo)
+    broad = len(room.room) * LETTER > (room.x1 - room.x0) * scale
+    label = axes.annotate(
+        plain(room.room.replace(" ", "\n") if broad else room.room),
+        (room.x0, top),
+        xytext=(4, -4),
+        textcoords="offset points",
+        ha="left",
+        va="top",
+        fontsize=8,
+        color=unit(theme.muted),
+        zorder=6,
+        annotation_clip=True,
+    )
+    label.set_path_effects(halo)
 
 
 def _scale(axes: Axes, area: Bounds, y_down: bool, theme: Theme) -> None:

@@ -7,13 +7,24 @@ from typing import TYPE_CHECKING
 
 from s2rtui.canvas.colour import LIGHT, Theme
 from s2rtui.figures.overview_lines import draw_lines, keys
-from s2rtui.figures.style import Page, Pixels, dress, heading, new_figure, page_of, plain, png, unit
+from s2rtui.figures.style import (
+    Page,
+    Pixels,
+    dress,
+    heading,
+    new_figure,
+    page_of,
+    plain,
+    unit,
+    written,
+)
 from s2rtui.plots.inputs import OverviewLines, OverviewRow
 from s2rtui.plots.overview_model import OverviewModel, overview_model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 NUMBERS = 2.75
 """Inches at the right that the numbers take."""
@@ -41,7 +52,9 @@ def overview_figure(
     longest = max((len(row.run) for row in model.rows), default=4)
     left = min(0.4 + 0.085 * min(longest, 32), wide * 0.35)
     right = min(NUMBERS, wide * 0.32)
-    box = page.box(left, 0.62, wide - left - right, top - 0.62 - 0.62)
+    across = _legend_columns(wide, lines)
+    keyed = 0.4 + 0.22 * -(-(4 if lines is None else 7) // across)
+    box = page.box(left, 0.62, wide - left - right, top - 0.62 - keyed)
     axes = figure.add_axes(box)
     dress(axes, theme, grid=True)
     axes.spines["left"].set_visible(False)
@@ -56,8 +69,8 @@ def overview_figure(
     for index, row in enumerate(model.rows):
         _row(axes, index, row, page, index == selected)
     _columns(axes, model, page, selected)
-    _legend(figure, axes, model, page, top, lines)
-    return png(figure, page)
+    _legend(figure, axes, model, page, (top, across), lines)
+    return written(figure, page)
 
 
 def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> None:
@@ -180,25 +193,39 @@ def _percent(value: float | None) -> str:
     return "n/a" if value is None else f"{100 * value:.1f}".replace("-", "−")
 
 
+def _diamonds(theme: Theme) -> list[Line2D]:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=unit(theme.sim)),
+        Line2D([], [], color=unit(theme.real), markerfacecolor=unit(theme.background)),
+    ]
+    for handle in handles:
+        handle.set(linestyle="none", marker="D", markersize=7, markeredgewidth=1.6)
+    return handles
+
+
+def _legend_columns(wide: float, lines: OverviewLines | None) -> int:
+    """How many keys stand side by side on a page of so many inches."""
+    if lines is None and wide > 5:
+        return 4
+    return 7 if wide > 8.5 else 4 if wide > 6 else 3 if wide > 4 else 2
+
+
 def _legend(
     figure: Figure,
     axes: Axes,
     model: OverviewModel,
     page: Page,
-    top: float,
+    place: tuple[float, int],
     lines: OverviewLines | None,
 ) -> None:
-    """A line of its own, its upper edge `top` inches above the page's foot."""
+    """Lines of their own; `place`: inches from the page's foot to their top, keys in a line."""
     from matplotlib.lines import Line2D
 
     theme = page.theme
-    handles = [
-        Line2D([], [], color=unit(theme.sim)),
-        Line2D([], [], color=unit(theme.real), markerfacecolor=unit(theme.background)),
-        Line2D([], [], color=unit(theme.muted), linewidth=1.3, marker="|", markersize=6),
-    ]
-    for handle in handles[:2]:
-        handle.set(linestyle="none", marker="D", markersize=7, markeredgewidth=1.6)
+    handles = _diamonds(theme)
+    handles.append(Line2D([], [], color=unit(theme.muted), linewidth=1.3, marker="|", markersize=6))
     names = ["sim", "real", "95 % interval"]
     if model.baseline is not None:
         line = axes.axvline(
@@ -207,17 +234,17 @@ def _legend(
         line.set_zorder(1.5)
         handles.append(line)
         names.append(f"constant mean position ({_percent(model.baseline)} %)")
-    if lines is not None:
-        handles += [Line2D([], [], color=unit(ink), linewidth=1.2) for ink, _ in keys(lines, theme)]
-        names += [name for _, name in keys(lines, theme)]
+    for ink, name in keys(lines, theme):
+        handles.append(Line2D([], [], color=unit(ink), linewidth=1.2))
+        names.append(name)
     legend = figure.legend(
         handles,
         names,
         loc="upper left",
-        bbox_to_anchor=(0.17 / page.inches[0], top / page.inches[1]),
-        ncols=4 if lines is None else 7,
+        bbox_to_anchor=(0.17 / page.inches[0], place[0] / page.inches[1]),
+        ncols=place[1],
         frameon=False,
-        fontsize=9 if page.inches[0] > 6 else 6,
+        fontsize=9 if page.inches[0] > 6 else 7,
         handletextpad=0.4,
         columnspacing=1.4,
         borderaxespad=0,

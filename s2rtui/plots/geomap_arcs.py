@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.canvas.colour import Rgb
+from s2rtui.canvas.colour import Rgb, mix
 from s2rtui.canvas.grid import Canvas
 from s2rtui.canvas.look import Look
 from s2rtui.canvas.raster import braille, dot_grid
@@ -38,14 +38,17 @@ def draw_glyphs(
     canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: Look
 ) -> None:
     """Arcs in braille; arrows with letters and sizes where colours or braille lack."""
+    footprint = ARC_FOOTPRINT if look.pictures else ARROW_FOOTPRINT
+    found = error_glyphs(view, model, frame, footprint)
     rows, columns = np.nonzero(lit_cells(view.truth, model.chosen, frame))
-    stamp(canvas, columns, rows, look.glyphs.truth, look.theme.truth, bold=False)
-    if look.pictures:
-        found = error_glyphs(view, model, frame, ARC_FOOTPRINT)
-        _arcs(canvas, found, view.y_down, look)
+    gold = look.theme.truth
+    if found.crowded:
+        red, green, blue = mix(np.array(look.theme.background), np.array(gold), 0.55).tolist()
+        stamp(canvas, columns, rows, "." if look.ascii else "·", (red, green, blue), bold=False)
     else:
-        found = error_glyphs(view, model, frame, ARROW_FOOTPRINT)
-        _arrows(canvas, found, view.y_down, look)
+        stamp(canvas, columns, rows, look.glyphs.truth, gold, bold=False)
+    draw = _arcs if look.pictures else _arrows
+    draw(canvas, found, view.y_down, look)
     _middles(canvas, found, look)
 
 

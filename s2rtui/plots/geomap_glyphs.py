@@ -37,6 +37,11 @@ class ErrorGlyphs:
     real: Vectors
     full: float
 
+    @property
+    def crowded(self) -> bool:
+        """Whether blocks stand for their instances."""
+        return int(self.counts.sum()) > SINGLES
+
 
 def error_glyphs(
     view: GeoMapInput, model: GeoMapModel, frame: MapFrame, footprint: tuple[int, int]

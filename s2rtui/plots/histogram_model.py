@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +52,6 @@ class HistogramModel:
         return float(self.edges[-1])
 
 
-@lru_cache(1)
 def histogram_model(view: HistogramInput, bins: int) -> HistogramModel:
     """Both sides over one range: 0 to `upper`, by default the 99th percentile of both."""
     upper = view.upper
@@ -61,22 +59,33 @@ def histogram_model(view: HistogramInput, bins: int) -> HistogramModel:
         upper = _upper(Same(view.sim), Same(view.real))
     upper = upper if upper > 0 else 1.0
     count = max(1, bins)
-    chosen = choose(view.selected, view.valid)
-    sides = (view.sim, view.real)
-    fine = count * max(1, FINE // count)
-    columns = [_bins(Same(side), upper, fine) for side in sides]
-    counted = joint.counts(columns, chosen)
+    keys = (Same(view.sim), Same(view.real))
+    parts = _counts(keys, upper, count, Same(view.selected), Same(view.valid))
     sim, real = (
         Errors(
-            lit.reshape(count, -1).sum(axis=1),
-            total.reshape(count, -1).sum(axis=1),
-            median(side, column, lit, view.selected, view.valid),
-            _beyond(Same(side), upper, Same(view.valid)),
-            _cursor(side, view),
+            lit, total, middle, _beyond(Same(side), upper, Same(view.valid)), _cursor(side, view)
         )
-        for side, column, (lit, total) in zip(sides, columns, counted, strict=True)
+        for side, (lit, total, middle) in zip((view.sim, view.real), parts, strict=True)
     )
     return HistogramModel(np.linspace(0.0, upper, count + 1), sim, real)
+
+
+@kept(4)
+def _counts(
+    sides: tuple[Same, ...], upper: float, count: int, selected: Same, valid: Same
+) -> list[tuple[Counts, Counts, float]]:
+    """Counts of the selected and of all, and the selected's median, for each side."""
+    lit_mask, population = np.asarray(selected.array), np.asarray(valid.array)
+    columns = [_bins(side, upper, count * max(1, FINE // count)) for side in sides]
+    counted = joint.counts(columns, choose(lit_mask, population))
+    return [
+        (
+            lit.reshape(count, -1).sum(axis=1),
+            total.reshape(count, -1).sum(axis=1),
+            median(np.asarray(side.array), column, lit, lit_mask, population),
+        )
+        for side, column, (lit, total) in zip(sides, columns, counted, strict=True)
+    ]
 
 
 def _cursor(errors: Floats, view: HistogramInput) -> float | None:

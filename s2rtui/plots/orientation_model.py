@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,18 +55,23 @@ class OrientationModel:
         return panel.lit / self.peak, panel.total / self.whole
 
 
-@lru_cache(1)
 def orientation_model(view: OrientationInput, count: int = BINS) -> OrientationModel:
     """Counts in `count` bins (a divisor of 72) and means of the three headings."""
-    chosen = choose(view.selected, view.valid)
     sides = (view.sim, view.truth, view.real)
-    counted = joint.counts([_bins(Same(side)) for side in sides], chosen)
+    keys = tuple(Same(side) for side in sides)
+    counted = _counts(keys, Same(view.selected), Same(view.valid))
     panels = tuple(
-        _headings(side, part, chosen, view, count)
-        for side, part in zip(sides, counted, strict=True)
+        Headings(
+            lit.reshape(count, -1).sum(axis=1),
+            total.reshape(count, -1).sum(axis=1),
+            math.degrees(np.angle(vector)),
+            abs(vector),
+            _cursor(side, view),
+        )
+        for side, (lit, total, vector) in zip(sides, counted, strict=True)
     )
-    lit, total = (sum(int(part[which].sum()) for part in counted) for which in (0, 1))
-    share = lit / total if lit else 1.0
+    chosen = sum(int(panel.lit.sum()) for panel in panels)
+    share = chosen / sum(int(panel.total.sum()) for panel in panels) if chosen else 1.0
     longest = max(float(panel.total.max()) * share for panel in panels)
     longest = max(1, math.ceil(longest), *(int(panel.lit.max()) for panel in panels))
     return OrientationModel(panels, longest, longest / share)
@@ -91,22 +95,26 @@ def _directions(headings: Same) -> NDArray[np.complex128]:
     return np.asarray((cosines + 1j * sines) / number)
 
 
-def _headings(
-    column: Floats,
-    counted: tuple[Counts, Counts],
-    chosen: Chosen,
-    view: OrientationInput,
-    count: int,
-) -> Headings:
-    lit, total = counted
-    vector = _mean(column, lit, chosen)
+@kept(4)
+def _counts(
+    sides: tuple[Same, ...], selected: Same, valid: Same
+) -> list[tuple[Counts, Counts, complex]]:
+    """Counts of the selected and of all in 72 bins, and the selected's mean unit vector."""
+    chosen = choose(np.asarray(selected.array), np.asarray(valid.array))
+    counted = joint.counts([_bins(side) for side in sides], chosen)
+    return [
+        (lit, total, _mean(np.asarray(side.array), lit, chosen))
+        for side, (lit, total) in zip(sides, counted, strict=True)
+    ]
+
+
+def _cursor(column: Floats, view: OrientationInput) -> float | None:
+    """Degrees of the cursor's instance, where it is valid and known."""
     cursor = view.cursor
-    at = None
-    if cursor is not None and 0 <= cursor < len(view.valid) and view.valid[cursor]:
-        heading = float(column[cursor])
-        at = wrapped(math.degrees(heading)) if math.isfinite(heading) else None
-    lit, total = (part.reshape(count, -1).sum(axis=1) for part in (lit, total))
-    return Headings(lit, total, math.degrees(np.angle(vector)), abs(vector), at)
+    if cursor is None or not (0 <= cursor < len(view.valid) and view.valid[cursor]):
+        return None
+    heading = float(column[cursor])
+    return wrapped(math.degrees(heading)) if math.isfinite(heading) else None
 
 
 def _mean(column: Floats, lit: Counts, chosen: Chosen) -> complex:

@@ -17,6 +17,7 @@ from s2rtui.plots.overview_layout import (
 )
 from s2rtui.plots.overview_model import OverviewModel, overview_model
 from s2rtui.plots.overview_threads import draw_threads, own_accuracies
+from s2rtui.plots.pending import pending, range_of
 from s2rtui.plots.scale import step, tick_text, ticks
 from s2rtui.plots.surface import Mark
 
@@ -198,17 +199,16 @@ def _mark(
     mark: Mark,
     look: Look,
 ) -> None:
-    """A range on a run's axis: highlighted ground between bold brackets."""
+    """A range on a run's axis: highlighted ground between bold ends."""
     panels = overview_surface(rows, baseline, selected, (canvas.width, canvas.height), lines)
-    panel = next((panel for panel in panels if panel.name == mark.panel), None)
-    if panel is None or not mark.points:
+    panel = next((panel for panel in panels if pending(mark, panel.name)), None)
+    if panel is None:
         return
-    ends = (panel.to_cells(*mark.points[0])[0], panel.to_cells(*mark.points[-1])[0])
-    low, high = sorted(int(end) for end in ends)
+    low, high = (int(panel.to_cells(end, 0.0)[0]) for end in range_of(mark))
     canvas.fill(low, panel.y, high - low + 1, panel.height, look.theme.highlight)
     for y in range(panel.y, panel.y + panel.height):
-        canvas.put(low, y, "[", look.theme.truth, bold=True)
-        canvas.put(high, y, "]", look.theme.truth, bold=True)
+        canvas.put(low, y, look.glyphs.scale_left, look.theme.truth, bold=True)
+        canvas.put(high, y, look.glyphs.scale_right, look.theme.truth, bold=True)
 
 
 def _axis(canvas: Canvas, y: int, model: OverviewModel, layout: OverviewLayout, look: Look) -> None:

@@ -25,10 +25,13 @@ def steps_of(mark: Mark) -> tuple[int, int]:
 
 
 def arc_of(mark: Mark) -> tuple[float, float]:
-    """The middle and half the width in degrees, the shorter way round."""
+    """The middle and half the width in degrees, from the first end turning to the last.
+
+    As the language's range of a heading; ends further apart than a turn mean all of it.
+    """
     start, stop = mark.points[0][0], mark.points[-1][0]
-    turn = wrapped(stop - start)
-    return wrapped(start + turn / 2), abs(turn) / 2
+    width = min(stop - start, 360.0) if stop >= start else (stop - start) % 360
+    return wrapped(start + width / 2), width / 2
 
 
 def wrapped(degrees: float) -> float:

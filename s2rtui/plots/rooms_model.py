@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,23 +32,32 @@ class RoomsModel:
     cursor: tuple[int | None, int | None, int | None]
 
 
-@lru_cache(1)
 def rooms_model(view: RoomsInput) -> RoomsModel:
     """Counts of all three columns over one scale."""
     number = len(view.room_names)
     sides = (view.sim, view.truth, view.real)
-    columns = [_bins(Same(side), number) for side in sides]
-    counted = joint.counts(columns, choose(view.selected, view.valid))
-    lit, total = (np.stack([part[which] for part in counted]) for which in (0, 1))
+    keys = (Same(view.sim), Same(view.truth), Same(view.real))
+    lit, total = _counts(keys, number, Same(view.selected), Same(view.valid))
     names = (*view.room_names, NO_ROOM)
     if not total[:, -1].any():
         names, lit, total = names[:-1], lit[:, :-1], total[:, :-1]
     cursor = view.cursor
     at: list[int | None] = [None, None, None]
     if cursor is not None and 0 <= cursor < len(view.valid) and view.valid[cursor]:
-        at = [int(column.codes[cursor]) for column in columns]
+        rooms = [int(side[cursor]) for side in sides]
+        at = [room if 0 <= room < number else number for room in rooms]
     peak = max(1, int(total.max(initial=0)))
     return RoomsModel(names, lit, total, peak, (at[0], at[1], at[2]))
+
+
+@kept(4)
+def _counts(
+    columns: tuple[Same, ...], number: int, selected: Same, valid: Same
+) -> tuple[Counts, Counts]:
+    """(3, number + 1) each, the last for no room."""
+    chosen = choose(np.asarray(selected.array), np.asarray(valid.array))
+    counted = joint.counts([_bins(column, number) for column in columns], chosen)
+    return np.stack([lit for lit, _ in counted]), np.stack([total for _, total in counted])
 
 
 @kept(32)

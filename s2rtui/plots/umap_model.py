@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +45,6 @@ class UmapModel:
     cursor: int | None
 
 
-@lru_cache(1)
 def umap_model(view: UmapInput, frame: MapFrame) -> UmapModel:
     """What lies in each cell of `frame` (an even number of pixels high)."""
     values = umap_values(view)

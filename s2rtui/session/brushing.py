@@ -38,7 +38,10 @@ def dragged(view: str, panel: Panel, start: Point, end: Point, trail: tuple[Poin
     if trail and panel.shape == "plane":
         points = tuple(panel.to_data(*cell) for cell in trail)
         return Brush(view, Mark(panel.name, points, lasso=True), len(points))
-    return Brush(view, Mark(panel.name, (panel.to_data(*start), panel.to_data(*end))))
+    points = panel.to_data(*start), panel.to_data(*end)
+    if panel.shape == "turn" and (points[1][0] - points[0][0]) % 360 > 180:
+        points = points[1], points[0]  # dragged backwards: the shorter way round is meant
+    return Brush(view, Mark(panel.name, points))
 
 
 def moved(brush: Brush, panel: Panel, across: int, down: int) -> Brush:

@@ -23,7 +23,7 @@ from s2rtui.session.state import HeatChoice, State
 
 Pixels = NDArray[np.uint8]
 Grid = NDArray[np.float32]
-_NEIGHBOURS = 6
+_NEIGHBOURS = 5
 
 
 def overview_rows(
@@ -83,13 +83,24 @@ def map_input(
         mode=state.map_mode,
         floor_plan=floor_plan,
         heat=heat if shown else None,
-        heat_label=f"{choice.label}, {choice.side}" if shown and choice else "heat",
-        heat_unit=unit(store, state.run, choice) if shown and choice else "",
+        heat_label=_heat_label(state, choice) if shown and choice else "heat",
+        heat_unit=_heat_unit(store, state, choice) if shown and choice else "",
         clip=seen,
         rooms=store.rooms,
         room_names=state.room_names,
         mark=mark,
     )
+
+
+def _heat_label(state: State, choice: HeatChoice) -> str:
+    """The heat's name, its side and, where that is no mean, how it was gathered."""
+    gathered = state.overlay in ("selection", "run") and state.aggregate != "mean"
+    return f"{choice.label}, {choice.side}" + (f", {state.aggregate}" if gathered else "")
+
+
+def _heat_unit(store: Store, state: State, choice: HeatChoice) -> str:
+    counts = state.overlay in ("selection", "run") and state.aggregate == "count"
+    return "pixels" if counts else unit(store, state.run, choice)
 
 
 def _points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -154,10 +165,10 @@ def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
         try:
             near, _ = similarity.neighbours(store, run, side, iid, _NEIGHBOURS)
         except RequestError:
-            continue
+            return []
         listed = " ".join(str(other) for other in near if other != iid)
-        found.append((f"like it in {side}", listed or "none"))
-    return found
+        found.append(f"{side} {listed or 'none'}")
+    return [("alike", ", ".join(found))]
 
 
 def _side(

@@ -106,7 +106,8 @@ def gathered(
         _project(store, record, heat, values[chosen], chosen, block, grid)
         if not told(float(np.searchsorted(iids, block.stop)) / iids.size):
             break
-    return np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])
+    found = np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])
+    return np.where(found > 0, found, np.nan) if aggregate == "count" else found
 
 
 def seen(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from s2rstore.language.text import quoted
 from s2rstore.reader import Store
 from s2rstore.records import Side
-from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.notebook import Notes
 from s2rtui.plots import InstanceInput, OverviewRow
 from s2rtui.plots.surface import Mark, Panel, Point
@@ -22,6 +22,7 @@ from s2rtui.session import Session, State
 Pane = Literal["overview", "centre", "tab"]
 Grid = NDArray[np.float32]
 Table = tuple[Sequence[str], Sequence[Sequence[object]]]
+Pixels = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +74,12 @@ class Scene:
         remark = self.notes.remarks.get(iid)
         return remark.text if remark else ""
 
+    @property
+    def caption(self) -> str:
+        """What a figure's title leaves open: the data set, how many of how many, the expression."""
+        counted = f"{self.state.count} instances"
+        return "  ·  ".join((self.store.dataset.name, counted, self.state.expression))
+
     def mark(self, view: str) -> Mark | None:
         """The mark that is being drawn in a view."""
         brush = self.state.brush
@@ -83,13 +90,21 @@ class View:
     """One view; a subclass says what it tells, draws and means.
 
     `name` is its word, `key` the digit that shows it. `pane` is its place: the overview's, the
-    large centre, or one that it shares with others where the screen is small.
+    large centre, or one that it shares with others where the screen is small. `aliases` are other
+    words for it on the command line. `feeds` names what it needs from workers. `stored` tells that
+    a store holds all that it shows, `one` that it shows one instance; `paper` is the size of its
+    figure where none is asked for.
     """
 
     name: str
     key: str
     pane: Pane = "tab"
     description: str
+    aliases: tuple[str, ...] = ()
+    feeds: tuple[str, ...] = ()
+    stored: bool = True
+    one: bool = False
+    paper: Pixels = (1600, 900)
 
     def told(self, scene: Scene) -> str:
         """The words beside the title."""
@@ -123,7 +138,15 @@ class View:
         return False
 
     def numbers(self, scene: Scene) -> Table:
-        """What it shows as a flat table: names of columns, and rows."""
+        """What it shows as a flat table: names of columns, and rows; NaN or None for nothing."""
+        raise NotImplementedError
+
+    def words(self, scene: Scene) -> str:
+        """What it shows in a sentence or two, with the numbers that matter most."""
+        raise NotImplementedError
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        """The view drawn for paper. Raises RequestError where there is nothing to draw."""
         raise NotImplementedError
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -11,7 +10,8 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
-from s2rtui.actions import ACTIONS, Action, help_text
+from s2rtui.access import Access
+from s2rtui.actions import help_text
 
 
 class HelpScreen(ModalScreen[None]):
@@ -21,13 +21,13 @@ class HelpScreen(ModalScreen[None]):
         ("escape,question_mark,q,enter", "dismiss", "close"),
     ]
 
-    def __init__(self, actions: Sequence[Action] = ACTIONS) -> None:
+    def __init__(self, access: Access) -> None:
         super().__init__()
-        self._actions = actions
+        self._access = access
 
     def compose(self) -> ComposeResult:
         with VerticalScroll(id="help"):
-            yield Static(help_text(self._actions), markup=False)
+            yield Static(help_text(self._access), markup=False)
 
     def on_mount(self) -> None:
         self.query_one("#help", VerticalScroll).focus()

@@ -57,6 +57,7 @@ class SelectionsScreen(ModalScreen[str | None]):
         listed = self.query_one(OptionList)
         listed.clear_options()
         listed.add_options(options)
+        listed.highlighted = 0 if options else None
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         self.dismiss(self._texts[event.option.id or ""])

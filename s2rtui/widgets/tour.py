@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from textual import events
 from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import VerticalScroll
@@ -48,6 +49,7 @@ class TourScreen(ModalScreen[None]):
             yield Static("Where and why does the model fail in reality?", id="tour-title")
             yield Static(tour_text(), markup=False)
 
-    def on_key(self) -> None:
+    def on_key(self, event: events.Key) -> None:
+        event.stop()
         if self.is_current:
             self.dismiss()

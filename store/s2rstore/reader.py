@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from dataclasses import dataclass
 from functools import cached_property
@@ -70,7 +71,7 @@ class Store:
             )
         self.generation = current.generation
         self._index = self.path / current.index
-        self._connection = sandbox.connect(self._index)
+        self._opened: duckdb.DuckDBPyConnection | None = sandbox.connect(self._index)
         self._runs_columns: dict[str, RunColumns] = {}
         self._columns = Recent(_COLUMN_BYTES)
         self._arrays: dict[Path, zarr.Array[Any]] = {}
@@ -89,7 +90,17 @@ class Store:
         self.close()
 
     def close(self) -> None:
-        self._connection.close()
+        """Let the index go; what was read stays."""
+        opened, self._opened = self._opened, None
+        if opened is not None:
+            with contextlib.suppress(duckdb.Error):  # busy in another thread: closed after that
+                opened.close()
+
+    @property
+    def _connection(self) -> duckdb.DuckDBPyConnection:
+        if self._opened is None:
+            raise RequestError(f"{self.path}: the store is closed")
+        return self._opened
 
     def latest_generation(self) -> int:
         """The generation that is published now; this store stays at its own."""

@@ -107,11 +107,14 @@ def test_the_application_works_confined(tiny_store: Path, tmp_path: Path) -> Non
     command = [sys.executable, "-m", "s2rtui", "tui", "--restricted", str(tiny_store)]
     screen = Screen(command, (160, 45), environment)
     try:
+        screen.wait_for("any key begins")
+        screen.press(" ")
+        screen.wait_for("3 instance")
         screen.press("c")
-        screen.wait_for("40 of 40")
+        screen.wait_for("│ 40 of 40 │")
         for keys in ("w", "h", "v", "o", "o", "m", "+", "0", "r", "n", "y", "?"):
             screen.press(keys)
-        screen.wait_for("all keys")
+        screen.wait_for("all but these")
         screen.press("\x1b")
         screen.wait_for("3 instance")
         screen.press("tt")
@@ -124,4 +127,5 @@ def test_the_application_works_confined(tiny_store: Path, tmp_path: Path) -> Non
     finally:
         screen.close()
     written = [path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file()]
-    assert written == [Path("data/s2rtui/s2r-001.png")]
+    assert Path("data/s2rtui/s2r-001.png") in written
+    assert {path.parts[:2] for path in written} == {("data", "s2rtui")}

@@ -5,19 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import textual.actions
 from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
 from s2rtui import actions
-from s2rtui.access import Access, own_folder, rights
-from s2rtui.actions import ACTIONS, Action, footer, help_text
+from s2rtui.access import Access
+from s2rtui.actions import ACTIONS, Action, footer, help_text, named, offered
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
 from s2rtui.headless import settle, take
-from s2rtui.session import Session
+from s2rtui.session import Session, showing
 
-ADJUST = Action("side", ("J",), "program", "adjust the images", "adjust", needs="models")
+MIST = Action(
+    "side", ("d",), "heat", "mist in the images", showing.change_side, "mist", needs="models"
+)
 NAMES = st.lists(st.sampled_from(["..", ".", "a", "b", "s2rtui", "own"]), max_size=6)
 
 
@@ -58,45 +61,44 @@ def test_an_ordinary_session_is_not_held_back(tmp_path: Path) -> None:
     assert access.may_adjust
     assert access.writable(tmp_path / "a.png") == tmp_path / "a.png"
     assert access.readable(Path("/etc/passwd")) == Path("/etc/passwd")
-    assert access.actions == ACTIONS
+    assert offered(access) == list(ACTIONS)
 
 
-@pytest.mark.parametrize(
-    ("environment", "expected"),
-    [
-        ({"XDG_DATA_HOME": "/data"}, Path("/data/s2rtui")),
-        ({"XDG_DATA_HOME": "relative"}, Path.home() / ".local/share/s2rtui"),
-        ({}, Path.home() / ".local/share/s2rtui"),
-    ],
-)
-def test_the_own_folder(environment: dict[str, str], expected: Path) -> None:
-    assert own_folder(environment) == expected
+@pytest.fixture
+def mist(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of the actions loads models."""
+    changed = tuple(MIST if action.name == "side" else action for action in ACTIONS)
+    monkeypatch.setattr(actions, "ACTIONS", changed)
+    monkeypatch.setattr(actions, "BY_NAME", {action.name: action for action in changed})
 
 
-def test_what_is_not_allowed_is_not_offered(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for module in (actions, rights):
-        monkeypatch.setattr(module, "ACTIONS", (*ACTIONS, ADJUST))
-    offered = restricted(tmp_path).actions
-    assert ADJUST not in offered
-    assert set(offered) == set(ACTIONS)
-    assert "adjust" not in [word for _, word in footer(300, offered)]
-    assert "adjust the images" not in help_text(offered)
-    assert ADJUST in Access(tmp_path, tmp_path).actions
+@pytest.mark.usefixtures("mist")
+def test_what_is_not_allowed_is_not_offered(tiny_store: Path, tmp_path: Path) -> None:
+    access = restricted(tmp_path)
+    session = Session(tiny_store)
+    assert MIST not in offered(access)
+    assert {action.needs for action in offered(access)} == {""}
+    assert "mist" not in [word for _, word in footer(900, session.state, access)]
+    assert "mist in the images" not in help_text(access)
+    ordinary = Access(tmp_path, tmp_path)
+    assert "mist" in [word for _, word in footer(900, session.state, ordinary)]
+    assert "mist in the images" in help_text(ordinary)
+    session.close()
 
 
-async def test_a_refused_action_says_so(
-    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    changed = tuple(action for action in ACTIONS if action.name != "side")
-    monkeypatch.setattr(rights, "ACTIONS", (*changed, ADJUST))
-    access = Access(tiny_store, tmp_path, True)
-    app = S2RApp(Session(tiny_store), Look(), access=access)
+def test_actions_are_found_as_they_are_called() -> None:
+    for action in ACTIONS:
+        _, name, parameters = textual.actions.parse(action.call)
+        assert named(name, parameters) is action
+
+
+@pytest.mark.usefixtures("mist")
+async def test_a_refused_action_says_so(tiny_store: Path, tmp_path: Path) -> None:
+    app = S2RApp(Session(tiny_store), Look(), access=Access(tiny_store, tmp_path, True))
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         before = app.session.state.heat
-        for call in ("side", "app.side"):
+        for call in ("do('side')", "app.do('side')"):
             app.session.tell("")
             await app.run_action(call)
             assert "restricted" in app.session.state.message
@@ -104,10 +106,10 @@ async def test_a_refused_action_says_so(
         await pilot.press("d")
         await settle(app, pilot)
         assert app.session.state.heat == before
-        assert "loads no models: adjust the images" in take(app).text
-        assert "adjust the images" not in [
-            command.title for command in app.get_system_commands(app.screen)
-        ]
+        assert "not in a restricted session: mist in the images" in take(app).text
+        titles = [command.title for command in app.get_system_commands(app.screen)]
+        assert len(titles) > 10
+        assert not any("mist in the images" in title for title in titles)
 
 
 @pytest.mark.parametrize(

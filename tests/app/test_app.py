@@ -62,7 +62,10 @@ async def test_keys_while_loading(tiny_store: Path, size: tuple[int, int]) -> No
     [
         ((80, 24), {"map"}),
         ((120, 40), {"overview", "map", "instance"}),
-        ((200, 60), {"overview", "errors", "map", "instance"}),
+        (
+            (200, 60),
+            {"overview", "umap", "orientation", "rooms", "errors", "map", "instance"},
+        ),
     ],
 )
 async def test_layouts(tiny_store: Path, size: tuple[int, int], views: set[str]) -> None:

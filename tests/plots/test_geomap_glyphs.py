@@ -66,6 +66,7 @@ def test_blocks_show_the_mean_errors_of_their_selected() -> None:
     cells = np.floor(frame.to_cells(view.truth))
     known = np.isfinite(view.real).all(axis=1) & view.selected & view.valid
     assert found.counts.sum() == known.sum() > SINGLES
+    assert found.crowded
     for index, (column, row) in enumerate(found.centres):
         block = known & (cells[:, 0] // 7 == column // 7) & (cells[:, 1] // 3 == row // 3)
         assert found.counts[index] == block.sum()

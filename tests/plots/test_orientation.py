@@ -186,10 +186,21 @@ def test_the_cursor_points_from_centre_to_rim_in_each_panel() -> None:
         assert abs(row + panel.y - y) <= 1
 
 
-def test_a_brush_takes_the_shorter_way_round() -> None:
-    assert arc_of(Mark("sim", ((170.0, 1.0), (-160.0, 1.0)))) == pytest.approx((-175.0, 15.0))
-    assert arc_of(Mark("sim", ((-160.0, 1.0), (170.0, 1.0)))) == pytest.approx((-175.0, 15.0))
-    assert arc_of(Mark("sim", ((30.0, 1.0), (50.0, 1.0)))) == pytest.approx((40.0, 10.0))
+@pytest.mark.parametrize(
+    ("ends", "arc"),
+    [
+        ((30.0, 50.0), (40.0, 10.0)),
+        ((170.0, -160.0), (-175.0, 15.0)),
+        ((160.0, 200.0), (180.0, 20.0)),
+        ((-20.0, 240.0), (110.0, 130.0)),
+        ((50.0, 30.0), (-140.0, 170.0)),
+        ((-200.0, 200.0), (-20.0, 180.0)),
+    ],
+)
+def test_a_brush_turns_from_its_first_end_to_its_last(ends, arc) -> None:
+    middle, half = arc_of(Mark("sim", ((ends[0], 1.0), (ends[1], 1.0))))
+    assert wrapped(middle - arc[0]) == pytest.approx(0)
+    assert half == pytest.approx(arc[1])
 
 
 @pytest.mark.parametrize("size", [(100, 20), (60, 4)])

@@ -10,6 +10,7 @@ from rich.console import Console
 from textual.strip import Strip
 
 from s2rtui.canvas import DARK, Canvas, ColourMode, to_strips
+from s2rtui.canvas.raster import half_blocks
 from s2rtui.canvas.strips import calm
 
 
@@ -111,3 +112,15 @@ def test_tolerance_joins_near_neighbours_of_pictures_only() -> None:
 def test_ascii_strips_hold_no_other_character() -> None:
     text = "".join(strip.text for strip in to_strips(noise(), ColourMode.PALETTE, ascii=True))
     assert text.isascii()
+
+
+def test_a_picture_keeps_its_edge_against_the_ground() -> None:
+    canvas = Canvas(12, 1)
+    red, green, blue = canvas.theme.background
+    pixels = np.zeros((2, 12, 3), dtype=np.uint8)
+    pixels[:, :6] = canvas.theme.background
+    pixels[:, 6:] = (red + 6, green + 6, blue + 6)
+    half_blocks(canvas, 0, 0, pixels)
+    calm(canvas, 12)
+    assert (canvas.bg[0, :6] == canvas.theme.background).all()
+    assert (canvas.bg[0, 6:] == pixels[0, 6:]).all()

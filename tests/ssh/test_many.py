@@ -87,12 +87,12 @@ def test_eight_users_while_a_precompute_publishes(
     assert newest > first
     for screen in screens:
         screen.press("c")
-        screen.wait_for("80 of 80", 120)
+        screen.wait_for("│ 80 of 80 │", 120)
         screen.wait_for(f"generation {newest} is there")
         screen.press("g")
         screen.wait_for(lambda text: text.splitlines()[0].endswith(f"gen {newest}"))
         screen.press("w")
-        screen.wait_for("12 of 80")
+        screen.wait_for("│ 12 of 80 │")
     for screen in screens:
         screen.press("q")
         assert screen.wait_for_end(120) == 0

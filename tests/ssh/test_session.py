@@ -25,11 +25,11 @@ def test_keys_change_the_selection(server: Sshd, tiny_store: Path, open_screen: 
     assert "tiny.s2r" in first
     assert "worst15" in first
     screen.press("c")
-    screen.wait_for("40 of 40")
+    screen.wait_for("│ 40 of 40 │")
     screen.press("w")
-    screen.wait_for("6 of 40")
+    screen.wait_for("│ 6 of 40 │")
     screen.press("u")
-    screen.wait_for("40 of 40")
+    screen.wait_for("│ 40 of 40 │")
     screen.press("q")
     assert screen.wait_for_end() == 0
 
@@ -80,9 +80,9 @@ def test_colours_are_those_of_the_far_terminal(
 ) -> None:  # fmt: skip
     screen = open_screen(server.login(*application(tiny_store)), (100, 30), environment)
     screen.press("c")
-    screen.wait_for("40 of 40")
+    screen.wait_for("│ 40 of 40 │")
     screen.press("w")
-    screen.wait_for("6 of 40")
+    screen.wait_for("│ 6 of 40 │")
     assert bool(_COLOUR.search(screen.raw)) == coloured
     assert (b"38;2;" in screen.raw or b"48;2;" in screen.raw) == truecolour
 
@@ -124,16 +124,16 @@ def test_tmux_keeps_the_session_when_the_connection_is_cut(
     before = open_screen(server.login(*command), (80, 24))
     before.wait_for("of 40")
     before.press("c")
-    before.wait_for("40 of 40")
+    before.wait_for("│ 40 of 40 │")
     before.press("w")
-    before.wait_for("6 of 40")
-    before.press("m")
-    before.wait_for("sim, truth, real")
+    before.wait_for("│ 6 of 40 │")
+    before.press("b")
+    before.wait_for("best15")
     before.kill()
     after = open_screen(server.login(*command), (160, 45))
-    kept = ("6 of 40", "worst15", "sim, truth, real", "1 overview")
+    kept = ("│ 6 of 40 │", "best15", "1 overview", "3 instance")
     after.wait_for(lambda text: all(part in text for part in kept))
     after.press("u")
-    after.wait_for("40 of 40")
+    after.wait_for("worst15")
     after.press("q")
     assert after.wait_for_end() == 0

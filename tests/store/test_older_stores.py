@@ -50,3 +50,11 @@ def test_the_next_generation_has_the_column(older: Path) -> None:
         assert np.flatnonzero(selection.select(store, "sim.outlier = 2")).tolist() == [0, 1, 2]
         assert store.execute("SELECT count(*) FROM pair WHERE real_outlier = 2") == [(6,)]
     assert verify(older) == []
+
+
+def test_a_negative_outlier_score_is_damage(own_store: Path) -> None:
+    with edit(own_store) as draft:
+        draft._connection.execute(
+            "UPDATE prediction SET outlier = -1 WHERE iid = 3 AND side = 'sim'"
+        )
+    assert [damage.what for damage in verify(own_store)] == ["2 rows: outlier is no distance"]

@@ -112,6 +112,8 @@ def start(folder: Path, store: Path) -> Sshd:
     for name in ("host_key", "client_key"):
         _keygen(folder / name)
     shutil.copy(folder / "client_key.pub", folder / "authorized_keys")
+    (folder / "data" / "s2rtui").mkdir(parents=True)
+    (folder / "data" / "s2rtui" / "toured").touch()
     port, forced_port = _free_ports(2)
     environment = {
         "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),

@@ -1,0 +1,1 @@
+"""The application in a browser, by textual-serve; needs the extra `serve`."""

@@ -1,0 +1,288 @@
+"""The workbench under a pilot: brushes by keys and by mouse, operators, lists, live adjusting."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from textual.pilot import Pilot
+
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.headless import settle, take
+from s2rtui.notebook import Notebook
+from s2rtui.plots.surface import Panel
+from s2rtui.session import Session
+from s2rtui.views import BY_NAME, VIEWS
+
+BRUSHABLE = ("overview", "map", "umap", "orientation", "rooms", "errors", "list", "compare")
+KEYS = {view.name: view.key for view in VIEWS}
+
+
+def app_on(store: Path) -> S2RApp:
+    app = S2RApp(Session(store, notebooks=Notebook), Look())
+    app.feeding.rest_seconds = 0.001
+    return app
+
+
+async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
+    for key in keys:
+        await pilot.press(key)
+        await settle(app, pilot)
+
+
+def panels(app: S2RApp, name: str) -> list[Panel]:
+    return list(app._panels(BY_NAME[name]))
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
+@pytest.mark.parametrize("name", BRUSHABLE)
+async def test_every_view_is_brushed_by_keys(
+    tiny_store: Path, size: tuple[int, int], name: str
+) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=size) as pilot:
+        await settle(app, pilot)
+        await press(app, pilot, "c", KEYS[name], "x")
+        brush = app.session.state.brush
+        assert brush is not None
+        assert brush.view == name
+        await press(app, pilot, "Z", "right", "down", "shift+down", "shift+right", "enter")
+        state = app.session.state
+        assert state.brush is None
+        assert not state.is_error
+        assert state.expression != "all"
+        again = Session(tiny_store)
+        assert np.array_equal(again.select(state.expression).selected, state.selected)
+
+
+@pytest.mark.parametrize("key", ["ampersand", "vertical_line", "minus"])
+async def test_a_brush_joins_by_an_operator(tiny_store: Path, key: str) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "w")
+        worst = app.session.state.selected
+        await press(app, pilot, "6", "x")
+        await press(app, pilot, key)
+        rooms = Session(tiny_store).select(app.session.state.expression.split(" ", 2)[2]).selected
+        joined = {
+            "ampersand": worst & rooms,
+            "vertical_line": worst | rooms,
+            "minus": worst & ~rooms,
+        }
+        assert np.array_equal(app.session.state.selected, joined[key])
+
+
+async def test_the_papers_question_takes_under_ten_keys(tiny_store: Path) -> None:
+    """Poor in simulation but well in reality, inside this region of the map."""
+    app = app_on(tiny_store)
+    keys = ["W", "ampersand", "b", "x", "Z", "Z", "ampersand"]
+    assert len(keys) < 10
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await press(app, pilot, *keys)
+        text = app.session.state.expression
+        assert text.startswith("worst(15%, sim.error) & best15 & box(")
+        assert not app.session.state.is_error
+
+
+async def test_escape_drops_a_brush_and_a_pending_operator(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "w", "x", "escape")
+        assert app.session.state.brush is None
+        await press(app, pilot, "vertical_line")
+        assert "| _" in take(app).text
+        await press(app, pilot, "escape")
+        assert app.session.state.operator == "replace"
+        assert app.session.state.expression == "worst15"
+
+
+async def test_a_lasso_by_keys(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", "L", "x", "space")
+        for step in ("right", "down", "left"):
+            await press(app, pilot, *[step] * 8, "space")
+        await press(app, pilot, "enter")
+        assert app.session.state.expression.startswith("lasso(")
+        assert not app.session.state.is_error
+
+
+async def test_a_lasso_of_two_corners_is_refused(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", "L", "x", "enter")
+        assert "three corners" in app.session.state.message
+        assert app.session.state.expression == "all"
+
+
+async def drag(app: S2RApp, pilot: Pilot[None], name: str, cells: list[tuple[int, int]]) -> None:
+    view = f"#{name}"
+    await pilot.mouse_down(view, offset=cells[0])
+    for cell in cells[1:]:
+        await pilot.hover(view, offset=cell)
+    await pilot.mouse_up(view, offset=cells[-1])
+    await settle(app, pilot)
+
+
+@pytest.mark.parametrize("name", ["map", "umap", "errors", "rooms", "orientation"])
+async def test_every_view_is_brushed_by_mouse(tiny_store: Path, name: str) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", KEYS[name])
+        panel = panels(app, name)[-1]
+        first = panel.x + panel.width // 4, panel.y + panel.height // 4 + 1
+        last = panel.x + panel.width * 3 // 4, panel.y + panel.height * 3 // 4 + 1
+        await drag(app, pilot, name, [first, last])
+        state = app.session.state
+        assert not state.is_error
+        assert state.expression != "all"
+        assert state.brush is None
+
+
+async def test_what_the_mouse_boxed_on_the_map_is_selected(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", "2")
+        panel = panels(app, "map")[0]
+        cells = [(panel.x + 5, panel.y + 6), (panel.x + 30, panel.y + 30)]
+        (x0, y0), (x1, y1) = (panel.to_data(c + 0.5, r - 1 + 0.5) for c, r in cells)
+        await drag(app, pilot, "map", cells)
+        truth = app.session.store.instances
+        inside = (truth.x >= x0) & (truth.x <= x1) & (truth.y >= min(y0, y1))
+        inside &= truth.y <= max(y0, y1)
+        assert abs(int(app.session.state.selected.sum()) - int(inside.sum())) <= 1
+        assert inside.any()
+
+
+async def test_a_click_on_the_map_puts_the_cursor_there(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", "2")
+        truth = app.session.store.instances
+        column, row = panels(app, "map")[0].to_cells(float(truth.x[17]), float(truth.y[17]))
+        await pilot.click("#map", offset=(int(column), int(row) + 1))
+        await settle(app, pilot)
+        found = app.session.state.cursor
+        assert found is not None
+        assert np.hypot(truth.x[found] - truth.x[17], truth.y[found] - truth.y[17]) < 0.5
+
+
+async def test_a_click_on_a_run_turns_to_it(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await settle(app, pilot)
+        panel = next(p for p in panels(app, "overview") if p.name == "dataaug")
+        await pilot.click("#overview", offset=(panel.x + 3, panel.y + 1))
+        await settle(app, pilot)
+        assert app.session.state.run == "dataaug"
+
+
+async def test_notes_and_tags_are_written_and_shown_in_the_list(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "w", "number_sign")
+        await pilot.press(*"door", "enter")
+        await settle(app, pilot)
+        await press(app, pilot, "e")
+        await pilot.press(*"glass", "enter")
+        await settle(app, pilot)
+        await press(app, pilot, "8")
+        assert "#door: glass" in take(app).text
+        await press(app, pilot, "slash")
+        app._line.value = "@door"
+        await press(app, pilot, "enter")
+        assert app.session.state.count == "1 of 40"
+
+
+async def test_a_selection_is_saved_found_and_taken_again(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "w", "at")
+        await pilot.press(*"bad", "enter")
+        await settle(app, pilot)
+        await press(app, pilot, "c", "f")
+        assert "@bad" in take(app).text
+        await press(app, pilot, "enter")
+        assert app.session.state.expression == "worst15"
+        await press(app, pilot, "f", "d", "escape")
+        assert "bad" not in app.session.notes.selections
+
+
+async def test_a_wrong_name_keeps_the_line_open(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "at", "space", "enter")
+        assert app.prompting
+        assert app.session.state.is_error
+        await press(app, pilot, "escape")
+        assert not app.prompting
+
+
+async def test_tab_completes_and_up_recalls(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "w", "b", "slash")
+        app._line.value = "worst15 & room:le"
+        await press(app, pilot, "tab")
+        assert app._line.value == 'worst15 & room:"left hall"'
+        await press(app, pilot, "escape", "slash", "up", "up")
+        assert app._line.value == "worst15"
+        await press(app, pilot, "enter")
+        assert app.session.state.expression == "worst15"
+
+
+async def test_jumping_by_a_letter(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "space", "a")
+        first = app.session.state.view
+        await press(app, pilot, "space", "s")
+        assert app.session.state.view != first
+        await press(app, pilot, "space", "escape", "w")
+        assert app.session.state.expression == "worst15"
+
+
+async def test_two_runs_are_compared(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "9")
+        text = take(app).text
+        assert "vanilla and dataaug" in text
+        columns = [app.session.store.run_columns(run).real.error for run in ("vanilla", "dataaug")]
+        better = int((columns[0] - columns[1] > 0.05).sum())
+        worse = int((columns[0] - columns[1] < -0.05).sum())
+        assert f"▲ {better} " in text
+        assert f"▼ {worse} " in text
+
+
+async def test_heat_of_the_selection_is_gathered(tiny_store: Path) -> None:
+    from s2rtui.session.heat import instance_grid
+
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "slash")
+        app._line.value = "ids(5)"
+        await press(app, pilot, "enter", "o", "o")
+        state = app.session.state
+        assert state.overlay == "selection"
+        own = instance_grid(app.session.store, "vanilla", state.heat, 5)
+        np.testing.assert_array_equal(app.resources.grid, own)
+        await press(app, pilot, "C")
+        seen = app.resources.seen
+        assert np.isfinite(seen).sum() >= np.isfinite(own).sum() > 0
+
+
+@pytest.mark.parametrize("size", [(80, 24), (200, 60)])
+async def test_screens_over_the_views_open_and_close(
+    tiny_store: Path, size: tuple[int, int]
+) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=size) as pilot:
+        for key, shown in (("D", "what you should see"), ("T", "sim is blue"), ("f", "history")):
+            await press(app, pilot, key)
+            assert shown in take(app).text
+            await press(app, pilot, "escape")
+        assert "overview" in take(app).text or "map" in take(app).text

@@ -1,0 +1,52 @@
+"""The application in a headless Chromium that has no network but loopback."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from tests.serve.conftest import StartServer
+from tests.support.processes import wait_until
+
+pytest.importorskip("aiohttp")
+
+from tests.support import chromium
+
+
+async def _drawn_anew(page: chromium.Page, before: bytes) -> bool:
+    """Whether the page soon looks different: it draws in its next frame."""
+    for _ in range(100):
+        if await page.picture() != before:
+            return True
+        await asyncio.sleep(0.05)
+    return False
+
+
+async def test_keys_in_the_page_change_the_selection(serve: StartServer, tmp_path: Path) -> None:
+    missing = chromium.missing_program()
+    if missing:
+        pytest.skip(f"{missing} is not installed")
+    server = serve()
+    async with chromium.browser(tmp_path / "profile") as page:
+        await page.open(server.url)
+        first = await page.wait_for("of 40")
+        assert first.splitlines()[0].strip().startswith("tiny.s2r")
+        assert await page.value("document.title") == "tiny.s2r"
+        await page.press("c")
+        await page.wait_for("│ 40 of 40 │")
+        before = await page.picture()
+        await page.press("w")
+        text = await page.wait_for("│ 6 of 40 │")
+        assert "worst15" in text
+        assert await _drawn_anew(page, before)
+        hosts = {urlsplit(url).netloc for url in page.requests if not url.startswith("data:")}
+        assert hosts == {f"127.0.0.1:{server.port}"}
+        assert [url for url in page.requests if url.startswith("ws://")]
+        assert page.failures == []
+        assert await page.value("document.fonts.check('16px Roboto Mono')") is True
+        await page.press("q")
+        assert wait_until(lambda: server.applications == [])
+        assert await page.value("document.body.classList.contains('-closed')") is True
