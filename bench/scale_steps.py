@@ -83,7 +83,9 @@ def brushed(app: S2RApp, view: str, panel: str, lasso: bool = False) -> list[Ste
 
     def put(at: int) -> Step:
         x, y = 2.0 + 0.2 * at, 3.0 + 0.1 * at
-        points = ((x, y), (x + 4, y), (x + 4, y + 3), (x, y + 3)) if lasso else ((x, y), (x + 4, y + 3))
+        points = (
+            ((x, y), (x + 4, y), (x + 4, y + 3), (x, y + 3)) if lasso else ((x, y), (x + 4, y + 3))
+        )
         brush = Brush(view, Mark(panel, points, lasso))
         return lambda: session.set(replace(session.state, brush=brush))
 

@@ -13,7 +13,7 @@ from s2rtui.plots.geomap_cells import cells
 from s2rtui.plots.geomap_model import cursor_of, sizes
 from s2rtui.plots.inputs import Bools, DifferenceInput
 from s2rtui.plots.same import Same, kept
-from s2rtui.plots.sums import sums
+from s2rtui.plots.sums import sums, total_of
 
 Means = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def _summary(
     column = _verdicts(first, second, equal)
     worse, same, improved = count(column, chosen)[0].tolist()
     known = worse + same + improved
-    total = float(sums(column, _differences(first, second), chosen).sum())
+    total = total_of(_differences(first, second), chosen)
     mean = total / known if known else float("nan")
     return DifferenceSummary(improved, worse, same, lit - known, mean)
 

@@ -29,7 +29,7 @@ def dots(points: Floats, frame: MapFrame) -> Bins:
     return _dots(Same(points), frame)
 
 
-@kept(12)
+@kept(16)
 def _cells(points: Same, frame: MapFrame) -> Bins:
     across, down = frame.width, frame.height // 2
     rows, columns = np.divmod(np.arange(8 * across * down), 2 * across)
@@ -40,7 +40,7 @@ def _cells(points: Same, frame: MapFrame) -> Bins:
     return Bins(table.astype(np.uint32)[codes], across * down)
 
 
-@kept(8)
+@kept(16)
 def _dots(points: Same, frame: MapFrame) -> Bins:
     """In pieces that stay in the processor's caches."""
     places = np.asarray(points.array)

@@ -28,8 +28,9 @@ def median(values: Floats, column: Bins, lit: Counts, selected: Bools, valid: Bo
     places = np.array([(number - 1) // 2, number // 2])
     first, last = np.searchsorted(ends, places, side="right").tolist()
     inside = order[starts[first] : starts[last + 1]]
-    members = inside[selected[inside] & valid[inside]]
-    return float(values[members[places - (ends[first] - lit[first])]].mean())
+    members = np.flatnonzero((selected & valid)[inside])
+    middle = inside[members[places - (ends[first] - lit[first])]]
+    return float(values[middle].mean())
 
 
 @kept(16)

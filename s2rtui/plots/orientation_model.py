@@ -79,14 +79,15 @@ def orientation_model(view: OrientationInput, count: int = BINS) -> OrientationM
 
 @kept(16)
 def _bins(headings: Same) -> Bins:
-    turned = np.mod(np.degrees(np.asarray(headings.array, dtype=np.float64)) + 180, 360) / WIDTH
+    turned = np.degrees(np.asarray(headings.array, dtype=np.float64)) + 180
+    turned = (turned - 360 * np.floor(turned / 360)) / WIDTH
     return bins(np.where(turned >= BINS, 0.0, turned), BINS)
 
 
 @kept(16)
 def _directions(headings: Same) -> NDArray[np.complex128]:
-    """(72,) the mean unit vector of everything in each bin."""
-    column = np.asarray(headings.array, dtype=np.float64)
+    """(72,) the mean unit vector of everything in each bin, to single precision."""
+    column = np.asarray(headings.array, dtype=np.float32)
     codes = _bins(headings).codes
     known = np.where(codes < BINS, column, 0.0)
     cosines = np.bincount(codes, np.cos(known), BINS + 1)[:BINS]

@@ -33,6 +33,17 @@ def _sum(column: Bins, weights: NDArray[np.floating], members: NDArray[np.intp])
     return np.asarray(total, dtype=np.float64)
 
 
+def total_of(weights: NDArray[np.floating], chosen: Chosen) -> float:
+    """The sum of what is finite of `weights` (N,) over the selected."""
+    part = float(np.nansum(weights[chosen.few]))
+    return _total(Same(weights), Same(chosen.base)) - part if chosen.inverted else part
+
+
+@kept(16)
+def _total(weights: Same, base: Same) -> float:
+    return float(np.nansum(np.asarray(weights.array)[np.asarray(base.array)]))
+
+
 def occupied(column: Bins) -> tuple[Bins, NDArray[np.intp]]:
     """The bins that hold anything, renumbered, and the old number of each."""
     kept = np.flatnonzero(np.bincount(column.codes, minlength=column.count + 1)[: column.count])

@@ -166,10 +166,12 @@ class Session:
         return replace(made, cursor=self._kept_cursor(made))
 
     def _base(self, state: State, context: MaskContext) -> NDArray[np.bool_]:
-        """The base population; the same array for as long as it means the same."""
+        """The base population; the same array for as long as it holds the same."""
         key = (self.store.generation, state.run, state.trajectories)
         if key not in self._bases:
-            self._bases[key] = base_population(context)
+            found = base_population(context)
+            known = (base for base in self._bases.values() if np.array_equal(base, found))
+            self._bases[key] = next(known, found)
         return self._bases[key]
 
     def _kept_cursor(self, state: State) -> int | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import duckdb
@@ -18,9 +18,10 @@ from s2rstore.recent import Recent
 from s2rstore.records import SIDES, SPLITS, Room, Side
 
 _PROJECTED = ("u", "v")
+_SELECT = "SELECT iid, {} AS value FROM {} WHERE run = ? AND side = ?"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Index:
     """An open index: `connect` gives a connection of its own, `kept` holds the columns read last.
 
@@ -30,6 +31,10 @@ class Index:
     connect: Callable[[], duckdb.DuckDBPyConnection]
     kept: Recent
     n: int
+
+    @cached_property
+    def iids(self) -> NDArray[np.int32]:
+        return np.arange(self.n, dtype=np.int32)
 
     def column(
         self, sql: str, parameters: Sequence[object], missing: float | None = None
@@ -49,7 +54,7 @@ class Index:
         if isinstance(values, np.ma.MaskedArray):
             values = np.ma.filled(values.astype(kind), blank)
         values = np.asarray(values, dtype=kind)
-        if iid.size == self.n and bool((np.diff(iid) == 1).all()) and (not self.n or iid[0] == 0):
+        if np.array_equal(iid, self.iids):
             return values
         if iid.size and not 0 <= iid.min() <= iid.max() < self.n:
             raise RequestError(f"the index has iids beyond {self.n - 1}; run `s2r verify`")
@@ -101,9 +106,11 @@ def run_columns(
         return lambda name: index.kept.get((*_key(run), side, name), partial(make, name))
 
     def of_side(side: Side, name: str) -> NDArray[Any]:
+        part = sides[side]
         if name == "room":
-            part = sides[side]
             return room_geometry.room_codes(part.x, part.y, rooms, truth.room_names)
+        if name in _PROJECTED:
+            return _projected(index, run, side, name, part.x)
         return _predicted(index, run, side, name, lacking)
 
     sides: dict[Side, SideColumns] = {
@@ -134,20 +141,25 @@ def _key(run: str) -> tuple[str, str]:
 def _predicted(
     index: Index, run: str, side: Side, name: str, lacking: frozenset[str]
 ) -> NDArray[Any]:
-    select = "SELECT iid, {} AS value FROM {} WHERE run = ? AND side = ?"
-    place = run, side
-    if name in _PROJECTED:
-        column = index.column(select.format(f'"{name}"', "projection"), place)
-        predicted = index.column(select.format("1", "prediction"), place, 0)
-        return column if predicted.all() else np.where(predicted, column, np.nan)
     if name == "split":
-        code = select.format("list_position(?, split) - 1", "prediction")
-        return index.column(code, (list(SPLITS), *place), -1)
+        sql = _SELECT.format("list_position(?, split) - 1", "prediction")
+        return index.column(sql, (list(SPLITS), run, side), -1)
     value = "NULL::DOUBLE" if name in lacking else f'"{name}"'
-    return index.column(select.format(value, "prediction"), place, 0 if name == "rank" else None)
+    sql = _SELECT.format(value, "prediction")
+    return index.column(sql, (run, side), 0 if name == "rank" else None)
+
+
+def _projected(
+    index: Index, run: str, side: Side, name: str, x: NDArray[np.float64]
+) -> NDArray[Any]:
+    """NaN where nothing is predicted, too: where an `x` is known something is."""
+    column = index.column(_SELECT.format(f'"{name}"', "projection"), (run, side))
+    if not np.isnan(x).any():
+        return column
+    predicted = index.column(_SELECT.format("1", "prediction"), (run, side), 0)
+    return np.where(predicted, column, np.nan)
 
 
 def accuracies(index: Index, run: str, side: str) -> NDArray[np.float32]:
     """One side of one run, (n,), NaN where there is no prediction."""
-    sql = "SELECT iid, accuracy AS value FROM prediction WHERE run = ? AND side = ?"
-    return index.column(sql, (run, side)).astype(np.float32)
+    return index.column(_SELECT.format("accuracy", "prediction"), (run, side)).astype(np.float32)
