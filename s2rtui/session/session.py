@@ -82,22 +82,17 @@ class Session:
             cursor=None,
             heat=None,
         )
-        state = with_heat(self.store, self._selected(state, self._finding(chosen.run)))
-        return replace(state, past=(), message=self._finding_text(chosen.run))
+        finding, told = self._finding(chosen.run)
+        state = with_heat(self.store, self._selected(state, finding))
+        return replace(state, past=(), message=told)
 
-    def _finding(self, run: str) -> Node:
-        """The first screen's selection: the room where reality is worst."""
+    def _finding(self, run: str) -> tuple[Node, str]:
+        """The first screen's selection, the room where reality is worst, and what it says."""
         rooms = findings.regions(self.store, run)
         if not rooms:
-            return Extreme("worst", 15, True, Field("real.error"))
-        return Named(Field("room"), rooms[0].room)
-
-    def _finding_text(self, run: str) -> str:
-        rooms = findings.regions(self.store, run)
-        if not rooms:
-            return "the worst 15 % in reality"
+            return Extreme("worst", 15, True, Field("real.error")), "the worst 15 % in reality"
         worst = rooms[0]
-        return (
+        return Named(Field("room"), worst.room), (
             f"worst region: {worst.room}, median error {worst.real_median:.2f} m real, "
             f"{worst.sim_median:.2f} m sim, {worst.n} instances new to the model"
         )
@@ -180,10 +175,12 @@ class Session:
         return replace(made, cursor=self._kept_cursor(made))
 
     def _base(self, state: State, context: MaskContext) -> NDArray[np.bool_]:
-        """The base population; the same array for as long as it means the same."""
+        """The base population; the same array for as long as it holds the same."""
         key = (self.store.generation, state.run, state.trajectories)
         if key not in self._bases:
-            self._bases[key] = base_population(context)
+            found = base_population(context)
+            known = (base for base in self._bases.values() if np.array_equal(base, found))
+            self._bases[key] = next(known, found)
         return self._bases[key]
 
     def _kept_cursor(self, state: State) -> int | None:
@@ -191,11 +188,9 @@ class Session:
         pool = state.selected if state.selected.any() else state.base
         if state.cursor is not None and pool[state.cursor]:
             return state.cursor
-        members = np.flatnonzero(pool)
-        if not members.size:
-            return None
-        errors = self.store.run_columns(state.run).real.error[members]
-        return int(members[int(np.argmax(np.nan_to_num(errors, nan=-1.0)))])
+        errors = self.store.run_columns(state.run).real.error
+        worst = int(np.argmax(np.where(pool, errors, -1.0))) if pool.size else 0
+        return worst if pool.size and pool[worst] else None
 
     def undo(self) -> State:
         """Back to the expression before this one."""
