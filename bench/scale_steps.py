@@ -94,7 +94,6 @@ def brushed(app: S2RApp, view: str, panel: str, lasso: bool = False) -> list[Ste
 
 def moves(session: Session) -> dict[str, list[Step]]:
     """Everything else that a key does, by what it is called."""
-    state = session.state
     start = lambda: session.set(replace(session.state, viewport=None))  # noqa: E731
     zooms: list[Step] = [lambda: showing.zoom(session, 1 / 0.6)] * 5
     return {
