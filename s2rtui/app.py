@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+import signal
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -94,6 +96,9 @@ class S2RApp(Brushes, Papers, Savings):
         self._resized(self.size.width, self.size.height)
         self.refresh_views()
         self.set_interval(WATCH_SECONDS, self._watch)
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
+                asyncio.get_running_loop().add_signal_handler(number, self.exit)
         if self.first_run:
             self.action_tour()
 
@@ -154,6 +159,8 @@ class S2RApp(Brushes, Papers, Savings):
             return
         state = self.session.state
         text, share = state.message, self.resources.progress
+        if not text and self.resources.saving:
+            text = self.resources.saving
         if share is not None and not state.is_error:
             text = f"{text}  {share:.0%}".strip()
         if not text and state.newest != state.generation:
@@ -205,7 +212,7 @@ class S2RApp(Brushes, Papers, Savings):
     def _watch(self) -> None:
         try:
             if self.session.notice():
-                self.show_message()
+                self.refresh_views()
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
             self.show_message()
@@ -330,11 +337,12 @@ def _safe_bold(before: str, bold: str, after: str) -> str:
 
 def run_app(path: Path, run: str | None, colour: str, ascii: bool, access: Access) -> None:
     """Open the application on a store. Raises RequestError where it cannot run."""
-    from s2rtui.terminal import detect, prepare_environment
+    from s2rtui.terminal import accept_any_bytes, detect, prepare_environment
 
     terminal = detect(colour, ascii)
     prepare_environment(terminal)
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
     app = S2RApp(Session(path, run, Notebook), look, access=access)
     app.first_run = notebook.first_run()
+    accept_any_bytes()
     app.run(mouse=terminal.mode is not ColourMode.NONE)

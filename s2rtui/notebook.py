@@ -81,6 +81,10 @@ class Notebook:
         self.path = (folder or own_folder()) / f"{dataset_hash[:16]}.json"
         self.notes = self._read()
 
+    def refresh(self) -> None:
+        """Read what other sessions have written. Raises RequestError for a damaged file."""
+        self.notes = self._read()
+
     def save(self, name: str, saved: SavedSelection) -> None:
         """Keep a selection under a name, in place of an earlier one."""
         name = checked(name, "name")
@@ -108,7 +112,7 @@ class Notebook:
 
     def note(self, iid: int, text: str) -> None:
         """What is to be remembered of an instance; an empty text removes it."""
-        text = " ".join(text.split())[:_MOST_TEXT]
+        text = " ".join(text.split())[:_MOST_TEXT].encode("utf-8", "replace").decode()
         self._change(lambda notes: _remarked(notes, iid, note=text))
 
     def toggle_tag(self, iids: list[int], tag: str) -> bool:
@@ -120,11 +124,15 @@ class Notebook:
             nonlocal tagged
             if tag in notes.selections:
                 raise RequestError(f"@{tag} is a saved selection already; choose another tag")
-            tagged = not all(tag in notes.remarks.get(iid, Remark()).tags for iid in iids)
+            remarks = dict(notes.remarks)
+            tagged = not all(tag in remarks.get(iid, Remark()).tags for iid in iids)
             for iid in iids:
-                others = [t for t in notes.remarks.get(iid, Remark()).tags if t != tag]
-                notes = _remarked(notes, iid, tags=tuple([*others, tag] if tagged else others))
-            return notes
+                remark = remarks.get(iid, Remark())
+                others = tuple(known for known in remark.tags if known != tag)
+                remarks[iid] = replace(remark, tags=(*others, tag) if tagged else others)
+                if remarks[iid] == Remark():
+                    del remarks[iid]
+            return replace(notes, remarks=remarks)
 
         self._change(change)
         return tagged

@@ -52,10 +52,19 @@ class Prompts(Desk):
         self.refresh_views()
 
     def action_edit(self) -> None:
+        self._refresh_notes()
         state = self.session.state
         known = dict.fromkeys((*self.session.notes.history, *state.past, state.expression))
         take = partial(sharing.take, self.session)
         self._ask(take, state.expression, "worst15 & room:right", list(known), True)
+
+    def _refresh_notes(self) -> None:
+        """Take in what another session of this user has saved."""
+        if self.session.notebook is not None:
+            try:
+                self.session.notebook.refresh()
+            except S2RError as error:
+                self.session.tell(str(error), is_error=True)
 
     def action_save_selection(self) -> None:
         self._ask(self._save, "", "a name for this selection: it becomes @name")
@@ -127,6 +136,7 @@ class Prompts(Desk):
             )
 
     def action_selections(self) -> None:
+        self._refresh_notes()
         self.push_screen(SelectionsScreen(self.session), self._took)
 
     def _took(self, text: str | None) -> None:

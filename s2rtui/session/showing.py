@@ -139,5 +139,7 @@ def show_view(session: Session, name: str, pane: str) -> State:
 
 def leave(session: Session) -> State:
     """Without a brush, a pending operator, an error."""
-    made = replace(session.state, brush=None, operator="replace", message="", is_error=False)
-    return session.set(made)
+    state = session.state
+    if state.brush is None and state.operator == "replace" and not state.is_error:
+        return state
+    return session.set(replace(state, brush=None, operator="replace", message="", is_error=False))

@@ -59,6 +59,7 @@ class Resources:
     live: InstanceInput | None = None
     live_grid: Grid | None = None
     progress: float | None = None
+    saving: str = ""
 
     def heat_on_map(self, state: State) -> Grid | None:
         """What lies on the floor: the heat asked for, or that of the image being adjusted."""

@@ -392,3 +392,25 @@ async def test_heat_is_never_shown_under_another_name(tiny_store: Path) -> None:
         await pilot.press("h")
         await pilot.pause()
         assert app.resources.heat_on_map(app.session.state) is None
+
+
+async def test_the_mouse_on_a_screen_above_the_views_does_nothing(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "D")
+        await pilot.click(offset=(60, 20))
+        await pilot.pause()
+        await press(app, pilot, "escape", "w")
+        assert app.session.state.expression == "worst15"
+
+
+async def test_what_another_session_saved_is_found(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    other = Session(tiny_store, notebooks=Notebook)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        other.book.toggle_tag([2, 3], "theirs")
+        await press(app, pilot, "slash")
+        app._line.value = "@theirs"
+        await press(app, pilot, "enter")
+        assert app.session.state.count == "2 of 40"
