@@ -51,6 +51,9 @@ def _mode(colour: str, env: Mapping[str, str]) -> tuple[ColourMode, str]:
 
 
 def _unicode(env: Mapping[str, str]) -> bool:
+    coerced = env.get("LC_CTYPE") == "C.UTF-8" and not env.get("LC_ALL")
+    if coerced and env.get("LANG") in ("C", "POSIX"):
+        return False  # Python's own doing (PEP 538), not what the user's terminal says
     for name in ("LC_ALL", "LC_CTYPE", "LANG"):
         if env.get(name):
             return "utf" in env[name].lower()
