@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+import signal
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -79,14 +81,14 @@ class S2RApp(Brushes, Papers, Savings):
         self.first_run = False
 
     def compose(self) -> ComposeResult:
-        yield Bar("status")
+        yield Bar("status", self.look.ascii)
         views = [
             PlotView(view.name, self.look, _PICTURE_TOLERANCE.get(view.name, 0)) for view in VIEWS
         ]
         yield Panes([*views], self._places)
-        yield Bar("message")
+        yield Bar("message", self.look.ascii)
         yield QueryLine()
-        yield Bar("keys")
+        yield Bar("keys", self.look.ascii)
 
     def on_mount(self) -> None:
         self.register_theme(textual_theme(self.look.theme))
@@ -94,6 +96,9 @@ class S2RApp(Brushes, Papers, Savings):
         self._resized(self.size.width, self.size.height)
         self.refresh_views()
         self.set_interval(WATCH_SECONDS, self._watch)
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
+                asyncio.get_running_loop().add_signal_handler(number, self.exit)
         if self.first_run:
             self.action_tour()
 
@@ -102,6 +107,7 @@ class S2RApp(Brushes, Papers, Savings):
         if self.session.notebook is not None:
             with contextlib.suppress(RequestError):
                 self.session.notebook.remember((*state.past, state.expression))
+        self.feeding.stop()
         live.leave()
         self.session.close()
 
@@ -111,7 +117,7 @@ class S2RApp(Brushes, Papers, Savings):
 
     def _resized(self, width: int, height: int) -> None:
         self._size_class = arrangement.size_class(width, height)
-        self.screen.set_classes(self._size_class)
+        self.default_screen.set_classes(self._size_class)
 
     def _places(self, width: int, height: int) -> Mapping[str, Place]:
         state = self.session.state
@@ -127,7 +133,7 @@ class S2RApp(Brushes, Papers, Savings):
     def refresh_views(self) -> None:
         if not self.query("#status"):
             return  # an answer that comes while the screen is being taken down
-        state = self.session.state
+        state = adjusting.follow(self.session)
         status = self.query_one("#status", Bar)
         if self._size_class == "tiny":
             wanted = "x".join(str(number) for number in arrangement.SMALLEST)
@@ -153,6 +159,8 @@ class S2RApp(Brushes, Papers, Savings):
             return
         state = self.session.state
         text, share = state.message, self.resources.progress
+        if not text and self.resources.saving:
+            text = self.resources.saving
         if share is not None and not state.is_error:
             text = f"{text}  {share:.0%}".strip()
         if not text and state.newest != state.generation:
@@ -204,7 +212,7 @@ class S2RApp(Brushes, Papers, Savings):
     def _watch(self) -> None:
         try:
             if self.session.notice():
-                self.show_message()
+                self.refresh_views()
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
             self.show_message()
@@ -226,12 +234,25 @@ class S2RApp(Brushes, Papers, Savings):
             change(self.session)
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
-        adjusting.follow(self.session)
         self.refresh_views()
 
     def action_view(self, name: str) -> None:
         showing.show_view(self.session, name, VIEW_BY_NAME[name].pane)
         self.refresh_views()
+
+    def action_focus_next(self) -> None:
+        """Textual's screens bind tab to this: here it means the next panel or view."""
+        self._tab("brush_panel", "next_view")
+
+    def action_focus_previous(self) -> None:
+        self._tab("brush_panel", "previous_view")
+
+    def _tab(self, brushing: str, otherwise: str) -> None:
+        if self.screen is self.default_screen and not self.prompting:
+            name = brushing if self.session.state.brush is not None else otherwise
+            getattr(self, f"action_{name}")()
+        else:
+            self.screen.focus_next()
 
     def action_next_view(self) -> None:
         self._turn_view(1)
@@ -240,8 +261,9 @@ class S2RApp(Brushes, Papers, Savings):
         self._turn_view(-1)
 
     def _turn_view(self, steps: int) -> None:
-        names = [view.name for view in sorted(VIEWS, key=lambda view: view.key)]
-        at = names.index(self.session.state.view)
+        names = [view.name for view in sorted(VIEWS, key=lambda v: v.key) if view.key.isdigit()]
+        present = self.session.state.view
+        at = names.index(present) if present in names else 0
         self.action_view(names[(at + steps) % len(names)])
 
     def action_leave(self) -> None:
@@ -315,11 +337,12 @@ def _safe_bold(before: str, bold: str, after: str) -> str:
 
 def run_app(path: Path, run: str | None, colour: str, ascii: bool, access: Access) -> None:
     """Open the application on a store. Raises RequestError where it cannot run."""
-    from s2rtui.terminal import detect, prepare_environment
+    from s2rtui.terminal import accept_any_bytes, detect, prepare_environment
 
     terminal = detect(colour, ascii)
     prepare_environment(terminal)
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
     app = S2RApp(Session(path, run, Notebook), look, access=access)
     app.first_run = notebook.first_run()
+    accept_any_bytes()
     app.run(mouse=terminal.mode is not ColourMode.NONE)

@@ -15,7 +15,7 @@ from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtui.plots import GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView, UmapInput
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 from s2rtui.plots.surface import Mark
 from s2rtui.session.heat import SIGNED, ray_of, run_range, unit
 from s2rtui.session.seen import Seen, seen
@@ -108,7 +108,7 @@ def _points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float6
     return _stacked(Same(x), Same(y))
 
 
-@lru_cache(24)
+@kept(24)
 def _stacked(x: Same, y: Same) -> NDArray[np.float64]:
     return np.stack([np.asarray(x.array), np.asarray(y.array)], axis=1)
 

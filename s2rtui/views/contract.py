@@ -25,6 +25,11 @@ Table = tuple[Sequence[str], Sequence[Sequence[object]]]
 Pixels = tuple[int, int]
 
 
+def heat_of(state: State) -> tuple[object, ...]:
+    """What the heat on the map is called by: a grid of anything else must not be shown."""
+    return (state.generation, state.run, state.heat, state.overlay, state.aggregate)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RunAccuracies:
     """Accuracies (N,) of every run on one side."""
@@ -37,8 +42,9 @@ class RunAccuracies:
 class Resources:
     """What workers have brought so far; a view shows what is there.
 
-    `grid` is the heat that lies on the map, `seen` (rows, cols) what the selection has seen,
-    `progress` the share of it that is done. `live` is the instance as it is being adjusted.
+    `grid` is the heat on the map, as `grid_of` (see `heat_of`) names it, `seen` (rows, cols) what
+    the selection has seen, `progress` the share of it that is done. `live` is the instance as it is
+    being adjusted.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -48,16 +54,18 @@ class Resources:
     pictures: InstanceInput | None = None
     instance_grid: Grid | None = None
     grid: Grid | None = None
+    grid_of: tuple[object, ...] | None = None
     seen: Grid | None = None
     live: InstanceInput | None = None
     live_grid: Grid | None = None
     progress: float | None = None
+    saving: str = ""
 
     def heat_on_map(self, state: State) -> Grid | None:
         """What lies on the floor: the heat asked for, or that of the image being adjusted."""
         if state.view == "adjust" and state.overlay == "instance":
             return self.live_grid
-        return self.grid
+        return self.grid if self.grid_of == heat_of(state) else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,9 +181,15 @@ def area(panel: Panel, mark: Mark, box: str, lasso: str) -> str:
 
 def span(panel: Panel, mark: Mark, field: str) -> str:
     """A range of one field, both ends included."""
-    cell = panel.to_data(1, 0)[0] - panel.to_data(0, 0)[0]
+    cell = cell_width(panel)
     ends = sorted(rounded(point[0], cell) for point in (mark.points[0], mark.points[-1]))
     return f"{field}:{number(ends[0])}..{number(ends[1])}"
+
+
+def cell_width(panel: Panel) -> float:
+    """Data units of one of the panel's own columns."""
+    left = panel.x + min(1, panel.width - 1)
+    return panel.to_data(left + 1, panel.y)[0] - panel.to_data(left, panel.y)[0]
 
 
 def turn(mark: Mark, field: str) -> str:

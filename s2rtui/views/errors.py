@@ -10,7 +10,7 @@ import numpy as np
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.plots.surface import Mark, Panel, Point
-from s2rtui.views.contract import Pixels, Scene, Table, View, number, rounded, span
+from s2rtui.views.contract import Pixels, Scene, Table, View, cell_width, number, rounded, span
 
 BINS = 20
 """Of the flat table; the last one holds all that lies beyond."""
@@ -67,7 +67,7 @@ class ErrorsView(View):
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         field = f"{panel.name}.error"
-        cell = panel.to_data(1, 0)[0] - panel.to_data(0, 0)[0]
+        cell = cell_width(panel)
         low, high = sorted(point[0] for point in (mark.points[0], mark.points[-1]))
         if high > panel.to_data(panel.x + panel.width - 1, 0)[0]:
             return f"{field} >= {number(rounded(low, cell))}"  # the last bar has no end

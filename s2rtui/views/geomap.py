@@ -12,6 +12,7 @@ from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session, derive
 from s2rtui.session.adjusted import live_poses
+from s2rtui.session.heat import share_told
 from s2rtui.views.contract import Pane, Pixels, Scene, Table, View, area
 
 _TITLES = {
@@ -37,7 +38,9 @@ class MapView(View):
 
     def told(self, scene: Scene) -> str:
         told = _TOLD[scene.state.map_mode]
-        return f"{told}, what the selection saw" if scene.state.clip else told
+        return (
+            f"{told}, what the selection saw{share_told(scene.state)}" if scene.state.clip else told
+        )
 
     def input(self, scene: Scene) -> plots.GeoMapInput:
         view = derive.map_input(

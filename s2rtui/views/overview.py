@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from s2rstore.language.text import string
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session
-from s2rtui.views.contract import Pane, Pixels, Scene, Table, View, quoted, span
+from s2rtui.views.contract import Pane, Pixels, Scene, Table, View, span
 
 ROWS_PER_RUN = 3
 """What a run would like: its marks, and the lines to the next one."""
@@ -92,7 +93,7 @@ class OverviewView(View):
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         side = scene.resources.lines.side if scene.resources.lines else scene.state.side
-        run = "" if panel.name == scene.state.run else f"run({quoted(panel.name)})."
+        run = "" if panel.name == scene.state.run else f"run({string(panel.name)})."
         return span(panel, mark, f"{run}{side}.accuracy")
 
 

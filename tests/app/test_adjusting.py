@@ -176,4 +176,4 @@ async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
         await press(app, pilot, "a")
         assert app.session.state.view != "adjust"
         assert "a adjust" not in take(app).text
-        assert "loads no models" in app.session.state.message
+        assert "not in a restricted session" in app.session.state.message
