@@ -11,7 +11,7 @@ from bench.figures import Figure, seconds
 
 _IMPORTS = "import textual.app, numpy, duckdb"
 _PAINT = """
-import asyncio, sys
+import asyncio, os, sys
 from pathlib import Path
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
@@ -21,6 +21,7 @@ async def main():
     async with app.run_test(size=(120, 40)) as pilot:
         strips = app.screen._compositor.render_strips()
         assert any("overview" in strip.text for strip in strips)
+        os._exit(0)  # it is on the screen; what workers still bring is not waited for
 asyncio.run(main())
 """
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+import signal
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -26,7 +28,7 @@ from s2rtui.feeds import live
 from s2rtui.feeds.feeding import Feeding
 from s2rtui.messages import Fed, Progressed
 from s2rtui.notebook import Notebook
-from s2rtui.prompts import Prompts
+from s2rtui.papers import Papers
 from s2rtui.savings import Savings
 from s2rtui.session import Session, State, adjusting, sharing, showing
 from s2rtui.themes import textual_theme
@@ -45,7 +47,7 @@ WATCH_SECONDS = 2.0
 _PICTURE_TOLERANCE = {"map": 12, "instance": 12}
 
 
-class S2RApp(Brushes, Prompts, Savings):
+class S2RApp(Brushes, Papers, Savings):
     """One store, one user, one screen."""
 
     CSS_PATH = "app.tcss"
@@ -66,7 +68,7 @@ class S2RApp(Brushes, Prompts, Savings):
         pictures_at: Path | None = None,
         access: Access | None = None,
     ) -> None:
-        """`pictures_at` is the folder that snapshots are written to (default: here, if allowed)."""
+        """`pictures_at` is the folder that files are written to (default: here, if allowed)."""
         super().__init__(ansi_color=look.mode in (ColourMode.ANSI, ColourMode.NONE))
         self.animation_level = "none"
         self.session = session
@@ -74,19 +76,19 @@ class S2RApp(Brushes, Prompts, Savings):
         self.resources = Resources()
         self.feeding = Feeding(self)
         self.access = access or Access.of(session.store.path)
-        self._pictures_at = pictures_at or self.access.pictures
+        self.files_at = pictures_at or self.access.pictures
         self._size_class: SizeClass = "narrow"
         self.first_run = False
 
     def compose(self) -> ComposeResult:
-        yield Bar("status")
+        yield Bar("status", self.look.ascii)
         views = [
             PlotView(view.name, self.look, _PICTURE_TOLERANCE.get(view.name, 0)) for view in VIEWS
         ]
         yield Panes([*views], self._places)
-        yield Bar("message")
+        yield Bar("message", self.look.ascii)
         yield QueryLine()
-        yield Bar("keys")
+        yield Bar("keys", self.look.ascii)
 
     def on_mount(self) -> None:
         self.register_theme(textual_theme(self.look.theme))
@@ -94,6 +96,9 @@ class S2RApp(Brushes, Prompts, Savings):
         self._resized(self.size.width, self.size.height)
         self.refresh_views()
         self.set_interval(WATCH_SECONDS, self._watch)
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
+                asyncio.get_running_loop().add_signal_handler(number, self.exit)
         if self.first_run:
             self.action_tour()
 
@@ -102,6 +107,7 @@ class S2RApp(Brushes, Prompts, Savings):
         if self.session.notebook is not None:
             with contextlib.suppress(RequestError):
                 self.session.notebook.remember((*state.past, state.expression))
+        self.feeding.stop()
         live.leave()
         self.session.close()
 
@@ -111,7 +117,7 @@ class S2RApp(Brushes, Prompts, Savings):
 
     def _resized(self, width: int, height: int) -> None:
         self._size_class = arrangement.size_class(width, height)
-        self.screen.set_classes(self._size_class)
+        self.default_screen.set_classes(self._size_class)
 
     def _places(self, width: int, height: int) -> Mapping[str, Place]:
         state = self.session.state
@@ -125,7 +131,9 @@ class S2RApp(Brushes, Prompts, Savings):
         self.refresh_views()
 
     def refresh_views(self) -> None:
-        state = self.session.state
+        if not self.query("#status"):
+            return  # an answer that comes while the screen is being taken down
+        state = adjusting.follow(self.session)
         status = self.query_one("#status", Bar)
         if self._size_class == "tiny":
             wanted = "x".join(str(number) for number in arrangement.SMALLEST)
@@ -147,8 +155,12 @@ class S2RApp(Brushes, Prompts, Savings):
         return "".join(self._status(self.session.state))
 
     def show_message(self) -> None:
+        if not self.query("#message"):
+            return
         state = self.session.state
         text, share = state.message, self.resources.progress
+        if not text and self.resources.saving:
+            text = self.resources.saving
         if share is not None and not state.is_error:
             text = f"{text}  {share:.0%}".strip()
         if not text and state.newest != state.generation:
@@ -200,7 +212,7 @@ class S2RApp(Brushes, Prompts, Savings):
     def _watch(self) -> None:
         try:
             if self.session.notice():
-                self.show_message()
+                self.refresh_views()
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
             self.show_message()
@@ -222,12 +234,25 @@ class S2RApp(Brushes, Prompts, Savings):
             change(self.session)
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
-        adjusting.follow(self.session)
         self.refresh_views()
 
     def action_view(self, name: str) -> None:
         showing.show_view(self.session, name, VIEW_BY_NAME[name].pane)
         self.refresh_views()
+
+    def action_focus_next(self) -> None:
+        """Textual's screens bind tab to this: here it means the next panel or view."""
+        self._tab("brush_panel", "next_view")
+
+    def action_focus_previous(self) -> None:
+        self._tab("brush_panel", "previous_view")
+
+    def _tab(self, brushing: str, otherwise: str) -> None:
+        if self.screen is self.default_screen and not self.prompting:
+            name = brushing if self.session.state.brush is not None else otherwise
+            getattr(self, f"action_{name}")()
+        else:
+            self.screen.focus_next()
 
     def action_next_view(self) -> None:
         self._turn_view(1)
@@ -236,8 +261,9 @@ class S2RApp(Brushes, Prompts, Savings):
         self._turn_view(-1)
 
     def _turn_view(self, steps: int) -> None:
-        names = [view.name for view in sorted(VIEWS, key=lambda view: view.key)]
-        at = names.index(self.session.state.view)
+        names = [view.name for view in sorted(VIEWS, key=lambda v: v.key) if view.key.isdigit()]
+        present = self.session.state.view
+        at = names.index(present) if present in names else 0
         self.action_view(names[(at + steps) % len(names)])
 
     def action_leave(self) -> None:
@@ -251,21 +277,6 @@ class S2RApp(Brushes, Prompts, Savings):
     def action_copy(self) -> None:
         self.copy_to_clipboard(sharing.shared_text(self.session))
         self.session.tell("copied the expression with what it was evaluated on")
-        self.refresh_views()
-
-    def action_snapshot(self) -> None:
-        """Write the screen as PNG beside earlier ones."""
-        from s2rtui.headless import screen_png
-
-        number = 1
-        while (target := self._pictures_at / f"s2r-{number:03d}.png").exists():
-            number += 1
-        try:
-            target.write_bytes(screen_png(self))
-        except OSError as error:
-            self.session.tell(f"{target}: {error.strerror}", is_error=True)
-        else:
-            self.session.tell(f"wrote {target}")
         self.refresh_views()
 
     def action_jump(self) -> None:
@@ -326,11 +337,12 @@ def _safe_bold(before: str, bold: str, after: str) -> str:
 
 def run_app(path: Path, run: str | None, colour: str, ascii: bool, access: Access) -> None:
     """Open the application on a store. Raises RequestError where it cannot run."""
-    from s2rtui.terminal import detect, prepare_environment
+    from s2rtui.terminal import accept_any_bytes, detect, prepare_environment
 
     terminal = detect(colour, ascii)
     prepare_environment(terminal)
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
     app = S2RApp(Session(path, run, Notebook), look, access=access)
     app.first_run = notebook.first_run()
+    accept_any_bytes()
     app.run(mouse=terminal.mode is not ColourMode.NONE)

@@ -123,6 +123,8 @@ class Brushes(Desk):
         return panel_at(self._panels(view), cell[0], cell[1] - TITLE_ROWS)
 
     def on_plot_view_pressed(self, message: PlotView.Pressed) -> None:
+        if message.view not in BY_NAME:
+            return  # a drawing on a screen above the views
         view = BY_NAME[message.view]
         panel = self._under(view, message.cell)
         self._activate(view)
@@ -139,6 +141,8 @@ class Brushes(Desk):
             showing.show_view(self.session, view.name, view.pane)
 
     def on_plot_view_dragged(self, message: PlotView.Dragged) -> None:
+        if message.view not in BY_NAME:
+            return
         view = BY_NAME[message.view]
         panel = self._under(view, message.start)
         if panel is None:
@@ -158,6 +162,8 @@ class Brushes(Desk):
             self._put(brush)
 
     def on_plot_view_wheeled(self, message: PlotView.Wheeled) -> None:
+        if message.view not in BY_NAME:
+            return
         view = BY_NAME[message.view]
         panel = self._under(view, message.cell)
         if view.name == "map" and panel is not None:

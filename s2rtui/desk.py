@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from s2rtui.access.guard import GuardedApp
 from s2rtui.canvas import Look
+from s2rtui.saving import Saving
 from s2rtui.session import Session
 from s2rtui.views import BY_NAME, Resources, Scene, View
 
@@ -31,6 +34,10 @@ class Desk(GuardedApp):
 
     def show_message(self) -> None:
         """Draw the line of messages alone."""
+        raise NotImplementedError
+
+    def begin_saving(self, name: str, start: Callable[[], Saving]) -> None:
+        """Save a run in the background, and show how far it is."""
         raise NotImplementedError
 
     def tell_refusal(self, told: str) -> None:

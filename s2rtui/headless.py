@@ -7,14 +7,17 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.segment import Segment
 from textual.app import App
-from textual.keys import Keys
+from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 from textual.pilot import Pilot
 
 from s2rtui.app import S2RApp
 from s2rtui.canvas import DARK, Look
+from s2rtui.desk import Desk
+from s2rtui.notebook import ReadNotebook
 from s2rtui.session import Session, State
 
 _PATIENCE = 3000
@@ -39,8 +42,9 @@ class Snapshot:
 
 def is_key(name: str) -> bool:
     """Whether a name is a key that can be pressed: a character, or Textual's word for it."""
-    last = name.split("+")[-1]
-    if len(last) == 1 or last in {key.value for key in Keys} or name == "plus":
+    last = name if len(name) == 1 else name.split("+")[-1]
+    words = {*(key.value for key in Keys), *KEY_NAME_REPLACEMENTS.values()}
+    if len(last) == 1 or last in words:
         return True
     try:
         return bool(unicodedata.lookup(last.replace("_", " ")))
@@ -48,13 +52,13 @@ def is_key(name: str) -> bool:
         return False
 
 
-def take(app: App[None]) -> Snapshot:
+def take(app: App[Any]) -> Snapshot:
     """What the compositor would draw now."""
     strips = app.screen._compositor.render_strips()
     return Snapshot(tuple(tuple(strip) for strip in strips))
 
 
-def screen_png(app: S2RApp) -> bytes:
+def screen_png(app: Desk) -> bytes:
     """The application's screen as PNG."""
     return take(app).png(app.look)
 
@@ -95,7 +99,7 @@ async def _snapshot(
     run: str | None,
     state: State | None = None,
 ) -> Snapshot:
-    session = Session(path, run)
+    session = Session(path, run, ReadNotebook)
     session.state = state or session.state
     app = S2RApp(session, look)
     app.feeding.rest_seconds = 0.001

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
-from s2rstore.language import Node, parse
-from s2rstore.language.nodes import Ids
+from s2rstore.language import ExpressionError, Node, parse
+from s2rstore.language.nodes import Ids, Saved, leaves
 from s2rstore.layout import write_atomic
 from s2rtui.own import own_folder
 
@@ -81,11 +81,17 @@ class Notebook:
         self.path = (folder or own_folder()) / f"{dataset_hash[:16]}.json"
         self.notes = self._read()
 
+    def refresh(self) -> None:
+        """Read what other sessions have written. Raises RequestError for a damaged file."""
+        self.notes = self._read()
+
     def save(self, name: str, saved: SavedSelection) -> None:
         """Keep a selection under a name, in place of an earlier one."""
         name = checked(name, "name")
 
         def change(notes: Notes) -> Notes:
+            if name in _needs(saved.expression, notes):
+                raise RequestError(f"@{name} is part of this selection; choose another name")
             if any(name in remark.tags for remark in notes.remarks.values()):
                 raise RequestError(f"@{name} is a tag already; choose another name")
             return replace(notes, selections={**notes.selections, name: saved})
@@ -93,9 +99,12 @@ class Notebook:
         self._change(change)
 
     def forget(self, name: str) -> None:
-        """Drop a saved selection."""
+        """Drop a saved selection that no other one needs."""
 
         def change(notes: Notes) -> Notes:
+            for other, saved in notes.selections.items():
+                if other != name and name in _needs(saved.expression, notes):
+                    raise RequestError(f"@{name} is part of @{other}: forget that one first")
             kept = {key: value for key, value in notes.selections.items() if key != name}
             return replace(notes, selections=kept)
 
@@ -103,7 +112,7 @@ class Notebook:
 
     def note(self, iid: int, text: str) -> None:
         """What is to be remembered of an instance; an empty text removes it."""
-        text = " ".join(text.split())[:_MOST_TEXT]
+        text = " ".join(text.split())[:_MOST_TEXT].encode("utf-8", "replace").decode()
         self._change(lambda notes: _remarked(notes, iid, note=text))
 
     def toggle_tag(self, iids: list[int], tag: str) -> bool:
@@ -115,11 +124,15 @@ class Notebook:
             nonlocal tagged
             if tag in notes.selections:
                 raise RequestError(f"@{tag} is a saved selection already; choose another tag")
-            tagged = not all(tag in notes.remarks.get(iid, Remark()).tags for iid in iids)
+            remarks = dict(notes.remarks)
+            tagged = not all(tag in remarks.get(iid, Remark()).tags for iid in iids)
             for iid in iids:
-                others = [t for t in notes.remarks.get(iid, Remark()).tags if t != tag]
-                notes = _remarked(notes, iid, tags=tuple([*others, tag] if tagged else others))
-            return notes
+                remark = remarks.get(iid, Remark())
+                others = tuple(known for known in remark.tags if known != tag)
+                remarks[iid] = replace(remark, tags=(*others, tag) if tagged else others)
+                if remarks[iid] == Remark():
+                    del remarks[iid]
+            return replace(notes, remarks=remarks)
 
         self._change(change)
         return tagged
@@ -177,7 +190,7 @@ class Notebook:
             raise RequestError(f"{self.path}: cannot be read; move it away ({error})") from error
         try:
             return self._parsed(content)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, ExpressionError) as error:
             raise RequestError(f"{self.path}: is no notebook; move it away") from error
 
     def _parsed(self, content: Any) -> Notes:
@@ -199,6 +212,13 @@ class Notebook:
         return notes
 
 
+class ReadNotebook(Notebook):
+    """A notebook that is read and never written: of commands, and of pictures of the screen."""
+
+    def _change(self, change: Callable[[Notes], Notes]) -> None:
+        raise RequestError("nothing is kept in this session")
+
+
 def first_run() -> bool:
     """Whether this user opens the application for the first time; asked once, it is so no more."""
     marker = own_folder() / "toured"
@@ -218,6 +238,19 @@ def checked(name: str, what: str) -> str:
     if not name or len(name) > 60 or not name.isprintable() or '"' in name or "\\" in name:
         raise RequestError(f"{what}: 1 to 60 printable characters without quotes")
     return name
+
+
+def _needs(expression: str, notes: Notes) -> set[str]:
+    """The saved names that an expression is made of, directly or through others."""
+    found: set[str] = set()
+    waiting = [parse(expression)]
+    while waiting:
+        for leaf in leaves(waiting.pop()):
+            if isinstance(leaf, Saved) and leaf.name not in found:
+                found.add(leaf.name)
+                if leaf.name in notes.nodes:
+                    waiting.append(notes.nodes[leaf.name])
+    return found
 
 
 def _remarked(notes: Notes, iid: int, **changes: Any) -> Notes:

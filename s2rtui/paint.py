@@ -156,6 +156,13 @@ def paint(
     return Image.fromarray(page.picture(), mode="RGB")
 
 
+def on_ground(picture: bytes, size: tuple[int, int], theme: Theme) -> bytes:
+    """A PNG in the upper left of another one of `size` pixels."""
+    page = Image.new("RGB", size, theme.background)
+    page.paste(Image.open(BytesIO(picture)), (0, 0))
+    return _png(page)
+
+
 def paint_png(
     lines: Sequence[Iterable[Segment]],
     columns: int | None = None,
@@ -163,6 +170,10 @@ def paint_png(
     cell_width: int = 10,
 ) -> bytes:
     """`paint` as the bytes of a PNG."""
+    return _png(paint(lines, columns, theme, cell_width))
+
+
+def _png(picture: Image.Image) -> bytes:
     stream = BytesIO()
-    paint(lines, columns, theme, cell_width).save(stream, format="PNG", compress_level=6)
+    picture.save(stream, format="PNG", compress_level=6)
     return stream.getvalue()

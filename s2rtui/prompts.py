@@ -13,7 +13,7 @@ from s2rstore.errors import S2RError
 from s2rstore.language import ExpressionError, complete
 from s2rtui.desk import Desk
 from s2rtui.notebook import Remark, SavedSelection, checked
-from s2rtui.saving import Saving, save_run
+from s2rtui.saving import save_run
 from s2rtui.session import adjusting, sharing, showing
 from s2rtui.widgets.query import QueryLine
 from s2rtui.widgets.selections import SelectionsScreen
@@ -52,10 +52,19 @@ class Prompts(Desk):
         self.refresh_views()
 
     def action_edit(self) -> None:
+        self._refresh_notes()
         state = self.session.state
         known = dict.fromkeys((*self.session.notes.history, *state.past, state.expression))
         take = partial(sharing.take, self.session)
         self._ask(take, state.expression, "worst15 & room:right", list(known), True)
+
+    def _refresh_notes(self) -> None:
+        """Take in what another session of this user has saved."""
+        if self.session.notebook is not None:
+            try:
+                self.session.notebook.refresh()
+            except S2RError as error:
+                self.session.tell(str(error), is_error=True)
 
     def action_save_selection(self) -> None:
         self._ask(self._save, "", "a name for this selection: it becomes @name")
@@ -65,6 +74,7 @@ class Prompts(Desk):
         count = int(state.selected.sum())
         saved = SavedSelection(state.expression, state.generation, state.run, count)
         self.session.book.save(name, saved)
+        self.session.renew()
         self.session.tell(f"saved as @{checked(name, 'name')}")
 
     def action_note(self) -> None:
@@ -87,6 +97,7 @@ class Prompts(Desk):
         everyone = text.rstrip().endswith("*")
         iids = np.flatnonzero(self.session.state.selected).tolist() if everyone else [iid]
         tagged = self.session.book.toggle_tag(iids, text.rstrip().rstrip("*"))
+        self.session.renew()
         some = f"{len(iids)} instances" if everyone else f"instance {iid}"
         self.session.tell(f"{'tagged' if tagged else 'tag taken off'}: {some}")
 
@@ -109,6 +120,11 @@ class Prompts(Desk):
         showing.show_view(self.session, "adjust", "tab")
 
     def action_save_run(self) -> None:
+        adjust = self.session.state.adjust
+        if adjust is None or not adjust.sliders:
+            self.session.tell("nothing to save: no slider is there")
+            self.refresh_views()
+            return
         self._ask(self._save_run, "", "a name for the run with these adjustments")
 
     def _save_run(self, name: str) -> None:
@@ -119,11 +135,8 @@ class Prompts(Desk):
                 name.strip(), partial(save_run, root, name.strip(), adjust.run, chains)
             )
 
-    def begin_saving(self, name: str, start: Callable[[], Saving]) -> None:
-        """Save a run in the background, and show how far it is."""
-        raise NotImplementedError
-
     def action_selections(self) -> None:
+        self._refresh_notes()
         self.push_screen(SelectionsScreen(self.session), self._took)
 
     def _took(self, text: str | None) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from textual.message import Message
@@ -43,9 +43,11 @@ class Savings(Desk):
     def on_savings_told(self, message: Told) -> None:
         run, progress = message.run, message.progress
         if progress.is_running:
-            self.session.tell(f"run {run}: {progress.fraction:.0%}, {progress.stage}")
+            told = f"run {run}: {progress.fraction:.0%}, {progress.stage}"
+            self.resources = replace(self.resources, saving=told)
             self.show_message()
             return
+        self.resources = replace(self.resources, saving="")
         if progress.outcome == "done":
             try:
                 self.session.move_on()

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
+from codecs import IncrementalDecoder
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from s2rstore.errors import RequestError
 from s2rtui.colour_mode import ColourMode
@@ -49,6 +51,9 @@ def _mode(colour: str, env: Mapping[str, str]) -> tuple[ColourMode, str]:
 
 
 def _unicode(env: Mapping[str, str]) -> bool:
+    coerced = env.get("LC_CTYPE") == "C.UTF-8" and not env.get("LC_ALL")
+    if coerced and env.get("LANG") in ("C", "POSIX"):
+        return False  # Python's own doing (PEP 538), not what the user's terminal says
     for name in ("LC_ALL", "LC_CTYPE", "LANG"):
         if env.get(name):
             return "utf" in env[name].lower()
@@ -80,3 +85,15 @@ def prepare_environment(terminal: Terminal) -> None:
         os.environ["NO_COLOR"] = "1"
     else:
         os.environ["TEXTUAL_COLOR_SYSTEM"] = names[terminal.mode]
+
+
+def accept_any_bytes() -> None:
+    """What is no UTF-8 becomes U+FFFD: Textual's reader of keys would end the application."""
+    from codecs import getincrementaldecoder
+
+    from textual.drivers import linux_driver
+
+    def lenient(encoding: str) -> partial[IncrementalDecoder]:
+        return partial(getincrementaldecoder(encoding), errors="replace")
+
+    vars(linux_driver)["getincrementaldecoder"] = lenient

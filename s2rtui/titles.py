@@ -19,7 +19,8 @@ def status_line(store: Store, state: State, width: int, look: Look) -> StatusLin
     separator = " | " if look.ascii else " │ "
     parts = [store.path.name, f"traj {trajectory}", f"run {state.run}", state.count]
     head = separator.join(parts) + separator
-    tail = f"{separator}gen {state.generation}"
+    newer = f" ({state.newest} is there: g)" if state.newest != state.generation else ""
+    tail = f"{separator}gen {state.generation}{newer}"
     room = max(8, width - 2 - len(head) - len(tail))
     text = state.expression
     if state.operator != "replace":

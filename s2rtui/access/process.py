@@ -59,6 +59,7 @@ def confine(access: Access) -> None:
     A guard against mistakes of the program, not a sandbox against code that already runs in it.
     """
     clean_environment(os.environ)
+    os.environ["MPLCONFIGDIR"] = str(access.own / "matplotlib")
     _silence_keys()
     sys.dont_write_bytecode = True
     sys.addaudithook(_hook(access))

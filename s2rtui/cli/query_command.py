@@ -7,19 +7,21 @@ import sys
 
 from s2rtui.cli import output
 
-_COLUMNS = (
-    "iid", "trajectory", "seq", "x", "y", "degrees(heading) AS heading", "room", "sim_error",
-    "real_error", "gap", "degrees(sim_heading_error) AS sim_heading_error",
-    "degrees(real_heading_error) AS real_heading_error",
-)  # fmt: skip
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store")
-    parser.add_argument("expression", help="for example: 'worst15 & room:right'")
+    parser.add_argument("expression", help="for example: 'worst15 & room:right - @handled'")
     parser.add_argument("--run", help="the run that plain fields mean (default: the first)")
     parser.add_argument("--trajectory", action="append", help="only these in view (repeat)")
     parser.add_argument("--count", action="store_true", help="print only how many there are")
+    parser.add_argument(
+        "--columns", metavar="F,...",
+        help="fields of the language, tags and note, for example iid,room,real.outlier,tags",
+    )  # fmt: skip
+    parser.add_argument(
+        "--with-expression", action="store_true",
+        help="write expression, run, generation and data set with the rows",
+    )  # fmt: skip
     output.add_format(parser)
 
 
@@ -27,6 +29,8 @@ def execute(options: argparse.Namespace) -> int:
     import s2rstore
     from s2rstore import selection
     from s2rstore.errors import RequestError
+    from s2rtui.notebook import ReadNotebook
+    from s2rtui.rows.picked import picked
 
     with s2rstore.open(options.store) as store:
         run = store.run(options.run).run
@@ -34,14 +38,16 @@ def execute(options: argparse.Namespace) -> int:
         for name in options.trajectory or ():
             if name not in known:
                 raise RequestError(f"--trajectory {name}: not in {options.store}")
-        text, parameters = selection.sql(store, options.expression, run, options.trajectory)
+        notes = ReadNotebook(store.dataset.hash).notes
+        asked = options.expression, run, options.trajectory
         if options.count:
+            text, parameters = selection.sql(store, *asked, notes.nodes)
             print(store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0])
             return 0
-        wanted = f"SELECT {', '.join(_COLUMNS)} FROM pair JOIN ({text}) USING (iid)"
-        rows = store.execute(f"{wanted} WHERE run = ? ORDER BY iid", [*parameters, run])
-    names = [column.split(" AS ")[-1] for column in _COLUMNS]
-    output.write(names, rows, options)
+        columns = options.columns.split(",") if options.columns else None
+        found = picked(store, *asked, notes, columns)
+    facts = found.facts.told() if options.with_expression else None
+    output.write(found.names, found.rows, options, facts)
     if options.format == "table" and options.out is None:
-        print(f"{len(rows)} instances of run {run}", file=sys.stderr)
+        print(f"{found.facts.count} instances of run {run}", file=sys.stderr)
     return 0

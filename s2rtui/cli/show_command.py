@@ -3,31 +3,35 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
-from s2rtui.cli import output
-
-VIEWS = (
-    "overview", "map", "instance", "umap", "orientation", "rooms", "errors", "list", "compare",
-)  # fmt: skip
+from s2rtui.cli import output, scene_options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from s2rtui.views import STORED
+
     parser.add_argument("store", type=Path)
-    parser.add_argument("view", choices=VIEWS, help="what to print")
-    parser.add_argument("--select", default="all", metavar="EXPR", help="an expression")
-    parser.add_argument("--run", help="the run (default: the first)")
-    parser.add_argument("--with", dest="other", metavar="RUN", help="the run to compare with")
-    parser.add_argument("--iid", type=int, help="the instance (default: the selection's worst)")
+    parser.add_argument("view", choices=tuple(STORED), help="what to print")
+    scene_options.add_selection(parser)
+    parser.add_argument("--words", action="store_true", help="a sentence instead of the table")
     output.add_format(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtui.offstage import Wanted, staged
-    from s2rtui.views import BY_NAME
+    from s2rtui.offstage import staged
+    from s2rtui.views import STORED
 
-    wanted = Wanted(options.select, options.run, options.iid, options.other)
-    with staged(options.store, wanted, options.view) as scene:
-        names, rows = BY_NAME[options.view].numbers(scene)
-        output.write(names, rows, options)
+    view = STORED[options.view]
+    with staged(options.store, scene_options.wanted(options), view) as scene:
+        if options.words:
+            print(view.words(scene))
+            return 0
+        names, rows = view.numbers(scene)
+        output.write(names, [[_known(value) for value in row] for row in rows], options)
     return 0
+
+
+def _known(value: object) -> object:
+    return None if isinstance(value, float) and math.isnan(value) else value

@@ -6,13 +6,13 @@ import argparse
 import re
 from pathlib import Path
 
-_NAMES = {"+": "plus", "-": "minus", "/": "slash", "?": "question_mark"}
+from s2rtui.cli import output
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path)
     parser.add_argument("--size", default="120x40", help="columns x rows (default 120x40)")
-    parser.add_argument("--keys", default="", help="comma separated, for example w,right,h")
+    parser.add_argument("--keys", default="", help="comma separated, for example w,&,right,space")
     parser.add_argument("--run", help="the run to begin with (default: the first)")
     parser.add_argument("--ascii", action="store_true", help="ASCII characters only")
     parser.add_argument("--colour", default="truecolor", help="truecolor, 256, 16 or none")
@@ -36,14 +36,11 @@ def execute(options: argparse.Namespace) -> int:
     look = Look(LIGHT if options.light else DARK, mode, options.ascii)
     from s2rtui.headless import is_key, snapshot
 
-    keys = [_NAMES.get(k.strip(), k.strip()) for k in options.keys.split(",") if k.strip()]
+    keys = [key.strip() for key in options.keys.split(",") if key.strip()]
     unknown = [key for key in keys if not is_key(key)]
     if unknown:
         raise RequestError(f"--keys {unknown[0]}: no key; letters, or such as enter, right, tab")
     shot = snapshot(options.store, (int(found[1]), int(found[2])), keys, look, options.run)
     content = shot.text.encode() if options.out.suffix == ".txt" else shot.png(look)
-    try:
-        options.out.write_bytes(content)
-    except OSError as error:
-        raise RequestError(f"{options.out}: cannot be written ({error.strerror})") from error
+    output.write_file(options.out, content)
     return 0

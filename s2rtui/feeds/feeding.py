@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from functools import partial
 from typing import Any
 
@@ -66,9 +67,13 @@ class Feeding:
             return
         try:
             fields = feed.read(store, state, caller)
-        except (S2RError, OSError, ValueError) as error:
+        except Exception as error:  # whatever it was, the screen goes on and says so
             empty = dict.fromkeys(feed.empty)
-            self.post(Fed(feed.name, ticket, empty, str(error)))
+            told = str(error) or type(error).__name__
+            if not isinstance(error, S2RError | OSError | ValueError):
+                self._app.log.error(traceback.format_exc())
+                told = f"{feed.name}: {told}"
+            self.post(Fed(feed.name, ticket, empty, " ".join(told.split())))
             return
         self.post(Fed(feed.name, ticket, fields))
 
@@ -78,6 +83,11 @@ class Feeding:
 
     def post(self, message: Fed | Progressed) -> None:
         self._app.post_message(message)
+
+    def stop(self) -> None:
+        """Nothing is wanted any more."""
+        for name in self._ticket:
+            self._ticket[name] += 1
 
     def accept(self, message: Fed) -> bool:
         """Whether an answer is to the newest request."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,10 +12,7 @@ from s2rtui.feeds.contract import Caller, Fields, Key
 from s2rtui.plots.same import Same
 from s2rtui.session import derive, heat
 from s2rtui.session.state import State
-from s2rtui.views.contract import RunAccuracies
-
-MOST_GATHERED = 2000
-"""A larger selection's heat is gathered over so many of its instances, evenly taken."""
+from s2rtui.views.contract import RunAccuracies, heat_of
 
 
 def wants_rows(store: Store, state: State) -> Key:
@@ -21,8 +20,14 @@ def wants_rows(store: Store, state: State) -> Key:
 
 
 def read_rows(store: Store, state: State, caller: Caller) -> Fields:
-    rows, baseline = derive.overview_rows(store)
-    return {"rows": tuple(rows), "baseline": baseline}
+    """Run after run, so that only one more is held in memory than is looked at."""
+    found = []
+    for run in state.runs:
+        found.append(derive.overview_rows(store, [run]))
+        if run != state.run:
+            store.forget(run)
+    baseline = found[0][1] if found else math.nan
+    return {"rows": tuple(row for rows, _ in found for row in rows), "baseline": baseline}
 
 
 def wants_lines(store: Store, state: State) -> Key:
@@ -65,19 +70,22 @@ def wants_grid(store: Store, state: State) -> Key | None:
 
 
 def read_grid(store: Store, state: State, caller: Caller) -> Fields:
+    grid = _grid(store, state, caller)
+    return {"grid": grid, "grid_of": None if grid is None else heat_of(state)}
+
+
+def _grid(store: Store, state: State, caller: Caller) -> NDArray[np.float32] | None:
     assert state.heat is not None
     if state.overlay == "run":
-        return {"grid": heat.run_grid(store, state.run, state.heat, state.aggregate)}
+        return heat.run_grid(store, state.run, state.heat, state.aggregate)
     if state.overlay == "instance":
         if state.cursor is None:
-            return {"grid": None}
-        return {"grid": heat.instance_grid(store, state.run, state.heat, state.cursor)}
-    iids = evenly(np.flatnonzero(state.selected), MOST_GATHERED)
+            return None
+        return heat.instance_grid(store, state.run, state.heat, state.cursor)
+    iids = evenly(np.flatnonzero(state.selected), heat.MOST_GATHERED)
     if not iids.size:
-        return {"grid": None}
-    return {
-        "grid": heat.gathered(store, state.run, state.heat, iids, state.aggregate, caller.progress)
-    }
+        return None
+    return heat.gathered(store, state.run, state.heat, iids, state.aggregate, caller.progress)
 
 
 def wants_seen(store: Store, state: State) -> Key | None:
@@ -87,7 +95,7 @@ def wants_seen(store: Store, state: State) -> Key | None:
 
 
 def read_seen(store: Store, state: State, caller: Caller) -> Fields:
-    iids = evenly(np.flatnonzero(state.selected), MOST_GATHERED)
+    iids = evenly(np.flatnonzero(state.selected), heat.MOST_GATHERED)
     return {"seen": heat.seen(store, state.run, state.side, iids, caller.progress)}
 
 

@@ -10,7 +10,7 @@ from s2rstore.records import Bounds
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme
 from s2rtui.figures.geomap_marks import draw_others
 from s2rtui.figures.map_sheet import MANY, MapSheet, map_sheet, marker_legend
-from s2rtui.figures.style import Pixels, colour_scale, page_of, plain, png, unit
+from s2rtui.figures.style import Pixels, colour_scale, page_of, plain, unit, written
 from s2rtui.plots.difference import tint
 from s2rtui.plots.difference_model import DifferenceModel, by_size, difference_model, verdicts
 from s2rtui.plots.geomap_model import default_view
@@ -36,17 +36,20 @@ def difference_figure(
     model = difference_model(view)
     area = viewport or default_view(view.bounds, view.truth, view.valid)
     first, second = view.names
-    title = title or f"{view.side} error: {first} against {second}"
-    count = f"{model.lit} of {model.lit + model.others} instances"
-    told = "  ·  ".join(part for part in (subtitle, count) if part)
-    sheet = map_sheet(view.ground, area, page, title, told)
+    title = title or f"{view.side.capitalize()} error: {first} against {second}"
+    sheet = map_sheet(view.ground, area, page, title, subtitle)
+    draw_difference(sheet, view, model)
+    if sheet.side:
+        difference_legend(sheet, view, model, sheet.side)
+    return written(sheet.figure, page)
+
+
+def draw_difference(sheet: MapSheet, view: DifferenceInput, model: DifferenceModel) -> None:
+    """The unselected, the differences on top of them, the cursor."""
     draw_others(sheet.axes, view.truth, model.chosen, sheet.spots)
     _signs(sheet, view, model)
     if model.cursor is not None:
-        _cursor(sheet.axes, view, model.cursor, theme)
-    if sheet.side:
-        _side(sheet, view, model, sheet.side)
-    return png(sheet.figure, page)
+        _cursor(sheet.axes, view, model.cursor, sheet.page.theme)
 
 
 def _signs(sheet: MapSheet, view: DifferenceInput, model: DifferenceModel) -> None:
@@ -77,14 +80,22 @@ def _cursor(axes: Axes, view: DifferenceInput, iid: int, theme: Theme) -> None:
     axes.scatter([x], [y], s=80, facecolors="none", edgecolors=[ink], linewidths=1.6, zorder=7)
 
 
-def _side(
-    sheet: MapSheet, view: DifferenceInput, model: DifferenceModel, corner: tuple[float, float]
+def difference_legend(
+    sheet: MapSheet,
+    view: DifferenceInput,
+    model: DifferenceModel,
+    corner: tuple[float, float],
+    high: float = 0.0,
+    keys: float | None = None,
 ) -> None:
-    """The scale, who is better how often, and the mean difference."""
+    """The scale, who is better how often, and the mean difference.
+
+    `high`: the scale's inches (0: what the page allows), `keys`: where the keys begin at the left.
+    """
     left, top = corner
-    high = min(2.0, (top - 0.6) * 0.33)
+    high = high or min(2.0, (top - 0.6) * 0.42)
     box = sheet.page.box(left, top - 0.52 - high, 0.16, high)
-    label = plain(f"{view.names[0]} -\n{view.names[1]} ({view.unit})")
+    label = plain(f"{view.names[0]} −\n{view.names[1]} ({view.unit})")
     ends = (-model.scale, model.scale)
     colour_scale(
         sheet.figure, sheet.page, box, ends, label, lambda shares: tint(2 * shares - 1, 1.0)
@@ -102,4 +113,4 @@ def _side(
         marks.append(("not selected", ".", theme.unselected, True))
     if model.cursor is not None:
         marks.append((f"instance {model.cursor}", "o", theme.cursor, False))
-    marker_legend(sheet, marks, (left, top - 0.52 - high - 0.25))
+    marker_legend(sheet, marks, (left if keys is None else keys, top - 0.52 - high - 0.25))

@@ -7,7 +7,7 @@ from s2rtui.canvas.colour import LIGHT, Rgb, Theme, turbo
 from s2rtui.figures.geomap_marks import draw_cursor, draw_others, draw_predictions, draw_values
 from s2rtui.figures.geomap_wedges import draw_wedges, wedge_legend
 from s2rtui.figures.map_sheet import MapSheet, map_sheet, marker_legend
-from s2rtui.figures.style import Pixels, colour_scale, page_of, png
+from s2rtui.figures.style import Pixels, broken, colour_scale, page_of, written
 from s2rtui.plots.geomap_model import GeoMapModel, default_view, geomap_model
 from s2rtui.plots.inputs import GeoMapInput
 
@@ -19,16 +19,14 @@ def geomap_figure(
     size: Pixels = (1600, 1200),
     theme: Theme = LIGHT,
     run: str = "",
-    expression: str = "",
+    subtitle: str = "",
     title: str = "",
     viewport: Bounds | None = None,
 ) -> bytes:
-    """A PNG of `size` pixels; the heading names the run, the expression and how many it lights."""
+    """A PNG of `size` pixels; the heading names the run and what is shown."""
     page = page_of(size, theme)
     model = geomap_model(view)
     area = viewport or default_view(view.bounds, view.truth, view.valid)
-    count = f"{model.lit} of {model.lit + model.others} instances"
-    subtitle = "  ·  ".join(part for part in (expression, count) if part)
     sheet = map_sheet(view.ground, area, page, title or _title(view, run), subtitle)
     draw_others(sheet.axes, view.truth, model.chosen, sheet.spots)
     if view.mode == "full":
@@ -40,7 +38,7 @@ def geomap_figure(
     draw_cursor(sheet.axes, view, model, theme, area)
     if sheet.side:
         _side(sheet, view, model, sheet.side)
-    return png(sheet.figure, page)
+    return written(sheet.figure, page)
 
 
 def _title(view: GeoMapInput, run: str) -> str:
@@ -57,6 +55,7 @@ def _side(
     page = sheet.page
     high = min(2.0, (top - 0.6) * 0.33)
     gap = 0.32
+    line = 0.17
     if view.mode == "colour":
         label = f"{view.value_label} ({view.value_unit})" if view.value_unit else view.value_label
         box = page.box(left, top - gap - high, 0.16, high)
@@ -64,6 +63,8 @@ def _side(
         top -= high + gap + 0.25
     if model.heat_range is not None:
         label = f"{view.heat_label} ({view.heat_unit})" if view.heat_unit else view.heat_label
+        label = broken(label)
+        gap += line * label.count("\n")
         box = page.box(left, top - gap - high, 0.16, high)
         colour_scale(sheet.figure, page, box, model.heat_range, label, turbo)
         top -= high + gap + 0.25

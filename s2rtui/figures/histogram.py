@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rtui.canvas.colour import LIGHT, Theme
-from s2rtui.figures.style import Page, Pixels, dress, heading, new_figure, page_of, plain, png, unit
+from s2rtui.figures.style import (
+    Page,
+    Pixels,
+    dress,
+    heading,
+    new_figure,
+    page_of,
+    plain,
+    unit,
+    written,
+)
 from s2rtui.plots.histogram_model import NAMES, Errors, HistogramModel, histogram_model
 from s2rtui.plots.inputs import HistogramInput
 from s2rtui.plots.scale import short
@@ -41,7 +51,7 @@ def histogram_figure(
             axes.set_xlabel(_axis_name(view, model))
         else:
             axes.tick_params(labelbottom=False)
-    return png(figure, page)
+    return written(figure, page)
 
 
 def _axis_name(view: HistogramInput, model: HistogramModel) -> str:
@@ -71,6 +81,7 @@ def _side(
     axes.set_xlim(0, model.upper)
     axes.set_ylim(0, errors.peak * 1.08)
     axes.set_ylabel("instances")
+    axes.yaxis.set_label_coords(-0.48 / (page.inches[0] - 1.0), 0.5)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
     told = f"{name}   {int(errors.lit.sum())} of {int(errors.total.sum())}"
     label = axes.set_title(told, loc="left", fontsize=10, pad=6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,14 +10,15 @@ from numpy.typing import NDArray
 
 from s2rtui.canvas.colour import LIGHT, NO_DEPTH, Pixels, Theme, depth_tint, diverging, turbo
 from s2rtui.figures.style import (
+    LETTER,
     Page,
     colour_scale,
     heading,
     new_figure,
     page_of,
     plain,
-    png,
     unit,
+    written,
 )
 from s2rtui.figures.style import Pixels as Size
 from s2rtui.plots.inputs import InstanceInput, SideView
@@ -65,7 +67,7 @@ def instance_figure(
         left = 0.42 + 2 * across + gap + 0.35
         _scales(figure, page, view, model, left, top - 0.25, min(2.1, high * 0.62))
         _numbers(figure, page, view, model, left, top - 0.25 - min(2.1, high * 0.62) - 0.75)
-    return png(figure, page)
+    return written(figure, page)
 
 
 def _picture(
@@ -158,6 +160,7 @@ def _numbers(
         label.set(color=unit(ink), **style)
 
     columns = (0.92, 1.42, 2.02)
+    room = max(12, int((wide - left - 0.1) / (9 * LETTER)))
     for x, name in zip(columns, ("x (m)", "y (m)", "heading"), strict=True):
         put(left + x, top, name, theme.muted, ha="right")
     for line in model.poses:
@@ -173,15 +176,11 @@ def _numbers(
     for line in errors:
         top -= 0.24
         put(left, top, f"{line.role} error", inks[line.role], fontweight="bold")
-        put(left + columns[1], top, line.cells[3], theme.text, ha="right")
-        put(
-            left + columns[2],
-            top,
-            f"{line.cells[4]}°".replace("n/a°", "n/a"),
-            theme.text,
-            ha="right",
-        )
+        turn = f"{line.cells[4]}°".replace("n/a°", "n/a")
+        for x, text in zip(columns[1:], (line.cells[3], turn), strict=True):
+            put(left + x, top, text, theme.text, ha="right")
     top -= 0.16
     for name, value in view.notes:
-        top -= 0.22
-        put(left, top, f"{name}  {value}", theme.muted)
+        for part in textwrap.wrap(f"{name}  {value}", room, subsequent_indent="    "):
+            top -= 0.22
+            put(left, top, part, theme.muted)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from s2rstore.records import Bounds, Room
 from s2rtui.canvas.colour import Rgb, Theme, luma, mix, turbo
 from s2rtui.canvas.raster import resample
-from s2rtui.figures.style import Page, dress, heading, new_figure, plain, unit
+from s2rtui.figures.style import Box, Page, broken, dress, heading, new_figure, plain, unit
 from s2rtui.plots.frame import MapFrame, fit
 from s2rtui.plots.geomap_cells import dots
 from s2rtui.plots.geomap_layers import DIMMED, heat_scale, seen_cells
@@ -81,15 +81,28 @@ def map_sheet(ground: Ground, area: Bounds, page: Page, title: str, subtitle: st
     scale = min(room[0] / area.width, room[1] / area.height)
     inches = area.width * scale, area.height * scale
     left = 0.75
-    axes = figure.add_axes(page.box(left, top - inches[1], *inches))
+    corner = (left + inches[0] + 0.3, top) if side else None
+    return map_panel(figure, page, ground, area, (left, top - inches[1], *inches), corner)
+
+
+def map_panel(
+    figure: Figure,
+    page: Page,
+    ground: Ground,
+    area: Bounds,
+    box: Box,
+    side: tuple[float, float] | None = None,
+) -> MapSheet:
+    """The map in a rectangle of the area's shape: left, bottom, width, height in inches."""
+    inches = box[2], box[3]
+    axes = figure.add_axes(page.box(*box))
     _picture(axes, ground, page, inches[0])
     _axes(axes, ground, area, page, inches)
-    _rooms(axes, ground, page.theme, scale)
+    _rooms(axes, ground, page.theme, inches[0] / area.width)
     _scale(axes, area, ground.y_down, page.theme)
     points = [max(1, int(length * 72)) for length in inches]
     fine = fit(area, points[0], points[1], ground.y_down)
-    corner = (left + inches[0] + 0.3, top) if side else None
-    return MapSheet(figure, page, axes, area, inches, Spots(fine, page.theme), corner)
+    return MapSheet(figure, page, axes, area, inches, Spots(fine, page.theme), side)
 
 
 def marker_legend(
@@ -109,7 +122,7 @@ def marker_legend(
             markersize=6,
             color=unit(ink),
             markerfacecolor=unit(ink) if filled else "none",
-            label=plain(name),
+            label=plain(broken(name)),
         )
         for name, marker, ink, filled in marks
     ]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from s2rtui.canvas.colour import LIGHT, Theme
-from s2rtui.figures.style import Page, Pixels, heading, new_figure, page_of, plain, png, unit
+from s2rtui.figures.style import Page, Pixels, heading, new_figure, page_of, plain, unit, written
 from s2rtui.plots.dial import RING
 from s2rtui.plots.inputs import OrientationInput
 from s2rtui.plots.orientation_model import (
@@ -21,6 +21,8 @@ from s2rtui.plots.scale import ticks
 
 FOOT = 0.9
 """Inches below the dials."""
+STACKED = 1.2
+"""On pages of at least this height over width the dials stand one below the other."""
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,14 +40,15 @@ def orientation_figure(
     model = orientation_model(view)
     figure = new_figure(page)
     top = heading(figure, page, title, subtitle)
-    wide, _ = page.inches
-    room = (wide - 0.4) / 3
-    height = max(0.3, top - FOOT - 0.75)
-    across = max(0.2, min(room - 0.7, height))
+    wide, high = page.inches
+    stacked = high > STACKED * wide
+    room = wide - 0.4 if stacked else (wide - 0.4) / 3
+    height = max(0.3, (top - FOOT) / (3 if stacked else 1) - 0.75)
+    across = max(0.2, min(room - 0.7, height - (0.4 if stacked else 0)))
     inks = (theme.sim, theme.truth, theme.real)
     for index, (name, panel) in enumerate(zip(NAMES, model.panels, strict=True)):
-        middle = 0.2 + room * (index + 0.5)
-        foot = FOOT + (height - across) / 2
+        middle = 0.2 + room * (0.5 if stacked else index + 0.5)
+        foot = FOOT + (height - across) / 2 + (2 - index) * (height + 0.75) * stacked
         box = page.box(middle - across / 2, foot, across, across)
         axes = figure.add_axes(box, projection="polar")
         _dial(axes, model, panel, view.y_down, inks[index], page)
@@ -53,7 +56,7 @@ def orientation_figure(
         _words(figure, page, (middle, foot - 0.38), _mean(panel), theme.muted, bold=False)
     if page.inches[1] > 2:
         _note(figure, page, model)
-    return png(figure, page)
+    return written(figure, page)
 
 
 def _dial(

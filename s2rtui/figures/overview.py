@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING
 
 from s2rtui.canvas.colour import LIGHT, Theme
 from s2rtui.figures.overview_lines import draw_lines, keys
-from s2rtui.figures.style import Page, Pixels, dress, heading, new_figure, page_of, plain, png, unit
+from s2rtui.figures.style import (
+    Page,
+    Pixels,
+    dress,
+    heading,
+    new_figure,
+    page_of,
+    plain,
+    unit,
+    written,
+)
 from s2rtui.plots.inputs import OverviewLines, OverviewRow
 from s2rtui.plots.overview_model import OverviewModel, overview_model
 
@@ -42,7 +52,8 @@ def overview_figure(
     longest = max((len(row.run) for row in model.rows), default=4)
     left = min(0.4 + 0.085 * min(longest, 32), wide * 0.35)
     right = min(NUMBERS, wide * 0.32)
-    box = page.box(left, 0.62, wide - left - right, top - 0.62 - 0.62)
+    across, keyed = _legend_size(wide, lines)
+    box = page.box(left, 0.62, wide - left - right, top - 0.62 - keyed)
     axes = figure.add_axes(box)
     dress(axes, theme, grid=True)
     axes.spines["left"].set_visible(False)
@@ -57,8 +68,8 @@ def overview_figure(
     for index, row in enumerate(model.rows):
         _row(axes, index, row, page, index == selected)
     _columns(axes, model, page, selected)
-    _legend(figure, axes, model, page, top, lines)
-    return png(figure, page)
+    _legend(figure, axes, model, page, (top, across), lines)
+    return written(figure, page)
 
 
 def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> None:
@@ -193,15 +204,23 @@ def _diamonds(theme: Theme) -> list[Line2D]:
     return handles
 
 
+def _legend_size(wide: float, lines: OverviewLines | None) -> tuple[int, float]:
+    """How many keys stand side by side on a page of so many inches, and the inches of all lines."""
+    keys = 4 if lines is None else 7
+    fit = 7 if wide > 8.5 else 4 if wide > (5 if lines is None else 6) else 3 if wide > 4 else 2
+    across = min(fit, keys)
+    return across, 0.4 + 0.22 * -(-keys // across)
+
+
 def _legend(
     figure: Figure,
     axes: Axes,
     model: OverviewModel,
     page: Page,
-    top: float,
+    place: tuple[float, int],
     lines: OverviewLines | None,
 ) -> None:
-    """A line of its own, its upper edge `top` inches above the page's foot."""
+    """Lines of their own; `place`: inches from the page's foot to their top, keys in a line."""
     from matplotlib.lines import Line2D
 
     theme = page.theme
@@ -222,10 +241,10 @@ def _legend(
         handles,
         names,
         loc="upper left",
-        bbox_to_anchor=(0.17 / page.inches[0], top / page.inches[1]),
-        ncols=4 if lines is None else 7,
+        bbox_to_anchor=(0.17 / page.inches[0], place[0] / page.inches[1]),
+        ncols=place[1],
         frameon=False,
-        fontsize=9 if page.inches[0] > 6 else 6,
+        fontsize=9 if page.inches[0] > 6 else 7,
         handletextpad=0.4,
         columnspacing=1.4,
         borderaxespad=0,

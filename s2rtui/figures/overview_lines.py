@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.patheffects import AbstractPathEffect
 
+CLEAR = 60
+"""So many selected lines stand in full strength; more are paler, down to a third."""
 FINE, COARSE = 200, 100
 """Bins of an accuracy axis: where lines can be told apart, and where they are a density."""
 
@@ -26,9 +29,10 @@ def draw_lines(axes: Axes, lines: OverviewLines, axis: Interval, theme: Theme) -
     size = COARSE if len(lines.valid) > MANY else FINE
     found = pair_counts(lines, axis, size)
     colour = theme.sim if lines.side == "sim" else theme.real
+    lit = int(np.count_nonzero(np.asarray(lines.selected) & lines.valid))
     for part, ink, order, strength in (
         (1, theme.unselected, 1.0, 0.45),
-        (0, colour, 1.2, 0.75),
+        (0, colour, 1.2, 0.75 * min(1.0, max(0.3, math.sqrt(CLEAR / max(lit, 1))))),
     ):
         peak = max((float(pair[part].max()) for pair in found), default=0.0)
         for row, pair in enumerate(found):

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rtui.canvas.colour import LIGHT, Theme
-from s2rtui.figures.style import Page, Pixels, dress, heading, new_figure, page_of, plain, png, unit
+from s2rtui.figures.style import (
+    Page,
+    Pixels,
+    dress,
+    heading,
+    new_figure,
+    page_of,
+    plain,
+    unit,
+    written,
+)
 from s2rtui.plots.inputs import RoomsInput
 from s2rtui.plots.rooms_model import NAMES, RoomsModel, rooms_model
 
@@ -40,7 +50,7 @@ def rooms_figure(
         label = axes.set_title(name, loc="left", fontsize=10, pad=6)
         label.set_color(unit(inks[index]))
         label.set_fontweight("bold")
-    return png(figure, page)
+    return written(figure, page)
 
 
 def _column(
@@ -61,7 +71,7 @@ def _column(
     axes.barh(rows, lit, height=0.72, color=unit(ink), linewidth=0, zorder=3)
     axes.set_ylim(max(count, 1) - 0.5, -0.5)
     axes.set_xlim(0, model.peak * 1.28)
-    axes.set_xlabel("instances: selected / all")
+    axes.set_xlabel("instances: selected / all" if index == 1 else "")
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, integer=True))
     axes.set_yticks(rows if index == 0 else [])
     if index == 0:

@@ -16,8 +16,8 @@ from s2rtui.figures.style import (
     new_figure,
     page_of,
     plain,
-    png,
     unit,
+    written,
 )
 from s2rtui.plots.bins import choose
 from s2rtui.plots.inputs import Floats, UmapInput
@@ -38,6 +38,8 @@ POINTS_UP_TO = 40_000
 """More valid instances are drawn cell by cell, each in the colour of its mean."""
 SIDE = 1.4
 """Inches at the right that colour bar and legend take."""
+TALLEST = 1.25
+"""A panel's height over its width, at most."""
 
 
 def umap_figure(
@@ -54,9 +56,11 @@ def umap_figure(
     wide, _ = page.inches
     side = SIDE if wide > 4.5 else 0.1
     width, height = (wide - 0.65 - side - 0.35) / 2, top - 0.55 - 0.35
+    foot = 0.55 + max(0.0, height - TALLEST * width)
+    height = min(height, TALLEST * width)
     model = umap_model(view, umap_frame(view, max(1, int(width * 60)), max(1, int(height * 30))))
     for index, name in enumerate(("sim", "real")):
-        box = page.box(0.65 + index * (width + 0.35), 0.55, width, height)
+        box = page.box(0.65 + index * (width + 0.35), foot, width, height)
         axes = figure.add_axes(box)
         _panel(axes, view, model, name, page, (width, height))
         if index:
@@ -64,8 +68,8 @@ def umap_figure(
         else:
             axes.set_ylabel("v")
     if side > 1:
-        _side(figure, page, view, model, (wide - side + 0.25, 0.55 + height))
-    return png(figure, page)
+        _side(figure, page, view, model, (wide - side + 0.25, foot + height))
+    return written(figure, page)
 
 
 def _side(

@@ -8,12 +8,11 @@ the unselected, the larger one following by subtraction from the totals.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 
 Bools = NDArray[np.bool_]
 Codes = NDArray[np.unsignedinteger]
@@ -54,7 +53,7 @@ def choose(selected: Bools, base: Bools) -> Chosen:
     return _choose(Same(selected), Same(base))
 
 
-@lru_cache(8)
+@kept(8)
 def _choose(selected: Same, base: Same) -> Chosen:
     inside, population = _bools(selected), _bools(base)
     lit = inside & population
@@ -93,7 +92,7 @@ def count(column: Bins, chosen: Chosen) -> tuple[Counts, Counts]:
     return (total - part if chosen.inverted else part), total
 
 
-@lru_cache(64)
+@kept(64)
 def _totals(codes: Same, size: int, base: Same) -> Counts:
     total = _count(np.asarray(codes.array)[_bools(base)], size)
     total.setflags(write=False)

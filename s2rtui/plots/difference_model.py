@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,8 @@ from s2rtui.plots.frame import MapFrame
 from s2rtui.plots.geomap_cells import cells
 from s2rtui.plots.geomap_model import cursor_of, sizes
 from s2rtui.plots.inputs import Bools, DifferenceInput
-from s2rtui.plots.same import Same
-from s2rtui.plots.sums import sums
+from s2rtui.plots.same import Same, kept
+from s2rtui.plots.sums import sums, total_of
 
 Means = NDArray[np.float64]
 
@@ -57,14 +56,14 @@ def difference_model(view: DifferenceInput) -> DifferenceModel:
     return DifferenceModel(chosen, lit, others, cursor_of(view.cursor, valid), scale, summary)
 
 
-@lru_cache(8)
+@kept(8)
 def _summary(
     first: Same, second: Same, equal: float, chosen: Chosen, lit: int
 ) -> DifferenceSummary:
     column = _verdicts(first, second, equal)
     worse, same, improved = count(column, chosen)[0].tolist()
     known = worse + same + improved
-    total = float(sums(column, _differences(first, second), chosen).sum())
+    total = total_of(_differences(first, second), chosen)
     mean = total / known if known else float("nan")
     return DifferenceSummary(improved, worse, same, lit - known, mean)
 
@@ -81,7 +80,7 @@ def cell_means(
     return _cell_means(Same(view.truth), Same(view.first), Same(view.second), chosen, frame)
 
 
-@lru_cache(4)
+@kept(4)
 def _cell_means(
     truth: Same, first: Same, second: Same, chosen: Chosen, frame: MapFrame
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
@@ -97,12 +96,12 @@ def verdicts(means: Means, equal: float) -> NDArray[np.intp]:
     return np.sign(means).astype(np.intp) * (np.abs(means) > equal)
 
 
-@lru_cache(4)
+@kept(4)
 def _differences(first: Same, second: Same) -> Means:
     return np.asarray(first.array, dtype=np.float64) - np.asarray(second.array)
 
 
-@lru_cache(4)
+@kept(4)
 def _verdicts(first: Same, second: Same, equal: float) -> Bins:
     """Worse, equal and improved as bins 0, 1 and 2."""
     apart = _differences(first, second)
@@ -110,7 +109,7 @@ def _verdicts(first: Same, second: Same, equal: float) -> Bins:
     return bins(np.where(np.isfinite(apart), places, np.nan), 3)
 
 
-@lru_cache(4)
+@kept(4)
 def _known_cells(truth: Same, first: Same, second: Same, frame: MapFrame) -> Bins:
     column = cells(np.asarray(truth.array), frame)
     known = np.isfinite(_differences(first, second))
@@ -118,7 +117,7 @@ def _known_cells(truth: Same, first: Same, second: Same, frame: MapFrame) -> Bin
     return Bins(np.where(known, column.codes, none), column.count)
 
 
-@lru_cache(8)
+@kept(8)
 def _scale(first: Same, second: Same, valid: Same, equal: float) -> float:
     """The 99th percentile of how far the valid differ, more than the margin."""
     apart = np.abs(_differences(first, second)[np.asarray(valid.array)])

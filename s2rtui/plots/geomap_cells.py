@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from s2rtui.plots.bins import Bins, Chosen, count
 from s2rtui.plots.frame import MapFrame
 from s2rtui.plots.inputs import Floats, Interval
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 from s2rtui.plots.scale import fraction
 from s2rtui.plots.sums import occupied
 
@@ -30,7 +29,7 @@ def dots(points: Floats, frame: MapFrame) -> Bins:
     return _dots(Same(points), frame)
 
 
-@lru_cache(12)
+@kept(16)
 def _cells(points: Same, frame: MapFrame) -> Bins:
     across, down = frame.width, frame.height // 2
     rows, columns = np.divmod(np.arange(8 * across * down), 2 * across)
@@ -41,7 +40,7 @@ def _cells(points: Same, frame: MapFrame) -> Bins:
     return Bins(table.astype(np.uint32)[codes], across * down)
 
 
-@lru_cache(8)
+@kept(16)
 def _dots(points: Same, frame: MapFrame) -> Bins:
     """In pieces that stay in the processor's caches."""
     places = np.asarray(points.array)
@@ -79,14 +78,14 @@ def top_levels(
     return _top_levels(Same(points), Same(values), scale, chosen, frame)
 
 
-@lru_cache(6)
+@kept(6)
 def _lit_cells(points: Same, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
     lit = (count(_cells(points, frame), chosen)[0] > 0).reshape(frame.height // 2, frame.width)
     lit.setflags(write=False)
     return lit
 
 
-@lru_cache(4)
+@kept(4)
 def _other_dots(points: Same, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
     lit, total = count(_dots(points, frame), chosen)
     others = (total > lit).reshape(frame.height // 2 * 4, frame.width * 2)
@@ -94,7 +93,7 @@ def _other_dots(points: Same, chosen: Chosen, frame: MapFrame) -> NDArray[np.boo
     return others
 
 
-@lru_cache(4)
+@kept(4)
 def _top_levels(
     points: Same, values: Same, scale: Interval, chosen: Chosen, frame: MapFrame
 ) -> NDArray[np.intp]:
@@ -121,7 +120,7 @@ class _Tinted:
     start: NDArray[np.intp]
 
 
-@lru_cache(4)
+@kept(4)
 def _tinted(points: Same, values: Same, scale: Interval, frame: MapFrame) -> _Tinted:
     places = _cells(points, frame)
     steps = np.uint32(LEVELS + 1)
@@ -132,7 +131,7 @@ def _tinted(points: Same, values: Same, scale: Interval, frame: MapFrame) -> _Ti
     return _Tinted(codes, (kept % (LEVELS + 1)).astype(np.int8), cell, start)
 
 
-@lru_cache(8)
+@kept(8)
 def _levels(values: Same, scale: Interval) -> NDArray[np.uint8]:
     steps = np.minimum(fraction(np.asarray(values.array), scale) * LEVELS, LEVELS - 1) + 1
     return np.nan_to_num(steps).astype(np.uint8)

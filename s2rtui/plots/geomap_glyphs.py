@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from s2rtui.plots.frame import MapFrame
 from s2rtui.plots.geomap_cells import cells
 from s2rtui.plots.geomap_model import GeoMapModel, in_frame
 from s2rtui.plots.inputs import Floats, GeoMapInput
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 from s2rtui.plots.sums import sums
 
 SINGLES = 200
@@ -62,7 +61,7 @@ class _Arrays(NamedTuple):
     real: Same
 
 
-@lru_cache(4)
+@kept(4)
 def _glyphs(
     arrays: _Arrays, full: float, chosen: Chosen, frame: MapFrame, footprint: tuple[int, int]
 ) -> ErrorGlyphs:
@@ -77,7 +76,7 @@ def full_scale(view: GeoMapInput) -> float:
     return _full_scale(Same(view.truth), Same(view.sim), Same(view.real), Same(view.valid))
 
 
-@lru_cache(8)
+@kept(8)
 def _full_scale(truth: Same, sim: Same, real: Same, valid: Same) -> float:
     inside = np.asarray(valid.array, dtype=np.bool_)
     sizes = [np.hypot(*_errors(truth, side))[inside] for side in (sim, real)]
@@ -87,7 +86,7 @@ def _full_scale(truth: Same, sim: Same, real: Same, valid: Same) -> float:
     return largest if largest > 0 else 1.0
 
 
-@lru_cache(4)
+@kept(4)
 def _errors(truth: Same, side: Same) -> tuple[Vectors, Vectors]:
     """Errors (N,) along x and y, metres."""
     start, end = np.asarray(truth.array), np.asarray(side.array)
@@ -142,7 +141,7 @@ def _blocks(
     return ErrorGlyphs(middles, counts[held], mean(arrays.sim), mean(arrays.real), full)
 
 
-@lru_cache(4)
+@kept(4)
 def _block_codes(arrays: _Arrays, frame: MapFrame, footprint: tuple[int, int]) -> Bins:
     """The block of each instance whose two errors are known."""
     wide, high = footprint

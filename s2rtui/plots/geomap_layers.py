@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from s2rstore.records import Bounds
 from s2rtui.canvas.colour import Pixels, Theme, luma, mix, turbo
 from s2rtui.plots.frame import MapFrame, sample
 from s2rtui.plots.inputs import Ground, Interval
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 from s2rtui.plots.scale import fraction, percentile_range
 
 Layer = NDArray[np.floating]
@@ -26,7 +25,7 @@ def heat_scale(ground: Ground) -> Interval | None:
     return ground.heat_range or found if found else None
 
 
-@lru_cache(8)
+@kept(8)
 def _heat_scale(heat: Same) -> Interval | None:
     values = np.asarray(heat.array)
     if not np.isfinite(values).any():
@@ -44,7 +43,7 @@ def ground_layer(ground: Ground, frame: MapFrame, theme: Theme) -> Pixels:
     return _ground(*arrays, ground.bounds, ground.y_down, heat_scale(ground), frame, theme)
 
 
-@lru_cache(8)
+@kept(8)
 def _ground(
     plan: Same,
     heat: Same,
@@ -107,7 +106,7 @@ def seen_layer(ground: Ground, frame: MapFrame) -> Layer | None:
     return _seen(Same(ground.clip), ground.bounds, frame)
 
 
-@lru_cache(8)
+@kept(8)
 def _seen(clip: Same, bounds: Bounds, frame: MapFrame) -> Layer:
     return np.nan_to_num(sample(seen_cells(np.asarray(clip.array)), bounds, frame, True))
 
@@ -117,7 +116,7 @@ def seen_cells(clip: NDArray[np.generic]) -> NDArray[np.float32]:
     return (np.nan_to_num(np.asarray(clip, dtype=np.float32)) != 0).astype(np.float32)
 
 
-@lru_cache(8)
+@kept(8)
 def _sampled(image: Same, bounds: Bounds, frame: MapFrame, top_is_y0: bool) -> Layer:
     return sample(np.asarray(image.array), bounds, frame, top_is_y0)
 

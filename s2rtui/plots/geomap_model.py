@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from s2rtui.plots.frame import MapFrame
 from s2rtui.plots.geomap_cells import cells
 from s2rtui.plots.geomap_layers import heat_scale
 from s2rtui.plots.inputs import Bools, Floats, GeoMapInput, Interval
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 from s2rtui.plots.scale import fraction, percentile_range
 
 LINES_UP_TO = 24
@@ -56,7 +55,7 @@ def cursor_of(cursor: int | None, valid: Bools) -> int | None:
     return cursor
 
 
-@lru_cache(16)
+@kept(16)
 def _value_range(values: Same, valid: Same) -> Interval:
     return percentile_range(np.asarray(values.array)[np.asarray(valid.array)])
 

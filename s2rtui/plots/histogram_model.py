@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from s2rtui.plots import joint
 from s2rtui.plots.bins import Bins, bins, choose
 from s2rtui.plots.inputs import Floats, HistogramInput
 from s2rtui.plots.order import median
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 
 NAMES = ("sim", "real")
 FINE = 250
@@ -71,7 +70,7 @@ def histogram_model(view: HistogramInput, bins: int) -> HistogramModel:
     return HistogramModel(np.linspace(0.0, upper, count + 1), sim, real)
 
 
-@lru_cache(4)
+@kept(4)
 def _counts(
     sides: tuple[Same, ...], upper: float, count: int, selected: Same, valid: Same
 ) -> list[tuple[Counts, Counts, float]]:
@@ -97,7 +96,7 @@ def _cursor(errors: Floats, view: HistogramInput) -> float | None:
     return error if math.isfinite(error) else None
 
 
-@lru_cache(16)
+@kept(16)
 def _upper(sim: Same, real: Same) -> float:
     """The 99th percentile of all known errors, 1 without any."""
     both = np.concatenate([np.asarray(sim.array), np.asarray(real.array)])
@@ -105,14 +104,14 @@ def _upper(sim: Same, real: Same) -> float:
     return float(np.percentile(both, 99)) if both.size else 1.0
 
 
-@lru_cache(32)
+@kept(32)
 def _bins(errors: Same, upper: float, count: int) -> Bins:
     column = np.asarray(errors.array, dtype=np.float64)
     places = np.clip(column / upper * count, 0, np.nextafter(count, 0))
     return bins(np.where(np.isfinite(column), places, np.nan), count)
 
 
-@lru_cache(16)
+@kept(16)
 def _beyond(errors: Same, upper: float, valid: Same) -> int:
     column = np.asarray(errors.array)
     past = np.isfinite(column) & (column > upper) & np.asarray(valid.array)

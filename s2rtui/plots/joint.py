@@ -4,36 +4,47 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache, reduce
+from functools import reduce
 
 import numpy as np
 
 from s2rtui.plots.bins import Bins, Chosen, Counts, count, joined
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 
-LARGEST = 1 << 20
+LARGEST = 1 << 16
 """Cells of a joint table up to which one pass is faster than one per column."""
 
 
 def counts(columns: Sequence[Bins], chosen: Chosen) -> list[tuple[Counts, Counts]]:
-    """Counts as `bins.count` gives them, for each column."""
-    sizes = tuple(column.count + 1 for column in columns)
-    if math.prod(sizes) > LARGEST:
+    """Counts as `bins.count` gives them, for each column; as many together as fit in a table."""
+    found: list[tuple[Counts, Counts]] = []
+    group: list[Bins] = []
+    for column in columns:
+        if group and math.prod(bins.count + 1 for bins in (*group, column)) > LARGEST:
+            found += _together(group, chosen)
+            group = []
+        group.append(column)
+    return found + _together(group, chosen)
+
+
+def _together(columns: Sequence[Bins], chosen: Chosen) -> list[tuple[Counts, Counts]]:
+    if len(columns) < 2:
         return [count(column, chosen) for column in columns]
+    sizes = tuple(column.count + 1 for column in columns)
     table = _table(tuple(Same(column.codes) for column in columns), sizes)
     lit, total = count(table, chosen)
     parts = _margins(lit, sizes)
     return list(zip(parts, _totals(Same(total), sizes), strict=True))
 
 
-@lru_cache(16)
+@kept(16)
 def _table(codes: tuple[Same, ...], sizes: tuple[int, ...]) -> Bins:
     """Every combination of bins; what is in no bin of a column has a place of its own."""
     columns = [Bins(np.asarray(same.array), size) for same, size in zip(codes, sizes, strict=True)]
     return reduce(joined, columns)
 
 
-@lru_cache(16)
+@kept(16)
 def _totals(total: Same, sizes: tuple[int, ...]) -> list[Counts]:
     return _margins(np.asarray(total.array), sizes)
 

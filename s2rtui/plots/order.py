@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.plots.bins import Bins
 from s2rtui.plots.inputs import Bools, Floats
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 
 Counts = NDArray[np.intp]
 
@@ -29,17 +28,18 @@ def median(values: Floats, column: Bins, lit: Counts, selected: Bools, valid: Bo
     places = np.array([(number - 1) // 2, number // 2])
     first, last = np.searchsorted(ends, places, side="right").tolist()
     inside = order[starts[first] : starts[last + 1]]
-    members = inside[selected[inside] & valid[inside]]
-    return float(values[members[places - (ends[first] - lit[first])]].mean())
+    members = np.flatnonzero((selected & valid)[inside])
+    middle = inside[members[places - (ends[first] - lit[first])]]
+    return float(values[middle].mean())
 
 
-@lru_cache(16)
+@kept(16)
 def _sorted(values: Same, codes: Same, count: int) -> tuple[NDArray[np.int32], Counts]:
     """All iids by value, those of no bin last; and where each bin starts."""
     sizes = np.bincount(np.asarray(codes.array), minlength=count + 1)
     return _by_value(values), np.concatenate([[0], np.cumsum(sizes)])
 
 
-@lru_cache(16)
+@kept(16)
 def _by_value(values: Same) -> NDArray[np.int32]:
     return np.argsort(np.asarray(values.array)).astype(np.int32)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from s2rtui.plots import joint
 from s2rtui.plots.bins import Bins, Chosen, bins, choose
 from s2rtui.plots.inputs import Floats, OrientationInput
 from s2rtui.plots.pending import wrapped
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 
 BINS = 72
 WIDTH = 360 / BINS
@@ -78,16 +77,17 @@ def orientation_model(view: OrientationInput, count: int = BINS) -> OrientationM
     return OrientationModel(panels, longest, longest / share)
 
 
-@lru_cache(16)
+@kept(16)
 def _bins(headings: Same) -> Bins:
-    turned = np.mod(np.degrees(np.asarray(headings.array, dtype=np.float64)) + 180, 360) / WIDTH
+    turned = np.degrees(np.asarray(headings.array, dtype=np.float64)) + 180
+    turned = (turned - 360 * np.floor(turned / 360)) / WIDTH
     return bins(np.where(turned >= BINS, 0.0, turned), BINS)
 
 
-@lru_cache(16)
+@kept(16)
 def _directions(headings: Same) -> NDArray[np.complex128]:
-    """(72,) the mean unit vector of everything in each bin."""
-    column = np.asarray(headings.array, dtype=np.float64)
+    """(72,) the mean unit vector of everything in each bin, to single precision."""
+    column = np.asarray(headings.array, dtype=np.float32)
     codes = _bins(headings).codes
     known = np.where(codes < BINS, column, 0.0)
     cosines = np.bincount(codes, np.cos(known), BINS + 1)[:BINS]
@@ -96,7 +96,7 @@ def _directions(headings: Same) -> NDArray[np.complex128]:
     return np.asarray((cosines + 1j * sines) / number)
 
 
-@lru_cache(4)
+@kept(4)
 def _counts(
     sides: tuple[Same, ...], selected: Same, valid: Same
 ) -> list[tuple[Counts, Counts, complex]]:

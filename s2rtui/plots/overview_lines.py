@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from s2rtui.plots.bins import Bins, Chosen, choose, count
 from s2rtui.plots.inputs import Interval, OverviewLines
 from s2rtui.plots.overview_layout import OverviewLayout
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 
 PIECE = 1 << 15
 MANY = 20_000
@@ -44,7 +44,7 @@ def line_density(lines: OverviewLines, axis: Interval, layout: OverviewLayout) -
     return draw(columns, axis, layout.chart_width, layout.step, chosen)
 
 
-@lru_cache(4)
+@kept(4)
 def _segments(
     columns: tuple[Same, ...], axis: Interval, width: int, step: int, chosen: Chosen
 ) -> LineDensity:
@@ -60,7 +60,7 @@ def _segments(
     return LineDensity(*(np.concatenate([edge, *part, edge]) for part in parts))
 
 
-@lru_cache(4)
+@kept(4)
 def _bars(
     columns: tuple[Same, ...], axis: Interval, width: int, step: int, chosen: Chosen
 ) -> LineDensity:
@@ -126,7 +126,7 @@ def _places(chart_width: int, size: int, within: float = 0.5) -> Density:
     return 2 * (0.5 + (np.arange(size) + within) / size * (chart_width - 1))
 
 
-@lru_cache(64)
+@kept(64)
 def _binned(values: Same, axis: Interval, size: int) -> NDArray[np.uint8]:
     """Bins of the axis; what lies beyond an end is in the last one there, NaN in bin `size`."""
     column = np.asarray(values.array)
@@ -139,7 +139,7 @@ def _binned(values: Same, axis: Interval, size: int) -> NDArray[np.uint8]:
     return codes
 
 
-@lru_cache(32)
+@kept(32)
 def _pairs(first: Same, second: Same, axis: Interval, size: int) -> Bins:
     """Both bins: code = first * (size + 1) + second; the last bin of each is none."""
     one, two = (_binned(part, axis, size) for part in (first, second))

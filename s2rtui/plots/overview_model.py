@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from s2rtui.plots.inputs import Interval, OverviewLines, OverviewRow
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 from s2rtui.plots.scale import finite, step
 
 
@@ -60,7 +59,7 @@ def overview_model(
     return OverviewModel(clean, finite(baseline), (max(0.0, low), min(max(1.0, low + width), high)))
 
 
-@lru_cache(64)
+@kept(64)
 def _lowest(values: Same, valid: Same) -> float:
     """The 1st percentile of the valid, NaN where none is known."""
     column = np.asarray(values.array)[np.asarray(valid.array, dtype=np.bool_)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from s2rtui.plots import joint
 from s2rtui.plots.bins import Bins, choose
 from s2rtui.plots.inputs import RoomsInput
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 
 NAMES = ("sim", "truth", "real")
 NO_ROOM = "no room"
@@ -51,7 +50,7 @@ def rooms_model(view: RoomsInput) -> RoomsModel:
     return RoomsModel(names, lit, total, peak, (at[0], at[1], at[2]))
 
 
-@lru_cache(4)
+@kept(4)
 def _counts(
     columns: tuple[Same, ...], number: int, selected: Same, valid: Same
 ) -> tuple[Counts, Counts]:
@@ -61,7 +60,7 @@ def _counts(
     return np.stack([lit for lit, _ in counted]), np.stack([total for _, total in counted])
 
 
-@lru_cache(32)
+@kept(32)
 def _bins(rooms: Same, number: int) -> Bins:
     """The room of each instance; what is in none has the last bin."""
     codes = np.asarray(rooms.array)

@@ -2,20 +2,82 @@
 
 from __future__ import annotations
 
+import weakref
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from functools import wraps
+from threading import RLock
+from typing import Any, ParamSpec, TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 
 class Same:
-    """An array as a key: equal only to itself, kept alive by it, never changed in place."""
+    """An array as a key: equal only to itself, not kept alive by it, never changed in place."""
 
-    __slots__ = ("array",)
+    __slots__ = ("_id", "_ref")
 
     def __init__(self, array: NDArray[np.generic] | None) -> None:
-        self.array = array
+        self._id = id(array)
+        self._ref = None if array is None else weakref.ref(array)
+
+    @property
+    def array(self) -> NDArray[np.generic] | None:
+        """The array; None once nobody holds it."""
+        return None if self._ref is None else self._ref()
 
     def __hash__(self) -> int:
-        return id(self.array)
+        return self._id
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Same) and other.array is self.array
+        if self is other:
+            return True
+        if not isinstance(other, Same) or self._id != other._id:
+            return False
+        array = self.array
+        return array is other.array and (array is not None or self._ref is other._ref)
+
+
+def kept(most: int) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Keep a function's last results, each for as long as all arrays among its arguments live.
+
+    Arguments are hashable and by position, arrays as `Same`.
+    """
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        results: OrderedDict[object, tuple[T, list[weakref.ref[Any]]]] = OrderedDict()
+        lock = RLock()
+
+        @wraps(function)
+        def known(*args: P.args, **none: P.kwargs) -> T:
+            with lock:
+                if args in results:
+                    results.move_to_end(args)
+                    return results[args][0]
+            result = function(*args, **none)
+
+            def forget(_: object) -> None:
+                with lock:
+                    results.pop(args, None)
+
+            with lock:
+                results[args] = result, [weakref.ref(array, forget) for array in _arrays(args)]
+                if len(results) > most:
+                    results.popitem(last=False)
+            return result
+
+        return known
+
+    return decorate
+
+
+def _arrays(args: tuple[object, ...]) -> Iterator[NDArray[np.generic]]:
+    for part in args:
+        if isinstance(part, tuple):
+            yield from _arrays(part)
+        elif isinstance(part, Same) and (array := part.array) is not None:
+            yield array

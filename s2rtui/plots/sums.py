@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.plots.bins import Bins, Chosen
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 
 Floats = NDArray[np.float64]
 
@@ -22,7 +20,7 @@ def sums(column: Bins, weights: NDArray[np.floating], chosen: Chosen) -> Floats:
     return _totals(Same(column.codes), column.count, Same(weights), base) - part
 
 
-@lru_cache(16)
+@kept(16)
 def _totals(codes: Same, size: int, weights: Same, base: Same) -> Floats:
     members = np.flatnonzero(np.asarray(base.array))
     column = Bins(np.asarray(codes.array), size)
@@ -33,6 +31,17 @@ def _sum(column: Bins, weights: NDArray[np.floating], members: NDArray[np.intp])
     codes, parts = column.codes[members], np.asarray(weights[members], dtype=np.float64)
     total = np.bincount(codes, parts, minlength=column.count + 1)[: column.count]
     return np.asarray(total, dtype=np.float64)
+
+
+def total_of(weights: NDArray[np.floating], chosen: Chosen) -> float:
+    """The sum of what is finite of `weights` (N,) over the selected."""
+    part = float(np.nansum(weights[chosen.few]))
+    return _total(Same(weights), Same(chosen.base)) - part if chosen.inverted else part
+
+
+@kept(16)
+def _total(weights: Same, base: Same) -> float:
+    return float(np.nansum(np.asarray(weights.array)[np.asarray(base.array)]))
 
 
 def occupied(column: Bins) -> tuple[Bins, NDArray[np.intp]]:

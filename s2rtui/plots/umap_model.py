@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +10,9 @@ from numpy.typing import NDArray
 from s2rstore.records import Bounds
 from s2rtui.plots.bins import Bins, Chosen, bins, choose, count, joined
 from s2rtui.plots.frame import MapFrame, fit
+from s2rtui.plots.geomap_cells import cells, dots
 from s2rtui.plots.inputs import Bools, Floats, Interval, UmapInput
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 from s2rtui.plots.scale import fraction, percentile_range
 
 LEVELS = 20
@@ -85,14 +85,16 @@ def level_shares() -> NDArray[np.float64]:
     return (np.arange(LEVELS) + 0.5) / LEVELS
 
 
-@lru_cache(16)
+@kept(16)
 def _extent(sim: Same, real: Same) -> Bounds:
     ends = []
     for side in (sim, real):
-        points = np.asarray(side.array)
-        finite = points[np.isfinite(points).all(axis=1)]
-        if len(finite):
-            ends += [finite.min(axis=0), finite.max(axis=0)]
+        x, y = np.asarray(side.array).T
+        finite = np.isfinite(x) & np.isfinite(y)
+        if not finite.all():
+            x, y = x[finite], y[finite]
+        if x.size:
+            ends += [(x.min(), y.min()), (x.max(), y.max())]
     if not ends:
         return Bounds(0.0, 0.0, 1.0, 1.0)
     low, high = np.min(ends, axis=0), np.max(ends, axis=0)
@@ -101,50 +103,41 @@ def _extent(sim: Same, real: Same) -> Bounds:
     return Bounds(float(x0), float(y0), float(x1), float(y1))
 
 
-@lru_cache(16)
+@kept(16)
 def _distance(sim: Same, real: Same) -> NDArray[np.float64]:
     apart = np.asarray(sim.array, dtype=np.float64) - np.asarray(real.array, dtype=np.float64)
     return np.hypot(apart[:, 0], apart[:, 1])
 
 
-@lru_cache(16)
+@kept(16)
 def _percentiles(values: Same) -> Interval:
     return percentile_range(np.asarray(values.array))
 
 
-@lru_cache(16)
+@kept(16)
 def _levels(values: Same, scale: Interval) -> Bins:
     """Level of each instance; all have one, 0 for no value."""
     steps = np.floor(fraction(np.asarray(values.array), scale) * LEVELS)
     return bins(np.nan_to_num(np.minimum(steps, LEVELS - 1) + 1, nan=0.0), LEVELS + 1)
 
 
-@lru_cache(16)
-def _places(points: Same, frame: MapFrame) -> tuple[Bins, Bins]:
-    """The braille dot and the cell of each instance, row by row."""
-    pixels = frame.to_pixels(np.asarray(points.array))
-    rows, columns = frame.height // 2, frame.width
-    down, across = pixels[:, 1], pixels[:, 0]
-    dots = joined(bins(2 * down, 4 * rows), bins(2 * across, 2 * columns))
-    return dots, joined(bins(down / 2, rows), bins(across, columns))
-
-
-@lru_cache(16)
+@kept(16)
 def _cells(points: Same, frame: MapFrame, levels: Same) -> Bins:
     """Cell and level together."""
-    return joined(_places(points, frame)[1], Bins(np.asarray(levels.array), LEVELS + 1))
+    places = cells(np.asarray(points.array), frame)
+    return joined(places, Bins(np.asarray(levels.array), LEVELS + 1))
 
 
 def _layer(
     points: Same, values: Same, scale: Interval, frame: MapFrame, chosen: Chosen
 ) -> UmapLayer:
     rows, columns, depth = frame.height // 2, frame.width, LEVELS + 1
-    cells = _cells(points, frame, Same(_levels(values, scale).codes))
-    lit, total = count(cells, chosen)
+    coloured = _cells(points, frame, Same(_levels(values, scale).codes))
+    lit, total = count(coloured, chosen)
     table = lit.reshape(rows, columns, depth)
     level = _mean_level(table)
-    dots = _population(points, frame, chosen).reshape(rows, 4, columns, 2)
-    grey = (dots & (level < 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
+    held = _population(points, frame, chosen).reshape(rows, 4, columns, 2)
+    grey = (held & (level < 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
     return UmapLayer(level, grey, int(lit.sum()), int(total.sum()))
 
 
@@ -160,4 +153,4 @@ def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
 def _population(points: Same, frame: MapFrame, chosen: Chosen) -> Bools:
     """Which braille dots hold any valid instance."""
     nobody = Chosen(chosen.base, np.empty(0, dtype=np.intp), inverted=False)
-    return np.asarray(count(_places(points, frame)[0], nobody)[1] > 0)
+    return np.asarray(count(dots(np.asarray(points.array), frame), nobody)[1] > 0)

@@ -98,8 +98,8 @@ def reset(session: Session) -> State:
     adjust = session.state.adjust
     if adjust is None:
         return session.state
-    values = tuple((slider.key, slider.neutral) for slider in adjust.sliders)
-    return _put(session, replace(adjust, values=values))
+    values = dict(adjust.values) | {slider.key: slider.neutral for slider in adjust.sliders}
+    return _put(session, replace(adjust, values=tuple(values.items())))
 
 
 def chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:

@@ -11,6 +11,8 @@ from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session.state import Brush
 
 TURN_STEP = 5.0
+MOST_CORNERS = 64
+"""Of a lasso in the language."""
 _SHARE = 0.12
 """Half of a new box, as a share of its panel."""
 
@@ -38,6 +40,8 @@ def dragged(view: str, panel: Panel, start: Point, end: Point, trail: tuple[Poin
     if trail and panel.shape == "plane":
         points = tuple(panel.to_data(*cell) for cell in trail)
         return Brush(view, Mark(panel.name, points, lasso=True), len(points))
+    if panel.shape in ("plane", "range"):
+        start, end = _outer(start, end)
     points = panel.to_data(*start), panel.to_data(*end)
     if panel.shape == "turn" and (points[1][0] - points[0][0]) % 360 > 180:
         points = points[1], points[0]  # dragged backwards: the shorter way round is meant
@@ -88,12 +92,41 @@ def cornered(brush: Brush) -> Brush:
 
 
 def outline(brush: Brush) -> tuple[Point, ...]:
-    """The corners of a finished lasso; without repetitions in a row."""
+    """The corners of a finished lasso, at most as many as the language takes."""
     kept: list[Point] = []
     for point in brush.mark.points:
         if not kept or point != kept[-1]:
             kept.append(point)
+    kept = _bends(kept)
+    while len(kept) > MOST_CORNERS:
+        areas = [
+            _area(kept[at - 1], point, kept[(at + 1) % len(kept)]) for at, point in enumerate(kept)
+        ]
+        del kept[areas.index(min(areas))]  # Visvalingam and Whyatt, 1993
     return tuple(kept)
+
+
+def _outer(start: Point, end: Point) -> tuple[Point, Point]:
+    """Two middles of cells moved to the far edges of those cells: all that is marked counts."""
+    (x0, y0), (x1, y1) = start, end
+    across, down = (0.5 if x1 >= x0 else -0.5), (0.5 if y1 >= y0 else -0.5)
+    return (x0 - across, y0 - down), (x1 + across, y1 + down)
+
+
+def _bends(points: list[Point]) -> list[Point]:
+    """The points of a closed line where it changes its direction."""
+    if len(points) < 4:
+        return points
+    return [
+        point
+        for at, point in enumerate(points)
+        if _area(points[at - 1], point, points[(at + 1) % len(points)]) > 1e-12
+    ]
+
+
+def _area(a: Point, b: Point, c: Point) -> float:
+    """Of a triangle, doubled."""
+    return abs((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
 
 
 def _with(brush: Brush, points: tuple[Point, ...]) -> Brush:

@@ -15,7 +15,7 @@ from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtui.plots import GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView, UmapInput
-from s2rtui.plots.same import Same
+from s2rtui.plots.same import Same, kept
 from s2rtui.plots.surface import Mark
 from s2rtui.session.heat import SIGNED, ray_of, run_range, unit
 from s2rtui.session.seen import Seen, seen
@@ -83,8 +83,8 @@ def map_input(
         mode=state.map_mode,
         floor_plan=floor_plan,
         heat=heat if shown else None,
-        heat_label=f"{choice.label}, {choice.side}" if shown and choice else "heat",
-        heat_unit=unit(store, state.run, choice) if shown and choice else "",
+        heat_label=_heat_label(state, choice) if shown and choice else "heat",
+        heat_unit=_heat_unit(store, state, choice) if shown and choice else "",
         clip=seen,
         rooms=store.rooms,
         room_names=state.room_names,
@@ -92,12 +92,23 @@ def map_input(
     )
 
 
+def _heat_label(state: State, choice: HeatChoice) -> str:
+    """The heat's name, its side and, where that is no mean, how it was gathered."""
+    gathered = state.overlay in ("selection", "run") and state.aggregate != "mean"
+    return f"{choice.label}, {choice.side}" + (f", {state.aggregate}" if gathered else "")
+
+
+def _heat_unit(store: Store, state: State, choice: HeatChoice) -> str:
+    counts = state.overlay in ("selection", "run") and state.aggregate == "count"
+    return "pixels" if counts else unit(store, state.run, choice)
+
+
 def _points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, 2); the same array for the same columns, so that plots can keep what they made of it."""
     return _stacked(Same(x), Same(y))
 
 
-@lru_cache(24)
+@kept(24)
 def _stacked(x: Same, y: Same) -> NDArray[np.float64]:
     return np.stack([np.asarray(x.array), np.asarray(y.array)], axis=1)
 

@@ -24,6 +24,8 @@ _ORDER: dict[Side, tuple[Side, Side]] = {"sim": ("sim", "real"), "real": ("real"
 _PLANES = {"activation": ("loss", "x", "y", "heading")}
 _UNITS = {"m degrees": "m", "m m rad loss": ""}
 _BLOCK = 32
+MOST_GATHERED = 2000
+"""Heat of a larger selection is gathered over so many of its instances, evenly taken."""
 Told = Callable[[float], bool]
 _PLANE_UNITS = {"x": "m", "y": "m", "heading": "rad", "loss": "loss"}
 
@@ -106,7 +108,14 @@ def gathered(
         _project(store, record, heat, values[chosen], chosen, block, grid)
         if not told(float(np.searchsorted(iids, block.stop)) / iids.size):
             break
-    return np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])
+    found = np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])
+    return np.where(found > 0, found, np.nan) if aggregate == "count" else found
+
+
+def share_told(state: State) -> str:
+    """` (2000 of 5301 instances)` where a selection is too large to be gathered as a whole."""
+    count = int(np.count_nonzero(state.selected))
+    return f" ({MOST_GATHERED} of {count} instances)" if count > MOST_GATHERED else ""
 
 
 def seen(

@@ -72,7 +72,7 @@ def _adjusted(frame: Frame, domain: Domain, chain: Chain) -> Frame | None:
         from s2rtools.adjust import apply_chain
 
         rgb, depth = apply_chain(frame.rgb[None], frame.depth[None], frame.valid[None], chain)
-    except (ModuleNotFoundError, RequestError):
+    except (ImportError, RequestError):
         return None
     inside = (depth[0] >= domain.depth_raw_min) & (depth[0] <= domain.depth_raw_max)
     return Frame(rgb[0], depth[0], frame.valid & inside)

@@ -82,22 +82,17 @@ class Session:
             cursor=None,
             heat=None,
         )
-        state = with_heat(self.store, self._selected(state, self._finding(chosen.run)))
-        return replace(state, past=(), message=self._finding_text(chosen.run))
+        finding, told = self._finding(chosen.run)
+        state = with_heat(self.store, self._selected(state, finding))
+        return replace(state, past=(), message=told)
 
-    def _finding(self, run: str) -> Node:
-        """The first screen's selection: the room where reality is worst."""
+    def _finding(self, run: str) -> tuple[Node, str]:
+        """The first screen's selection, the room where reality is worst, and what it says."""
         rooms = findings.regions(self.store, run)
         if not rooms:
-            return Extreme("worst", 15, True, Field("real.error"))
-        return Named(Field("room"), rooms[0].room)
-
-    def _finding_text(self, run: str) -> str:
-        rooms = findings.regions(self.store, run)
-        if not rooms:
-            return "the worst 15 % in reality"
+            return Extreme("worst", 15, True, Field("real.error")), "the worst 15 % in reality"
         worst = rooms[0]
-        return (
+        return Named(Field("room"), worst.room), (
             f"worst region: {worst.room}, median error {worst.real_median:.2f} m real, "
             f"{worst.sim_median:.2f} m sim, {worst.n} instances new to the model"
         )
@@ -127,6 +122,15 @@ class Session:
         node = parse(expression) if isinstance(expression, str) else expression
         current = parse(self.state.expression)
         return self.set(self._selected(self.state, joined(current, self.state.operator, node)))
+
+    def renew(self) -> State:
+        """The present expression evaluated anew, after saved names have changed their meaning."""
+        if "@" not in self.state.expression:
+            return self.state
+        try:
+            return self.select(self.state.expression)
+        except RequestError as error:
+            return self.tell(f"{error}: the selection is as it was", is_error=True)
 
     def complement(self) -> State:
         """All valid instances that are not selected."""
@@ -171,10 +175,12 @@ class Session:
         return replace(made, cursor=self._kept_cursor(made))
 
     def _base(self, state: State, context: MaskContext) -> NDArray[np.bool_]:
-        """The base population; the same array for as long as it means the same."""
+        """The base population; the same array for as long as it holds the same."""
         key = (self.store.generation, state.run, state.trajectories)
         if key not in self._bases:
-            self._bases[key] = base_population(context)
+            found = base_population(context)
+            known = (base for base in self._bases.values() if np.array_equal(base, found))
+            self._bases[key] = next(known, found)
         return self._bases[key]
 
     def _kept_cursor(self, state: State) -> int | None:
@@ -182,11 +188,9 @@ class Session:
         pool = state.selected if state.selected.any() else state.base
         if state.cursor is not None and pool[state.cursor]:
             return state.cursor
-        members = np.flatnonzero(pool)
-        if not members.size:
-            return None
-        errors = self.store.run_columns(state.run).real.error[members]
-        return int(members[int(np.argmax(np.nan_to_num(errors, nan=-1.0)))])
+        errors = self.store.run_columns(state.run).real.error
+        worst = int(np.argmax(np.where(pool, errors, -1.0))) if pool.size else 0
+        return worst if pool.size and pool[worst] else None
 
     def undo(self) -> State:
         """Back to the expression before this one."""
@@ -262,9 +266,14 @@ class Session:
         if self.store.latest_generation() == self.store.generation:
             return self.tell("this is the newest generation")
         old, state = self.store, self.state
-        self.store = s2rstore.open(old.path)
+        fresh_store = s2rstore.open(old.path)
+        runs = tuple(name for name, record in fresh_store.runs.items() if record.key)
+        if fresh_store.dataset.hash != old.dataset.hash or not runs:
+            fresh_store.close()
+            what = "has no computed run" if not runs else "holds another data set"
+            return self.tell(f"the newest generation {what}: open it anew", is_error=True)
+        self.store = fresh_store
         self._bases.clear()
-        runs = tuple(name for name, record in self.store.runs.items() if record.key)
         run = state.run if state.run in runs else runs[0]
         fresh = replace(
             state,
@@ -274,12 +283,13 @@ class Session:
             run=run,
             other=state.other if state.other in runs else None,
         )
+        told = f"generation {self.store.generation}"
         try:
             made = self._selected(fresh, state.expression)
-        except RequestError:
+        except RequestError as error:
             made = self._selected(fresh, "all")
+            told += f"; {state.expression} means nothing there: {error}"
         self._retire(old)
-        told = f"generation {self.store.generation}"
         return self.set(replace(with_heat(self.store, made), message=told))
 
 

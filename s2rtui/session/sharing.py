@@ -66,9 +66,14 @@ def take(session: Session, text: str) -> State:
             f"this was selected on data set {shared.dataset}; "
             f"here is {session.store.dataset.hash[:_HASH_LENGTH]}"
         )
-    if shared.run in session.state.runs and shared.run != session.state.run:
-        session.put_run(shared.run)
-    state = session.select(shared.expression)
+    before = session.state
+    try:
+        if shared.run in before.runs and shared.run != before.run:
+            session.put_run(shared.run)
+        state = session.select(shared.expression)
+    except RequestError:
+        session.set(before)
+        raise
     return compared(session, state, shared) if shared.dataset else state
 
 

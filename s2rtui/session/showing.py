@@ -8,7 +8,8 @@ from typing import TypeVar
 
 from s2rstore.records import Side
 from s2rtui.plots.frame import panned, zoomed
-from s2rtui.session.heat import choices
+from s2rtui.session.comparing import other_run
+from s2rtui.session.heat import choices, share_told
 from s2rtui.session.session import Session
 from s2rtui.session.state import AGGREGATES, MAP_MODES, OVERLAYS, State
 
@@ -64,7 +65,8 @@ def change_overlay(session: Session) -> State:
     told = {
         "off": "heat off",
         "instance": "heat of this instance",
-        "selection": f"heat of the selection ({session.state.aggregate})",
+        "selection": f"heat of the selection ({session.state.aggregate})"
+        + share_told(session.state),
         "run": f"heat of the whole run ({session.state.aggregate})",
     }
     return _told(session, told[overlay], replace(session.state, overlay=overlay))
@@ -122,8 +124,8 @@ def change_other(session: Session, steps: int = 1) -> State:
     others = [name for name in session.state.runs if name != session.state.run]
     if not others:
         return session.tell("there is only one run to look at")
-    present = session.state.other
-    other = others[0] if present not in others else _after(others, present, steps)
+    present = other_run(session.state)
+    other = others[0] if present is None else _after(others, present, steps)
     return _told(session, f"compared with {other}", replace(session.state, other=other))
 
 
@@ -137,5 +139,7 @@ def show_view(session: Session, name: str, pane: str) -> State:
 
 def leave(session: Session) -> State:
     """Without a brush, a pending operator, an error."""
-    made = replace(session.state, brush=None, operator="replace", message="", is_error=False)
-    return session.set(made)
+    state = session.state
+    if state.brush is None and state.operator == "replace" and not state.is_error:
+        return state
+    return session.set(replace(state, brush=None, operator="replace", message="", is_error=False))

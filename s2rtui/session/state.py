@@ -13,11 +13,11 @@ from s2rtui.plots.inputs import MapMode
 from s2rtui.plots.surface import Mark
 
 Overlay = Literal["off", "instance", "selection", "run"]
-Aggregate = Literal["mean", "max", "sum"]
+Aggregate = Literal["mean", "max", "sum", "count"]
 Operator = Literal["replace", "intersect", "union", "subtract"]
 
 OVERLAYS: tuple[Overlay, ...] = ("off", "instance", "selection", "run")
-AGGREGATES: tuple[Aggregate, ...] = ("mean", "max", "sum")
+AGGREGATES: tuple[Aggregate, ...] = ("mean", "max", "sum", "count")
 MAP_MODES: tuple[MapMode, ...] = ("colour", "glyph", "full")
 SIGNS: dict[Operator, str] = {"replace": "", "intersect": "&", "union": "|", "subtract": "-"}
 

@@ -25,5 +25,7 @@ VIEWS: tuple[View, ...] = (
     AdjustView(),
 )
 BY_NAME = {view.name: view for view in VIEWS}
+STORED = {word: view for view in VIEWS if view.stored for word in (view.name, *view.aliases)}
+"""The views that need nothing but a store, by all their words."""
 
-__all__ = ["BY_NAME", "VIEWS", "Resources", "Scene", "View"]
+__all__ = ["BY_NAME", "STORED", "VIEWS", "Resources", "Scene", "View"]

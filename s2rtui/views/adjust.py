@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
 from s2rtui import plots
@@ -17,6 +18,7 @@ class AdjustView(View):
     name = "adjust"
     key = "a"
     description = "adjust images live, and save that as a run"
+    stored = False
 
     def told(self, scene: Scene) -> str:
         adjust = scene.state.adjust
@@ -42,7 +44,8 @@ class AdjustView(View):
         adjust = scene.state.adjust
         if adjust is None or adjust.missing:
             told = adjust.missing if adjust else "no instance to adjust"
-            canvas.text(0, 0, told, look.theme.muted)
+            for row, line in enumerate(textwrap.wrap(told, max(8, canvas.width))):
+                canvas.text(0, row, line, look.theme.muted)
             return canvas
         lines = self.lines(scene)
         rows = self._rows(scene, canvas.height)

@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from s2rstore.errors import RequestError
 from s2rtui import plots
-from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.plots.inputs import Floats
 from s2rtui.plots.scale import percentile_range
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session, comparing, derive
-from s2rtui.views.contract import Pane, Scene, Table, View, area
+from s2rtui.views.contract import Pane, Pixels, Scene, Table, View, area
 
 _WIDE, _TALL = 56, 30
 _EQUAL = 0.05
@@ -26,6 +27,8 @@ class CompareView(View):
     key = "9"
     pane: Pane = "centre"
     description = "two runs compared on the selection"
+    feeds = ("floor plan",)
+    paper = (2100, 900)
 
     def told(self, scene: Scene) -> str:
         other = comparing.other_run(scene.state)
@@ -58,8 +61,9 @@ class CompareView(View):
         maps = height // 2 if self._both(size) else 0
         if maps:
             half = (canvas.width - 2) // 2
-            for x, run in ((0, scene.state.run), (half + 2, other)):
-                self._map(canvas, scene, run, other, (x, top, half, maps), look)
+            for x, one in zip((0, half + 2), self.maps(scene, other), strict=True):
+                drawn = plots.geomap(one, (half, maps), look, scene.state.viewport)
+                canvas.paste(drawn, x, top)
         view = self.input(scene, other)
         shown = plots.difference(view, (canvas.width, height - maps), look, scene.state.viewport)
         canvas.paste(shown, 0, top + maps)
@@ -74,26 +78,48 @@ class CompareView(View):
         notes = comparing.differences(scene.store, scene.state.run, other) if other else []
         return min(len(notes), max(0, size[1] - 3))
 
-    def _map(
-        self,
-        canvas: Canvas,
-        scene: Scene,
-        run: str,
-        other: str,
-        place: tuple[int, int, int, int],
-        look: Look,
-    ) -> None:
-        """One run's map, coloured by its error on a scale that both share."""
-        x, y, width, height = place
-        base, side = scene.state.base, scene.state.side
-        errors = scene.store.run_columns(run).side(side).error
-        both = [scene.store.run_columns(r).side(side).error[base] for r in (scene.state.run, other)]
-        upper = max(percentile_range(part)[1] for part in both)
-        state = replace(scene.state, run=run, map_mode="colour")
-        view = derive.map_input(scene.store, state, scene.resources.floor_plan)
-        view = replace(view, values=errors, value_label=f"{run}, error", value_range=(0.0, upper))
-        drawn = plots.geomap(view, (width, height), look, scene.state.viewport)
-        canvas.paste(drawn, x, y)
+    def maps(self, scene: Scene, other: str) -> tuple[plots.GeoMapInput, plots.GeoMapInput]:
+        """Both runs' maps, coloured by their errors on one scale."""
+        store, state = scene.store, scene.state
+        runs = (state.run, other)
+        errors = [store.run_columns(run).side(state.side).error for run in runs]
+        upper = max(percentile_range(column[state.base])[1] for column in errors)
+        first, second = (
+            replace(
+                derive.map_input(
+                    store, replace(state, run=run, map_mode="colour"), scene.resources.floor_plan
+                ),
+                values=column,
+                value_label=f"{run}, error",
+                value_range=(0.0, upper),
+            )
+            for run, column in zip(runs, errors, strict=True)
+        )
+        return first, second
+
+    def words(self, scene: Scene) -> str:
+        other = comparing.other_run(scene.state)
+        if other is None:
+            return "There is only one run."
+        found = plots.difference_model(self.input(scene, other)).summary
+        mean = "n/a" if math.isnan(found.mean) else f"{found.mean:+.2f} m"
+        return (
+            f"{scene.state.side.capitalize()} errors of {scene.state.run} and {other}: {other} is "
+            f"better on {found.improved} instances, worse on {found.worse}, equal on "
+            f"{found.equal}; mean difference {mean}."
+        )
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui import figures
+
+        other = comparing.other_run(scene.state)
+        if other is None:
+            raise RequestError("--view compare: there is only one run")
+        notes = tuple(comparing.differences(scene.store, scene.state.run, other))
+        return figures.compare_figure(
+            self.maps(scene, other), self.input(scene, other), size, theme,
+            subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
+        )  # fmt: skip
 
     def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
         other = comparing.other_run(scene.state)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from s2rstore.language.text import quoted
 from s2rstore.reader import Store
 from s2rstore.records import Side
-from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.notebook import Notes
 from s2rtui.plots import InstanceInput, OverviewRow
 from s2rtui.plots.surface import Mark, Panel, Point
@@ -22,6 +22,12 @@ from s2rtui.session import Session, State
 Pane = Literal["overview", "centre", "tab"]
 Grid = NDArray[np.float32]
 Table = tuple[Sequence[str], Sequence[Sequence[object]]]
+Pixels = tuple[int, int]
+
+
+def heat_of(state: State) -> tuple[object, ...]:
+    """What the heat on the map is called by: a grid of anything else must not be shown."""
+    return (state.generation, state.run, state.heat, state.overlay, state.aggregate)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,8 +42,9 @@ class RunAccuracies:
 class Resources:
     """What workers have brought so far; a view shows what is there.
 
-    `grid` is the heat that lies on the map, `seen` (rows, cols) what the selection has seen,
-    `progress` the share of it that is done. `live` is the instance as it is being adjusted.
+    `grid` is the heat on the map, as `grid_of` (see `heat_of`) names it, `seen` (rows, cols) what
+    the selection has seen, `progress` the share of it that is done. `live` is the instance as it is
+    being adjusted.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -47,16 +54,18 @@ class Resources:
     pictures: InstanceInput | None = None
     instance_grid: Grid | None = None
     grid: Grid | None = None
+    grid_of: tuple[object, ...] | None = None
     seen: Grid | None = None
     live: InstanceInput | None = None
     live_grid: Grid | None = None
     progress: float | None = None
+    saving: str = ""
 
     def heat_on_map(self, state: State) -> Grid | None:
         """What lies on the floor: the heat asked for, or that of the image being adjusted."""
         if state.view == "adjust" and state.overlay == "instance":
             return self.live_grid
-        return self.grid
+        return self.grid if self.grid_of == heat_of(state) else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +82,12 @@ class Scene:
         remark = self.notes.remarks.get(iid)
         return remark.text if remark else ""
 
+    @property
+    def caption(self) -> str:
+        """What a figure's title leaves open: the data set, how many of how many, the expression."""
+        counted = f"{self.state.count} instances"
+        return "  ·  ".join((self.store.dataset.name, counted, self.state.expression))
+
     def mark(self, view: str) -> Mark | None:
         """The mark that is being drawn in a view."""
         brush = self.state.brush
@@ -83,13 +98,21 @@ class View:
     """One view; a subclass says what it tells, draws and means.
 
     `name` is its word, `key` the digit that shows it. `pane` is its place: the overview's, the
-    large centre, or one that it shares with others where the screen is small.
+    large centre, or one that it shares with others where the screen is small. `aliases` are other
+    words for it on the command line. `feeds` names what it needs from workers. `stored` tells that
+    a store holds all that it shows, `one` that it shows one instance; `paper` is the size of its
+    figure where none is asked for.
     """
 
     name: str
     key: str
     pane: Pane = "tab"
     description: str
+    aliases: tuple[str, ...] = ()
+    feeds: tuple[str, ...] = ()
+    stored: bool = True
+    one: bool = False
+    paper: Pixels = (1600, 900)
 
     def told(self, scene: Scene) -> str:
         """The words beside the title."""
@@ -123,7 +146,15 @@ class View:
         return False
 
     def numbers(self, scene: Scene) -> Table:
-        """What it shows as a flat table: names of columns, and rows."""
+        """What it shows as a flat table: names of columns, and rows; NaN or None for nothing."""
+        raise NotImplementedError
+
+    def words(self, scene: Scene) -> str:
+        """What it shows in a sentence or two, with the numbers that matter most."""
+        raise NotImplementedError
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        """The view drawn for paper. Raises RequestError where there is nothing to draw."""
         raise NotImplementedError
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
@@ -150,9 +181,15 @@ def area(panel: Panel, mark: Mark, box: str, lasso: str) -> str:
 
 def span(panel: Panel, mark: Mark, field: str) -> str:
     """A range of one field, both ends included."""
-    cell = panel.to_data(1, 0)[0] - panel.to_data(0, 0)[0]
+    cell = cell_width(panel)
     ends = sorted(rounded(point[0], cell) for point in (mark.points[0], mark.points[-1]))
     return f"{field}:{number(ends[0])}..{number(ends[1])}"
+
+
+def cell_width(panel: Panel) -> float:
+    """Data units of one of the panel's own columns."""
+    left = panel.x + min(1, panel.width - 1)
+    return panel.to_data(left + 1, panel.y)[0] - panel.to_data(left, panel.y)[0]
 
 
 def turn(mark: Mark, field: str) -> str:

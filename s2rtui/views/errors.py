@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from s2rtui import plots
-from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.plots.surface import Mark, Panel, Point
-from s2rtui.views.contract import Scene, Table, View, number, rounded, span
+from s2rtui.views.contract import Pixels, Scene, Table, View, cell_width, number, rounded, span
 
 BINS = 20
 """Of the flat table; the last one holds all that lies beyond."""
@@ -36,6 +38,21 @@ class ErrorsView(View):
         counts = (model.sim.lit.tolist(), model.real.lit.tolist())
         return ("from", "to", "sim", "real"), list(zip(ends, ends[1:], *counts, strict=False))
 
+    def words(self, scene: Scene) -> str:
+        view = self.input(scene)
+        told = []
+        for name, errors in (("sim", view.sim), ("real", view.real)):
+            known = errors[scene.state.selected & np.isfinite(errors)]
+            if known.size:
+                told.append(f"{name} {np.median(known):.2f} m, at most {known.max():.2f} m")
+        return f"Median position error: {'; '.join(told) or 'none'}."
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui import figures
+
+        title = f"{scene.state.run}: position errors in simulation and in reality"
+        return figures.histogram_figure(self.input(scene), size, theme, title, scene.caption)
+
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return plots.histogram(self.input(scene), size, look)
 
@@ -50,7 +67,7 @@ class ErrorsView(View):
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         field = f"{panel.name}.error"
-        cell = panel.to_data(1, 0)[0] - panel.to_data(0, 0)[0]
+        cell = cell_width(panel)
         low, high = sorted(point[0] for point in (mark.points[0], mark.points[-1]))
         if high > panel.to_data(panel.x + panel.width - 1, 0)[0]:
             return f"{field} >= {number(rounded(low, cell))}"  # the last bar has no end

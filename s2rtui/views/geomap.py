@@ -8,12 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from s2rtui import plots
-from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session, derive
 from s2rtui.session.adjusted import live_poses
-from s2rtui.views.contract import Pane, Scene, Table, View, area
+from s2rtui.session.heat import share_told
+from s2rtui.views.contract import Pane, Pixels, Scene, Table, View, area
 
+_TITLES = {
+    "colour": "distance between the sim and the real prediction",
+    "glyph": "direction and size of the errors",
+    "full": "predicted and true positions",
+}
 _TOLD = {
     "colour": "truth coloured by shift",
     "glyph": "direction and size of both errors",
@@ -26,10 +32,15 @@ class MapView(View):
     key = "2"
     pane: Pane = "centre"
     description = "geo-map: truth, predictions and heat on the floor plan"
+    aliases = ("geomap",)
+    feeds = ("floor plan", "heat on the map", "what was seen")
+    paper = (1600, 1200)
 
     def told(self, scene: Scene) -> str:
         told = _TOLD[scene.state.map_mode]
-        return f"{told}, what the selection saw" if scene.state.clip else told
+        return (
+            f"{told}, what the selection saw{share_told(scene.state)}" if scene.state.clip else told
+        )
 
     def input(self, scene: Scene) -> plots.GeoMapInput:
         view = derive.map_input(
@@ -56,6 +67,31 @@ class MapView(View):
         chosen = np.flatnonzero(scene.state.selected)
         picked = [column[chosen].tolist() for column in columns]
         return names, list(zip(chosen.tolist(), *picked, strict=True))
+
+    def words(self, scene: Scene) -> str:
+        state, truth = scene.state, scene.store.instances
+        shift = scene.store.run_columns(state.run).shift[state.selected]
+        shift = shift[np.isfinite(shift)]
+        codes = truth.room[state.selected]
+        counts = [(int((codes == code).sum()), name) for code, name in enumerate(truth.room_names)]
+        rooms = ", ".join(f"{name} {n}" for n, name in sorted(counts, key=lambda r: -r[0]) if n)
+        told = f"Map of run {state.run}: {state.count} instances; {rooms or 'in no room'}."
+        if shift.size:
+            told += (
+                f" Sim and real predictions lie {np.median(shift):.2f} m apart in the median, "
+                f"{shift.max():.2f} m at most."
+            )
+        return told
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui import figures
+
+        view, state = self.input(scene), scene.state
+        title = f"{state.run}: {_TITLES[state.map_mode]}"
+        title += f"; heat: {view.heat_label}" if view.heat is not None else ""
+        return figures.geomap_figure(
+            view, size, theme, state.run, scene.caption, title, state.viewport
+        )
 
     def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
         return plots.geomap_surface(self.input(scene), size, look, scene.state.viewport)

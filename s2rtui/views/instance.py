@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
+from s2rstore.errors import RequestError
 from s2rtui import plots
-from s2rtui.canvas import Canvas, Look, Size
-from s2rtui.views.contract import Scene, Table, View
+from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.views.contract import Pixels, Scene, Table, View
 
 
 class InstanceView(View):
     name = "instance"
     key = "3"
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
+    feeds = ("pictures",)
+    one = True
+    paper = (1600, 1200)
 
     def told(self, scene: Scene) -> str:
         state, pictures = scene.state, scene.resources.pictures
@@ -25,13 +31,41 @@ class InstanceView(View):
         return (scene.resources.pictures,)
 
     def numbers(self, scene: Scene) -> Table:
-        names = ("what", "x", "y", "heading", "error", "heading error")
+        names = ("what", "x", "y", "heading", "error", "heading_error", "note")
         shown = scene.resources.pictures
         if shown is None:
             return names, []
-        model = plots.instance_model(shown)
-        rows: list[tuple[object, ...]] = [(line.role, *line.cells) for line in model.poses]
-        return names, rows + [(name, value, "", "", "", "") for name, value in shown.notes]
+        rows: list[tuple[object, ...]] = []
+        if shown.truth is not None:
+            x, y, heading = shown.truth
+            rows.append(("truth", x, y, math.degrees(heading), None, None, None))
+        for role, side in (("sim", shown.sim), ("real", shown.real)):
+            if (pose := side.pose) is not None:
+                turns = math.degrees(pose.heading), math.degrees(pose.heading_error)
+                rows.append((role, pose.x, pose.y, turns[0], pose.error, turns[1], None))
+        notes = [*shown.notes, ("remark", scene.remark(shown.iid))]
+        return names, rows + [(name, *[None] * 5, told) for name, told in notes if told]
+
+    def words(self, scene: Scene) -> str:
+        shown = scene.resources.pictures
+        if shown is None:
+            return "No instance."
+        sides = [
+            f"{role} error {side.pose.error:.2f} m and {math.degrees(side.pose.heading_error):.1f} "
+            "degrees"
+            for role, side in (("sim", shown.sim), ("real", shown.real))
+            if side.pose is not None
+        ]
+        where = dict(shown.notes).get("where", "")
+        return f"Instance {shown.iid} ({where}): {', '.join(sides) or 'not predicted'}."
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui import figures
+
+        shown = scene.resources.pictures
+        if shown is None:
+            raise RequestError("--select: selects nothing, so there is no instance to draw")
+        return figures.instance_figure(shown, size, theme, scene.state.run)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         if scene.resources.pictures is None or scene.state.cursor is None:

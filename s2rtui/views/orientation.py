@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 
 from s2rtui import plots
-from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.plots.surface import Mark, Panel, Point
-from s2rtui.views.contract import Scene, Table, View, turn
+from s2rtui.views.contract import Pixels, Scene, Table, View, turn
 
 _FIELDS = {"sim": "sim.heading", "truth": "heading", "real": "real.heading"}
 
@@ -17,6 +17,7 @@ class OrientationView(View):
     name = "orientation"
     key = "5"
     description = "headings in bins of 5 degrees: sim, truth, real"
+    paper = (1600, 720)
 
     def told(self, scene: Scene) -> str:
         return "headings: sim, truth, real"
@@ -36,6 +37,21 @@ class OrientationView(View):
         starts = [-180 + step * index for index in range(len(counts[0]))]
         rows = list(zip(starts, [s + step for s in starts], *counts, strict=True))
         return ("from", "to", "sim", "truth", "real"), rows
+
+    def words(self, scene: Scene) -> str:
+        panels = plots.orientation_model(self.input(scene)).panels
+        told = [
+            f"{name} {panel.mean:.0f} degrees (R {panel.resultant:.2f})"
+            for name, panel in zip(_FIELDS, panels, strict=True)
+            if math.isfinite(panel.mean)
+        ]
+        return f"Mean headings: {', '.join(told) or 'none'}."
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui import figures
+
+        title = f"{scene.state.run}: headings in simulation, in truth and in reality"
+        return figures.orientation_figure(self.input(scene), size, theme, title, scene.caption)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return plots.orientation(self.input(scene), size, look)

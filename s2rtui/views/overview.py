@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from s2rstore.language.text import string
 from s2rtui import plots
-from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session
-from s2rtui.views.contract import Pane, Scene, Table, View, quoted, span
+from s2rtui.views.contract import Pane, Pixels, Scene, Table, View, span
 
 ROWS_PER_RUN = 3
 """What a run would like: its marks, and the lines to the next one."""
@@ -20,6 +21,7 @@ class OverviewView(View):
     key = "1"
     pane: Pane = "overview"
     description = "runs: accuracy in simulation and in reality"
+    feeds = ("rows", "lines")
 
     def told(self, scene: Scene) -> str:
         lines = f", each instance in {scene.state.side} a line" if scene.resources.lines else ""
@@ -54,6 +56,24 @@ class OverviewView(View):
         ]  # fmt: skip
         return names, rows
 
+    def words(self, scene: Scene) -> str:
+        told = [
+            f"{row.run}: sim {_percent(row.sim_accuracy, row.sim_interval)}, "
+            f"real {_percent(row.real_accuracy, row.real_interval)}, {row.n} instances"
+            for row in scene.resources.rows
+        ]
+        mean = _percent(scene.resources.baseline, None)
+        return f"Accuracy of {'; '.join(told) or 'no run'}. The mean position alone: {mean}."
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui import figures
+
+        rows, baseline, selected = self._arguments(scene)
+        lines = self.lines(scene) if len(rows) > 1 else None
+        return figures.overview_figure(
+            rows, baseline, size, theme, selected, subtitle=_caption(scene, lines), lines=lines
+        )
+
     def height(self, scene: Scene, width: int) -> int:
         return ROWS_PER_RUN * len(scene.state.runs) + 1
 
@@ -73,5 +93,25 @@ class OverviewView(View):
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         side = scene.resources.lines.side if scene.resources.lines else scene.state.side
-        run = "" if panel.name == scene.state.run else f"run({quoted(panel.name)})."
+        run = "" if panel.name == scene.state.run else f"run({string(panel.name)})."
         return span(panel, mark, f"{run}{side}.accuracy")
+
+
+def _caption(scene: Scene, lines: plots.OverviewLines | None) -> str:
+    """What the figures are over, and which instances are lines."""
+    parts = [scene.store.dataset.name, "figures over the instances new to each model"]
+    if lines is not None:
+        parts.append(f"lines: {scene.state.expression} ({scene.state.count} instances)")
+    return "  ·  ".join(parts)
+
+
+def _percent(share: float | None, interval: tuple[float, float] | None) -> str:
+    """`98.0 % (97.6 to 98.3)`."""
+    if share is None or math.isnan(share):
+        return "n/a"
+    ends = (
+        ""
+        if interval is None or math.isnan(interval[0])
+        else (f" ({100 * interval[0]:.1f} to {100 * interval[1]:.1f})")
+    )
+    return f"{100 * share:.1f} %{ends}"

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from s2rtui import plots
-from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session
-from s2rtui.views.contract import Scene, Table, View, named
+from s2rtui.views.contract import Pixels, Scene, Table, View, named
 
 _FIELDS = {"sim": "sim.room", "truth": "room", "real": "real.room"}
 
@@ -34,6 +34,17 @@ class RoomsView(View):
         rows = list(zip(model.names, *model.lit.tolist(), *model.total.tolist(), strict=True))
         names = ("room", "sim", "truth", "real", "sim of all", "truth of all", "real of all")
         return names, rows
+
+    def words(self, scene: Scene) -> str:
+        _, rows = self.numbers(scene)
+        told = [f"{row[0]} {row[1]}, {row[2]}, {row[3]}" for row in rows if any(row[1:4])]
+        return f"Instances per room in sim, truth and real: {'; '.join(told) or 'none'}."
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui import figures
+
+        title = f"{scene.state.run}: rooms in simulation, in truth and in reality"
+        return figures.rooms_figure(self.input(scene), size, theme, title, scene.caption)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return plots.rooms(self.input(scene), size, look)

@@ -4,17 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.plots.table import TableColumn, TableInput, table, table_surface
 from s2rtui.session import Session, listing
-from s2rtui.views.contract import Pane, Scene, Table, View
+from s2rtui.views.contract import Pane, Pixels, Scene, Table, View
 
 _UNITS = {"heading": "deg", "real.heading_error": "deg", "sim.heading_error": "deg"}
+_IN_WORDS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """A column by the language's name: how it is shown, and its value of an iid."""
+
+    name: str
+    shown: TableColumn
+    value: Callable[[int], object]
 
 
 class ListView(View):
@@ -22,36 +33,49 @@ class ListView(View):
     key = "8"
     pane: Pane = "centre"
     description = "the selection as a list"
+    paper = (1600, 1200)
 
     def told(self, scene: Scene) -> str:
         return f"{scene.state.count}, by {scene.state.sort}: . next column, comma reverses"
 
     def input(self, scene: Scene) -> TableInput:
-        state, store = scene.state, scene.store
-        truth = store.instances
-        chosen = [state.sort, *(name for name in listing.COLUMNS if name != state.sort)]
-        columns = [TableColumn("iid", str, 8, sorts=state.sort == "iid")]
-        if state.sort != "iid":
-            columns.append(self._numbers(scene, state.sort, True))
-        columns.append(TableColumn("room", _named(truth.room, truth.room_names), 16, False))
-        if scene.notes.remarks:
-            columns.append(TableColumn("tags, note", scene.remark, 24, False))
-        columns += [self._numbers(scene, name, False) for name in chosen[1:] if name != "iid"]
-        trajectory = _named(truth.trajectory, truth.trajectory_names)
-        columns.append(TableColumn("trajectory", trajectory, 12, False))
-        rows = listing.order(store, state)
-        return TableInput(rows, tuple(columns), state.cursor, state.descending)
+        state = scene.state
+        columns = tuple(column.shown for column in self._columns(scene))
+        rows = listing.order(scene.store, state)
+        return TableInput(rows, columns, state.cursor, state.descending)
 
-    def _numbers(self, scene: Scene, name: str, sorts: bool) -> TableColumn:
-        values = listing.column(scene.store, scene.state, name)
-        scale = 180 / math.pi if name in _UNITS else 1.0
-        title = name.replace("heading_error", "turn")
-        return TableColumn(title, _number(values, scale), max(8, len(title) + 1), sorts=sorts)
+    def _columns(self, scene: Scene) -> list[_Column]:
+        state, truth = scene.state, scene.store.instances
+        chosen = [state.sort, *(name for name in listing.COLUMNS if name != state.sort)]
+        columns = [_Column("iid", TableColumn("iid", str, 8, sorts=state.sort == "iid"), int)]
+        if state.sort != "iid":
+            columns.append(_numbers(scene, state.sort, True))
+        columns.append(_texts("room", _named(truth.room, truth.room_names), 16))
+        if scene.notes.remarks:
+            columns.append(_texts("remark", scene.remark, 24, "tags, note"))
+        columns += [_numbers(scene, name, False) for name in chosen[1:] if name != "iid"]
+        trajectory = _named(truth.trajectory, truth.trajectory_names)
+        return [*columns, _texts("trajectory", trajectory, 12)]
 
     def numbers(self, scene: Scene) -> Table:
-        view = self.input(scene)
-        rows = [[column.text(int(iid)) for column in view.columns] for iid in view.rows]
-        return [column.title for column in view.columns], rows
+        columns = self._columns(scene)
+        iids = listing.order(scene.store, scene.state).tolist()
+        rows = [[column.value(iid) for column in columns] for iid in iids]
+        return [column.name for column in columns], rows
+
+    def words(self, scene: Scene) -> str:
+        sort = scene.state.sort
+        rows = listing.order(scene.store, scene.state)[:_IN_WORDS].tolist()
+        text = _numbers(scene, sort, True).shown.text
+        told = ", ".join(f"{iid} ({text(iid)})" for iid in rows)
+        return f"{scene.state.count} instances by {sort}: {told or 'none'}."
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui import figures
+
+        title = f"{scene.state.run}: instances by {scene.state.sort}"
+        told = f"{scene.caption}  ·  metres and degrees"
+        return figures.table_figure(self.input(scene), size, theme, title, told)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return table(self.input(scene), size, look)
@@ -76,12 +100,26 @@ class ListView(View):
         return f"ids({', '.join(str(iid) for iid in np.sort(chosen))})"
 
 
-def _number(values: NDArray[np.float64], scale: float) -> Callable[[int], str]:
-    def text(iid: int) -> str:
-        value = float(values[iid]) * scale
-        return f"{value:.2f}" if math.isfinite(value) else "n/a"
+def _numbers(scene: Scene, name: str, sorts: bool) -> _Column:
+    values = listing.column(scene.store, scene.state, name)
+    scale = 180 / math.pi if name in _UNITS else 1.0
+    title = name.replace("heading_error", "turn")
 
-    return text
+    def value(iid: int) -> float | None:
+        found = float(values[iid]) * scale
+        return found if math.isfinite(found) else None
+
+    def text(iid: int) -> str:
+        found = value(iid)
+        return "n/a" if found is None else f"{found:.0f}" if name == "iid" else f"{found:.2f}"
+
+    shown = TableColumn(title, text, max(8, len(title) + 1), sorts=sorts)
+    return _Column(name, shown, value)
+
+
+def _texts(name: str, text: Callable[[int], str], width: int, title: str = "") -> _Column:
+    shown = TableColumn(title or name, text, width, False)
+    return _Column(name, shown, lambda iid: text(iid) or None)
 
 
 def _named(codes: NDArray[np.int32], names: Sequence[str]) -> Callable[[int], str]:

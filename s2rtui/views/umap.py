@@ -7,17 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from s2rtui import plots
-from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.plots.inputs import Floats
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session, derive
-from s2rtui.views.contract import Scene, Table, View, area
+from s2rtui.views.contract import Pixels, Scene, Table, View, area
 
 
 class UmapView(View):
     name = "umap"
     key = "4"
     description = "embeddings in the plane (UMAP), sim and real"
+    paper = (1600, 800)
 
     def told(self, scene: Scene) -> str:
         return "embeddings, coloured by the distance to the counterpart"
@@ -36,6 +37,23 @@ class UmapView(View):
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return plots.umap(self.input(scene), size, look)
+
+    def words(self, scene: Scene) -> str:
+        _, rows = self.numbers(scene)
+        distances = np.array([row[-1] for row in rows], dtype=np.float64)
+        distances = distances[np.isfinite(distances)]
+        if not distances.size:
+            return f"Embeddings of run {scene.state.run}: none of the selection."
+        return (
+            f"Embeddings of run {scene.state.run} in the plane: the two sides of an instance lie "
+            f"{np.median(distances):.2f} apart in the median, {distances.max():.2f} at most."
+        )
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui import figures
+
+        title = f"{scene.state.run}: embeddings in simulation and in reality (UMAP)"
+        return figures.umap_figure(self.input(scene), size, theme, title, scene.caption)
 
     def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
         return plots.umap_surface(self.input(scene), size, look)

@@ -17,6 +17,10 @@ from s2rtui.widgets.plot import PlotView
 Places = Callable[[int, int], Mapping[str, Place]]
 
 
+BARS = 3
+"""Rows of the screen that are not the panes'."""
+
+
 class PaneLayout(Layout):
     """Places children by their id; those without a place are not shown."""
 
@@ -62,9 +66,15 @@ class Panes(Widget, can_focus=False):
     def on_resize(self) -> None:
         self.post_message(self.Arranged())
 
+    def _room(self) -> tuple[int, int]:
+        """The size, or before the first layout what it will be."""
+        if self.size.area:
+            return self.size.width, self.size.height
+        return self.app.size.width, max(0, self.app.size.height - BARS)
+
     def place(self, key: tuple[object, ...]) -> None:
         """Ask for the places anew where what they depend on has changed."""
-        places = self._places(self.size.width, self.size.height)
+        places = self._places(*self._room())
         for view in self._views:
             view.placed = (view.id or "") in places
         if key != self._seen:

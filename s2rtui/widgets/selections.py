@@ -12,6 +12,7 @@ from textual.screen import ModalScreen
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
+from s2rstore.errors import RequestError
 from s2rtui.notebook import SavedSelection
 from s2rtui.session import Session
 from s2rtui.session.sharing import written
@@ -68,7 +69,10 @@ class SelectionsScreen(ModalScreen[str | None]):
             return
         chosen = listed.get_option_at_index(listed.highlighted).id or ""
         if chosen.startswith("@"):
-            self._session.book.forget(chosen[1:])
+            try:
+                self._session.book.forget(chosen[1:])
+            except RequestError as error:
+                self.query_one("#selections-title", Static).update(Content(str(error)))
             self._fill()
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,24 @@ from s2rstore.records import Side
 FloatColumn = NDArray[np.float64]
 IntColumn = NDArray[np.int32]
 BoolColumn = NDArray[np.bool_]
+Read = Callable[[str], NDArray[Any]]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class InstanceColumns:
+class Columns:
+    """Columns as attributes; `read` brings the one that is asked for, and may keep it."""
+
+    def __init__(self, read: Read) -> None:
+        self._read = read
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> NDArray[Any]:
+            if name.startswith("_") or name not in type(self).__annotations__:
+                raise AttributeError(name)
+            return self._read(name)
+
+
+class InstanceColumns(Columns):
     """Ground truth of all N instances; every array has shape (N,).
 
     Text columns are codes into their names; -1 is NULL. Missing numbers are NaN. x, y and the
@@ -27,21 +42,26 @@ class InstanceColumns:
     heading: FloatColumn
     seq: IntColumn
     trajectory: IntColumn
-    trajectory_names: tuple[str, ...]
     room: IntColumn
-    room_names: tuple[str, ...]
     curvature: FloatColumn
     odom_x: FloatColumn
     odom_y: FloatColumn
     odom_heading: FloatColumn
     timestamp: FloatColumn
 
+    def __init__(
+        self, read: Read, n: int, trajectory_names: tuple[str, ...], room_names: tuple[str, ...]
+    ) -> None:
+        super().__init__(read)
+        self._n = n
+        self.trajectory_names = trajectory_names
+        self.room_names = room_names
+
     def __len__(self) -> int:
-        return int(self.x.size)
+        return self._n
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SideColumns:
+class SideColumns(Columns):
     """One run's predictions on one side; every array has shape (N,).
 
     Missing numbers are NaN; `rank` counts from 1 (the smallest error) with 0 for NULL; `split`
@@ -66,19 +86,21 @@ class SideColumns:
     outlier: FloatColumn
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RunColumns:
+class RunColumns(Columns):
     """A run's two sides, with gap = real error - sim error and shift between predictions, metres.
 
     `valid` marks the instances that both sides predicted.
     """
 
-    run: str
-    sim: SideColumns
-    real: SideColumns
     gap: FloatColumn
     shift: FloatColumn
     valid: BoolColumn
+
+    def __init__(self, read: Read, run: str, sim: SideColumns, real: SideColumns) -> None:
+        super().__init__(read)
+        self.run = run
+        self.sim = sim
+        self.real = real
 
     def side(self, side: Side) -> SideColumns:
         return self.sim if side == "sim" else self.real

@@ -1,8 +1,10 @@
-"""From index rows to dense columns aligned by iid."""
+"""From index rows to dense columns aligned by iid, each read when it is first asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import duckdb
@@ -10,55 +12,86 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.columns import InstanceColumns, RunColumns, SideColumns
+from s2rstore.errors import RequestError
 from s2rstore.geometry import rooms as room_geometry
-from s2rstore.records import SPLITS, Room
+from s2rstore.recent import Recent
+from s2rstore.records import SIDES, SPLITS, Room, Side
 
-Columns = dict[str, NDArray[Any]]
+_PROJECTED = ("u", "v")
+_SELECT = "SELECT iid, {} AS value FROM {} WHERE run = ? AND side = ?"
 
 
-def instances(connection: duckdb.DuckDBPyConnection) -> InstanceColumns:
+@dataclass(frozen=True)
+class Index:
+    """An open index: `connect` gives a connection of its own, `kept` holds the columns read last.
+
+    `n` is the number of instances.
+    """
+
+    connect: Callable[[], duckdb.DuckDBPyConnection]
+    kept: Recent
+    n: int
+
+    @cached_property
+    def iids(self) -> NDArray[np.int32]:
+        return np.arange(self.n, dtype=np.int32)
+
+    def column(
+        self, sql: str, parameters: Sequence[object], missing: float | None = None
+    ) -> NDArray[Any]:
+        """(n,) from rows of iid and value: float64, int32 where there is a number for `missing`.
+
+        Raises RequestError where the index cannot be read or holds other instances.
+        """
+        try:
+            found = self.connect().execute(sql, list(parameters)).fetchnumpy()
+        except duckdb.Error as error:
+            reason = str(error).splitlines()[0]
+            raise RequestError(f"the index cannot be read ({reason}); run `s2r verify`") from error
+        iid, values = found["iid"], found["value"]
+        kind = np.float64 if missing is None else np.int32
+        blank = np.nan if missing is None else missing
+        if isinstance(values, np.ma.MaskedArray):
+            values = np.ma.filled(values.astype(kind), blank)
+        values = np.asarray(values, dtype=kind)
+        if np.array_equal(iid, self.iids):
+            return values
+        if iid.size and not 0 <= iid.min() <= iid.max() < self.n:
+            raise RequestError(f"the index has iids beyond {self.n - 1}; run `s2r verify`")
+        column = np.full(self.n, blank, dtype=kind)
+        column[iid] = values
+        return column
+
+
+def instances(index: Index) -> InstanceColumns:
     """All instances in iid order."""
-    found = connection.execute(
-        """SELECT i.*, t.code FROM instance i LEFT JOIN
-           (SELECT trajectory, row_number() OVER (ORDER BY trajectory) - 1 AS code FROM trajectory)
-           t USING (trajectory) ORDER BY iid"""
-    ).fetchnumpy()
-    names = [
-        row[0]
-        for row in connection.execute(
-            "SELECT trajectory FROM trajectory ORDER BY trajectory"
-        ).fetchall()
-    ]
-    room_names = [
-        row[0]
-        for row in connection.execute(
-            "SELECT room FROM room GROUP BY room ORDER BY min(position)"
-        ).fetchall()
-    ]
-    return InstanceColumns(
-        **{
-            name: _floats(found[name])
-            for name in (
-                "x",
-                "y",
-                "heading",
-                "curvature",
-                "odom_x",
-                "odom_y",
-                "odom_heading",
-                "timestamp",
-            )
-        },
-        seq=_integers(found["seq"], -1),
-        trajectory=_integers(found["code"], -1),
-        trajectory_names=tuple(names),
-        room=_codes(found["room"], room_names),
-        room_names=tuple(room_names),
+    connection = index.connect()
+    trajectories, rooms = (
+        tuple(row[0] for row in connection.execute(sql).fetchall())
+        for sql in (
+            "SELECT trajectory FROM trajectory ORDER BY trajectory",
+            "SELECT room FROM room GROUP BY room ORDER BY min(position)",
+        )
     )
+    names = {"trajectory": trajectories, "room": rooms}
+
+    def read(name: str) -> NDArray[Any]:
+        return index.kept.get(("instance", name), partial(_of_instances, index, name, names))
+
+    return InstanceColumns(read, index.n, trajectories, rooms)
+
+
+def _of_instances(index: Index, name: str, names: dict[str, tuple[str, ...]]) -> NDArray[Any]:
+    if name not in names:
+        sql = f'SELECT iid, "{name}" AS value FROM instance'
+        return index.column(sql, (), -1 if name == "seq" else None)
+    sql = f"""SELECT iid, code AS value FROM instance LEFT JOIN
+              (SELECT unnest(?) AS name, unnest(range(?)) AS code) ON name = "{name}" """
+    return index.column(sql, (list(names[name]), len(names[name])), -1)
 
 
 def run_columns(
-    connection: duckdb.DuckDBPyConnection,
+    index: Index,
     run: str,
     truth: InstanceColumns,
     rooms: Sequence[Room],
@@ -68,83 +101,65 @@ def run_columns(
 
     `lacking` are columns of table `prediction` that the index does not have.
     """
-    outlier = "NULL::DOUBLE" if "outlier" in lacking else "p.outlier"
-    sides = {}
-    for side in ("sim", "real"):
-        found = connection.execute(
-            f"""SELECT p.iid, p.x, p.y, p.heading, p.error, p.heading_error, p.loss, p.accuracy,
-                      p.rank, list_position(?, p.split) - 1 AS split, j.u, j.v,
-                      {outlier} AS outlier
-               FROM prediction p LEFT JOIN projection j USING (run, iid, side)
-               WHERE run = ? AND side = ?""",
-            [list(SPLITS), run, side],
-        ).fetchnumpy()
-        sides[side] = _side(found, truth, rooms)
+
+    def kept(side: Side | None, make: Callable[[str], NDArray[Any]]) -> Callable[[str], Any]:
+        return lambda name: index.kept.get((*_key(run), side, name), partial(make, name))
+
+    def of_side(side: Side, name: str) -> NDArray[Any]:
+        part = sides[side]
+        if name == "room":
+            return room_geometry.room_codes(part.x, part.y, rooms, truth.room_names)
+        if name in _PROJECTED:
+            return _projected(index, run, side, name, part.x)
+        return _predicted(index, run, side, name, lacking)
+
+    sides: dict[Side, SideColumns] = {
+        side: SideColumns(kept(side, partial(of_side, side))) for side in SIDES
+    }
     sim, real = sides["sim"], sides["real"]
-    dx, dy = real.x - sim.x, real.y - sim.y
-    return RunColumns(
-        run=run,
-        sim=sim,
-        real=real,
-        gap=real.error - sim.error,
-        shift=np.sqrt(dx * dx + dy * dy),
-        valid=~(np.isnan(sim.error) | np.isnan(real.error)),
-    )
+
+    def of_run(name: str) -> NDArray[Any]:
+        if name == "gap":
+            return np.asarray(real.error - sim.error)
+        if name == "valid":
+            return np.asarray(~(np.isnan(sim.error) | np.isnan(real.error)))
+        dx, dy = real.x - sim.x, real.y - sim.y
+        return np.asarray(np.sqrt(dx * dx + dy * dy))
+
+    return RunColumns(kept(None, of_run), run, sim, real)
 
 
-def accuracies(
-    connection: duckdb.DuckDBPyConnection, run: str, side: str, n: int
-) -> NDArray[np.float32]:
+def forget(index: Index, run: str) -> None:
+    """Drop what is kept of a run's columns."""
+    index.kept.drop(lambda key: isinstance(key, tuple) and key[:2] == _key(run))
+
+
+def _key(run: str) -> tuple[str, str]:
+    return "run", run
+
+
+def _predicted(
+    index: Index, run: str, side: Side, name: str, lacking: frozenset[str]
+) -> NDArray[Any]:
+    if name == "split":
+        sql = _SELECT.format("list_position(?, split) - 1", "prediction")
+        return index.column(sql, (list(SPLITS), run, side), -1)
+    value = "NULL::DOUBLE" if name in lacking else f'"{name}"'
+    sql = _SELECT.format(value, "prediction")
+    return index.column(sql, (run, side), 0 if name == "rank" else None)
+
+
+def _projected(
+    index: Index, run: str, side: Side, name: str, x: NDArray[np.float64]
+) -> NDArray[Any]:
+    """NaN where nothing is predicted, too: where an `x` is known something is."""
+    column = index.column(_SELECT.format(f'"{name}"', "projection"), (run, side))
+    if not np.isnan(x).any():
+        return column
+    predicted = index.column(_SELECT.format("1", "prediction"), (run, side), 0)
+    return np.where(predicted, column, np.nan)
+
+
+def accuracies(index: Index, run: str, side: str) -> NDArray[np.float32]:
     """One side of one run, (n,), NaN where there is no prediction."""
-    found = connection.execute(
-        "SELECT iid, accuracy FROM prediction WHERE run = ? AND side = ?", [run, side]
-    ).fetchnumpy()
-    column = np.full(n, np.nan, dtype=np.float32)
-    column[np.asarray(found["iid"], dtype=np.int64)] = _floats(found["accuracy"])
-    return column
-
-
-def _side(found: Columns, truth: InstanceColumns, rooms: Sequence[Room]) -> SideColumns:
-    n = len(truth)
-    iid = np.asarray(found["iid"], dtype=np.int64)
-
-    def spread(name: str) -> NDArray[np.float64]:
-        column = np.full(n, np.nan)
-        column[iid] = _floats(found[name])
-        return column
-
-    def spread_codes(name: str, missing: int) -> NDArray[np.int32]:
-        column = np.full(n, missing, dtype=np.int32)
-        column[iid] = _integers(found[name], missing)
-        return column
-
-    floats = {
-        name: spread(name)
-        for name in (
-            "x", "y", "heading", "error", "heading_error", "loss", "accuracy", "u", "v", "outlier"
-        )
-    }  # fmt: skip
-    return SideColumns(
-        **floats,
-        rank=spread_codes("rank", 0),
-        split=spread_codes("split", -1),
-        room=room_geometry.room_codes(floats["x"], floats["y"], rooms, truth.room_names),
-    )
-
-
-def _floats(column: NDArray[Any]) -> NDArray[np.float64]:
-    if isinstance(column, np.ma.MaskedArray):
-        return np.ma.filled(column.astype(np.float64), np.nan)
-    return np.asarray(column, dtype=np.float64)
-
-
-def _integers(column: NDArray[Any], missing: int) -> NDArray[np.int32]:
-    if isinstance(column, np.ma.MaskedArray):
-        return np.asarray(column.filled(missing), dtype=np.int32)
-    return np.asarray(column, dtype=np.int32)
-
-
-def _codes(column: NDArray[Any], names: Sequence[str]) -> NDArray[np.int32]:
-    code = {name: position for position, name in enumerate(names)}
-    values = column.filled(None) if isinstance(column, np.ma.MaskedArray) else column
-    return np.array([code.get(value, -1) for value in values], dtype=np.int32)
+    return index.column(_SELECT.format("accuracy", "prediction"), (run, side)).astype(np.float32)

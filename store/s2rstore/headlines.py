@@ -57,8 +57,12 @@ def headline(
     )
 
 
-def baseline(store: Store, run: str) -> float:
-    """Mean accuracy of predicting their mean position for the instances of a run's figures."""
+def baseline(store: Store, run: str, members: NDArray[np.bool_] | None = None) -> float:
+    """Mean accuracy of predicting their mean position for the instances of a run's figures.
+
+    With `members` (N,) over these alone; the position stays the mean of all.
+    """
     truth, keep = store.instances, held_out(store, run)
     values = stats.baseline_accuracy(truth.x[keep], truth.y[keep], store.dataset.accuracy_scale)
+    values = values if members is None else values[members[keep]]
     return float(values.mean()) if values.size else float("nan")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from dataclasses import dataclass
 from functools import cached_property
@@ -39,6 +40,7 @@ _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 
 DEFAULT_MODES = {"activation": "loss", "occlusion": "rgbd", "pixel_difference": "rgb"}
 """The mode of a heatmap kind that is meant where none is named."""
 
+_COLUMN_BYTES = 384 * 2**20
 _EVALUATED_BYTES = 128 * 2**20
 _EMBEDDING_BYTES = 512 * 2**20
 
@@ -71,6 +73,7 @@ class Store:
         self._index = self.path / current.index
         self._opened: duckdb.DuckDBPyConnection | None = sandbox.connect(self._index)
         self._runs_columns: dict[str, RunColumns] = {}
+        self._columns = Recent(_COLUMN_BYTES)
         self._arrays: dict[Path, zarr.Array[Any]] = {}
         self.evaluated = Recent(_EVALUATED_BYTES)
         self.embeddings = Recent(_EMBEDDING_BYTES)
@@ -88,9 +91,10 @@ class Store:
 
     def close(self) -> None:
         """Let the index go; what was read stays."""
-        if self._opened is not None:
-            self._opened.close()
-            self._opened = None
+        opened, self._opened = self._opened, None
+        if opened is not None:
+            with contextlib.suppress(duckdb.Error):  # busy in another thread: closed after that
+                opened.close()
 
     @property
     def _connection(self) -> duckdb.DuckDBPyConnection:
@@ -186,19 +190,29 @@ class Store:
         return self.runs[name]
 
     @cached_property
+    def _dense(self) -> dense.Index:
+        (row,) = self.execute("SELECT count(*) FROM instance")
+        return dense.Index(self.connection, self._columns, int(row[0]))
+
+    @cached_property
     def instances(self) -> InstanceColumns:
-        return dense.instances(self._connection.cursor())
+        """Ground truth, aligned by iid; each column is read when it is first asked for."""
+        return dense.instances(self._dense)
 
     def run_columns(self, run: str) -> RunColumns:
-        """Predictions of a computed run, aligned by iid."""
+        """Predictions of a computed run, aligned by iid; read and kept as `instances` are."""
         if run not in self._runs_columns:
             if self.run(run).key is None:
                 raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
             lacking = self.lacking("prediction")
             self._runs_columns[run] = dense.run_columns(
-                self._connection.cursor(), run, self.instances, self.rooms, lacking
+                self._dense, run, self.instances, self.rooms, lacking
             )
         return self._runs_columns[run]
+
+    def forget(self, run: str) -> None:
+        """Give back the memory of a run's columns; they are read again when asked for."""
+        dense.forget(self._dense, run)
 
     def lacking(self, table: str) -> frozenset[str]:
         """The columns that this index, written by an earlier release, does not have."""
@@ -209,7 +223,7 @@ class Store:
 
     def accuracies(self, run: str, side: Side) -> NDArray[np.float32]:
         """One side's accuracies of a run, (N,), NaN for none; without its other columns."""
-        return dense.accuracies(self._connection.cursor(), run, side, len(self.instances))
+        return dense.accuracies(self._dense, run, side)
 
     def provenance(self, what: str) -> dict[str, str]:
         """Facts about how `what` came to be, such as `dataset` or `model:NAME`."""

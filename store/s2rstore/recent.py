@@ -31,7 +31,7 @@ class Recent:
         """The value of `key`, made where it is not kept.
 
         A key stands for one value of one type, which nobody may change. Two threads may make the
-        same value at once.
+        same value at once; both get the one that was there first.
         """
         with self._lock:
             if key in self._values:
@@ -39,12 +39,18 @@ class Recent:
                 return self._values[key]  # type: ignore[return-value]
         value = make()
         with self._lock:
+            if key in self._values:
+                return self._values[key]  # type: ignore[return-value]
             self._put(key, value)
         return value
 
+    def drop(self, unwanted: Callable[[Hashable], bool]) -> None:
+        """Keep nothing whose key is unwanted."""
+        with self._lock:
+            for key in [key for key in self._values if unwanted(key)]:
+                self._bytes -= self._values.pop(key).nbytes
+
     def _put(self, key: Hashable, value: Sized) -> None:
-        if key in self._values:
-            self._bytes -= self._values.pop(key).nbytes
         self._values[key] = value
         self._bytes += value.nbytes
         while self._bytes > self._limit and len(self._values) > 1:

@@ -69,11 +69,12 @@ def sql(
     expression: str,
     run: str | None = None,
     trajectories: Sequence[str] | None = None,
+    saved: Saved | None = None,
 ) -> tuple[str, list[object]]:
     """The same selection as a DuckDB query with bound parameters."""
     names = None if trajectories is None else tuple(trajectories)
     lacking = frozenset(f"{s}_{name}" for name in store.lacking("prediction") for s in SIDES)
-    words = vocabulary(store)
+    words = vocabulary(store, saved)
     return to_sql(
         parse(expression),
         SqlContext(store.run(run).run, words, names, _neighbours(store), lacking),

@@ -148,13 +148,13 @@ async def test_what_the_mouse_boxed_on_the_map_is_selected(tiny_store: Path) -> 
         await press(app, pilot, "c", "2")
         panel = panels(app, "map")[0]
         cells = [(panel.x + 5, panel.y + 6), (panel.x + 30, panel.y + 30)]
-        (x0, y0), (x1, y1) = (panel.to_data(c + 0.5, r - 1 + 0.5) for c, r in cells)
         await drag(app, pilot, "map", cells)
         truth = app.session.store.instances
-        inside = (truth.x >= x0) & (truth.x <= x1) & (truth.y >= min(y0, y1))
-        inside &= truth.y <= max(y0, y1)
-        assert abs(int(app.session.state.selected.sum()) - int(inside.sum())) <= 1
-        assert inside.any()
+        places = [panel.to_cells(float(x), float(y)) for x, y in zip(truth.x, truth.y, strict=True)]
+        (left, top), (right, bottom) = cells
+        inside = [left <= column < right + 1 and top - 1 <= row < bottom for column, row in places]
+        assert np.array_equal(app.session.state.selected, inside)
+        assert any(inside)
 
 
 async def test_a_click_on_the_map_puts_the_cursor_there(tiny_store: Path) -> None:
@@ -286,3 +286,131 @@ async def test_screens_over_the_views_open_and_close(
             assert shown in take(app).text
             await press(app, pilot, "escape")
         assert "overview" in take(app).text or "map" in take(app).text
+
+
+async def test_tab_goes_to_the_next_view_and_the_next_panel(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "1")
+        seen = []
+        for _ in range(9):
+            await press(app, pilot, "tab")
+            seen.append(app.session.state.view)
+        assert sorted(seen) == sorted(view.name for view in VIEWS if view.name != "adjust")
+        await press(app, pilot, "shift+tab")
+        assert app.session.state.view == seen[-2]
+        await press(app, pilot, "5", "x")
+        names = set()
+        for _ in range(3):
+            brush = app.session.state.brush
+            assert brush is not None
+            names.add(brush.mark.panel)
+            await press(app, pilot, "tab")
+        assert names == {"sim", "truth", "real"}
+
+
+async def test_the_line_of_another_run_is_brushed(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", "1")
+        panel = next(p for p in panels(app, "overview") if p.name == "dataaug")
+        y = panel.y + 1
+        await drag(app, pilot, "overview", [(panel.x + 2, y), (panel.x + panel.width - 2, y)])
+        assert not app.session.state.is_error, app.session.state.message
+        assert 'run("dataaug").real.accuracy:' in app.session.state.expression
+
+
+async def test_a_long_lasso_by_mouse_is_simplified(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", "2", "L")
+        panel = panels(app, "map")[0]
+        turn = np.linspace(0, 2 * np.pi, 240)
+        column = panel.x + panel.width / 2 + panel.width / 3 * np.cos(turn)
+        row = panel.y + 1 + panel.height / 2 + panel.height / 3 * np.sin(turn)
+        cells = [(int(c), int(r)) for c, r in zip(column, row, strict=True)]
+        await drag(app, pilot, "map", cells)
+        assert not app.session.state.is_error, app.session.state.message
+        assert app.session.state.expression.startswith("lasso(")
+        assert app.session.state.selected.any()
+
+
+async def test_a_brush_of_bars_selects_what_they_count(tiny_store: Path) -> None:
+    from s2rtui.plots import histogram_model
+
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", "7")
+        view = BY_NAME["errors"].input(app.scene)
+        panel = next(p for p in panels(app, "errors") if p.name == "real")
+        counts = histogram_model(view, panel.width).real.total
+        cells = [(panel.x + 3, panel.y + 2), (panel.x + 20, panel.y + 2)]
+        await drag(app, pilot, "errors", cells)
+        assert abs(int(app.session.state.selected.sum()) - int(counts[3:21].sum())) <= 1
+
+
+async def test_a_tag_changes_the_selection_that_uses_it(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "w", "number_sign")
+        await pilot.press(*"done", "enter")
+        await press(app, pilot, "slash")
+        app._line.value = "worst15 - @done"
+        await press(app, pilot, "enter")
+        assert app.session.state.count == "5 of 40"
+        await press(app, pilot, "number_sign")
+        await pilot.press(*"done", "enter")
+        await settle(app, pilot)
+        assert app.session.state.count == "4 of 40"
+
+
+async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from s2rtui.session import derive
+
+    def broken(*arguments: object) -> None:
+        raise KeyError("frames")
+
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        monkeypatch.setattr(derive, "instance_input", broken)
+        await press(app, pilot, "right")
+        assert "pictures" in app.session.state.message
+        monkeypatch.undo()
+        await press(app, pilot, "right")
+        assert app.resources.pictures is not None
+
+
+async def test_heat_is_never_shown_under_another_name(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "o")
+        assert app.resources.heat_on_map(app.session.state) is not None
+        app.feeding.rest_seconds = 60.0
+        await pilot.press("h")
+        await pilot.pause()
+        assert app.resources.heat_on_map(app.session.state) is None
+
+
+async def test_the_mouse_on_a_screen_above_the_views_does_nothing(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "D")
+        await pilot.click(offset=(60, 20))
+        await pilot.pause()
+        await press(app, pilot, "escape", "w")
+        assert app.session.state.expression == "worst15"
+
+
+async def test_what_another_session_saved_is_found(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    other = Session(tiny_store, notebooks=Notebook)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        other.book.toggle_tag([2, 3], "theirs")
+        await press(app, pilot, "slash")
+        app._line.value = "@theirs"
+        await press(app, pilot, "enter")
+        assert app.session.state.count == "2 of 40"

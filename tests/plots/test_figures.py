@@ -96,7 +96,7 @@ def test_nothing_selected_and_nothing_known() -> None:
 
 
 def test_dollar_signs_are_text() -> None:
-    geomap_figure(geomap_input(), (300, 200), run="a$b$c", expression="id$")
+    geomap_figure(geomap_input(), (300, 200), run="a$b$c", subtitle="id$")
 
 
 def test_impossible_size_is_refused_by_name() -> None:

@@ -16,7 +16,7 @@ places = arrays.arrays(np.float64, SIZE, elements=st.floats(-2, 7) | st.just(np.
 masks = arrays.arrays(np.bool_, SIZE)
 
 
-@pytest.mark.parametrize("largest", [joint.LARGEST, 1])
+@pytest.mark.parametrize("largest", [joint.LARGEST, 30, 1])
 def test_margins_are_the_counts_of_each_column(largest: int, monkeypatch) -> None:
     monkeypatch.setattr(joint, "LARGEST", largest)
 

@@ -10,12 +10,23 @@ from hypothesis.extra import numpy as arrays
 
 from s2rtui.figures.geomap_wedges import _shared
 from s2rtui.plots.bins import bins, choose, count
-from s2rtui.plots.sums import occupied, sums
+from s2rtui.plots.sums import occupied, sums, total_of
 
 SIZE = 40
 masks = arrays.arrays(np.bool_, SIZE)
 places = arrays.arrays(np.float64, SIZE, elements=st.floats(-2, 8) | st.just(np.nan))
 weights = arrays.arrays(np.float64, SIZE, elements=st.floats(-100, 100))
+
+
+@given(weights, masks, masks)
+def test_a_total_leaves_out_the_unknown(
+    numbers: np.ndarray, selected: np.ndarray, base: np.ndarray
+) -> None:
+    numbers = np.where(numbers > 50, np.nan, numbers)
+    inside = selected & base & np.isfinite(numbers)
+    assert total_of(numbers, choose(selected, base)) == pytest.approx(
+        numbers[inside].sum(), abs=1e-9
+    )
 
 
 @given(places, weights, masks, masks)

@@ -85,7 +85,7 @@ def test_a_lasso_grows_corner_by_corner() -> None:
 def test_a_drag_is_a_box_and_with_a_trail_a_lasso() -> None:
     panel = plane()
     box = brushing.dragged("map", panel, (5.5, 2.5), (7.5, 4.5), ())
-    assert box.mark.points == ((0.25, 0.5), (1.25, 2.5))
+    assert box.mark.points == ((0.0, 0.0), (1.5, 3.0))
     trail = ((5.5, 2.5), (7.5, 2.5), (7.5, 4.5))
     lasso = brushing.dragged("map", panel, trail[0], trail[-1], trail)
     assert lasso.mark.lasso

@@ -206,3 +206,25 @@ def test_moving_through_the_list_stays_inside(session: Session) -> None:
     assert listing.move(session, 1000).cursor == rows[-1]
     session.select("none")
     assert listing.move(session, 1).message == "nothing is selected"
+
+
+def test_a_name_is_not_saved_as_part_of_itself(session: Session) -> None:
+    book = session.book
+    book.save("a", SavedSelection("worst15", 1, "vanilla", 6))
+    book.save("b", SavedSelection("@a & straight", 1, "vanilla", 3))
+    for name in ("a", "b"):
+        with pytest.raises(RequestError, match="part of"):
+            book.save(name, SavedSelection("@b | all", 1, "vanilla", 40))
+    with pytest.raises(RequestError, match="part of @b"):
+        book.forget("a")
+    assert session.notes.selections["a"].expression == "worst15"
+
+
+def test_a_wrong_shared_line_changes_nothing(session: Session) -> None:
+    session.put_run("vanilla")
+    line = sharing.shared_text(session).replace("run vanilla", "run dataaug")
+    wrong = line.replace(session.state.expression, "room:nowhere", 1)
+    before = session.state
+    with pytest.raises(ExpressionError):
+        sharing.take(session, wrong)
+    assert session.state is before

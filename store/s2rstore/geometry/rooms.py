@@ -22,7 +22,7 @@ def room_codes(
     lies in no room.
     """
     codes = np.full(x.shape, -1, dtype=np.int32)
-    for room in sorted(rooms, key=lambda room: room.position):
+    for room in sorted(rooms, key=lambda room: -room.position):  # the first by position is last
         inside = (x >= room.x0) & (x <= room.x1) & (y >= room.y0) & (y <= room.y1)
-        codes[inside & (codes < 0)] = names.index(room.room)
+        np.copyto(codes, names.index(room.room), where=inside)
     return codes

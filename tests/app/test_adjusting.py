@@ -1,0 +1,179 @@
+"""Adjusting live: sliders from the registry, the prediction at once, the newest move wins."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+import s2rstore
+from s2rtools.adjust import ADJUSTMENTS, chain_of
+from s2rtools.live import LiveModel
+from s2rtools.precompute.pipeline import Options, precompute
+from s2rtui.access import Access
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.headless import settle, take
+from s2rtui.session import Session
+from tests.support.quiet import Quiet
+
+pytestmark = pytest.mark.xdist_group("world")
+
+
+@pytest.fixture(scope="module")
+def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recorded data set with one computed run."""
+    path = tmp_path_factory.mktemp("adjusting") / "s.s2r"
+    shutil.copytree(trained, path)
+    precompute(path, Quiet(), ["vanilla"], Options(("feature_distance",)))
+    return path
+
+
+def app_on(store: Path, access: Access | None = None) -> S2RApp:
+    app = S2RApp(Session(store), Look(), access=access)
+    app.feeding.rest_seconds = 0.001
+    return app
+
+
+async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
+    for key in keys:
+        await pilot.press(key)
+        await settle(app, pilot)
+
+
+async def test_a_slider_gives_what_the_live_model_says(computed: Path) -> None:
+    app = app_on(computed)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a", *["right"] * 3)
+        adjust, shown = app.session.state.adjust, app.resources.live
+        assert adjust is not None
+        assert shown is not None
+        names = [slider.name for slider in adjust.sliders]
+        assert names == [a.name for a in ADJUSTMENTS.values() if not a.needs_renderer]
+        assert "no camera can be moved" in adjust.reason
+        brightness = adjust.value(("real", "brightness"))
+        assert brightness == pytest.approx(1 + 3 * ADJUSTMENTS["brightness"].step)
+        assert f"{brightness:g} factor" in take(app).text
+        with s2rstore.open(computed) as store:
+            model = LiveModel(store, "vanilla")
+            chains = {"real": chain_of("real", {"brightness": brightness})}
+            expected = model.compute(shown.iid, chains)
+            model.close()
+        assert expected is not None
+        assert shown.real.pose is not None
+        assert shown.real.pose.x == pytest.approx(expected.real.x, abs=1e-5)
+        assert (shown.real.rgb == expected.real.rgb).all()
+        poses = {pose.side: pose for pose in _map_input(app).live}
+        assert poses["real"].x == pytest.approx(expected.real.x, abs=1e-5)
+
+
+def _map_input(app: S2RApp):
+    from s2rtui.views import BY_NAME
+
+    return BY_NAME["map"].input(app.scene)
+
+
+async def test_neutral_is_the_stored_prediction(computed: Path) -> None:
+    app = app_on(computed)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a", "right", "down", "left", "backspace")
+        shown = app.resources.live
+        assert shown is not None
+        assert shown.real.pose is not None
+        columns = app.session.store.run_columns("vanilla").real
+        assert shown.real.pose.error == pytest.approx(columns.error[shown.iid], abs=1e-4)
+        adjust = app.session.state.adjust
+        assert adjust is not None
+        assert all(adjust.value(slider.key) == slider.neutral for slider in adjust.sliders)
+
+
+async def test_the_newest_move_wins(computed: Path) -> None:
+    app = app_on(computed)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a")
+        await pilot.press(*["right"] * 12, "n", "left", "left")
+        await settle(app, pilot)
+        adjust, shown = app.session.state.adjust, app.resources.live
+        assert adjust is not None
+        assert shown is not None
+        assert shown.iid == app.session.state.cursor
+        value = adjust.value(("real", "brightness"))
+        with s2rstore.open(computed) as store:
+            model = LiveModel(store, "vanilla")
+            expected = model.compute(shown.iid, {"real": chain_of("real", {"brightness": value})})
+            model.close()
+        assert expected is not None
+        assert (shown.real.rgb == expected.real.rgb).all()
+
+
+async def test_a_world_moves_its_sim_camera(moved_world: Path) -> None:
+    app = app_on(moved_world)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a")
+        before = app.resources.live
+        await press(app, pilot, "up", "right", "right")
+        adjust, after = app.session.state.adjust, app.resources.live
+        assert adjust is not None
+        assert adjust.reason == ""
+        assert adjust.value(("sim", "camera_fov")) > 0
+        assert before is not None
+        assert after is not None
+        assert (before.sim.rgb != after.sim.rgb).mean() > 0.2
+        assert (before.real.rgb == after.real.rgb).all()
+
+
+async def test_adjustments_are_saved_as_a_run(computed: Path, tmp_path: Path) -> None:
+    path = tmp_path / "own.s2r"
+    shutil.copytree(computed, path)
+    app = app_on(path)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a", "right", "right", "S")
+        await pilot.press(*"brighter", "enter")
+        for _ in range(1200):
+            await pilot.pause()
+            if "brighter" in app.session.state.runs or app.session.state.is_error:
+                break
+            await asyncio.sleep(0.05)
+        assert "brighter" in app.session.state.runs, app.session.state.message
+        run = app.session.store.run("brighter")
+        assert run.real_adjustments == chain_of("real", {"brightness": 1.1})
+        await settle(app, pilot)
+        assert "brighter" in take(app).text
+
+
+async def test_a_taken_name_is_told(computed: Path) -> None:
+    app = app_on(computed)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a", "right", "S")
+        await pilot.press(*"vanilla", "enter")
+        await settle(app, pilot)
+        assert "already" in app.session.state.message
+        assert app.session.state.is_error
+
+
+async def test_without_the_tools_the_panel_says_how_to_get_them(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.split(".")[0] == "s2rtools"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "s2rtools", None)
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a", "right", "S", "escape")
+        text = " ".join(take(app).text.split())
+        assert "adjusting live needs s2rtools" in text
+        assert "'s2rtui[tools]'" in text
+        assert app.settled
+
+
+async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
+    app = app_on(tiny_store, Access.of(tiny_store, restricted=True))
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a")
+        assert app.session.state.view != "adjust"
+        assert "a adjust" not in take(app).text
+        assert "not in a restricted session" in app.session.state.message

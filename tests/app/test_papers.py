@@ -1,0 +1,119 @@
+"""Files written from the application: reports, rows, the screen; and where none may be written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from s2rtui.access import Access
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.cli import main
+from s2rtui.headless import settle
+from s2rtui.notebook import Notebook, SavedSelection
+from s2rtui.session import Session
+from s2rtui.widgets.query import QueryLine
+
+
+def app_on(store: Path, folder: Path, restricted: bool = False) -> S2RApp:
+    access = Access.of(store, restricted)
+    app = S2RApp(Session(store, notebooks=Notebook), Look(), folder, access)
+    app.feeding.rest_seconds = 0.001
+    return app
+
+
+async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
+    for key in keys:
+        await pilot.press(key)
+        await settle(app, pilot)
+
+
+async def answer(app: S2RApp, pilot: Pilot[None], text: str) -> str:
+    app.query_one(QueryLine).value = text
+    await press(app, pilot, "enter")
+    return app.session.state.message
+
+
+async def test_a_report_of_what_is_saved(tiny_store: Path, tmp_path: Path) -> None:
+    book = Notebook("0" * 64)
+    book.save("mine", SavedSelection("worst15", 1, "dataaug", 6))
+    app = app_on(tiny_store, tmp_path)
+    async with app.run_test(size=(100, 30)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("E")
+        await pilot.press("E")
+        await settle(app, pilot)
+        assert app.session.state.message == f"wrote {tmp_path / 's2r-report-001.html'}"
+        assert len(list(tmp_path.glob("*.html"))) == 1
+        await press(app, pilot, "E")
+    text = (tmp_path / "s2r-report-001.html").read_text(encoding="utf-8")
+    assert "<h2>@mine</h2>" in text
+    assert "<h3>Run dataaug</h3>" in text
+    assert (tmp_path / "s2r-report-002.html").read_text(encoding="utf-8") == text
+
+
+async def test_a_report_of_the_present_selection(tiny_store: Path, tmp_path: Path) -> None:
+    app = app_on(tiny_store, tmp_path)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(app, pilot)
+        await press(app, pilot, "b", "r", "E")
+    text = (tmp_path / "s2r-report-001.html").read_text(encoding="utf-8")
+    assert "<h2><code>best15</code></h2>" in text
+    assert "<h3>Run dataaug</h3>" in text
+
+
+async def test_the_selection_is_written_as_the_command_writes_it(
+    tiny_store: Path, tmp_path: Path
+) -> None:
+    app = app_on(tiny_store, tmp_path)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await press(app, pilot, "w", "F", "enter")
+        assert app.session.state.message.endswith("s2r-selection-001.csv: 6 instances")
+        await press(app, pilot, "F")
+        told = await answer(app, pilot, "mine.json")
+        assert told.endswith("mine.json: 6 instances")
+    out = tmp_path / "by command.json"
+    words = ["query", str(tiny_store), "worst15", "--with-expression", "--json", "--out", str(out)]
+    assert main(words) == 0
+    assert json.loads((tmp_path / "mine.json").read_text()) == json.loads(out.read_text())
+
+
+@pytest.mark.parametrize("name", ["mine.txt", "there.csv", "no/where.json", "no/where.parquet", ""])
+async def test_a_file_that_cannot_be_is_refused(
+    tiny_store: Path, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "there.csv").write_text("kept")
+    app = app_on(tiny_store, tmp_path)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await press(app, pilot, "F")
+        await answer(app, pilot, name)
+        assert app.session.state.is_error
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["there.csv"]
+    assert (tmp_path / "there.csv").read_text() == "kept"
+
+
+async def test_a_restricted_session_writes_in_its_own_folder(
+    tiny_store: Path, tmp_path: Path, own_things: Path
+) -> None:
+    app = app_on(tiny_store, tmp_path, restricted=True)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await press(app, pilot, "w")
+        for key in ("E", "s", "F"):
+            await press(app, pilot, key)
+            assert app.session.state.is_error
+            assert str(own_things) in app.session.state.message
+        assert not app.prompting
+        app.files_at = own_things
+        await press(app, pilot, "F")
+        assert "restricted" in await answer(app, pilot, str(tmp_path / "a.csv"))
+        assert (await answer(app, pilot, "a.csv")).endswith("a.csv: 6 instances")
+        await press(app, pilot, "s")
+    assert not list(tmp_path.glob("*.*"))
+    assert (own_things / "a.csv").exists()
+    assert (own_things / "s2r-001.png").exists()

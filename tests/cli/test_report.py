@@ -1,0 +1,236 @@
+"""Reports: they stand alone, say the numbers of the store, and are the same every time."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore import headlines, selection, stats
+from s2rtui.cli import main
+from s2rtui.notebook import Notebook, SavedSelection
+from s2rtui.report import Asked, Request, report
+from tests.support import tiny
+
+WORST = Request((Asked("worst15"),), runs=("dataaug",), dark=False)
+VOID = ("img", "meta", "source", "br", "hr", "input", "link")
+
+
+class Page(HTMLParser):
+    """Tags with their attributes, tables as rows of texts, and that all is closed in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.tables: dict[str, list[list[str]]] = {}
+        self.texts: list[tuple[str, str]] = []
+        self._caption = ""
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "tr":
+            self.tables[self._caption].append([])
+        if tag in ("td", "th"):
+            self.tables[self._caption][-1].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if not self.open:
+            return
+        if self.open[-1] == "caption":
+            self._caption = data
+            self.tables[data] = []
+        elif self.open[-1] in ("td", "th"):
+            self.tables[self._caption][-1][-1] += data
+        elif data.strip():
+            self.texts.append((self.open[-1], data.strip()))
+
+    def named(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+    def said(self, tag: str) -> list[str]:
+        return [text for name, text in self.texts if name == tag]
+
+
+@pytest.fixture(scope="module")
+def page(tiny_store: Path) -> Page:
+    return Page(report(tiny_store, WORST).decode())
+
+
+def test_it_needs_nothing_else(tiny_store: Path) -> None:
+    text = report(tiny_store, WORST).decode()
+    page = Page(text)
+    assert not page.named("script")
+    assert not page.named("link")
+    addresses = [a.get("src") or a.get("href") or a.get("srcset") for _, a in page.tags]
+    assert all(a.startswith(("data:image/", "#")) for a in addresses if a)
+    assert not re.search(r"url\(|@import|https?://|onload|onclick", text)
+    assert "default-src 'none'" in text
+
+
+def test_it_can_be_read_without_pictures(page: Page) -> None:
+    levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h\d", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(after - before <= 1 for before, after in pairwise(levels))
+    images = page.named("img")
+    assert len(images) == 2 + 4 + 3 * 4
+    assert all(re.search(r"\d", str(image["alt"])) for image in images)
+    assert all(image["width"] and image["height"] for image in images)
+    assert all(cell["scope"] in ("row", "col") for cell in page.named("th"))
+    assert page.named("html")[0]["lang"] == "en"
+    anchors = {a["id"] for _, a in page.tags if "id" in a}
+    assert {str(link["href"])[1:] for link in page.named("a")} <= anchors
+
+
+def test_figures_are_those_of_the_store(tiny_store: Path, page: Page) -> None:
+    with s2rstore.open(tiny_store) as store:
+        chosen = selection.select(store, "worst15", "dataaug")
+        fresh = chosen & headlines.held_out(store, "dataaug")
+        columns, truth = store.run_columns("dataaug"), store.instances
+        new = headlines.held_out(store, "dataaug")
+        mean = truth.x[new].mean(), truth.y[new].mean()
+        away = np.hypot(truth.x[fresh] - mean[0], truth.y[fresh] - mean[1])
+        chance = stats.accuracy(away, store.dataset.accuracy_scale).mean()
+        found = page.tables["Run dataaug on the selection"]
+        for row, part in zip(found[1:], (columns.sim, columns.real), strict=True):
+            accuracy = stats.bootstrap_mean(part.accuracy[fresh])
+            assert row[1].startswith(f"{100 * accuracy.value:.1f} %")
+            assert row[2] == f"{100 * chance:.1f} %"
+            assert row[3] == f"{np.median(part.error[fresh]):.2f} m"
+            assert row[5] == f"{part.error[fresh].max():.2f} m"
+            assert row[7] == str(int(fresh.sum()))
+        assert 0 < fresh.sum() < chosen.sum()
+        assert any(f"trained on {int((chosen & ~fresh).sum())}" in t for t in page.said("p"))
+        assert f"{int(chosen.sum())} of 40 instances" in page.said("dd")
+        worst = np.flatnonzero(chosen)[np.argsort(-columns.real.error[chosen])][:3]
+    assert page.said("h5") == [f"Instance {iid}" for iid in worst]
+    assert f"tiny.s2r, generation {_generation(tiny_store)}" in page.said("dd")
+    assert "0" * 16 in page.said("dd")
+
+
+def test_all_runs_are_compared_on_the_same_instances(tiny_store: Path, page: Page) -> None:
+    with s2rstore.open(tiny_store) as store:
+        chosen = selection.select(store, "worst15", "dataaug")
+        rows = page.tables["The instances that it selects in dataaug, in every run"]
+        for row in rows[1:]:
+            real = headlines.headline(store, row[0], "real", chosen)
+            assert row[2].startswith(f"{100 * real.accuracy.value:.1f} %")
+            assert row[6] == f"{real.median_error:.2f} m"
+    assert [row[0] for row in rows[1:]] == list(tiny.RUNS)
+
+
+def test_the_same_bytes_again_and_a_date_only_where_given(tiny_store: Path) -> None:
+    first = report(tiny_store, WORST)
+    assert report(tiny_store, WORST) == first
+    assert not re.search(rb"20\d\d-\d\d", re.sub(rb"base64,[^\"]+", b"", first))
+
+
+def test_dark_figures_follow_dark_screens(tiny_store: Path) -> None:
+    request = Request((Asked("ids(3)"),))
+    page = Page(report(tiny_store, request).decode())
+    sources = page.named("source")
+    assert len(sources) == 2 + 4
+    assert all(
+        str(s["media"]).startswith("screen and (prefers-color-scheme: dark)") for s in sources
+    )
+
+
+def test_saved_selections_tags_and_notes(tiny_store: Path, tmp_path: Path) -> None:
+    book = Notebook("0" * 64)
+    book.save("bad", SavedSelection("worst(4, real.error)", 1, "dataaug", 9))
+    book.save("gone", SavedSelection("room:cellar", 1, "vanilla", 3))
+    book.save("empty", SavedSelection("real.error < 0", 1, "vanilla", 0))
+    with s2rstore.open(tiny_store) as store:
+        iid = int(np.argmax(store.run_columns("dataaug").real.error))
+    book.toggle_tag([iid], "door")
+    book.note(iid, "<script>alert(1)</script> & more")
+    out = tmp_path / "r.html"
+    words = ["report", str(tiny_store), "--out", str(out), "--light", "--date", "1 March"]
+    assert main([*words, "--title", "A & B <i>"]) == 0
+    page = Page(out.read_text(encoding="utf-8"))
+    assert page.said("h1") == ["A & B <i>"]
+    assert "1 March" in page.said("p")
+    assert page.said("h2") == ["All runs", "@bad", "@empty", "@gone"]
+    assert "9 instances of run dataaug at generation 1" in page.said("dd")
+    assert "4 of 40 instances" in page.said("dd")
+    assert page.said("h3") == ["Run dataaug"]
+    assert page.tables["Tags and notes"][1:] == [
+        [str(iid), "door", "<script>alert(1)</script> & more"]
+    ]
+    assert page.said("blockquote") == ["<script>alert(1)</script> & more"]
+    assert page.said("li").count("#door") == 1
+    assert not page.named("script")
+    told = [text for text in page.said("p") if "cellar" in text or "Nothing" in text]
+    assert len(told) == 2
+
+
+def test_given_expressions_runs_and_saved_ones(tiny_store: Path, tmp_path: Path) -> None:
+    Notebook("0" * 64).save("mine", SavedSelection("ids(1)", 1, "vanilla", 1))
+    out = tmp_path / "r.html"
+    words = ["report", str(tiny_store), "--light", "--out", str(out), "--select", "ids(2)"]
+    assert main([*words, "--run", "dataaug", "--run", "vanilla"]) == 0
+    page = Page(out.read_text(encoding="utf-8"))
+    assert page.said("h3") == ["Run dataaug", "Run vanilla"]
+    assert main([*words, "--saved"]) == 0
+    page = Page(out.read_text(encoding="utf-8"))
+    assert page.said("h2") == ["All runs", "@mine"]
+    assert page.said("h3") == ["Run vanilla", "Run vanilla"]
+
+
+def test_one_run_alone_has_nothing_to_compare(tmp_path: Path) -> None:
+    path = tiny.build(tmp_path / "one.s2r", runs=("only",))
+    page = Page(report(path, Request((Asked("none"), Asked("all")), dark=False)).decode())
+    assert len(page.named("img")) == 1 + 4 + 3 * 4
+    assert "Nothing is selected." in page.said("p")
+
+
+def test_heat_lies_on_the_images_where_asked_for(tiny_store: Path) -> None:
+    request = Request((Asked("ids(3)"),), heat="occlusion:rgb", dark=False)
+    page = Page(report(tiny_store, request).decode())
+    assert any("occlusion rgb" in text for text in page.said("figcaption"))
+    plain = Page(report(tiny_store, Request((Asked("ids(3)"),), dark=False)).decode())
+    assert [i["src"] for i in plain.named("img")] != [i["src"] for i in page.named("img")]
+    assert not any("occlusion" in text for text in plain.said("figcaption"))
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--out", "a.html"], "--select"),
+        (["--out", "a.pdf", "--select", "all"], ".html"),
+        (["--out", "a.html", "--select", "rubbish"], "rubbish"),
+        (["--out", "a.html", "--select", "all", "--run", "nobody"], "nobody"),
+        (["--out", "a.html", "--select", "all", "--heat", "nothing"], "--heat"),
+        (["--out", "a.html", "--select", "all", "--trajectory", "c"], "--trajectory"),
+        (["--out", "a.html", "--select", "all", "--with", "nobody"], "--with"),
+        (["--out", "no/a.html", "--select", "none"], "cannot be written"),
+    ],
+)
+def test_a_wrong_request_is_one_line(
+    tiny_store: Path, tmp_path: Path, words: list[str], told: str, capsys, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["report", str(tiny_store), *words]) == 2
+    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("s2r:")]
+    assert len(said) == 1
+    assert told in said[0]
+    assert not list(tmp_path.glob("a.*"))
+
+
+def _generation(path: Path) -> int:
+    with s2rstore.open(path) as store:
+        return store.generation
