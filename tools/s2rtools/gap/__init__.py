@@ -1,0 +1,1 @@
+"""The reality gap, measured axis by axis with its uncertainty."""

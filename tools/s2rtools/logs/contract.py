@@ -1,0 +1,52 @@
+"""What was recorded while a robot drove: the same words for every file format and simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """Poses over time: `time` (n,) in s, strictly increasing; `x`, `y` (n,) in m; `heading` (n,) in
+    rad, forward = (cos, sin); all finite. `source` names it in messages, `sha256` is its content's.
+    """
+
+    time: Floats
+    x: Floats
+    y: Floats
+    heading: Floats
+    source: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Commands:
+    """What the robot was told: `time` (k,) in s, strictly increasing; each channel (k,) holds until
+    the next time. `period` is the controller's, in s.
+    """
+
+    time: Floats
+    channels: Mapping[str, Floats]
+    period: float
+    source: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """One command sequence driven in reality and in simulation.
+
+    `untuned` is the simulator before any identification, the declared bad state.
+    """
+
+    name: str
+    real: Log
+    sim: Log
+    untuned: Log | None = None
+    commands: Commands | None = None
