@@ -58,7 +58,7 @@ def test_a_new_array_in_an_old_place_is_another() -> None:
     others = [np.arange(5) for _ in range(50)]
     assert key.array is None
     assert all(key != Same(other) for other in others)
-    assert key == key  # noqa: PLR0124
+    assert key == key
     assert Same(None) == Same(None)
     assert Same(None) != Same(others[0])
 
