@@ -32,7 +32,7 @@ from s2rtui.papers import Papers
 from s2rtui.savings import Savings
 from s2rtui.session import Session, State, adjusting, sharing, showing
 from s2rtui.themes import textual_theme
-from s2rtui.titles import StatusLine, status_line, titled
+from s2rtui.titles import StatusLine, shown, status_line
 from s2rtui.views import BY_NAME as VIEW_BY_NAME
 from s2rtui.views import VIEWS, Resources
 from s2rtui.widgets import Bar, PlotView
@@ -177,12 +177,9 @@ class S2RApp(Brushes, Papers, Savings):
         scene = self.scene
         self.query_one(Panes).place(self._wanted_places())
         for view in VIEWS:
-            depends = view.depends(scene)
-            if depends is not None:
-                depends = (*depends, view.told(scene), scene.state.view == view.name)
             widget = self.query_one(f"#{view.name}", PlotView)
             if widget.placed:
-                widget.show(titled(view, scene, partial(view.draw, scene)), depends)
+                widget.show(*shown(view, scene))
 
     def _wanted_places(self) -> tuple[object, ...]:
         state = self.session.state

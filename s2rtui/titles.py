@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from s2rstore.reader import Store
 from s2rtui.canvas import Canvas, Look
@@ -28,6 +29,14 @@ def status_line(store: Store, state: State, width: int, look: Look) -> StatusLin
     if len(text) > room:
         text = text[: room - 1] + ("~" if look.ascii else "…")
     return head, text, tail
+
+
+def shown(view: View, scene: Scene) -> tuple[Draw, tuple[object, ...] | None]:
+    """A view's drawing under its title, and all that it depends on (None: draw it always)."""
+    depends = view.depends(scene)
+    if depends is not None:
+        depends = (*depends, view.told(scene), scene.state.view == view.name)
+    return titled(view, scene, partial(view.draw, scene)), depends
 
 
 def titled(view: View, scene: Scene, draw: Draw) -> Draw:

@@ -37,7 +37,7 @@ def geomap_model(view: GeoMapInput) -> GeoMapModel:
     valid: Bools = np.asarray(view.valid, dtype=np.bool_)
     chosen = choose(np.asarray(view.selected, dtype=np.bool_), valid)
     lit, others = sizes(chosen)
-    scale = view.value_range or _value_range(Same(view.values), Same(valid))
+    scale = view.value_range or value_range(view.values, valid)
     cursor = cursor_of(view.cursor, valid)
     return GeoMapModel(chosen, lit, others, cursor, scale, heat_scale(view.ground))
 
@@ -53,6 +53,11 @@ def cursor_of(cursor: int | None, valid: Bools) -> int | None:
     if cursor is None or not 0 <= cursor < valid.size or not valid[cursor]:
         return None
     return cursor
+
+
+def value_range(values: Floats, valid: Bools) -> Interval:
+    """The scale of values (N,): the 1st .. 99th percentile of the valid."""
+    return _value_range(Same(values), Same(valid))
 
 
 @kept(16)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
 from functools import wraps
 from threading import RLock
 from typing import Any, ParamSpec, TypeVar
@@ -40,6 +41,18 @@ class Same:
             return False
         array = self.array
         return array is other.array and (array is not None or self._ref is other._ref)
+
+
+def identity(value: object) -> object:
+    """A value to compare by: arrays by identity, also inside tuples and in dataclasses' fields."""
+    if isinstance(value, np.ndarray):
+        return Same(value)
+    if isinstance(value, tuple):
+        return tuple(identity(part) for part in value)
+    if is_dataclass(value) and type(value).__eq__ is object.__eq__:
+        parts = (identity(getattr(value, field.name)) for field in fields(value))
+        return type(value), *parts
+    return value
 
 
 def kept(most: int) -> Callable[[Callable[P, T]], Callable[P, T]]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
+from s2rtui.plots.same import Same, kept
 from s2rtui.session.session import Session
 from s2rtui.session.state import State
 
@@ -17,14 +19,35 @@ COLUMNS = (
     "iid", "x", "y", "heading",
 )  # fmt: skip
 """What a list can be sorted by, as the language names it."""
+_FEW = 6
+"""A larger part of all than one in so many is taken from the order of all, which is kept."""
 
 
 def order(store: Store, state: State) -> NDArray[np.intp]:
     """The selected iids in the list's order; ties by iid, NaN last."""
-    members = np.flatnonzero(state.selected)
-    values = column(store, state, state.sort)[members]
-    keys = -values if state.descending else values
-    return members[np.argsort(keys, kind="stable")]
+    values = None if state.sort == "iid" else column(store, state, state.sort)
+    return _order(Same(values), Same(state.selected), state.descending)
+
+
+@kept(2)
+def _order(values: Same, selected: Same, descending: bool) -> NDArray[np.intp]:
+    chosen = np.asarray(selected.array)
+    members = np.flatnonzero(chosen)
+    if values.array is None:
+        return members[::-1] if descending else members
+    if members.size * _FEW < chosen.size:
+        return members[_sorted(np.asarray(values.array)[members], descending)]
+    order = _whole_order(values, descending)
+    return order[chosen[order]]
+
+
+@kept(2)
+def _whole_order(values: Same, descending: bool) -> NDArray[np.intp]:
+    return _sorted(np.asarray(values.array), descending)
+
+
+def _sorted(values: NDArray[Any], descending: bool) -> NDArray[np.intp]:
+    return np.argsort(-values if descending else values, kind="stable")
 
 
 def column(store: Store, state: State, name: str) -> NDArray[np.float64]:

@@ -29,6 +29,8 @@ from s2rtui.session.heat import with_heat
 from s2rtui.session.state import Operator, State
 
 _HISTORY = 100
+INDEX_MEMORY = "128MB"
+"""Columns are read one by one, so the index itself needs little."""
 Notebooks = Callable[[str], Notebook]
 
 
@@ -42,7 +44,7 @@ class Session:
 
         Raises RequestError where there is no store or no computed run.
         """
-        self.store: Store = s2rstore.open(path)
+        self.store: Store = s2rstore.open(path, INDEX_MEMORY)
         self.notebook = notebooks(self.store.dataset.hash) if notebooks else None
         self._retired: Store | None = None
         self._bases: dict[tuple[object, ...], NDArray[np.bool_]] = {}
@@ -266,7 +268,7 @@ class Session:
         if self.store.latest_generation() == self.store.generation:
             return self.tell("this is the newest generation")
         old, state = self.store, self.state
-        fresh_store = s2rstore.open(old.path)
+        fresh_store = s2rstore.open(old.path, INDEX_MEMORY)
         runs = tuple(name for name, record in fresh_store.runs.items() if record.key)
         if fresh_store.dataset.hash != old.dataset.hash or not runs:
             fresh_store.close()

@@ -39,6 +39,9 @@ class AdjustView(View):
             for index, slider in enumerate(adjust.sliders)
         )  # fmt: skip
 
+    def depends(self, scene: Scene) -> tuple[object, ...]:
+        return scene.state.adjust, scene.resources.live
+
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         canvas = Canvas(*size, theme=look.theme)
         adjust = scene.state.adjust

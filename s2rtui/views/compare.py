@@ -11,8 +11,9 @@ import numpy as np
 from s2rstore.errors import RequestError
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.plots.geomap_model import value_range
 from s2rtui.plots.inputs import Floats
-from s2rtui.plots.scale import percentile_range
+from s2rtui.plots.same import identity
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session, comparing, derive
 from s2rtui.views.contract import Pane, Pixels, Scene, Table, View, area
@@ -46,6 +47,12 @@ class CompareView(View):
             floor_plan=scene.resources.floor_plan, rooms=store.rooms,
             room_names=state.room_names, mark=scene.mark(self.name),
         )  # fmt: skip
+
+    def depends(self, scene: Scene) -> tuple[object, ...]:
+        state, other = scene.state, comparing.other_run(scene.state)
+        if other is None:
+            return ()
+        return state.generation, identity(self.input(scene, other)), state.viewport
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         canvas = Canvas(*size, theme=look.theme)
@@ -83,7 +90,7 @@ class CompareView(View):
         store, state = scene.store, scene.state
         runs = (state.run, other)
         errors = [store.run_columns(run).side(state.side).error for run in runs]
-        upper = max(percentile_range(column[state.base])[1] for column in errors)
+        upper = max(value_range(column, state.base)[1] for column in errors)
         first, second = (
             replace(
                 derive.map_input(

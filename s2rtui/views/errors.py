@@ -9,6 +9,7 @@ import numpy as np
 
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.plots.same import identity
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.views.contract import Pixels, Scene, Table, View, cell_width, number, rounded, span
 
@@ -52,6 +53,9 @@ class ErrorsView(View):
 
         title = f"{scene.state.run}: position errors in simulation and in reality"
         return figures.histogram_figure(self.input(scene), size, theme, title, scene.caption)
+
+    def depends(self, scene: Scene) -> tuple[object, ...]:
+        return (identity(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return plots.histogram(self.input(scene), size, look)

@@ -9,6 +9,7 @@ import numpy as np
 
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.plots.same import identity
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session, derive
 from s2rtui.session.adjusted import live_poses
@@ -53,6 +54,9 @@ class MapView(View):
         )
         shown = scene.resources.live if scene.state.view == "adjust" else None
         return replace(view, live=live_poses(shown)) if shown else view
+
+    def depends(self, scene: Scene) -> tuple[object, ...]:
+        return identity(self.input(scene)), scene.state.viewport
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return plots.geomap(self.input(scene), size, look, scene.state.viewport)

@@ -28,7 +28,7 @@ class InstanceView(View):
         return label if pictures.iid == state.cursor else f"{label} (pictures of {pictures.iid})"
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
-        return (scene.resources.pictures,)
+        return scene.resources.pictures, scene.state.cursor is None
 
     def numbers(self, scene: Scene) -> Table:
         names = ("what", "x", "y", "heading", "error", "heading_error", "note")

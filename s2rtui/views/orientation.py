@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.plots.same import identity
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.views.contract import Pixels, Scene, Table, View, turn
 
@@ -52,6 +53,9 @@ class OrientationView(View):
 
         title = f"{scene.state.run}: headings in simulation, in truth and in reality"
         return figures.orientation_figure(self.input(scene), size, theme, title, scene.caption)
+
+    def depends(self, scene: Scene) -> tuple[object, ...]:
+        return (identity(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return plots.orientation(self.input(scene), size, look)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from s2rstore.language.text import string
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.plots.same import identity
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session
 from s2rtui.views.contract import Pane, Pixels, Scene, Table, View, span
@@ -41,6 +42,10 @@ class OverviewView(View):
         rows = scene.resources.rows
         selected = next((i for i, row in enumerate(rows) if row.run == scene.state.run), None)
         return rows, scene.resources.baseline, selected
+
+    def depends(self, scene: Scene) -> tuple[object, ...]:
+        lines = identity(self.lines(scene))
+        return *self._arguments(scene), lines, scene.mark(self.name)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         lines, mark = self.lines(scene), scene.mark(self.name)

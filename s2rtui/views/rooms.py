@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.plots.same import identity
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session
 from s2rtui.views.contract import Pixels, Scene, Table, View, named
@@ -45,6 +46,9 @@ class RoomsView(View):
 
         title = f"{scene.state.run}: rooms in simulation, in truth and in reality"
         return figures.rooms_figure(self.input(scene), size, theme, title, scene.caption)
+
+    def depends(self, scene: Scene) -> tuple[object, ...]:
+        return (identity(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return plots.rooms(self.input(scene), size, look)

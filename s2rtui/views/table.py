@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.plots.same import Same
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.plots.table import TableColumn, TableInput, table, table_surface
 from s2rtui.session import Session, listing
@@ -77,6 +78,12 @@ class ListView(View):
         told = f"{scene.caption}  ·  metres and degrees"
         return figures.table_figure(self.input(scene), size, theme, title, told)
 
+    def depends(self, scene: Scene) -> tuple[object, ...]:
+        state = scene.state
+        rows = Same(listing.order(scene.store, state))
+        shown = state.generation, state.run, state.sort, state.descending, state.cursor
+        return rows, *shown, scene.notes.remarks
+
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return table(self.input(scene), size, look)
 
@@ -101,12 +108,11 @@ class ListView(View):
 
 
 def _numbers(scene: Scene, name: str, sorts: bool) -> _Column:
-    values = listing.column(scene.store, scene.state, name)
     scale = 180 / math.pi if name in _UNITS else 1.0
     title = name.replace("heading_error", "turn")
 
     def value(iid: int) -> float | None:
-        found = float(values[iid]) * scale
+        found = float(listing.column(scene.store, scene.state, name)[iid]) * scale
         return found if math.isfinite(found) else None
 
     def text(iid: int) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme
 from s2rtui.plots.inputs import Floats
+from s2rtui.plots.same import identity
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session, derive
 from s2rtui.views.contract import Pixels, Scene, Table, View, area
@@ -34,6 +35,9 @@ class UmapView(View):
         names = ("iid", "sim u", "sim v", "real u", "real v", "distance")
         columns = (chosen, sim[:, 0], sim[:, 1], real[:, 0], real[:, 1], distance)
         return names, list(zip(*(column.tolist() for column in columns), strict=True))
+
+    def depends(self, scene: Scene) -> tuple[object, ...]:
+        return (identity(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         return plots.umap(self.input(scene), size, look)

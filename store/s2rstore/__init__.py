@@ -11,11 +11,12 @@ if TYPE_CHECKING:
 __all__ = ["open"]
 
 
-def open(path: str | Path) -> Store:
+def open(path: str | Path, memory: str = "") -> Store:
     """Open the store at `path` for reading; it stays at today's generation until closed.
 
-    Raises `s2rstore.errors.RequestError` where there is no readable store.
+    `memory` (such as 128MB) bounds what the index may take. Raises
+    `s2rstore.errors.RequestError` where there is no readable store.
     """
     from s2rstore.reader import Store
 
-    return Store(path)
+    return Store(path, memory)

@@ -60,8 +60,11 @@ class Frame:
 class Store:
     """A store at the generation that was current when it was opened; close it, or use `with`."""
 
-    def __init__(self, path: str | Path) -> None:
-        """Raises RequestError where `path` holds no store that this version can read."""
+    def __init__(self, path: str | Path, memory: str = "") -> None:
+        """`memory`: see `sandbox.connect`.
+
+        Raises RequestError where `path` holds no store that this version can read.
+        """
         self.path = Path(path)
         current = layout.read_current(self.path)
         if current.schema != schema.VERSION:
@@ -71,7 +74,7 @@ class Store:
             )
         self.generation = current.generation
         self._index = self.path / current.index
-        self._opened: duckdb.DuckDBPyConnection | None = sandbox.connect(self._index)
+        self._opened: duckdb.DuckDBPyConnection | None = sandbox.connect(self._index, memory)
         self._runs_columns: dict[str, RunColumns] = {}
         self._columns = Recent(_COLUMN_BYTES)
         self._arrays: dict[Path, zarr.Array[Any]] = {}

@@ -13,18 +13,25 @@ import duckdb
 from s2rstore.errors import RequestError
 
 
-def connect(index: Path) -> duckdb.DuckDBPyConnection:
-    """Raises RequestError where the file is missing or no index."""
+def connect(index: Path, memory: str = "") -> duckdb.DuckDBPyConnection:
+    """A connection whose configuration is locked.
+
+    `memory`, as DuckDB writes it (128MB), bounds what it holds of the file and what queries may
+    take; the first to open a file in a process decides. Raises RequestError where the file is
+    missing or no index.
+    """
     try:
-        return duckdb.connect(
+        connection = duckdb.connect(
             str(index),
             read_only=True,
-            config={
-                "enable_external_access": "false",
-                "lock_configuration": "true",
-                "temp_directory": "",
-            },
+            config={"enable_external_access": "false", "temp_directory": ""},
         )
+        locked = connection.execute("SELECT current_setting('lock_configuration')").fetchone()
+        if locked != (True,):
+            if memory:
+                connection.execute(f"SET memory_limit = '{memory}'")
+            connection.execute("SET lock_configuration = true")
+        return connection
     except duckdb.Error as error:
         first_line = str(error).splitlines()[0]
         raise RequestError(f"{index}: cannot be opened ({first_line}); run `s2r verify`") from error

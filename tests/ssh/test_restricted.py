@@ -129,6 +129,21 @@ def test_keys_pressed_while_it_starts(server: Sshd, open_screen: OpenScreen, key
     assert _shells(server) == []
 
 
+def test_models_are_neither_offered_nor_loaded(server: Sshd, open_screen: OpenScreen) -> None:
+    screen = open_screen(server.login(forced=True), (200, 60))
+    screen.wait_for("3 instance")
+    assert "adjust" not in screen.lines[-1]
+    for keys in ("a", "S"):
+        screen.press("c")
+        screen.wait_for("│ 40 of 40 │")
+        screen.press(keys)
+    screen.wait_for("not in a restricted session: adjust images live")
+    screen.press("?")
+    assert "adjust images live" not in screen.wait_for("all but these").replace(
+        "not in a restricted session: adjust images live", ""
+    )
+
+
 def test_pictures_go_to_the_users_own_folder_and_nowhere_else(
     server: Sshd, tiny_store: Path, open_screen: OpenScreen
 ) -> None:

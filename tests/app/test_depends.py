@@ -1,0 +1,182 @@
+"""A view is drawn anew exactly where something that it shows has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from s2rstore.records import Bounds
+from s2rtui.canvas import Canvas, Look
+from s2rtui.feeds import reading
+from s2rtui.notebook import Notes, Remark
+from s2rtui.plots.surface import Mark
+from s2rtui.session import HeatChoice, Session, State, derive
+from s2rtui.session.state import Adjust, Brush, Slider
+from s2rtui.titles import shown
+from s2rtui.views import VIEWS, Resources, Scene, View
+from s2rtui.views.contract import RunAccuracies
+from tests.support import tiny
+
+SIZE = (100, 40)
+SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
+ADJUST = Adjust("vanilla", ((SLIDER.key, 1.0),), 0, (SLIDER,))
+BOX = ((2.0, 2.0), (6.0, 5.0))
+
+
+def _others(session: Session, state: State) -> np.ndarray:
+    return state.base & ~state.selected
+
+
+STATES: dict[str, Callable[[Session, State], object]] = {
+    "generation": lambda _, state: state.generation + 1,
+    "newest": lambda _, state: state.newest + 1,
+    "runs": lambda _, state: state.runs[::-1],
+    "run": lambda _, state: state.runs[1],
+    "trajectories": lambda _, state: ("a",),
+    "expression": lambda _, state: "none",
+    "selected": _others,
+    "base": lambda _, state: state.base & (np.arange(state.base.size) % 3 > 0),
+    "cursor": lambda _, state: (state.cursor or 0) + 1,
+    "heat": lambda _, state: HeatChoice("occlusion", "rgb", "sim"),
+    "operator": lambda _, state: "union",
+    "brush": lambda _, state: Brush("map", Mark("map", BOX)),
+    "lasso": lambda _, state: not state.lasso,
+    "other": lambda _, state: state.runs[-1],
+    "adjust": lambda _, state: replace(ADJUST, values=((SLIDER.key, 1.2),)),
+    "map_mode": lambda _, state: "full",
+    "overlay": lambda _, state: "run",
+    "aggregate": lambda _, state: "max",
+    "clip": lambda _, state: not state.clip,
+    "room_names": lambda _, state: not state.room_names,
+    "view": lambda _, state: "adjust",
+    "centre": lambda _, state: "compare",
+    "tab": lambda _, state: "rooms",
+    "sort": lambda _, state: "iid",
+    "descending": lambda _, state: not state.descending,
+    "viewport": lambda _, state: Bounds(2.0, 2.0, 5.0, 4.0),
+    "message": lambda _, state: "something",
+    "is_error": lambda _, state: True,
+    "past": lambda _, state: ("all",),
+    "future": lambda _, state: ("all",),
+}
+RESOURCES: dict[str, Callable[[Resources], object]] = {
+    "rows": lambda found: (replace(found.rows[0], real_accuracy=0.3), *found.rows[1:]),
+    "lines": lambda found: RunAccuracies("sim", {r: v / 2 for r, v in found.lines.values.items()}),
+    "baseline": lambda found: 0.9,
+    "floor_plan": lambda found: np.full((20, 20, 3), 200, dtype=np.uint8),
+    "pictures": lambda found: replace(found.pictures, iid=3, notes=(("where", "here"),)),
+    "instance_grid": lambda found: np.ones((4, 4), dtype=np.float32),
+    "grid": lambda found: np.ones((4, 4), dtype=np.float32),
+    "seen": lambda found: np.eye(4, dtype=np.float32),
+    "live": lambda found: replace(found.live, iid=5, notes=(("real", "else"),)),
+    "live_grid": lambda found: np.ones((4, 4), dtype=np.float32),
+    "progress": lambda found: 0.5,
+}
+NEVER_DRAWN = {
+    "generation", "newest", "trajectories", "expression", "operator", "lasso", "message",
+    "is_error", "past", "future", "centre", "tab", "instance_grid", "progress",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
+    path = tiny.build(tmp_path_factory.mktemp("three") / "s.s2r", runs=("vanilla", "b", "c"))
+    found = Session(path)
+    found.select("worst(40%, real.error)")
+    yield found
+    found.close()
+
+
+@pytest.fixture(scope="module")
+def scenes(session: Session) -> dict[str, Scene]:
+    """A map in colours; one with heat, clip and glyphs, and a brush; one beside sliders."""
+    store, state = session.store, session.state
+    grid = np.arange(16, dtype=np.float32).reshape(4, 4)
+    fed = reading.read_rows(store, state, None) | reading.read_lines(store, state, None)
+    pictures, live = (derive.instance_input(store, state.run, i, state.heat) for i in (0, 2))
+    plain = Scene(store, state, Resources(**fed, pictures=pictures, live=live))
+    heated = replace(plain.resources, grid=grid, seen=grid > 7, live_grid=grid[::-1])
+    rich = replace(
+        state, overlay="selection", clip=True, map_mode="glyph", room_names=True, sort="gap",
+        brush=Brush("umap", Mark("real", BOX)), heat=HeatChoice("activation", "loss"), cursor=4,
+    )  # fmt: skip
+    sliding = replace(state, view="adjust", tab="adjust", adjust=ADJUST, overlay="instance")
+    return {
+        "plain": plain,
+        "rich": replace(plain, state=rich, resources=heated),
+        "sliding": replace(plain, state=sliding, resources=heated),
+    }
+
+
+@pytest.fixture(params=["plain", "rich", "sliding"])
+def scene(request: pytest.FixtureRequest, scenes: dict[str, Scene]) -> Scene:
+    return scenes[request.param]
+
+
+def drawn(view: View, scene: Scene) -> tuple[Canvas, object]:
+    draw, depends = shown(view, scene)
+    return draw(SIZE, Look()), depends
+
+
+def same(first: Canvas, second: Canvas) -> bool:
+    return all(
+        np.array_equal(getattr(first, part), getattr(second, part))
+        for part in ("char", "fg", "bg", "bold")
+    )
+
+
+def changes(session: Session, scene: Scene) -> Iterator[tuple[str, Scene]]:
+    for name, change in STATES.items():
+        yield (
+            name,
+            replace(scene, state=replace(scene.state, **{name: change(session, scene.state)})),
+        )
+    for name, change in RESOURCES.items():
+        changed = replace(scene.resources, **{name: change(scene.resources)})
+        yield name, replace(scene, resources=changed)
+    notes = Notes(remarks={int(np.flatnonzero(scene.state.selected)[0]): Remark(("odd",), "")})
+    yield "notes", replace(scene, notes=notes)
+
+
+def test_every_field_has_a_change() -> None:
+    assert set(STATES) == {field.name for field in fields(State)}
+    assert set(RESOURCES) == {field.name for field in fields(Resources)}
+
+
+@pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
+def test_what_changes_a_drawing_changes_what_it_depends_on(
+    view: View, session: Session, scene: Scene
+) -> None:
+    before, key = drawn(view, scene)
+    assert key is not None
+    for name, changed in changes(session, scene):
+        after, other = drawn(view, changed)
+        assert other != key or same(before, after), name
+
+
+def test_all_but_what_no_view_shows_is_seen(session: Session, scenes: dict[str, Scene]) -> None:
+    seen = set()
+    for scene in scenes.values():
+        before = {view.name: drawn(view, scene)[0] for view in VIEWS}
+        for name, changed in changes(session, scene):
+            if any(not same(before[view.name], drawn(view, changed)[0]) for view in VIEWS):
+                seen.add(name)
+    assert seen == {*STATES, *RESOURCES, "notes"} - NEVER_DRAWN
+
+
+@pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
+def test_the_same_scene_told_again_is_not_drawn_again(view: View, scene: Scene) -> None:
+    _, key = drawn(view, scene)
+    again = replace(scene, state=replace(scene.state, message="else", past=("all",)))
+    assert drawn(view, again)[1] == key
+
+
+def test_a_moving_mark_draws_its_own_view_alone(scenes: dict[str, Scene]) -> None:
+    scene = scenes["rich"]
+    moved = Brush("umap", Mark("real", ((1.0, 1.0), (3.0, 3.0))))
+    changed = replace(scene, state=replace(scene.state, brush=moved))
+    redrawn = {view.name for view in VIEWS if drawn(view, changed)[1] != drawn(view, scene)[1]}
+    assert redrawn == {"umap"}
