@@ -133,11 +133,9 @@ def test_models_are_neither_offered_nor_loaded(server: Sshd, open_screen: OpenSc
     screen = open_screen(server.login(forced=True), (200, 60))
     screen.wait_for("3 instance")
     assert "adjust" not in screen.lines[-1]
-    for keys in ("a", "S"):
-        screen.press("c")
-        screen.wait_for("│ 40 of 40 │")
-        screen.press(keys)
-    screen.wait_for("not in a restricted session: adjust images live")
+    for key, action in {"a": "adjust images live", "S": "save the adjustments"}.items():
+        screen.press(key)
+        screen.wait_for(f"not in a restricted session: {action}")
     screen.press("?")
     assert "adjust images live" not in screen.wait_for("all but these").replace(
         "not in a restricted session: adjust images live", ""
