@@ -46,6 +46,13 @@ def read(store: Store, state: State, run: str, wanted: Callable[[], bool]) -> No
         mask(parse(state.expression), context)
 
 
+def in_use(state: State) -> frozenset[str]:
+    """The runs whose columns are drawn, or will be soon."""
+    awaited = state.awaited.run if state.awaited else None
+    other = other_run(state) if state.centre == "compare" else None
+    return frozenset(run for run in (state.run, awaited, other) if run is not None)
+
+
 def lacking(store: Store, state: State) -> str | None:
     """The run that is compared with, where it has yet to be read."""
     other = other_run(state) if state.centre == "compare" else None

@@ -107,8 +107,7 @@ class Session:
     def set(self, state: State) -> State:
         """Make `state` the current one."""
         self.state = state
-        awaited = state.awaited.run if state.awaited else state.run
-        self.store.in_use = frozenset((state.run, awaited, state.other or state.run))
+        self.store.in_use = loading.in_use(state)
         return state
 
     def tell(self, message: str, is_error: bool = False) -> State:
