@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
 import time
@@ -11,6 +12,7 @@ from threading import Condition, Thread
 
 Work = Callable[[], object]
 
+_LAST_PATIENCE = 30.0
 _under_way: set[object] = set()
 
 
@@ -75,6 +77,14 @@ def rest(patience: float) -> bool:
     while _under_way and time.monotonic() < limit:
         time.sleep(0.01)
     return not _under_way
+
+
+def _rest_at_last() -> None:
+    """For programs that do not end by `end_process`."""
+    rest(_LAST_PATIENCE)
+
+
+atexit.register(_rest_at_last)
 
 
 def end_process(code: int) -> int:

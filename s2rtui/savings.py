@@ -43,7 +43,7 @@ class Savings(Desk):
         if self.saving_refusal:
             raise RequestError(self.saving_refusal)
         self._saved = name
-        self.session.tell(f"run {name}: checking")
+        self.resources = replace(self.resources, saving=f"run {name}: checking")
         again = shlex.join(["s2r", "precompute", str(self.session.store.path), "--run", name])
         self.in_background(
             partial(self._follow, name, start),

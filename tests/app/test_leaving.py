@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import threading
 import time
@@ -58,8 +59,13 @@ def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def opened(open_screen: OpenScreen, store: Path) -> Screen:
     screen = open_screen("tui", str(store))
-    screen.wait_for("of 80")
-    screen.press("\x1b")  # the tour of the first start
+    return begun(screen)
+
+
+def begun(screen: Screen) -> Screen:
+    """After the tour of the first start."""
+    screen.wait_for("any key begins")
+    screen.press("\x1b")
     screen.wait_for("2 map")
     return screen
 
@@ -71,7 +77,13 @@ def left(screen: Screen) -> str:
     assert screen.wait_for_end(20) == 0
     assert time.monotonic() - began < AT_ONCE
     assert b"\x1b[?1049l" in screen.raw
-    return screen.raw.rpartition(b"\x1b[?1049l")[2].decode()
+    return after(screen)
+
+
+def after(screen: Screen) -> str:
+    """The words on the terminal once the application has given it back."""
+    told = screen.raw.rpartition(b"\x1b[?1049l")[2].decode()
+    return re.sub(r"\x1b\[[?<>=0-9;]*[a-zA-Z]", "", told).strip()
 
 
 def test_while_a_run_is_saved(computed: Path, tmp_path: Path, open_screen: OpenScreen) -> None:
@@ -98,7 +110,7 @@ def test_while_a_model_is_loaded(computed: Path, open_screen: OpenScreen) -> Non
     screen = opened(open_screen, computed)
     screen.press("a")
     screen.wait_for("loading the model")
-    assert left(screen).strip() == ""
+    assert left(screen) == ""
 
 
 @pytest.mark.parametrize("feed", ["pictures", "heat on the map", "live"])
@@ -147,12 +159,8 @@ def test_a_fault_is_told_in_one_line(
         screen = open_screen("tui", str(tiny_store))
     finally:
         sys.path.remove(str(folder))
-    screen.wait_for("of 40")
-    screen.press("\x1b")
-    screen.wait_for("2 map")
-    screen.press("m")
+    begun(screen).press("m")
     assert screen.wait_for_end(20) == 70
-    told = screen.raw.rpartition(b"\x1b[?1049l")[2].decode()
-    lines = [line for line in told.splitlines() if line.strip()]
-    assert len(lines) == 1, told
-    assert "s2r: a fault of the program: KeyError: 'no such thing'" in lines[0]
+    assert after(screen) == (
+        "s2r: a fault of the program: KeyError: 'no such thing' (--debug shows where)"
+    )
