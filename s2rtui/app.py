@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -18,19 +19,19 @@ from textual.content import Content
 from textual.screen import Screen
 
 from s2rstore.errors import RequestError, S2RError
-from s2rtui import arrangement, notebook
+from s2rstore.reader import Store
+from s2rtui import arrangement, background, notebook
 from s2rtui.access import Access
 from s2rtui.actions import ACTIONS, BY_NAME, footer, named, offered
 from s2rtui.arrangement import Place, SizeClass
 from s2rtui.brushes import Brushes
 from s2rtui.canvas import ColourMode, Look
-from s2rtui.feeds import live
 from s2rtui.feeds.feeding import Feeding
 from s2rtui.messages import Fed, Progressed
 from s2rtui.notebook import Notebook
 from s2rtui.papers import Papers
 from s2rtui.savings import Savings
-from s2rtui.session import Session, State, adjusting, sharing, showing
+from s2rtui.session import Session, State, adjusting, loading, sharing, showing
 from s2rtui.themes import textual_theme
 from s2rtui.titles import StatusLine, shown, status_line
 from s2rtui.views import BY_NAME as VIEW_BY_NAME
@@ -44,6 +45,8 @@ from s2rtui.widgets.query import QueryLine
 from s2rtui.widgets.tour import TourScreen
 
 WATCH_SECONDS = 2.0
+_PATIENCE = 0.3
+"""Seconds that work in the background is given when the application is left."""
 _PICTURE_TOLERANCE = {"map": 12, "instance": 12}
 
 
@@ -72,6 +75,7 @@ class S2RApp(Brushes, Papers, Savings):
         super().__init__(ansi_color=look.mode in (ColourMode.ANSI, ColourMode.NONE))
         self.animation_level = "none"
         self.session = session
+        session.waits = True
         self.look = look
         self.resources = Resources()
         self.feeding = Feeding(self)
@@ -108,8 +112,20 @@ class S2RApp(Brushes, Papers, Savings):
             with contextlib.suppress(RequestError):
                 self.session.notebook.remember((*state.past, state.expression))
         self.feeding.stop()
-        live.leave()
-        self.session.close()
+        self.leave_savings()
+        background.start("closing", self.session.close)
+
+    @property
+    def fault(self) -> Exception | None:
+        """What ended the application before its time."""
+        return self._exception
+
+    def _fatal_error(self) -> None:
+        """Without a traceback on the terminal: `run_app` raises what it was."""
+        self._close_messages_no_wait()
+
+    def _print_error_renderables(self) -> None:
+        """See `_fatal_error`."""
 
     def on_resize(self, event: events.Resize) -> None:
         self._resized(event.size.width, event.size.height)
@@ -139,9 +155,9 @@ class S2RApp(Brushes, Papers, Savings):
             wanted = "x".join(str(number) for number in arrangement.SMALLEST)
             status.say(f"the terminal is too small: needs {wanted}")
             return
-        emptied = self.feeding.ask(self.session.store, state)
-        if emptied:
-            self.resources = replace(self.resources, **emptied)
+        asked = self.feeding.ask(self.session.store, state)
+        if asked.anew:
+            self.resources = self.resources.asked(asked.anew, asked.emptied)
         status.say(_safe_bold(*self._status(state)))
         self.show_message()
         self._show_keys(state)
@@ -158,11 +174,11 @@ class S2RApp(Brushes, Papers, Savings):
         if not self.query("#message"):
             return
         state = self.session.state
-        text, share = state.message, self.resources.progress
+        text = state.message
         if not text and self.resources.saving:
             text = self.resources.saving
-        if share is not None and not state.is_error:
-            text = f"{text}  {share:.0%}".strip()
+        if not state.is_error:
+            text = self.resources.told_of(text)
         if not text and state.newest != state.generation:
             text = f"generation {state.newest} is there: g moves on to it"
         self.query_one("#message", Bar).say(_safe(text), "error" if state.is_error else "")
@@ -189,21 +205,37 @@ class S2RApp(Brushes, Papers, Savings):
 
     @property
     def settled(self) -> bool:
-        """Whether all that workers bring is that of the state."""
-        return self.feeding.settled
+        """Whether all that threads bring is that of the state."""
+        return self.feeding.settled and not self.under_way
 
     def on_fed(self, message: Fed) -> None:
+        fresh = message.fields.pop("store", None)
         if not self.feeding.accept(message):
+            if fresh is not None:
+                fresh.close()
             return
-        if message.error:
+        if message.feed == "run":
+            self._arrived(message, fresh)
+        elif message.error:
             self.session.tell(message.error, is_error=True)
-        self.resources = replace(self.resources, **message.fields, progress=None)
+        self.resources = self.resources.fed(message.feed, message.fields, message.error)
         self.refresh_views()
+
+    def _arrived(self, message: Fed, fresh: Store | None) -> None:
+        """The awaited run is read, or cannot be."""
+        try:
+            if message.error:
+                loading.give_up(self.session)
+                raise RequestError(message.error)
+            loading.arrive(self.session, fresh)
+        except S2RError as error:
+            self.session.tell(str(error), is_error=True)
 
     def on_progressed(self, message: Progressed) -> None:
         if not self.feeding.current(message.feed, message.ticket):
             return
-        self.resources = replace(self.resources, progress=message.share)
+        progress = {**self.resources.progress, message.feed: message.share}
+        self.resources = replace(self.resources, progress=progress)
         self.show_message()
 
     def _watch(self) -> None:
@@ -333,7 +365,10 @@ def _safe_bold(before: str, bold: str, after: str) -> str:
 
 
 def run_app(path: Path, run: str | None, colour: str, ascii: bool, access: Access) -> None:
-    """Open the application on a store. Raises RequestError where it cannot run."""
+    """Open the application on a store; what it leaves undone is told on stderr.
+
+    Raises RequestError where it cannot run, S2RError for a fault of the program.
+    """
     from s2rtui.terminal import accept_any_bytes, detect, prepare_environment
 
     terminal = detect(colour, ascii)
@@ -343,3 +378,10 @@ def run_app(path: Path, run: str | None, colour: str, ascii: bool, access: Acces
     app.first_run = notebook.first_run()
     accept_any_bytes()
     app.run(mouse=terminal.mode is not ColourMode.NONE)
+    background.rest(_PATIENCE)
+    with contextlib.suppress(OSError):  # the terminal may be gone
+        for told in app.undone:
+            print(f"s2r: {told}", file=sys.stderr)
+    if app.fault is not None:
+        what = f"{type(app.fault).__name__}: {app.fault}"
+        raise S2RError(f"a fault of the program: {what} (--debug shows where)") from app.fault

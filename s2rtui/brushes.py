@@ -141,22 +141,21 @@ class Brushes(Desk):
             showing.show_view(self.session, view.name, view.pane)
 
     def on_plot_view_dragged(self, message: PlotView.Dragged) -> None:
-        if message.view not in BY_NAME:
+        stroke = message.taken()
+        if stroke.view not in BY_NAME:
             return
-        view = BY_NAME[message.view]
-        panel = self._under(view, message.start)
+        view = BY_NAME[stroke.view]
+        panel = self._under(view, stroke.start)
         if panel is None:
             return
         self._activate(view)
-        start, *trail = (
-            (x + 0.5, y - TITLE_ROWS + 0.5) for x, y in (message.start, *message.trail)
-        )
+        start, *trail = ((x + 0.5, y - TITLE_ROWS + 0.5) for x, y in (stroke.start, *stroke.trail))
         if view.drag(self.session, self.scene, panel, panel.to_data(*trail[-1])):
             self.refresh_views()
             return
         lasso = (start, *trail) if self.session.state.lasso else ()
         brush = brushing.dragged(view.name, panel, start, trail[-1], lasso)
-        if message.done:
+        if stroke.done:
             self._apply(brush, panel)
         else:
             self._put(brush)

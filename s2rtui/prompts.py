@@ -125,6 +125,9 @@ class Prompts(Desk):
             self.session.tell("nothing to save: no slider is there")
             self.refresh_views()
             return
+        if self.saving_refusal:
+            self.tell_refusal(self.saving_refusal)
+            return
         self._ask(self._save_run, "", "a name for the run with these adjustments")
 
     def _save_run(self, name: str) -> None:

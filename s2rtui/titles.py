@@ -18,7 +18,8 @@ def status_line(store: Store, state: State, width: int, look: Look) -> StatusLin
     """Store, trajectory, run, count; the expression; generation. Cut to the width."""
     trajectory = "all" if state.trajectories is None else ", ".join(state.trajectories)
     separator = " | " if look.ascii else " │ "
-    parts = [store.path.name, f"traj {trajectory}", f"run {state.run}", state.count]
+    run = f"run {state.run}" + (f" (loading {state.awaited.run})" if state.awaited else "")
+    parts = [store.path.name, f"traj {trajectory}", run, state.count]
     head = separator.join(parts) + separator
     newer = f" ({state.newest} is there: g)" if state.newest != state.generation else ""
     tail = f"{separator}gen {state.generation}{newer}"

@@ -49,7 +49,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not hasattr(options, "execute"):
         parser.print_help()
         return 2
-    return _guarded(options)
+    code = _guarded(options)
+    return code if argv is not None else _ended(code)
+
+
+def _ended(code: int) -> int:
+    """The program's end: nobody waits for what the application left under way."""
+    background = sys.modules.get("s2rtui.background")
+    return code if background is None else int(background.end_process(code))
 
 
 def _usable(arguments: list[str]) -> bool:

@@ -25,6 +25,7 @@ from s2rstore.language.nodes import (
 )
 from s2rstore.reader import Store
 from s2rtui.notebook import Notebook, Notes
+from s2rtui.session import loading
 from s2rtui.session.heat import with_heat
 from s2rtui.session.state import Operator, State
 
@@ -42,10 +43,12 @@ class Session:
     ) -> None:
         """`notebooks` opens a data set's notebook by its hash; without it nothing is kept.
 
+        `waits` says that somebody reads the columns of awaited runs: see `loading`.
         Raises RequestError where there is no store or no computed run.
         """
         self.store: Store = s2rstore.open(path, INDEX_MEMORY)
         self.notebook = notebooks(self.store.dataset.hash) if notebooks else None
+        self.waits = False
         self._retired: Store | None = None
         self._bases: dict[tuple[object, ...], NDArray[np.bool_]] = {}
         self.state = self._first_state(run)
@@ -104,6 +107,7 @@ class Session:
     def set(self, state: State) -> State:
         """Make `state` the current one."""
         self.state = state
+        self.store.in_use = loading.in_use(state)
         return state
 
     def tell(self, message: str, is_error: bool = False) -> State:
@@ -228,11 +232,22 @@ class Session:
 
     def change_run(self, steps: int) -> State:
         """To the next run, with the same expression where it still means something."""
-        runs = self.state.runs
-        return self.put_run(runs[(runs.index(self.state.run) + steps) % len(runs)])
+        runs, awaited = self.state.runs, self.state.awaited
+        present = awaited.run if awaited and awaited.run in runs else self.state.run
+        return self.put_run(runs[(runs.index(present) + steps) % len(runs)])
 
     def put_run(self, run: str) -> State:
-        """To a run by name."""
+        """To a run by name; where its columns have yet to be read, it is awaited."""
+        awaited = self.state.awaited
+        if awaited and awaited.generation != self.state.generation:
+            return loading.expect(self, run, awaited.generation)
+        if self.waits and run != self.state.run and not loading.is_ready(self.store, run):
+            return loading.expect(self, run, self.state.generation)
+        loading.give_up(self)
+        return self.turn_to(run)
+
+    def turn_to(self, run: str) -> State:
+        """To a run by name, now."""
         state = self._selected(replace(self.state, run=run), self.state.expression)
         return self.set(with_heat(self.store, state))
 
@@ -267,8 +282,14 @@ class Session:
         """Open the newest generation, keeping run and expression where they still exist."""
         if self.store.latest_generation() == self.store.generation:
             return self.tell("this is the newest generation")
+        if self.waits and len(self.store.instances) > loading.AT_ONCE:
+            awaited = self.state.awaited.run if self.state.awaited else self.state.run
+            return loading.expect(self, awaited, self.store.latest_generation())
+        return self.enter(s2rstore.open(self.store.path, INDEX_MEMORY))
+
+    def enter(self, fresh_store: Store) -> State:
+        """Go on in a newer generation; brush and operator stay where the run does."""
         old, state = self.store, self.state
-        fresh_store = s2rstore.open(old.path, INDEX_MEMORY)
         runs = tuple(name for name, record in fresh_store.runs.items() if record.key)
         if fresh_store.dataset.hash != old.dataset.hash or not runs:
             fresh_store.close()
@@ -284,6 +305,7 @@ class Session:
             runs=runs,
             run=run,
             other=state.other if state.other in runs else None,
+            awaited=None,
         )
         told = f"generation {self.store.generation}"
         try:
@@ -292,6 +314,8 @@ class Session:
             made = self._selected(fresh, "all")
             told += f"; {state.expression} means nothing there: {error}"
         self._retire(old)
+        if run == state.run:
+            made = replace(made, brush=state.brush, operator=state.operator)
         return self.set(replace(with_heat(self.store, made), message=told))
 
 

@@ -85,6 +85,14 @@ class Adjust:
         return dict(self.values)[key]
 
 
+@dataclass(frozen=True, slots=True)
+class Awaited:
+    """A run on its way, of a generation that may be newer than the present one."""
+
+    run: str
+    generation: int
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
     """One state of the analysis.
@@ -94,7 +102,8 @@ class State:
     the map's world rectangle, None for all of it. `newest` is the published generation. `past`
     and `future` hold the expressions before and after this one, the nearest last. `operator`
     is how the next selection joins this one. `other` is the run that is compared with. `view` is
-    the one that keys speak to, `centre` and `tab` those that share a place with others.
+    the one that keys speak to, `centre` and `tab` those that share a place with others. `awaited`
+    is the run that is being read, to be turned to once it is there.
     """
 
     generation: int
@@ -111,6 +120,7 @@ class State:
     brush: Brush | None = None
     lasso: bool = False
     other: str | None = None
+    awaited: Awaited | None = None
     adjust: Adjust | None = None
     map_mode: MapMode = "colour"
     overlay: Overlay = "off"

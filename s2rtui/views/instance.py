@@ -7,6 +7,7 @@ import math
 from s2rstore.errors import RequestError
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.session.about import about
 from s2rtui.views.contract import Pixels, Scene, Table, View
 
 
@@ -19,13 +20,16 @@ class InstanceView(View):
     paper = (1600, 1200)
 
     def told(self, scene: Scene) -> str:
-        state, pictures = scene.state, scene.resources.pictures
+        """What the pictures are of comes first; the title may be cut at its end."""
+        state, resources = scene.state, scene.resources
         if state.cursor is None:
             return "none"
-        label = f"{state.cursor}" + (f", {state.heat.label}" if state.heat else "")
-        if pictures is None:
-            return f"{label}, loading"
-        return label if pictures.iid == state.cursor else f"{label} (pictures of {pictures.iid})"
+        wanted = about(state).told(state)
+        if resources.pictures is None or resources.pictures_of is None:
+            failed = resources.failed.get("pictures")
+            return f"{wanted}: {failed}" if failed else f"{wanted}, loading"
+        present = resources.pictures_of.told(state)
+        return present if present == wanted else f"{present} (loading {wanted})"
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
         return scene.resources.pictures, scene.state.cursor is None

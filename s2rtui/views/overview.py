@@ -25,8 +25,9 @@ class OverviewView(View):
     feeds = ("rows", "lines")
 
     def told(self, scene: Scene) -> str:
-        lines = f", each instance in {scene.state.side} a line" if scene.resources.lines else ""
-        return f"accuracy, sim and real{lines}"
+        lines = scene.resources.lines
+        told = f", each instance in {lines.side} a line" if lines else ""
+        return f"accuracy, sim and real{told}"
 
     def lines(self, scene: Scene) -> plots.OverviewLines | None:
         """The instances across the runs, once a worker has brought them."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -132,6 +132,11 @@ def run_columns(
 def forget(index: Index, run: str) -> None:
     """Drop what is kept of a run's columns."""
     index.kept.drop(lambda key: isinstance(key, tuple) and key[:2] == _key(run))
+
+
+def has_read(index: Index, run: str, side: Side | None, names: Iterable[str]) -> bool:
+    """Whether columns of a run are kept; side None are those of both."""
+    return all((*_key(run), side, name) in index.kept for name in names)
 
 
 def _key(run: str) -> tuple[str, str]:
