@@ -81,14 +81,14 @@ class S2RApp(Brushes, Papers, Savings):
         self.first_run = False
 
     def compose(self) -> ComposeResult:
-        yield Bar("status", self.look.ascii)
+        yield Bar("status")
         views = [
             PlotView(view.name, self.look, _PICTURE_TOLERANCE.get(view.name, 0)) for view in VIEWS
         ]
         yield Panes([*views], self._places)
-        yield Bar("message", self.look.ascii)
+        yield Bar("message")
         yield QueryLine()
-        yield Bar("keys", self.look.ascii)
+        yield Bar("keys")
 
     def on_mount(self) -> None:
         self.register_theme(textual_theme(self.look.theme))
@@ -234,7 +234,10 @@ class S2RApp(Brushes, Papers, Savings):
         self.refresh_views()
 
     def action_view(self, name: str) -> None:
-        showing.show_view(self.session, name, VIEW_BY_NAME[name].pane)
+        if self._size_class == "wide" and self.query_one(f"#{name}", PlotView).placed:
+            showing.activate(self.session, name)
+        else:
+            showing.show_view(self.session, name, VIEW_BY_NAME[name].pane)
         self.refresh_views()
 
     def action_focus_next(self) -> None:
@@ -315,6 +318,11 @@ class S2RApp(Brushes, Papers, Savings):
 
     async def action_quit(self) -> None:
         self.exit()
+
+    def action_help_quit(self) -> None:
+        """What ctrl+c is bound to."""
+        self.session.tell(f"{BY_NAME['quit'].key} quits")
+        self.show_message()
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         state = self.session.state

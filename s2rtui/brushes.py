@@ -127,7 +127,7 @@ class Brushes(Desk):
             return  # a drawing on a screen above the views
         view = BY_NAME[message.view]
         panel = self._under(view, message.cell)
-        self._activate(view)
+        showing.activate(self.session, view.name)
         if panel is not None:
             middle = message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5
             try:
@@ -136,10 +136,6 @@ class Brushes(Desk):
                 self.session.tell(str(error), is_error=True)
         self.refresh_views()
 
-    def _activate(self, view: View) -> None:
-        if self.session.state.view != view.name:
-            showing.show_view(self.session, view.name, view.pane)
-
     def on_plot_view_dragged(self, message: PlotView.Dragged) -> None:
         if message.view not in BY_NAME:
             return
@@ -147,7 +143,7 @@ class Brushes(Desk):
         panel = self._under(view, message.start)
         if panel is None:
             return
-        self._activate(view)
+        showing.activate(self.session, view.name)
         start, *trail = (
             (x + 0.5, y - TITLE_ROWS + 0.5) for x, y in (message.start, *message.trail)
         )

@@ -16,8 +16,8 @@ def finding(store: Store, run: str) -> tuple[Node, str]:
         return Extreme("worst", 15, True, Field("real.error")), "the worst 15 % in reality"
     worst = rooms[0]
     return Named(Field("room"), worst.room), (
-        f"worst region: {worst.room}, median error {worst.real_median:.2f} m real, "
-        f"{worst.sim_median:.2f} m sim ({worst.n} new to the model)"
+        f"worst region: {worst.room}, {worst.real_median:.2f} m real, "
+        f"{worst.sim_median:.2f} m sim (medians of {worst.n} unseen)"
     )
 
 

@@ -137,6 +137,13 @@ def show_view(session: Session, name: str, pane: str) -> State:
     return session.set(replace(state, view=name, centre=centre, tab=tab, brush=None))
 
 
+def activate(session: Session, name: str) -> State:
+    """Make a view that is on the screen the one that keys speak to; all stays in its place."""
+    if session.state.view == name:
+        return session.state
+    return session.set(replace(session.state, view=name, brush=None))
+
+
 def leave(session: Session) -> State:
     """Without a brush, a pending operator, an error."""
     state = session.state

@@ -52,7 +52,6 @@ class Resources:
     baseline: float = math.nan
     floor_plan: NDArray[np.uint8] | None = None
     pictures: InstanceInput | None = None
-    instance_grid: Grid | None = None
     grid: Grid | None = None
     grid_of: tuple[object, ...] | None = None
     seen: Grid | None = None
@@ -63,7 +62,7 @@ class Resources:
 
     def heat_on_map(self, state: State) -> Grid | None:
         """What lies on the floor: the heat asked for, or that of the image being adjusted."""
-        if state.view == "adjust" and state.overlay == "instance":
+        if state.adjusting and state.overlay == "instance":
             return self.live_grid
         return self.grid if self.grid_of == heat_of(state) else None
 

@@ -52,7 +52,7 @@ class MapView(View):
             scene.resources.seen if scene.state.clip else None,
             scene.mark(self.name),
         )
-        shown = scene.resources.live if scene.state.view == "adjust" else None
+        shown = scene.resources.live if scene.state.adjusting else None
         return replace(view, live=live_poses(shown)) if shown else view
 
     def depends(self, scene: Scene) -> tuple[object, ...]:

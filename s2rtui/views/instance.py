@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from s2rstore.errors import RequestError
 from s2rtui import plots
@@ -28,7 +29,9 @@ class InstanceView(View):
         return label if pictures.iid == state.cursor else f"{label} (pictures of {pictures.iid})"
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
-        return scene.resources.pictures, scene.state.cursor is None
+        shown = scene.resources.pictures
+        remark = scene.remark(shown.iid) if shown else ""
+        return shown, scene.state.cursor is None, remark
 
     def numbers(self, scene: Scene) -> Table:
         names = ("what", "x", "y", "heading", "error", "heading_error", "note")
@@ -70,4 +73,7 @@ class InstanceView(View):
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         if scene.resources.pictures is None or scene.state.cursor is None:
             return Canvas(*size, theme=look.theme)
-        return plots.instance(scene.resources.pictures, size, look)
+        shown = scene.resources.pictures
+        if remark := scene.remark(shown.iid):
+            shown = replace(shown, notes=(("remark", remark), *shown.notes))
+        return plots.instance(shown, size, look)
