@@ -54,11 +54,8 @@ class S2RApp(Brushes, Papers, Savings):
     TITLE = "s2r"
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
-        *(
-            Binding(",".join(action.keys), action.call, action.description, show=False)
-            for action in ACTIONS
-        ),
-        Binding("escape", "leave", "leave the query line or the brush", show=False),
+        Binding(",".join(action.keys), action.call, action.description, show=False)
+        for action in ACTIONS
     ]
 
     def __init__(
@@ -218,7 +215,7 @@ class S2RApp(Brushes, Papers, Savings):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Whether an action means something now."""
-        known = named(action, parameters)
+        known = None if action == "leave" and self.prompting else named(action, parameters)
         if known is not None and not known.applies(self.session.state):
             return False
         return super().check_action(action, parameters)

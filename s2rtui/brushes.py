@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
-from s2rstore.errors import S2RError
+from s2rstore.errors import RequestError, S2RError
 from s2rtui.desk import Desk
 from s2rtui.plots.surface import Panel, panel_at
-from s2rtui.session import brushing, showing
+from s2rtui.session import brushing, listing, showing
 from s2rtui.session.state import Brush, Operator
 from s2rtui.views import BY_NAME, View
 from s2rtui.widgets import PlotView
@@ -89,10 +89,7 @@ class Brushes(Desk):
         if held is None:
             self._put(None)
             return
-        if operator:
-            state = replace(self.session.state, operator=cast(Operator, operator))
-            self.session.set(state)
-        self._apply(*held)
+        self._apply(*held, cast(Operator, operator) if operator else None)
 
     def action_lasso(self) -> None:
         state = self.session.state
@@ -101,21 +98,23 @@ class Brushes(Desk):
         self.session.set(made)
         self.refresh_views()
 
-    def _apply(self, brush: Brush, panel: Panel) -> None:
-        view = BY_NAME[brush.view]
-        mark = brush.mark
-        if mark.lasso:
-            mark = replace(mark, points=brushing.outline(brush))
-            if len(mark.points) < 3:
-                self.session.tell("a lasso needs three corners: space sets one")
-                self.refresh_views()
-                return
+    def _apply(self, brush: Brush, panel: Panel, operator: Operator | None = None) -> bool:
+        """Select what is inside, joined by an operator (default: the pending one)."""
+        view, mark, before = BY_NAME[brush.view], brush.mark, self.session.state
         try:
-            self.session.choose(view.meaning(self.scene, panel, mark))
+            if mark.lasso:
+                mark = replace(mark, points=brushing.outline(brush))
+                if len(mark.points) < 3:
+                    raise RequestError("a lasso needs three corners: space sets one")
+            meaning = view.meaning(self.scene, panel, mark)
+            self.session.set(replace(before, operator=operator or before.operator))
+            self.session.choose(meaning)
         except S2RError as error:
+            self.session.set(before)
             self.refuse(error)
-            return
+            return False
         self.refresh_views()
+        return True
 
     # --- the mouse ---------------------------------------------------------------------------
 
@@ -152,10 +151,11 @@ class Brushes(Desk):
             return
         lasso = (start, *trail) if self.session.state.lasso else ()
         brush = brushing.dragged(view.name, panel, start, trail[-1], lasso)
-        if message.done:
-            self._apply(brush, panel)
-        else:
+        if not message.done:
             self._put(brush)
+        elif not self._apply(brush, panel):
+            self.session.set(replace(self.session.state, brush=None))
+            self.refresh_views()
 
     def on_plot_view_wheeled(self, message: PlotView.Wheeled) -> None:
         if message.view not in BY_NAME:
@@ -166,8 +166,5 @@ class Brushes(Desk):
             at = panel.to_data(message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5)
             showing.zoom(self.session, _ZOOM if message.steps > 0 else 1 / _ZOOM, at)
         elif view.name == "list":
-            self.run_worker(
-                self.run_action("do('previous_row')" if message.steps > 0 else "do('next_row')")
-            )
-            return
+            listing.move(self.session, -message.steps)
         self.refresh_views()

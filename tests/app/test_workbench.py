@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from textual.events import MouseScrollDown
 from textual.pilot import Pilot
 
 from s2rtui.app import S2RApp
@@ -13,7 +14,7 @@ from s2rtui.canvas import Look
 from s2rtui.headless import settle, take
 from s2rtui.notebook import Notebook
 from s2rtui.plots.surface import Panel
-from s2rtui.session import Session
+from s2rtui.session import Session, listing
 from s2rtui.views import BY_NAME, VIEWS
 
 BRUSHABLE = ("overview", "map", "umap", "orientation", "rooms", "errors", "list", "compare")
@@ -116,6 +117,34 @@ async def test_a_lasso_of_two_corners_is_refused(tiny_store: Path) -> None:
         await press(app, pilot, "c", "L", "x", "enter")
         assert "three corners" in app.session.state.message
         assert app.session.state.expression == "all"
+        await press(app, pilot, "escape", "x", "ampersand")
+        state = app.session.state
+        assert "three corners" in state.message
+        assert (state.operator, state.brush is None) == ("replace", False)
+
+
+async def test_a_lasso_too_short_by_the_mouse_leaves_no_mark(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", "L")
+        panel = panels(app, "map")[0]
+        at = panel.x + 9, panel.y + 9
+        await drag(app, pilot, "map", [at, (at[0] + 1, at[1])])
+        assert "three corners" in app.session.state.message
+        assert app.session.state.brush is None
+
+
+async def test_the_wheel_moves_through_the_list_from_any_view(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", "8")
+        rows = listing.order(app.session.store, app.session.state)
+        app.session.put_cursor(int(rows[4]))
+        await press(app, pilot, "1")
+        run = app.session.state.run
+        await pilot._post_mouse_events([MouseScrollDown], "#list", offset=(9, 9), button=0)
+        await settle(app, pilot)
+        assert (app.session.state.cursor, app.session.state.run) == (rows[5], run)
 
 
 async def drag(app: S2RApp, pilot: Pilot[None], name: str, cells: list[tuple[int, int]]) -> None:
