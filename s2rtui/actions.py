@@ -286,8 +286,10 @@ def help_text(access: Access | None = None) -> str:
     lines = []
     for group, title in GROUPS.items():
         lines.append(title)
-        for action in offered(access):
-            if action.group == group and action.description:
-                lines.append(f"  {action.all_keys:<18}{action.description}")
+        lines += [
+            f"  {action.all_keys:<18}{action.description}"
+            for action in offered(access)
+            if action.group == group and action.description
+        ]
         lines.append("")
     return "\n".join(lines).rstrip()

@@ -109,6 +109,7 @@ class S2RApp(Brushes, Papers, Savings):
         self.session.close()
 
     def on_resize(self, event: events.Resize) -> None:
+        self.drop_drag()
         self._resized(event.size.width, event.size.height)
         self.refresh_views()
 
@@ -215,7 +216,8 @@ class S2RApp(Brushes, Papers, Savings):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Whether an action means something now."""
-        known = None if action == "leave" and self.prompting else named(action, parameters)
+        begun = action == "leave" and (self.prompting or self.dragging)
+        known = None if begun else named(action, parameters)
         if known is not None and not known.applies(self.session.state):
             return False
         return super().check_action(action, parameters)
@@ -268,6 +270,7 @@ class S2RApp(Brushes, Papers, Savings):
         if self.prompting:
             self.close_prompt()
         else:
+            self.drop_drag()
             showing.leave(self.session)
             self.refresh_views()
 

@@ -118,6 +118,16 @@ class Brushes(Desk):
 
     # --- the mouse ---------------------------------------------------------------------------
 
+    @property
+    def dragging(self) -> bool:
+        """Whether the mouse is drawing a mark or moving a slider."""
+        return any(plot.dragging for plot in self.query(PlotView))
+
+    def drop_drag(self) -> None:
+        """End what the mouse has begun, without a mark."""
+        if any([plot.abandon() for plot in self.query(PlotView)]):
+            self.session.set(replace(self.session.state, brush=None))
+
     def _under(self, view: View, cell: Cell) -> Panel | None:
         return panel_at(self._panels(view), cell[0], cell[1] - TITLE_ROWS)
 
@@ -140,7 +150,8 @@ class Brushes(Desk):
             return
         view = BY_NAME[message.view]
         panel = self._under(view, message.start)
-        if panel is None:
+        over = not message.done and not self.query_one(f"#{view.name}", PlotView).dragging
+        if panel is None or over:
             return
         showing.activate(self.session, view.name)
         start, *trail = (

@@ -13,7 +13,6 @@ from s2rtui.saving import Saving
 from s2rtui.session import Session
 from s2rtui.views import BY_NAME, Resources, Scene, View
 
-
 _ASCII = AsciiFilter()
 
 

@@ -123,6 +123,19 @@ class PlotView(Widget, can_focus=False):
             self._tell(done=True)
         self._trail = []
 
+    @property
+    def dragging(self) -> bool:
+        """Whether the mouse's button is down here."""
+        return bool(self._trail)
+
+    def abandon(self) -> bool:
+        """Forget what the mouse has begun; True where there was something."""
+        begun = self.dragging
+        if begun:
+            self.release_mouse()
+            self._trail = []
+        return begun
+
     def _tell(self, done: bool) -> None:
         message = self.Dragged(self._view, self._trail[0], tuple(self._trail[1:]), done)
         self.post_message(message)
