@@ -31,6 +31,7 @@ from s2rtui.notebook import Notebook
 from s2rtui.papers import Papers
 from s2rtui.savings import Savings
 from s2rtui.session import Session, State, adjusting, sharing, showing
+from s2rtui.terminal import Terminal, accept_any_bytes
 from s2rtui.themes import textual_theme
 from s2rtui.titles import StatusLine, shown, status_line
 from s2rtui.views import BY_NAME as VIEW_BY_NAME
@@ -76,6 +77,7 @@ class S2RApp(Brushes, Papers, Savings):
         self.files_at = pictures_at or self.access.pictures
         self._size_class: SizeClass = "narrow"
         self.first_run = False
+        self.terminal: Terminal | None = None
 
     def compose(self) -> ComposeResult:
         yield Bar("status")
@@ -163,7 +165,8 @@ class S2RApp(Brushes, Papers, Savings):
             text = f"{text}  {share:.0%}".strip()
         if not text and state.newest != state.generation:
             text = f"generation {state.newest} is there: g moves on to it"
-        self.query_one("#message", Bar).say(_safe(text), "error" if state.is_error else "")
+        classes = "error" if state.is_error else "whole" if self.prompting else ""
+        self.query_one("#message", Bar).say(_safe(text), classes)
 
     def _show_keys(self, state: State) -> None:
         pairs = footer(self.size.width - 2, state, self.access)
@@ -301,7 +304,7 @@ class S2RApp(Brushes, Papers, Savings):
             await self.run_action(action)
 
     def action_doctor(self) -> None:
-        self.push_screen(DoctorScreen(self.look))
+        self.push_screen(DoctorScreen(self.look, self.terminal))
 
     def action_tour(self) -> None:
         self.push_screen(TourScreen())
@@ -340,14 +343,13 @@ def _safe_bold(before: str, bold: str, after: str) -> str:
     return f"{_safe(before)}[b]{_safe(bold)}[/b]{_safe(after)}"
 
 
-def run_app(path: Path, run: str | None, colour: str, ascii: bool, access: Access) -> None:
-    """Open the application on a store. Raises RequestError where it cannot run."""
-    from s2rtui.terminal import accept_any_bytes, detect, prepare_environment
+def run_app(path: Path, run: str | None, terminal: Terminal, access: Access) -> None:
+    """Open the application on a store; the environment was prepared for the terminal.
 
-    terminal = detect(colour, ascii)
-    prepare_environment(terminal)
+    Raises RequestError where it cannot run.
+    """
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
     app = S2RApp(Session(path, run, Notebook), look, access=access)
-    app.first_run = notebook.first_run()
+    app.first_run, app.terminal = notebook.first_run(), terminal
     accept_any_bytes()
     app.run(mouse=terminal.mode is not ColourMode.NONE)

@@ -125,7 +125,8 @@ class Brushes(Desk):
 
     def drop_drag(self) -> None:
         """End what the mouse has begun, without a mark."""
-        if any([plot.abandon() for plot in self.query(PlotView)]):
+        begun = [plot for plot in self.query(PlotView) if plot.abandon()]
+        if begun:
             self.session.set(replace(self.session.state, brush=None))
 
     def _under(self, view: View, cell: Cell) -> Panel | None:
