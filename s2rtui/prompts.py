@@ -145,7 +145,7 @@ class Prompts(Desk):
         self.refresh_views()
 
     def on_query_line_offered(self, message: QueryLine.Offered) -> None:
-        offers = [f"{text.split()[-1]} ({what})" for text, what in message.options[:_OFFERS]]
+        offers = [f"{word} ({what})" for word, what in message.options[:_OFFERS]]
         more = len(message.options) - _OFFERS
         text = "  ".join(offers) + (f"  and {more} more" if more > 0 else "")
         self.session.tell(text or "nothing known continues this")

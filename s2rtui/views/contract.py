@@ -178,10 +178,15 @@ def area(panel: Panel, mark: Mark, box: str, lasso: str) -> str:
     return call(box, [min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)])
 
 
-def span(panel: Panel, mark: Mark, field: str) -> str:
-    """A range of one field, both ends included."""
+def span(
+    panel: Panel, mark: Mark, field: str, lowest: float = -math.inf, highest: float = math.inf
+) -> str:
+    """A range of one field, both ends included, within what the field can be."""
     cell = cell_width(panel)
-    ends = sorted(rounded(point[0], cell) for point in (mark.points[0], mark.points[-1]))
+    ends = sorted(
+        min(max(rounded(point[0], cell), lowest), highest)
+        for point in (mark.points[0], mark.points[-1])
+    )
     return f"{field}:{number(ends[0])}..{number(ends[1])}"
 
 

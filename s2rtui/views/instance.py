@@ -68,6 +68,9 @@ class InstanceView(View):
         shown = scene.resources.pictures
         if shown is None:
             raise RequestError("--select: selects nothing, so there is no instance to draw")
+        if not (shown.sim.rgb.size and shown.real.rgb.size):
+            told = "this store has no frames to draw; `s2r show` prints the numbers"
+            raise RequestError(f"--view instance: {told}")
         return figures.instance_figure(shown, size, theme, scene.state.run)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:

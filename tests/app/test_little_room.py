@@ -115,4 +115,4 @@ def test_the_terminals_reason_is_the_one_that_was_found() -> None:
 def test_titles_show_that_they_are_cut(tiny_store: Path) -> None:
     lines = snapshot(tiny_store, (120, 40), []).text.splitlines()
     title = next(line for line in lines if "1 overview" in line)
-    assert title.endswith("…") or title.endswith("line")
+    assert title.endswith(("…", "line"))

@@ -8,8 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from s2rtui.plots.surface import Panel
+from s2rstore.language import parse
+from s2rtui.plots.surface import Mark, Panel
 from s2rtui.session import Brush, brushing
+from s2rtui.views.contract import span
 
 
 def plane(y_down: bool = True) -> Panel:
@@ -110,3 +112,12 @@ def test_a_heading_across_half_a_turn_can_be_stretched() -> None:
     drawn = replace(brushing.begun("orientation", panel, None).mark, points=((170, 1), (-170, 1)))
     brush = brushing.stretched(Brush("orientation", drawn), panel, 1, 0)
     assert brush.mark.points == ((170, 1), (-165, 1))
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3))
+def test_a_range_stays_within_what_its_field_can_be(low: float, high: float) -> None:
+    panel = line("range")
+    text = span(panel, Mark("real", ((low, 0.0), (high, 0.0))), "real.accuracy", 0.0, 1.0)
+    first, last = text.removeprefix("real.accuracy:").split("..")
+    assert 0 <= float(first) <= float(last) <= 1
+    parse(text)
