@@ -32,6 +32,7 @@ from s2rtui.notebook import Notebook
 from s2rtui.papers import Papers
 from s2rtui.savings import Savings
 from s2rtui.session import Session, State, adjusting, loading, sharing, showing
+from s2rtui.terminal import Terminal, accept_any_bytes
 from s2rtui.themes import textual_theme
 from s2rtui.titles import StatusLine, shown, status_line
 from s2rtui.views import BY_NAME as VIEW_BY_NAME
@@ -57,11 +58,8 @@ class S2RApp(Brushes, Papers, Savings):
     TITLE = "s2r"
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
-        *(
-            Binding(",".join(action.keys), action.call, action.description, show=False)
-            for action in ACTIONS
-        ),
-        Binding("escape", "leave", "leave the query line or the brush", show=False),
+        Binding(",".join(action.keys), action.call, action.description, show=False)
+        for action in ACTIONS
     ]
 
     def __init__(
@@ -83,16 +81,17 @@ class S2RApp(Brushes, Papers, Savings):
         self.files_at = pictures_at or self.access.pictures
         self._size_class: SizeClass = "narrow"
         self.first_run = False
+        self.terminal: Terminal | None = None
 
     def compose(self) -> ComposeResult:
-        yield Bar("status", self.look.ascii)
+        yield Bar("status")
         views = [
             PlotView(view.name, self.look, _PICTURE_TOLERANCE.get(view.name, 0)) for view in VIEWS
         ]
         yield Panes([*views], self._places)
-        yield Bar("message", self.look.ascii)
+        yield Bar("message")
         yield QueryLine()
-        yield Bar("keys", self.look.ascii)
+        yield Bar("keys")
 
     def on_mount(self) -> None:
         self.register_theme(textual_theme(self.look.theme))
@@ -128,6 +127,7 @@ class S2RApp(Brushes, Papers, Savings):
         """See `_fatal_error`."""
 
     def on_resize(self, event: events.Resize) -> None:
+        self.drop_drag()
         self._resized(event.size.width, event.size.height)
         self.refresh_views()
 
@@ -181,7 +181,8 @@ class S2RApp(Brushes, Papers, Savings):
             text = self.resources.told_of(text)
         if not text and state.newest != state.generation:
             text = f"generation {state.newest} is there: g moves on to it"
-        self.query_one("#message", Bar).say(_safe(text), "error" if state.is_error else "")
+        classes = "error" if state.is_error else "whole" if self.prompting else ""
+        self.query_one("#message", Bar).say(_safe(text), classes)
 
     def _show_keys(self, state: State) -> None:
         pairs = footer(self.size.width - 2, state, self.access)
@@ -250,7 +251,8 @@ class S2RApp(Brushes, Papers, Savings):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Whether an action means something now."""
-        known = named(action, parameters)
+        begun = action == "leave" and (self.prompting or self.dragging)
+        known = None if begun else named(action, parameters)
         if known is not None and not known.applies(self.session.state):
             return False
         return super().check_action(action, parameters)
@@ -266,7 +268,10 @@ class S2RApp(Brushes, Papers, Savings):
         self.refresh_views()
 
     def action_view(self, name: str) -> None:
-        showing.show_view(self.session, name, VIEW_BY_NAME[name].pane)
+        if self._size_class == "wide" and self.query_one(f"#{name}", PlotView).placed:
+            showing.activate(self.session, name)
+        else:
+            showing.show_view(self.session, name, VIEW_BY_NAME[name].pane)
         self.refresh_views()
 
     def action_focus_next(self) -> None:
@@ -300,6 +305,7 @@ class S2RApp(Brushes, Papers, Savings):
         if self.prompting:
             self.close_prompt()
         else:
+            self.drop_drag()
             showing.leave(self.session)
             self.refresh_views()
 
@@ -330,7 +336,7 @@ class S2RApp(Brushes, Papers, Savings):
             await self.run_action(action)
 
     def action_doctor(self) -> None:
-        self.push_screen(DoctorScreen(self.look))
+        self.push_screen(DoctorScreen(self.look, self.terminal))
 
     def action_tour(self) -> None:
         self.push_screen(TourScreen())
@@ -348,6 +354,11 @@ class S2RApp(Brushes, Papers, Savings):
     async def action_quit(self) -> None:
         self.exit()
 
+    def action_help_quit(self) -> None:
+        """What ctrl+c is bound to."""
+        self.session.tell(f"{BY_NAME['quit'].key} quits")
+        self.show_message()
+
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         state = self.session.state
         for action in offered(self.access):
@@ -364,18 +375,15 @@ def _safe_bold(before: str, bold: str, after: str) -> str:
     return f"{_safe(before)}[b]{_safe(bold)}[/b]{_safe(after)}"
 
 
-def run_app(path: Path, run: str | None, colour: str, ascii: bool, access: Access) -> None:
-    """Open the application on a store; what it leaves undone is told on stderr.
+def run_app(path: Path, run: str | None, terminal: Terminal, access: Access) -> None:
+    """Open the application on a store; the environment was prepared for the terminal.
 
-    Raises RequestError where it cannot run, S2RError for a fault of the program.
+    What it leaves undone is told on stderr. Raises RequestError where it cannot run, S2RError for a
+    fault of the program.
     """
-    from s2rtui.terminal import accept_any_bytes, detect, prepare_environment
-
-    terminal = detect(colour, ascii)
-    prepare_environment(terminal)
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
     app = S2RApp(Session(path, run, Notebook), look, access=access)
-    app.first_run = notebook.first_run()
+    app.first_run, app.terminal = notebook.first_run(), terminal
     accept_any_bytes()
     app.run(mouse=terminal.mode is not ColourMode.NONE)
     background.rest(_PATIENCE)

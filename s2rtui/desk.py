@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
+from textual.filter import LineFilter
 from textual.message import Message
 
 from s2rtui.access.guard import GuardedApp
 from s2rtui.background import start
 from s2rtui.canvas import Look
 from s2rtui.messages import Failed
+from s2rtui.plain import AsciiFilter
 from s2rtui.saving import Saving
 from s2rtui.session import Session
 from s2rtui.views import BY_NAME, Resources, Scene, View
+
+_ASCII = AsciiFilter()
 
 
 class Desk(GuardedApp):
@@ -61,6 +65,11 @@ class Desk(GuardedApp):
     def scene(self) -> Scene:
         """What the views are drawn from now."""
         return Scene(self.session.store, self.session.state, self.resources, self.session.notes)
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Textual's filters, and ours where only ASCII is allowed."""
+        filters = super().get_line_filters()
+        return [*filters, _ASCII] if self.look.ascii else filters
 
     @property
     def active(self) -> View:

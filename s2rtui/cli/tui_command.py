@@ -37,8 +37,9 @@ def execute(options: argparse.Namespace) -> int:
     else:
         refuse_unusable()
         access = Access.of(options.store)
-    prepare_environment(detect(options.colour, options.ascii))
+    terminal = detect(options.colour, options.ascii)
+    prepare_environment(terminal)
     from s2rtui.app import run_app
 
-    run_app(options.store, options.run, options.colour, options.ascii, access)
+    run_app(options.store, options.run, terminal, access)
     return 0

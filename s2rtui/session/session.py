@@ -10,26 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 import s2rstore
-from s2rstore import findings, selection
+from s2rstore import selection
 from s2rstore.errors import RequestError
 from s2rstore.language import MaskContext, Node, base_population, mask, parse, to_text
-from s2rstore.language.nodes import (
-    And,
-    Everything,
-    Extreme,
-    Field,
-    Minus,
-    Named,
-    Not,
-    Or,
-)
+from s2rstore.language.nodes import Not
 from s2rstore.reader import Store
 from s2rtui.notebook import Notebook, Notes
-from s2rtui.session import loading
+from s2rtui.session import anew, loading
+from s2rtui.session.begin import finding, joined
 from s2rtui.session.heat import with_heat
 from s2rtui.session.state import Operator, State
 
-_HISTORY = 100
+HISTORY = 100
 INDEX_MEMORY = "128MB"
 """Columns are read one by one, so the index itself needs little."""
 Notebooks = Callable[[str], Notebook]
@@ -87,20 +79,9 @@ class Session:
             cursor=None,
             heat=None,
         )
-        finding, told = self._finding(chosen.run)
-        state = with_heat(self.store, self._selected(state, finding))
+        first, told = finding(self.store, chosen.run)
+        state = with_heat(self.store, self._selected(state, first))
         return replace(state, past=(), message=told)
-
-    def _finding(self, run: str) -> tuple[Node, str]:
-        """The first screen's selection, the room where reality is worst, and what it says."""
-        rooms = findings.regions(self.store, run)
-        if not rooms:
-            return Extreme("worst", 15, True, Field("real.error")), "the worst 15 % in reality"
-        worst = rooms[0]
-        return Named(Field("room"), worst.room), (
-            f"worst region: {worst.room}, median error {worst.real_median:.2f} m real, "
-            f"{worst.sim_median:.2f} m sim, {worst.n} instances new to the model"
-        )
 
     # --- the state -----------------------------------------------------------------------------
 
@@ -165,7 +146,9 @@ class Session:
         past, future = state.past, state.future
         text = to_text(node)
         if text != state.expression:
-            past, future = (*past, state.expression)[-_HISTORY:], ()
+            past, future = (*past, state.expression)[-HISTORY:], ()
+        told = ["" if chosen.any() else "nothing is selected"]
+        told.append(anew.told(node, state, context, self.notes))
         made = replace(
             state,
             expression=text,
@@ -175,7 +158,7 @@ class Session:
             future=future,
             operator="replace",
             brush=None,
-            message="" if chosen.any() else "nothing is selected",
+            message="; ".join(part for part in told if part),
             is_error=False,
         )
         return replace(made, cursor=self._kept_cursor(made))
@@ -200,20 +183,30 @@ class Session:
 
     def undo(self) -> State:
         """Back to the expression before this one."""
-        if not self.state.past:
-            return self.tell("nothing to undo")
-        *past, last = self.state.past
-        future = (*self.state.future, self.state.expression)
-        made = self._selected(self.state, last)
-        return self.set(replace(made, past=tuple(past), future=future))
+        return self._walk(self.state.past, "undo")
 
     def redo(self) -> State:
         """Forward to the expression that was left by undo."""
-        if not self.state.future:
-            return self.tell("nothing to redo")
-        *future, following = self.state.future
-        made = self._selected(self.state, following)
-        return self.set(replace(made, future=tuple(future)))
+        return self._walk(self.state.future, "redo")
+
+    def _walk(self, texts: tuple[str, ...], what: str) -> State:
+        """To the last of some expressions that still means something here; the rest is told."""
+        before, left, lost = self.state, list(texts), [""]
+        while left:
+            text = left.pop()
+            try:
+                made = self._selected(before, text)
+            except RequestError as error:
+                lost.append(f"left out: {text} ({error})")
+                continue
+            told = "; ".join(part for part in (made.message, *lost) if part)
+            past, future = tuple(left), (*before.future, before.expression)
+            if what == "redo":
+                past, future = (*before.past, before.expression), tuple(left)
+            return self.set(replace(made, past=past, future=future, message=told))
+        kept = replace(before, past=() if what == "undo" else before.past)
+        self.set(replace(kept, future=() if what == "redo" else kept.future))
+        return self.tell("; ".join((f"nothing to {what}", *lost[1:])))
 
     # --- moving --------------------------------------------------------------------------------
 
@@ -247,20 +240,32 @@ class Session:
         return self.turn_to(run)
 
     def turn_to(self, run: str) -> State:
-        """To a run by name, now."""
-        state = self._selected(replace(self.state, run=run), self.state.expression)
+        """To a run by name, now; all is selected where the expression means nothing there."""
+        state = self._kept(replace(self.state, run=run))
         return self.set(with_heat(self.store, state))
+
+    def put_trajectories(self, names: tuple[str, ...] | None) -> State:
+        """To some trajectories, None for all."""
+        return self.set(self._kept(replace(self.state, trajectories=names)))
+
+    def _kept(self, state: State) -> State:
+        """The expression evaluated in another situation, or all where it means nothing there."""
+        try:
+            return self._selected(state, state.expression)
+        except RequestError as error:
+            made = self._selected(state, "all")
+            told = f"all selected: {state.expression} means nothing here ({error})"
+            return replace(made, message=told)
 
     def change_trajectory(self) -> State:
         """All trajectories, then each alone."""
         names = self.store.instances.trajectory_names
         options: list[tuple[str, ...] | None] = [None, *((name,) for name in names)]
-        following = options[(options.index(self.state.trajectories) + 1) % len(options)]
+        present = self.state.trajectories
+        at = options.index(present) if present in options else -1
         if len(names) == 1:
             return self.tell(f"there is one trajectory: {names[0]}")
-        return self.set(
-            self._selected(replace(self.state, trajectories=following), self.state.expression)
-        )
+        return self.put_trajectories(options[(at + 1) % len(options)])
 
     # --- generations ---------------------------------------------------------------------------
 
@@ -307,22 +312,9 @@ class Session:
             other=state.other if state.other in runs else None,
             awaited=None,
         )
-        told = f"generation {self.store.generation}"
-        try:
-            made = self._selected(fresh, state.expression)
-        except RequestError as error:
-            made = self._selected(fresh, "all")
-            told += f"; {state.expression} means nothing there: {error}"
+        made = with_heat(self.store, self._kept(fresh))
         self._retire(old)
         if run == state.run:
             made = replace(made, brush=state.brush, operator=state.operator)
-        return self.set(replace(with_heat(self.store, made), message=told))
-
-
-def joined(current: Node, operator: Operator, new: Node) -> Node:
-    """Two selections as one, in its shortest form."""
-    if operator == "replace" or (operator == "intersect" and current == Everything()):
-        return new
-    if operator == "intersect":
-        return And(current, new)
-    return Or(current, new) if operator == "union" else Minus(current, new)
+        told = (f"generation {self.store.generation}", made.message)
+        return self.set(replace(made, message="; ".join(part for part in told if part)))

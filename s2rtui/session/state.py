@@ -144,6 +144,11 @@ class State:
         return f"{int(np.count_nonzero(self.selected))} of {int(np.count_nonzero(self.base))}"
 
     @property
+    def adjusting(self) -> bool:
+        """Whether the panel that adjusts live is open, in front or beside other views."""
+        return self.tab == "adjust" and self.adjust is not None
+
+    @property
     def side(self) -> Side:
         """The side that one-sided views show."""
         return self.heat.side if self.heat else "real"

@@ -62,13 +62,13 @@ class Resources:
 
     def heat_on_map(self, state: State) -> Grid | None:
         """What lies on the floor: the heat asked for, or that of the image being adjusted."""
-        if state.view == "adjust" and state.overlay == "instance":
+        if state.adjusting and state.overlay == "instance":
             return self.live_grid if self.live_of == about(state) else None
         return self.grid if self.grid_of and self.grid_of.name == heat_of(state).name else None
 
     def heat_note(self, state: State) -> str:
         """Whose heat lies on the map, where that is not the present instance's or selection's."""
-        if state.view == "adjust" and state.overlay == "instance":
+        if state.adjusting and state.overlay == "instance":
             return ""
         return self.grid_of.told(state) if self.grid_of else ""
 
@@ -209,10 +209,15 @@ def area(panel: Panel, mark: Mark, box: str, lasso: str) -> str:
     return call(box, [min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)])
 
 
-def span(panel: Panel, mark: Mark, field: str) -> str:
-    """A range of one field, both ends included."""
+def span(
+    panel: Panel, mark: Mark, field: str, lowest: float = -math.inf, highest: float = math.inf
+) -> str:
+    """A range of one field, both ends included, within what the field can be."""
     cell = cell_width(panel)
-    ends = sorted(rounded(point[0], cell) for point in (mark.points[0], mark.points[-1]))
+    ends = sorted(
+        min(max(rounded(point[0], cell), lowest), highest)
+        for point in (mark.points[0], mark.points[-1])
+    )
     return f"{field}:{number(ends[0])}..{number(ends[1])}"
 
 

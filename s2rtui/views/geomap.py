@@ -56,7 +56,7 @@ class MapView(View):
             scene.mark(self.name),
             resources.heat_note(state),
         )
-        shown = resources.adjusted(state) if state.view == "adjust" else None
+        shown = resources.adjusted(state) if state.adjusting else None
         if shown is None or shown.iid != state.cursor:
             return view
         return replace(view, live=live_poses(shown))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from s2rstore.errors import RequestError
 from s2rtui import plots
@@ -32,7 +33,9 @@ class InstanceView(View):
         return present if present == wanted else f"{present} (loading {wanted})"
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
-        return scene.resources.pictures, scene.state.cursor is None
+        shown = scene.resources.pictures
+        remark = scene.remark(shown.iid) if shown else ""
+        return shown, scene.state.cursor is None, remark
 
     def numbers(self, scene: Scene) -> Table:
         names = ("what", "x", "y", "heading", "error", "heading_error", "note")
@@ -69,9 +72,15 @@ class InstanceView(View):
         shown = scene.resources.pictures
         if shown is None:
             raise RequestError("--select: selects nothing, so there is no instance to draw")
+        if not (shown.sim.rgb.size and shown.real.rgb.size):
+            told = "this store has no frames to draw; `s2r show` prints the numbers"
+            raise RequestError(f"--view instance: {told}")
         return figures.instance_figure(shown, size, theme, scene.state.run)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         if scene.resources.pictures is None or scene.state.cursor is None:
             return Canvas(*size, theme=look.theme)
-        return plots.instance(scene.resources.pictures, size, look)
+        shown = scene.resources.pictures
+        if remark := scene.remark(shown.iid):
+            shown = replace(shown, notes=(("remark", remark), *shown.notes))
+        return plots.instance(shown, size, look)

@@ -100,7 +100,7 @@ class OverviewView(View):
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         side = scene.resources.lines.side if scene.resources.lines else scene.state.side
         run = "" if panel.name == scene.state.run else f"run({string(panel.name)})."
-        return span(panel, mark, f"{run}{side}.accuracy")
+        return span(panel, mark, f"{run}{side}.accuracy", 0.0, 1.0)
 
 
 def _caption(scene: Scene, lines: plots.OverviewLines | None) -> str:

@@ -167,6 +167,19 @@ class PlotView(Widget, can_focus=False):
         else:
             self.post_message(self.Pressed(self._view, drag.taken().start))
 
+    @property
+    def dragging(self) -> bool:
+        """Whether the mouse's button is down here."""
+        return self._drag is not None
+
+    def abandon(self) -> bool:
+        """Forget what the mouse has begun; True where there was something."""
+        begun = self.dragging
+        if begun:
+            self.release_mouse()
+            self._drag = None
+        return begun
+
     def _tell(self, drag: Drag) -> None:
         if drag.to_tell():
             self.post_message(self.Dragged(drag))

@@ -311,3 +311,24 @@ async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
         assert app.session.state.view != "adjust"
         assert "a adjust" not in take(app).text
         assert "not in a restricted session" in app.session.state.message
+
+
+async def test_a_click_elsewhere_leaves_the_panel_and_the_live_marks(computed: Path) -> None:
+    app = app_on(computed)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "a", "right")
+        live = _map_input(app).live
+        assert live
+        for view in ("umap", "orientation", "rooms", "errors", "overview", "map"):
+            await pilot.click(f"#{view}", offset=(3, 0))
+            await settle(app, pilot)
+            assert app.session.state.view == view
+            assert app.query_one("#adjust").placed
+            assert _map_input(app).live == live
+        await press(app, pilot, "4")
+        assert app.query_one("#adjust").placed
+        await pilot.resize_terminal(120, 40)
+        await settle(app, pilot)
+        assert app.query_one("#umap").placed
+        await press(app, pilot, "3")
+        assert not _map_input(app).live

@@ -84,7 +84,7 @@ RESOURCES: dict[str, Callable[[Resources], object]] = {
 }
 NEVER_DRAWN = {
     "newest", "trajectories", "expression", "operator", "lasso", "message", "is_error", "past",
-    "future", "centre", "tab", "progress", "saving", "awaited",
+    "future", "centre", "progress", "saving", "awaited",
 }  # fmt: skip
 
 
