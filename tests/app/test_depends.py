@@ -17,7 +17,7 @@ from s2rtui.session import HeatChoice, Session, State, derive
 from s2rtui.session.state import Adjust, Brush, Slider
 from s2rtui.titles import shown
 from s2rtui.views import VIEWS, Resources, Scene, View
-from s2rtui.views.contract import RunAccuracies
+from s2rtui.views.contract import RunAccuracies, heat_of
 from tests.support import tiny
 
 SIZE = (100, 40)
@@ -70,14 +70,16 @@ RESOURCES: dict[str, Callable[[Resources], object]] = {
     "pictures": lambda found: replace(found.pictures, iid=3, notes=(("where", "here"),)),
     "instance_grid": lambda found: np.ones((4, 4), dtype=np.float32),
     "grid": lambda found: np.ones((4, 4), dtype=np.float32),
+    "grid_of": lambda found: ("another run's",),
     "seen": lambda found: np.eye(4, dtype=np.float32),
     "live": lambda found: replace(found.live, iid=5, notes=(("real", "else"),)),
     "live_grid": lambda found: np.ones((4, 4), dtype=np.float32),
     "progress": lambda found: 0.5,
+    "saving": lambda found: "1 of 3",
 }
 NEVER_DRAWN = {
-    "generation", "newest", "trajectories", "expression", "operator", "lasso", "message",
-    "is_error", "past", "future", "centre", "tab", "instance_grid", "progress",
+    "newest", "trajectories", "expression", "operator", "lasso", "message", "is_error", "past",
+    "future", "centre", "tab", "instance_grid", "progress", "saving",
 }  # fmt: skip
 
 
@@ -103,6 +105,7 @@ def scenes(session: Session) -> dict[str, Scene]:
         state, overlay="selection", clip=True, map_mode="glyph", room_names=True, sort="gap",
         brush=Brush("umap", Mark("real", BOX)), heat=HeatChoice("activation", "loss"), cursor=4,
     )  # fmt: skip
+    heated = replace(heated, grid_of=heat_of(rich))
     sliding = replace(state, view="adjust", tab="adjust", adjust=ADJUST, overlay="instance")
     return {
         "plain": plain,
