@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.plots.bins import Bins, Chosen
+from s2rtui.plots.bins import Bins, Chosen, gathered
 from s2rtui.plots.same import Same, kept
 
 Floats = NDArray[np.float64]
@@ -28,14 +28,15 @@ def _totals(codes: Same, size: int, weights: Same, base: Same) -> Floats:
 
 
 def _sum(column: Bins, weights: NDArray[np.floating], members: NDArray[np.intp]) -> Floats:
-    codes, parts = column.codes[members], np.asarray(weights[members], dtype=np.float64)
+    codes = gathered(column.codes, members)
+    parts = np.asarray(gathered(weights, members), dtype=np.float64)
     total = np.bincount(codes, parts, minlength=column.count + 1)[: column.count]
     return np.asarray(total, dtype=np.float64)
 
 
 def total_of(weights: NDArray[np.floating], chosen: Chosen) -> float:
     """The sum of what is finite of `weights` (N,) over the selected."""
-    part = float(np.nansum(weights[chosen.few]))
+    part = float(np.nansum(gathered(weights, chosen.few)))
     return _total(Same(weights), Same(chosen.base)) - part if chosen.inverted else part
 
 
