@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -44,7 +45,10 @@ def figures(folder: Path) -> Iterator[Figure]:
     for n in SIZES:
         path = index_store.build(folder / f"{n}.s2r", n)
         command = [sys.executable, "-m", "bench.scale", str(path)]
-        done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+        environment = {**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
+        done = subprocess.run(
+            command, check=True, stdout=subprocess.PIPE, text=True, env=environment
+        )
         shutil.rmtree(path)
         for line in done.stdout.splitlines():
             name, value, unit = json.loads(line)
@@ -73,6 +77,7 @@ class Probe:
         self.session = Session(path)
         self.app = S2RApp(self.session, Look())
         self.app.driver_class = Sink
+        self.turn = 0
 
     async def rows(self) -> list[Row]:
         running = asyncio.create_task(self.app.run_async(headless=False, size=steps.SIZE))
@@ -113,7 +118,8 @@ class Probe:
     ) -> tuple[dict[str, float], dict[str, float]]:
         """Milliseconds by kind of change: the first time, and the median of all others."""
         taken: dict[str, list[float]] = defaultdict(list)
-        for turn in range(_TURNS + 1):
+        start, self.turn = self.turn, self.turn + _TURNS + 1
+        for turn in range(start, self.turn):
             for name, step in series(self.session, turn):
                 taken[name].append(1e3 * work(step))
                 await asyncio.sleep(_PAUSE)

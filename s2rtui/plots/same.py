@@ -85,9 +85,10 @@ def kept(most: int) -> Callable[[Callable[P, T]], Callable[P, T]]:
         @wraps(function)
         def known(*args: P.args, **none: P.kwargs) -> T:
             with lock:
-                if args in results:
+                found = results.get(args)
+                if found is not None:
                     results.move_to_end(args)
-                    return results[args][0]
+                    return found[0]
             result = function(*args, **none)
 
             def forget(_: object) -> None:

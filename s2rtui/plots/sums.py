@@ -36,13 +36,20 @@ def _sum(column: Bins, weights: NDArray[np.floating], members: NDArray[np.intp])
 
 def total_of(weights: NDArray[np.floating], chosen: Chosen) -> float:
     """The sum of what is finite of `weights` (N,) over the selected."""
-    part = float(np.nansum(gathered(weights, chosen.few)))
+    part = float(gathered(_finite(Same(weights)), chosen.few).sum())
     return _total(Same(weights), Same(chosen.base)) - part if chosen.inverted else part
 
 
 @kept(16)
 def _total(weights: Same, base: Same) -> float:
-    return float(np.nansum(np.asarray(weights.array)[np.asarray(base.array)]))
+    return float(_finite(weights)[np.asarray(base.array)].sum())
+
+
+@kept(4)
+def _finite(weights: Same) -> Floats:
+    """The weights, 0 for what is not finite."""
+    column = np.asarray(weights.array, dtype=np.float64)
+    return np.where(np.isfinite(column), column, 0.0)
 
 
 def occupied(column: Bins) -> tuple[Bins, NDArray[np.intp]]:
