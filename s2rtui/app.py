@@ -72,6 +72,7 @@ class S2RApp(Brushes, Papers, Savings):
         """`pictures_at` is the folder that files are written to (default: here, if allowed)."""
         super().__init__(ansi_color=look.mode in (ColourMode.ANSI, ColourMode.NONE))
         self.animation_level = "none"
+        self._wear(look)
         self.session = session
         session.waits = True
         self.look = look
@@ -80,6 +81,7 @@ class S2RApp(Brushes, Papers, Savings):
         self.access = access or Access.of(session.store.path)
         self.files_at = pictures_at or self.access.pictures
         self._size_class: SizeClass = "narrow"
+        self._drawn_once = False
         self.first_run = False
         self.terminal: Terminal | None = None
 
@@ -93,11 +95,17 @@ class S2RApp(Brushes, Papers, Savings):
         yield QueryLine()
         yield Bar("keys")
 
+    def _wear(self, look: Look) -> None:
+        """Colours before anything is laid out: a theme set later styles every widget anew."""
+        theme = textual_theme(look.theme)
+        self.register_theme(theme)
+        self.set_reactive(S2RApp.theme, theme.name)
+        self.stylesheet.set_variables(self.get_css_variables())
+
     def on_mount(self) -> None:
-        self.register_theme(textual_theme(self.look.theme))
-        self.theme = textual_theme(self.look.theme).name
         self._resized(self.size.width, self.size.height)
         self.refresh_views()
+        self.call_after_refresh(self._feed)
         self.set_interval(WATCH_SECONDS, self._watch)
         for number in (signal.SIGTERM, signal.SIGHUP):
             with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
@@ -155,9 +163,10 @@ class S2RApp(Brushes, Papers, Savings):
             wanted = "x".join(str(number) for number in arrangement.SMALLEST)
             status.say(f"the terminal is too small: needs {wanted}")
             return
-        asked = self.feeding.ask(self.session.store, state)
-        if asked.anew:
-            self.resources = self.resources.asked(asked.anew, asked.emptied)
+        if self._drawn_once:
+            asked = self.feeding.ask(self.session.store, state)
+            if asked.anew:
+                self.resources = self.resources.asked(asked.anew, asked.emptied)
         status.say(_safe_bold(*self._status(state)))
         self.show_message()
         self._show_keys(state)
@@ -204,10 +213,15 @@ class S2RApp(Brushes, Papers, Savings):
 
     # --- workers -----------------------------------------------------------------------------
 
+    def _feed(self) -> None:
+        """Once the first screen stands, which workers would only delay."""
+        self._drawn_once = True
+        self.refresh_views()
+
     @property
     def settled(self) -> bool:
         """Whether all that threads bring is that of the state."""
-        return self.feeding.settled and not self.under_way
+        return self._drawn_once and self.feeding.settled and not self.under_way
 
     def on_fed(self, message: Fed) -> None:
         fresh = message.fields.pop("store", None)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import s2rstore
 from s2rstore import selection
 from s2rstore.errors import RequestError
+from s2rstore.extremes import largest
 from s2rstore.language import MaskContext, Node, base_population, mask, parse, to_text
 from s2rstore.language.nodes import Not
 from s2rstore.reader import Store
@@ -177,9 +178,7 @@ class Session:
         pool = state.selected if state.selected.any() else state.base
         if state.cursor is not None and pool[state.cursor]:
             return state.cursor
-        errors = self.store.run_columns(state.run).real.error
-        worst = int(np.argmax(np.where(pool, errors, -1.0))) if pool.size else 0
-        return worst if pool.size and pool[worst] else None
+        return largest(self.store.run_columns(state.run).real.error, pool)
 
     def undo(self) -> State:
         """Back to the expression before this one."""

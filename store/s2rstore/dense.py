@@ -51,7 +51,7 @@ class Index:
         iid, values = found["iid"], found["value"]
         kind = np.float64 if missing is None else np.int32
         blank = np.nan if missing is None else missing
-        if isinstance(values, np.ma.MaskedArray):
+        if type(values) is not np.ndarray:  # masked; to ask for numpy.ma would import it
             values = np.ma.filled(values.astype(kind), blank)
         values = np.asarray(values, dtype=kind)
         if np.array_equal(iid, self.iids):
