@@ -8,12 +8,13 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from threading import Condition, Thread
+from threading import Condition, Event, Thread
 
 Work = Callable[[], object]
 
 _LAST_PATIENCE = 30.0
 _under_way: set[object] = set()
+_used = Event()
 
 
 class Lane:
@@ -64,6 +65,7 @@ def start(name: str, work: Work) -> None:
 
 def _do(work: Work) -> None:
     token = object()
+    _used.set()
     _under_way.add(token)
     try:
         work()
@@ -88,11 +90,12 @@ atexit.register(_rest_at_last)
 
 
 def end_process(code: int) -> int:
-    """`code` where nothing is under way; otherwise the process ends here, with that code.
+    """`code` where no thread was ever started; otherwise the process ends here, with that code.
 
-    Threads inside of native code would bring down an interpreter that ends around them.
+    Threads inside of native code would bring down an interpreter that ends around them, and to take
+    down large libraries in good order takes seconds.
     """
-    if rest(0.0):
+    if not _used.is_set():
         return code
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):  # closed, or its reader is gone

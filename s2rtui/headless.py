@@ -71,7 +71,7 @@ async def settle(app: S2RApp, pilot: Pilot[None]) -> None:
     while time.monotonic() < limit:
         await pilot.pause()
         await app.workers.wait_for_complete()
-        if app.settled:
+        if app.settled or not app.is_running:
             break
         await asyncio.sleep(0.005)
     await pilot.pause()

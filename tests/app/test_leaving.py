@@ -22,7 +22,7 @@ from s2rtui.session import Session
 from tests.support.copies import copied
 from tests.support.processes import commands_below, wait_until
 from tests.support.quiet import Quiet
-from tests.support.screen import Screen
+from tests.support.screen import RIGHT, Screen
 
 pytestmark = pytest.mark.xdist_group("world")
 
@@ -91,6 +91,8 @@ def test_while_a_run_is_saved(computed: Path, tmp_path: Path, open_screen: OpenS
     screen = opened(open_screen, path)
     screen.press("a")
     screen.wait_for("brightness")
+    screen.press(RIGHT)
+    screen.wait_for("1.05 factor")
     screen.press("S")
     screen.wait_for("a name for the run")
     screen.press("brighter\r")

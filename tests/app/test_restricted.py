@@ -1,0 +1,38 @@
+"""A restricted session on a store with an adjusted run loads no tools and says what it shows."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from s2rstore.writer import edit
+from s2rtools.adjust import parse
+from tests.support.screen import Screen
+
+
+def test_an_adjusted_run_is_shown_before_its_adjustments(own_store: Path, tmp_path: Path) -> None:
+    with edit(own_store) as draft:
+        adjusted = {"real_adjustments": json.dumps(parse("real:brightness=1.5")["real"])}
+        draft.update("run", {"run": "dataaug"}, adjusted)
+    environment = {
+        "XDG_DATA_HOME": str(tmp_path / "share"),
+        "PYTHONPATH": ":".join(path for path in sys.path if path),
+    }
+    command = [sys.executable, "-m", "s2rtui", "tui", "--restricted", "--run", "dataaug"]
+    screen = Screen([*command, str(own_store)], (120, 40), environment)
+    try:
+        screen.wait_for("any key begins")
+        screen.press("\x1b")
+        screen.wait_for("run dataaug")
+        screen.wait_for("before")
+        screen.press("a")
+        screen.wait_for("not in a restricted session")
+        screen.press("r")
+        screen.wait_for("run vanilla")
+        screen.wait_for(lambda text: "before" not in text)
+        screen.press("q")
+        assert screen.wait_for_end() == 0
+        assert b"Traceback" not in screen.raw
+    finally:
+        screen.close()
