@@ -14,10 +14,9 @@ StatusLine = tuple[str, str, str]
 Draw = Callable[[tuple[int, int], Look], Canvas]
 
 
-_LEAST = ("everywhere", "newest", "store", "newer", "trajectories", "run")
-"""Parts of the status line, the first to be left out first; the count always stands."""
-_READABLE = 20
-"""Columns that an expression gets before any of these parts."""
+_LEAST = {"everywhere": 40, "newest": 40, "store": 40, "newer": 20, "trajectories": 20, "run": 20}
+"""Parts of the status line, the first to be left out first, and the columns that an expression
+gets before them; the count always stands."""
 
 
 def status_line(store: Store, state: State, width: int, look: Look) -> StatusLine:
@@ -30,16 +29,15 @@ def status_line(store: Store, state: State, width: int, look: Look) -> StatusLin
     if state.operator != "replace":
         text += f" {SIGNS[state.operator]} _"
     before, after = _parts(store, state)
-    head = tail = ""
-    room = 0
-    for least in ("", *_LEAST):
+    head, tail, room = "", "", 0
+    for least, readable in (("", 0), *_LEAST.items()):
+        if least and room >= min(len(text), readable):
+            break
         before.pop(least, None)
         after.pop(least, None)
         head = "".join(part + separator for part in before.values())
         tail = "".join(separator + part for part in after.values())
         room = width - 2 - len(head) - len(tail)
-        if room >= min(len(text), _READABLE):
-            break
     return head, cut(text, max(8, room), look), tail
 
 

@@ -215,6 +215,8 @@ class _Build(Transformer[Token, Any]):
             name = content[0] if kind == "name" else content[1]
             column = content[1] if kind == "name" else head.column
             return Named(Field(head.name, head.run), name, column)
+        if kind == "name" and head.name not in fields.NUMERIC:
+            raise unknown(head.column, "field", head.name, [*fields.TEXT, *fields.NUMERIC])
         field = numeric(head)
         if kind == "span":
             if content[0] > content[1] and not fields.NUMERIC[field.name].angle:
