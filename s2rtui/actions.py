@@ -127,7 +127,7 @@ _BRUSHING = (
     Action("brush_corner", ("space",), "brush", "a corner of the lasso", when="brushing"),
     Action("brush_panel", ("tab",), "brush", "the view's next panel", short="panel",
            when="brushing"),
-    Action("leave", ("escape",), "brush", "leave what is begun: a mark, an operator, a line",
+    Action("leave", ("escape",), "brush", "leave a mark, an operator, a line",
            short="leave", when="begun"),
     Action("lasso", ("L",), "brush", "brush with a lasso or a box"),
 )  # fmt: skip

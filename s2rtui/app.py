@@ -16,6 +16,7 @@ from textual import events
 from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.content import Content
+from textual.geometry import Size
 from textual.screen import Screen
 
 from s2rstore.errors import RequestError, S2RError
@@ -82,6 +83,7 @@ class S2RApp(Brushes, Papers, Savings):
         self.files_at = pictures_at or self.access.pictures
         self._size_class: SizeClass = "narrow"
         self._drawn_once = False
+        self._sized = Size(0, 0)
         self.first_run = False
         self.terminal: Terminal | None = None
 
@@ -135,11 +137,13 @@ class S2RApp(Brushes, Papers, Savings):
         """See `_fatal_error`."""
 
     def on_resize(self, event: events.Resize) -> None:
-        self.drop_drag()
+        if event.size != self._sized:
+            self.drop_drag()
         self._resized(event.size.width, event.size.height)
         self.refresh_views()
 
     def _resized(self, width: int, height: int) -> None:
+        self._sized = Size(width, height)
         self._size_class = arrangement.size_class(width, height)
         self.default_screen.set_classes(self._size_class)
 

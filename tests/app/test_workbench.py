@@ -257,6 +257,7 @@ async def test_tab_completes_and_up_recalls(tiny_store: Path) -> None:
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w", "b", "slash")
         app._line.value = "worst15 & room:le"
+        app._line.cursor_position = len(app._line.value)
         await press(app, pilot, "tab")
         assert app._line.value == 'worst15 & room:"left hall"'
         await press(app, pilot, "escape", "slash", "up", "up")
