@@ -13,6 +13,7 @@ from s2rstore.reader import Store
 from s2rtools.gap import golden, reference
 from s2rtools.gap.axes import AXES
 from s2rtools.gap.contract import Axis, Evidence, Settings
+from s2rtools.gap.golden import MARGIN
 from s2rtools.gap.measure import Measurement, frozen, measure
 from s2rtools.gap.report import Judged, Report, report
 from s2rtools.gap.task.across import across
@@ -35,7 +36,7 @@ class Request:
     reference: Path | None = None
     golden: Path | None = None
     threshold: float = THRESHOLD
-    margin: float = golden.MARGIN
+    margin: float = MARGIN
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:

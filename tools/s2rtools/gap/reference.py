@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -98,11 +98,15 @@ def _frozen(path: Path, axis: str, found: object) -> Frozen:
     if not isinstance(found, dict) or set(found) != _KEYS:
         told = sorted(_KEYS ^ set(found)) if isinstance(found, dict) else "no object"
         raise RequestError(f"{path}: {axis}: {told}; freeze the reference anew")
-    numbers: Sequence[object] = [found[key] for key in ("anchor", "floor", "n")]
-    if not all(isinstance(value, int | float) and math.isfinite(value) for value in numbers):
+    if not all(_is_number(found[key]) for key in ("anchor", "floor", "n")):
         raise RequestError(f"{path}: {axis}: anchor, floor and n must be finite numbers")
     if not found["anchor"] > found["floor"]:
         raise RequestError(f"{path}: {axis}: the anchor must be over the floor")
     if not isinstance(found["fingerprint"], dict):
         raise RequestError(f"{path}: {axis}: fingerprint must be an object")
     return Frozen(**found)
+
+
+def _is_number(value: object) -> bool:
+    numeric = isinstance(value, int | float) and not isinstance(value, bool)
+    return numeric and math.isfinite(value)
