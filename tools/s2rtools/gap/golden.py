@@ -76,13 +76,13 @@ def read(path: Path) -> Golden:
         if content["format"] != FORMAT:
             raise RequestError(f"{path}: format {content['format']}, this version reads {FORMAT}")
         errors = {int(iid): float(value) for iid, value in content["errors"].items()}
-        words = (str(content[key]) for key in ("dataset", "run", "expression"))
+        dataset, run, told = (str(content[key]) for key in ("dataset", "run", "expression"))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        told = "no golden run; `s2r gap --freeze-golden` writes one"
-        raise RequestError(f"{path}: {told}") from error
+        message = f"{path}: no golden run; `s2r gap --freeze-golden` writes one"
+        raise RequestError(message) from error
     if not errors or not all(math.isfinite(value) for value in errors.values()):
         raise RequestError(f"{path}: errors must be finite and at least one")
-    return Golden(*words, errors)
+    return Golden(dataset, run, told, errors)
 
 
 def compare(

@@ -108,5 +108,4 @@ def _frozen(path: Path, axis: str, found: object) -> Frozen:
 
 
 def _is_number(value: object) -> bool:
-    numeric = isinstance(value, int | float) and not isinstance(value, bool)
-    return numeric and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
