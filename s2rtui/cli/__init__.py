@@ -23,6 +23,7 @@ COMMANDS: dict[str, str] = {
     "query": "print the instances that an expression selects",
     "sql": "run a read-only SQL query on the index",
     "score": "how far heatmaps and reasons are right, where the truth is known",
+    "nightly": "the gap of this night: measured, judged, kept in a history, told in files",
     "show": "print a view's numbers as a flat table",
     "export": "write a figure as PNG, SVG or PDF",
     "report": "write selections with their figures as one HTML file",
