@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import datetime
+import math
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import duckdb
 
@@ -19,6 +20,7 @@ from s2rstore.stats import Interval
 MEMORY = "64MB"
 Stamp = tuple[int, int, int]
 Row = dict[str, Any]
+Word = Literal["PASS", "FAIL", "INCONCLUSIVE", "SKIPPED"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +88,9 @@ class Night:
         return self.evidence_age > self.stale_after
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class History:
-    """All rows of a history, by night and order of writing."""
+    """All rows of a history, by night and order of writing; equal only to itself."""
 
     nights: tuple[Night, ...] = ()
 
@@ -108,6 +110,20 @@ class History:
         """The runs of a data set that have nights."""
         runs = (n.run for n in self.nights if n.dataset_hash == dataset_hash)
         return tuple(dict.fromkeys(runs))
+
+
+def word_of(gap: Interval, threshold: float) -> Word:
+    """The word for one axis' G; SKIPPED where it was not judged."""
+    if math.isnan(gap.value):
+        return "SKIPPED"
+    if gap.high < threshold:
+        return "PASS"
+    return "FAIL" if gap.low > threshold else "INCONCLUSIVE"
+
+
+def known_word(text: str) -> Word:
+    """A stored word; SKIPPED for what is none."""
+    return next((word for word in get_args(Word) if word == text), "SKIPPED")
 
 
 def path_in(store: Path) -> Path:
@@ -196,10 +212,10 @@ def _grouped(rows: Sequence[Row], made: Any) -> dict[int, tuple[Any, ...]]:
 
 
 def _axis(row: Row) -> AxisFigures:
-    bounds = [_interval(row, name) for name in ("value", "floor", "gap")]
+    value, floor, gap = (_interval(row, name) for name in ("value", "floor", "gap"))
     return AxisFigures(
-        row["axis"], row["state"], row["measure"], row["unit"], *bounds, _number(row["anchor"]),
-        row["n"], row["note"],
+        row["axis"], row["state"], row["measure"], row["unit"], value, floor, gap,
+        _number(row["anchor"]), row["n"], row["note"],
     )  # fmt: skip
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import datetime
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from prometheus_client import CollectorRegistry
 from prometheus_client.core import GaugeMetricFamily
@@ -21,6 +22,8 @@ from s2rtools.nightly.outcome import EXIT_CODES, axis_check
 
 HEADLINE = "headline"
 Labels = tuple[str, ...]
+Found = Mapping[Any, Interval]
+"""By the values of labels."""
 _OF = ("nightly", "dataset", "run")
 _ENDS = {"": "value", "_low": "low", "_high": "high"}
 _BOUND = {"": "", "_low": ", lower 95 % bound", "_high": ", upper 95 % bound"}
@@ -84,7 +87,7 @@ class _Families(Collector):
         return family
 
     def _bounds(
-        self, name: str, told: str, labels: Labels, found: dict[Labels, Interval]
+        self, name: str, told: str, labels: Labels, found: Found
     ) -> Iterator[GaugeMetricFamily]:
         """Three gauges: the estimate and its bounds."""
         for end, part in _ENDS.items():

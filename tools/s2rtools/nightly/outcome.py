@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
-from s2rstore.history import AxisFigures, Night
+from s2rstore.history import AxisFigures, Night, Word, known_word, word_of
 from s2rstore.stats import Interval
 
-Word = Literal["PASS", "FAIL", "INCONCLUSIVE", "SKIPPED"]
 EXIT_CODES = {"PASS": 0, "FAIL": 1, "INCONCLUSIVE": 3}
 
 
@@ -36,20 +35,11 @@ def checks(night: Night) -> list[Check]:
     if night.worst is not None:
         told = f"G {bounds(night.gap)}, worst axis {night.worst}; {night.reason}"
     return [
-        Check("headline", _word(night.headline), told),
+        Check("headline", known_word(night.headline), told),
         *(axis_check(axis, night.threshold) for axis in night.axes),
         _golden(night),
         _fresh(night),
     ]
-
-
-def axis_word(gap: Interval, threshold: float) -> Word:
-    """The word for one axis' G; SKIPPED where it was not judged."""
-    if math.isnan(gap.value):
-        return "SKIPPED"
-    if gap.high < threshold:
-        return "PASS"
-    return "FAIL" if gap.low > threshold else "INCONCLUSIVE"
 
 
 def bounds(found: Interval, digits: int = 1, sign: str = "") -> str:
@@ -67,7 +57,7 @@ def axis_check(axis: AxisFigures, threshold: float) -> Check:
         word: Word = "INCONCLUSIVE" if axis.state == "inconclusive" else "SKIPPED"
         return Check(axis.axis, word, f"{axis.state}: {axis.note}")
     value = f"{axis.measure} {bounds(axis.value, 3)} {axis.unit}, n {axis.n}"
-    word = axis_word(axis.gap, threshold)
+    word = word_of(axis.gap, threshold)
     if word == "SKIPPED":
         return Check(axis.axis, word, f"not judged: {value}")
     return Check(axis.axis, word, f"G {bounds(axis.gap)}, threshold {threshold:g}; {value}")
@@ -78,17 +68,10 @@ def _golden(night: Night) -> Check:
         return Check("golden", "SKIPPED", "no golden run in the configuration")
     change = bounds(night.golden_change, 3, "+")
     told = f"mean real error changed by {change} m, margin {night.golden_margin:g} m"
-    return Check("golden", _word(night.golden), told)
+    return Check("golden", known_word(night.golden), told)
 
 
 def _fresh(night: Night) -> Check:
     days = f"{night.evidence_age} day{'' if night.evidence_age == 1 else 's'}"
     told = f"evidence is {days} old, since {night.evidence_since}, limit {night.stale_after:g} days"
     return Check("staleness", "FAIL" if night.stale else "PASS", told)
-
-
-def _word(text: str) -> Word:
-    for word in ("PASS", "FAIL", "INCONCLUSIVE"):
-        if text == word:
-            return word
-    return "SKIPPED"

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import datetime
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from io import BytesIO
 from typing import TYPE_CHECKING
 
-from s2rstore.history import Night
+from s2rstore.history import Night, word_of
 from s2rstore.stats import Interval
 from s2rtools.nightly.content import Content, axes_of, figures_of
-from s2rtools.nightly.outcome import axis_word
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,9 +38,10 @@ def picture(told: Content) -> bytes:
         FigureCanvasAgg(figure)
         grid = figure.subplots(len(panels), 1, sharex=True, sharey=True, squeeze=False)
         figure.subplots_adjust(0.065, 0.42 / high, 0.985, 1 - 0.36 / high, hspace=0.42)
-        for axes, panel in zip(grid[:, 0], panels, strict=True):
+        rows = list(grid[:, 0])
+        for axes, panel in zip(rows, panels, strict=True):
             _draw(axes, told.past, panel)
-        _scale(grid[:, 0], told, panels)
+        _scale(rows, told, panels)
         stream = BytesIO()
         figure.savefig(stream, format="png", dpi=_DPI, metadata={"Software": None})
     return stream.getvalue()
@@ -52,7 +53,7 @@ def _panels(told: Content) -> list[Drawn]:
             found = figures_of(night, axis)
             return found.gap if found else Interval(math.nan, math.nan, math.nan)
 
-        return axis, gap, lambda night: axis_word(gap(night), night.threshold)
+        return axis, gap, lambda night: word_of(gap(night), night.threshold)
 
     headline: Drawn = ("headline", lambda night: night.gap, lambda night: night.headline)
     return [headline, *map(of, axes_of(told.past))]
@@ -78,7 +79,7 @@ def _draw(axes: Axes, past: tuple[Night, ...], panel: Drawn) -> None:
         spine.set_color(FAINT)
 
 
-def _scale(rows: list[Axes], told: Content, panels: list[Drawn]) -> None:
+def _scale(rows: Sequence[Axes], told: Content, panels: list[Drawn]) -> None:
     """One scale for all: G is made to be compared."""
     gaps = [gap_of(night) for _, gap_of, _ in panels for night in told.past]
     ends = [x for gap in gaps for x in (gap.value, gap.low, gap.high) if math.isfinite(x)]
@@ -97,6 +98,4 @@ def _scale(rows: list[Axes], told: Content, panels: list[Drawn]) -> None:
 
 
 def _date(day: int) -> str:
-    import datetime
-
     return datetime.date.fromordinal(day).strftime("%d %b")
