@@ -52,6 +52,7 @@ class _Families(Collector):
         words = {HEADLINE: night.headline, "all": night.outcome}
         words |= {axis.axis: axis_check(axis, night.threshold).word for axis in night.axes}
         yield self._words(words)
+        yield self._codes(words)
         measured = {(a.axis, a.unit or ""): a.value for a in night.axes if a.state == "measured"}
         yield from self._bounds("s2r_gap_measure", "the measure behind G, in its unit",
                                 ("axis", "unit"), measured)  # fmt: skip
@@ -84,6 +85,14 @@ class _Families(Collector):
         for axis, word in words.items():
             for each in EXIT_CODES if word in EXIT_CODES else ():
                 family.add_metric((*self._of, axis, each), float(each == word))
+        return family
+
+    def _codes(self, words: dict[str, str]) -> GaugeMetricFamily:
+        family = GaugeMetricFamily("s2r_gap_exit_code", "0 PASS, 1 FAIL, 3 INCONCLUSIVE",
+                                   labels=(*_OF, "axis"))  # fmt: skip
+        for axis, word in words.items():
+            if word in EXIT_CODES:
+                family.add_metric((*self._of, axis), float(EXIT_CODES[word]))
         return family
 
     def _bounds(
