@@ -17,7 +17,7 @@ from s2rstore import history_schema, layout
 from s2rstore.errors import RequestError
 from s2rstore.stats import Interval
 
-MEMORY = "64MB"
+_CONFIG: dict[str, Any] = {"threads": 1, "memory_limit": "64MB", "temp_directory": ""}
 Stamp = tuple[int, int, int]
 Row = dict[str, Any]
 Word = Literal["PASS", "FAIL", "INCONCLUSIVE", "SKIPPED"]
@@ -182,7 +182,7 @@ def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
         raise RequestError(f"{path}: no history; `s2r nightly CONFIG.toml` writes one")
     name = str(path).replace("'", "''")
     with _opening:
-        connection = duckdb.connect(config={"threads": 1, "memory_limit": MEMORY})
+        connection = duckdb.connect(config=_CONFIG)
         try:
             connection.execute(f"ATTACH '{name}' AS history (READ_ONLY)")
             connection.execute("SET enable_external_access = false")

@@ -23,7 +23,7 @@ def week(config: Config) -> nights.Week:
     return nights.Week(config, {"task": 20.0}, from_day=5)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def told_week(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> nights.Week:
     """All seven nights, for tests that only read; the task's gap grows on day 5."""
     config = made(tmp_path_factory.mktemp("week"), tiny_store)
@@ -39,3 +39,12 @@ def made(folder: Path, store: Path) -> Config:
     (folder / "robot.toml").write_text("damping = [0, 2]\n")
     sysid = Sysid("planar", folder / "robot.toml", str(folder / "drives"))
     return replace(config, sysid=sysid)
+
+
+def files(config: Config) -> dict[Path, tuple[bytes, int]]:
+    """Content and time of every file that a night may write; locks name their last holder."""
+    roots = [config.history.parent, config.reports]
+    found = [path for root in roots for path in root.rglob("*")]
+    kept = [path for path in found if path.is_file() and path.suffix != ".lock"]
+    assert config.metrics is not None
+    return {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in (*kept, config.metrics)}

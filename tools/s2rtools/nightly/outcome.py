@@ -57,6 +57,7 @@ def axis_check(axis: AxisFigures, threshold: float) -> Check:
         word: Word = "INCONCLUSIVE" if axis.state == "inconclusive" else "SKIPPED"
         return Check(axis.axis, word, f"{axis.state}: {axis.note}")
     value = f"{axis.measure} {bounds(axis.value, 3)} {axis.unit}, n {axis.n}"
+    value += f"; {axis.note}" if axis.note else ""
     word = word_of(axis.gap, threshold)
     if word == "SKIPPED":
         return Check(axis.axis, word, f"not judged: {value}")

@@ -9,7 +9,7 @@ from html import escape
 from s2rtools.nightly import content as c
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-_SIGNS = {"PASS": "●", "FAIL": "▲", "INCONCLUSIVE": "○", "SKIPPED": "·"}
+_SIGNS = {"PASS": "●", "FAIL": "▲", "INCONCLUSIVE": "■", "SKIPPED": "·"}
 _STYLE = """
 :root { --ground: #fafaf8; --text: #1c212a; --muted: #626a78; --faint: #ced2d9; --soft: #e2e9f5;
   --PASS: #1d5fce; --FAIL: #d02c30; --INCONCLUSIVE: #8a6000; --SKIPPED: #626a78; }
