@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import datetime
 import math
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,18 +67,18 @@ def history_model(view: HistoryInput, most_days: int) -> HistoryModel:
     """The last `most_days` days up to the newest night. `view` must hold a night."""
     newest = view.nights[-1].night
     first = newest - datetime.timedelta(days=max(1, most_days) - 1)
-    nights = [night for night in view.nights if night.night >= first]
+    nights = view.nights[bisect_left(view.nights, first, key=lambda night: night.night) :]
     thresholds = np.array([night.threshold for night in nights])
     headline = _track(HEADLINE, [(night.gap, known_word(night.headline)) for night in nights])
-    axes = [axis_of(nights, name) for name in axis_names(view.nights)]
+    axes = [axis_of(nights, name) for name in axis_names(nights)]
     tracks = (headline, *axes)
     days = np.array([night.night.toordinal() for night in nights], dtype=np.intp)
     older = len(view.nights) - len(nights)
     return HistoryModel(days, thresholds, tracks, _scale(tracks, thresholds), older)
 
 
-def axis_names(nights: tuple[Night, ...]) -> list[str]:
-    """Every axis that a night has judged, in the newest one's order."""
+def axis_names(nights: Sequence[Night]) -> list[str]:
+    """Every axis that one of these nights has judged, in the newest one's order."""
     axes = (axis for night in reversed(nights) for axis in night.axes)
     return list(dict.fromkeys(axis.axis for axis in axes if not math.isnan(axis.gap.value)))
 
@@ -86,7 +88,7 @@ def figures_of(night: Night, axis: str) -> AxisFigures | None:
     return next((each for each in night.axes if each.axis == axis), None)
 
 
-def axis_of(nights: list[Night], name: str) -> Track:
+def axis_of(nights: Sequence[Night], name: str) -> Track:
     """The track of one axis."""
     found = []
     for night in nights:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 
 from s2rstore.errors import RequestError
-from s2rstore.history import Night, known_word, word_of
+from s2rstore.history import History, Night, known_word, word_of
 from s2rstore.stats import Interval
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme
@@ -36,7 +37,7 @@ class HistoryView(View):
         found = scene.resources.history
         if found is None:
             return plots.HistoryInput(())
-        return plots.HistoryInput(found.of_run(scene.state.run, scene.store.dataset.hash))
+        return plots.HistoryInput(_nights(found, scene.state.run, scene.store.dataset.hash))
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
         return scene.resources.history, scene.state.run, scene.state.history
@@ -91,6 +92,11 @@ class HistoryView(View):
             raise RequestError(f"--view history: {'; '.join(self._missing(scene))}")
         title = f"{scene.state.run}: the gap over time"
         return figures.history_figure(view, size, theme, title, self.words(scene))
+
+
+@lru_cache(4)
+def _nights(found: History, run: str, dataset_hash: str) -> tuple[Night, ...]:
+    return found.of_run(run, dataset_hash)
 
 
 def _rows(night: Night) -> Iterator[tuple[object, ...]]:

@@ -110,6 +110,17 @@ def test_a_new_generation_is_measured_anew_but_is_no_new_evidence(week: Week) ->
     assert (done.night.evidence_since, done.night.evidence_age) == (day(1), 1)
 
 
+def test_what_is_asked_of_the_same_logs_is_no_new_evidence(week: Week) -> None:
+    sysid, week.config = week.config.sysid, replace(week.config, sysid=None)
+    first = week.night(1).night
+    week.config = replace(week.config, sysid=sysid)
+    second = week.night(2, new_log=False).night
+    week.config = replace(week.config, drives="odometry", sysid=None)
+    third = week.night(3, new_log=False).night
+    assert len({first.key, second.key, third.key}) == 3
+    assert first.evidence == second.evidence != third.evidence
+
+
 def test_a_copy_under_way_does_not_count(week: Week) -> None:
     week.night(1)
     (week.config.source.parent / "drives" / ".real.csv.part").write_text("half")

@@ -51,7 +51,8 @@ def inputs(config: Config, store: Store, current: layout.Current) -> Inputs:
         raise RequestError(f"{store.path}: run {run.run} is not computed; run `s2r precompute`")
     drives = _drives(config.drives)
     sysid = _sysid(config)
-    recorded = [current.dataset_hash, run.key, drives, sysid and sysid["drives"]]
+    logs = {digest for _, digest in (*drives, *(sysid["drives"] if sysid else ()))}
+    recorded = [current.dataset_hash, run.key, *sorted(logs)]
     everything = {
         "version": version(),
         "dataset": current.dataset_hash,
@@ -64,7 +65,7 @@ def inputs(config: Config, store: Store, current: layout.Current) -> Inputs:
         "seed": config.seed,
         "replicates": config.replicates,
         "stale_after": config.stale_after,
-        "drives": drives,
+        "drives": [config.drives == ODOMETRY, drives],
         "sysid": sysid,
         **{name: _hash(getattr(config, name)) for name in ("reference", "golden", "features")},
     }
@@ -78,19 +79,21 @@ def _sysid(config: Config) -> dict[str, Any] | None:
     return {
         "simulator": wanted.simulator,
         "parameters": _hash(wanted.parameters),
+        "odometry": wanted.drives == ODOMETRY,
         "drives": _drives(wanted.drives),
         "seed": wanted.seed,
     }
 
 
-def _drives(wanted: str | None) -> object:
+def _drives(wanted: str | None) -> list[tuple[str, str]]:
+    """Name and content of every file; odometry is part of the data set."""
     if wanted is None or wanted == ODOMETRY:
-        return wanted
+        return []
     return list(_files(Path(wanted)))
 
 
 def _files(folder: Path) -> Iterator[tuple[str, str]]:
-    """Name and content of every file; hidden ones, which a copy under way leaves, do not count."""
+    """Hidden files, which a copy under way leaves, do not count."""
     for path in sorted(folder.rglob("*")):
         inside = path.relative_to(folder)
         if path.is_file() and not any(part.startswith(".") for part in inside.parts):
