@@ -74,7 +74,7 @@ def widened(replicates: Floats, value: float | Floats, blocks: int | Floats) -> 
     """Replicates (R, ...) about `value`, drawn apart as far as few blocks are uncertain.
 
     By sqrt(b / (b - 1)), because b blocks know no more than b values, times Student's quantile at
-    b - 1 degrees of freedom over the normal one, at 97.5 %. NaN where there are fewer than 2 blocks.
+    b - 1 degrees of freedom over the normal one, at 97.5 %. NaN below 2 blocks.
     """
     b = np.asarray(blocks, dtype=np.float64)
     known = np.maximum(b, 2)

@@ -30,7 +30,8 @@ class Divergences:
 def divergences(x: Floats, y: Floats, neighbours: int = NEIGHBOURS) -> Divergences:
     """D(X || Y) and D(Y || X) of samples (n, d) and (m, d); infinite where one lies on points.
 
-    Warns above 3 dimensions, where the estimate needs more samples than anyone has.
+    The estimate converges, slowly: in 3 dimensions it was 0.1 off at n = 500 and 0.02 at 50,000.
+    Warns above 3 dimensions, where it needs more samples than anyone has.
     """
     if x.shape[1] > MOST_DIMENSIONS:
         warnings.warn(

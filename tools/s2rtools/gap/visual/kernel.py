@@ -36,7 +36,7 @@ def kernel_distance(x: Floats, y: Floats) -> float:
 
 
 def permutation_p(x: Floats, y: Floats, permutations: int = 1000, seed: int = 1) -> float:
-    """How often the KID of shuffled labels reaches the observed one, (1 + hits) / (1 + permutations).
+    """How often the KID of shuffled labels reaches the observed one, which counts as one of them.
 
     For independent samples. One Gram matrix of all serves every permutation: with labels as rows
     of a matrix, the three sums of each permutation come from one product.

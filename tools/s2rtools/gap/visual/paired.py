@@ -22,6 +22,8 @@ from s2rtools.gap.visual.kernel import polynomial_gram
 
 Floats = NDArray[np.float64]
 
+_ROUNDING = 1e-12
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Paired:
@@ -51,20 +53,38 @@ class Paired:
     def swap_p(self, permutations: int, seed: int) -> float:
         """Permutation p-value: sim and real images of whole blocks change places.
 
-        Exact for pairs where only neighbours depend on each other; d then holds signs. It cannot
-        fall below 2^(1 - B).
+        Exact for pairs where only neighbours depend on each other; d then holds signs. Where they
+        are no more than `permutations`, all are tried once; 2^(1 - B) is the least that can be.
         """
-        signs = np.random.default_rng(seed).choice([-1.0, 1.0], (permutations, self.blocks))
+        signs = _all_signs(self.blocks) if 2 ** (self.blocks - 1) <= permutations else None
+        if signs is None:
+            draw = np.random.default_rng(seed).choice
+            signs = np.concatenate(
+                [self._ones, draw([-1.0, 1.0], (permutations, self.blocks))], axis=0
+            )
         observed = float(self.excess.sum())
         slack = 1e-9 * float(np.abs(self.excess).sum())
-        hits = (_quadratic(signs, self.excess) >= observed - slack).sum()
-        return float((1 + hits) / (1 + permutations))
+        return float((_quadratic(signs, self.excess) >= observed - slack).mean())
+
+    @property
+    def _ones(self) -> Floats:
+        return np.ones((1, self.blocks))
+
+
+def _all_signs(count: int) -> Floats:
+    """Every choice of signs but for the common one, the observed one among them."""
+    bits = np.arange(2 ** (count - 1))[:, None] >> np.arange(count) & 1
+    return np.where(bits == 1, -1.0, 1.0)
 
 
 def paired(sim: Floats, real: Floats, blocks: Blocks) -> Paired:
-    """Of features (n, d) of both sides of the same instances, in recording order."""
-    excess = _block_sums(sim, sim, blocks) + _block_sums(real, real, blocks)
-    excess -= 2 * _block_sums(sim, real, blocks)
+    """Of features (n, d) of both sides of the same instances, in recording order.
+
+    What is of rounding size counts as 0.
+    """
+    own = _block_sums(sim, sim, blocks) + _block_sums(real, real, blocks)
+    excess = own - 2 * _block_sums(sim, real, blocks)
+    excess[np.abs(excess) < _ROUNDING * np.abs(own)] = 0.0
     pairs = np.outer(blocks.sizes, blocks.sizes)
     np.fill_diagonal(pairs, 0.0)
     return Paired(excess, pairs)
