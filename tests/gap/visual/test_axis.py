@@ -16,6 +16,7 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.reader import Store
 from s2rstore.writer import edit
 from s2rtools.gap.contract import Evidence, Settings
+from s2rtools.gap.visual import axis
 from s2rtools.gap.visual.axis import LEAST_INSTANCES, Visual
 from s2rtools.gap.visual.inception import FidInception
 from tests.support import embeddings, tiny
@@ -153,6 +154,16 @@ def test_too_few_images_are_inconclusive(store: Store) -> None:
             Visual().measure(evidence(store, "far", iids), SETTINGS)
     with pytest.raises(RequestError, match="iids 0"):
         Visual().measure(evidence(store, "far", np.array([N])), SETTINGS)
+
+
+def test_more_images_than_needed_are_sampled_by_blocks(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(axis, "MOST_INSTANCES", 44)
+    found = Visual().measure(evidence(store, "far"), SETTINGS)
+    assert 36 <= found.n == found.fingerprint["n"] <= 44
+    assert found.notes[0] == f"{found.n} of 50 instances, as seeded whole blocks"
+    assert Visual().measure(evidence(store, "far"), SETTINGS).value == found.value
 
 
 def test_rows_that_are_not_finite_are_refused(path: Path, tmp_path: Path) -> None:

@@ -37,6 +37,13 @@ class Blocks:
         """Sums over the rows of each block: (n, ...) -> (B, ...)."""
         return np.add.reduceat(values, self.start[:-1], axis=0)
 
+    def part(self, most: int, seed: int) -> tuple[NDArray[np.int64], Blocks]:
+        """Seeded whole blocks of together `most` rows or a little less: their rows, and blocks."""
+        order = np.random.default_rng(seed).permutation(self.count)
+        chosen = np.sort(order[np.cumsum(self.sizes[order]) <= most])
+        sizes = np.diff(self.start)[chosen]
+        return self.rows(chosen), Blocks(np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64))
+
     def rows(self, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
         """The rows of some blocks, ascending."""
         marks = np.zeros(self.count, dtype=np.bool_)

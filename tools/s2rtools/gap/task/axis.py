@@ -110,7 +110,7 @@ def heading_sectors(heading: Floats) -> tuple[NDArray[np.int64], list[str]]:
 
 def _runs(evidence: Evidence, settings: Settings) -> dict[str, Any]:
     """The same figures of every computed run with enough instances of the selection."""
-    found = {}
+    found: dict[str, Any] = {}
     for run in evidence.store.runs.values():
         if run.key is None:
             continue

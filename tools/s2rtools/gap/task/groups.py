@@ -49,10 +49,16 @@ def grouped(
     `codes` (n,) index `names`, others count for none. Bounds are None where fewer than 3 blocks
     have such instances; the relative drop, gap / sim error, is None where the sim error is 0.
     """
-    members = (codes[:, None] == np.arange(len(names))).astype(np.float64)
-    blocks = errors.blocks
-    per_block = blocks.sums(members)
-    sim, real = (blocks.sums(members * side[:, None]) for side in (errors.sim, errors.real))
+    blocks, known = errors.blocks, (codes >= 0) & (codes < len(names))
+    label = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
+    cell = (label * len(names) + codes)[known]
+
+    def summed(values: Floats) -> Floats:
+        flat = np.bincount(cell, values[known], minlength=blocks.count * len(names))
+        return np.asarray(flat.reshape(blocks.count, len(names)), dtype=np.float64)
+
+    per_block = summed(np.ones(codes.size))
+    sim, real = summed(errors.sim), summed(errors.real)
     counts = draws(blocks.count, settings.replicates, settings.seed)
     n, touched = per_block.sum(axis=0), (per_block > 0).sum(axis=0)
     touched[touched < _LEAST_BLOCKS] = 0
@@ -62,7 +68,7 @@ def grouped(
         gaps = widened(counts @ (real - sim) / (counts @ per_block), gap, touched)
         drops = widened(counts @ (real - sim) / (counts @ sim), drop, touched)
     found = {}
-    for index in np.flatnonzero(n):
+    for index in np.flatnonzero(n).tolist():
         found[names[index]] = {
             "n": int(n[index]),
             "sim": float(sim[:, index].sum() / n[index]),

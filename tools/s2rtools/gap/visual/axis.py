@@ -27,6 +27,7 @@ LEAST_BLOCKS = 6
 of correlated features the 95 % intervals of 40 instances in 6 blocks held the truth in 92 to 95 %.
 """
 MOST_INSTANCES = 2000
+_SEED = 7
 _PERMUTATIONS = 999
 _RAW_FID = (
     "FID grows as n falls (equal distributions of 1024 features at n = 100 gave 52), so no "
@@ -115,20 +116,13 @@ def _sample(evidence: Evidence, iids: NDArray[np.int64] | None = None) -> _Sampl
         )
     notes: tuple[str, ...] = ()
     if iids.size > MOST_INSTANCES:
-        kept = _some(cut, MOST_INSTANCES)
+        fine = blocks.cut(store.instances.trajectory[iids], round(MOST_INSTANCES**0.5))
+        kept, cut = fine.part(MOST_INSTANCES, _SEED)
         notes = (f"{kept.size} of {iids.size} instances, as seeded whole blocks",)
         iids = iids[kept]
-        cut = blocks.cut(store.instances.trajectory[iids])
     features = source(store, evidence.run, evidence.features)
     sim, real = features.read("sim", iids), features.read("real", iids)
     return _Sample(features, iids, cut, sim, real, notes)
-
-
-def _some(cut: Blocks, most: int, seed: int = 7) -> NDArray[np.int64]:
-    """Rows of seeded whole blocks, `most` or a little less."""
-    order = np.random.default_rng(seed).permutation(cut.count)
-    fits = int((np.cumsum(cut.sizes[order]) <= most).sum())
-    return cut.rows(order[:fits])
 
 
 def _unadapted(evidence: Evidence, run: Run) -> Run:

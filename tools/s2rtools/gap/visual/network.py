@@ -61,7 +61,8 @@ class Preprocessing:
             cv2.resize(np.float32(image) / 255, (width, height), interpolation=method)
             for image in rgb
         ]
-        y = (np.stack(scaled) - np.float32(self.mean)) / np.float32(self.std)
+        mean, std = (np.array(figures, dtype=np.float32) for figures in (self.mean, self.std))
+        y = (np.stack(scaled) - mean) / std
         return np.ascontiguousarray(np.moveaxis(y, -1, 1))
 
 
@@ -164,7 +165,7 @@ def _preprocessing(steps: Any, path: Path) -> Preprocessing:
 
 
 def _numbers(steps: dict[str, Any], name: str, count: int, path: Path) -> Any:
-    values = steps.get(name)
+    values: Any = steps.get(name)
     good = isinstance(values, list) and len(values) == count
     if not good or not all(type(v) in (int, float) and math.isfinite(v) for v in values):
         raise RequestError(f"{path}: preprocessing.{name} must be {count} numbers")
