@@ -15,7 +15,7 @@ PERIOD = 0.05
 
 def commands(seconds: float, rng: np.random.Generator, hold: float = 1.0) -> Commands:
     """Random speeds (m/s) and turn rates (rad/s), each held for about `hold` seconds."""
-    n = int(round(seconds / PERIOD))
+    n = round(seconds / PERIOD)
     code = np.cumsum(rng.random(n) < PERIOD / hold)
     speed = rng.uniform(0.1, 0.8, n)[code]
     turn = rng.uniform(-0.9, 0.9, n)[code]

@@ -25,12 +25,12 @@ def odometry(store: Store, rate: float | None = None, aligned: bool = True) -> t
     for code, name in enumerate(truth.trajectory_names):
         at = np.flatnonzero(truth.trajectory == code)
         where = f"{store.path}: trajectory {name}"
-        odom = [column[at] for column in (truth.odom_x, truth.odom_y, truth.odom_heading)]
-        if at.size < 2 or not all(np.isfinite(column).all() for column in odom):
+        ox, oy, turned = (c[at] for c in (truth.odom_x, truth.odom_y, truth.odom_heading))
+        if at.size < 2 or not np.isfinite(ox + oy + turned).all():
             continue
         time = _time(truth.timestamp[at], truth.seq[at].astype(np.float64), rate, where)
         real = _log(time, truth.x[at], truth.y[at], truth.heading[at], f"{where}, ground truth")
-        sim = _log(time, *odom, f"{where}, odometry")
+        sim = _log(time, ox, oy, turned, f"{where}, odometry")
         if aligned:
             sim = rigid.fit((sim.x, sim.y), (real.x, real.y), reflection=True)(sim)
         drives.append(Drive(name, real, sim))

@@ -62,7 +62,7 @@ def _messages(path: Path, topic: str | None) -> tuple[str, list[tuple[float, ...
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    rows = []
+    rows: list[tuple[float, ...]] = []
     with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
         chosen = _topic(path, reader.connections, topic)
         connections = [found for found in reader.connections if found.topic == chosen]

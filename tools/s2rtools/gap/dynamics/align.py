@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, optimize, stats
+from scipy import ndimage, optimize
 from scipy.interpolate import CubicSpline
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.gap.contract import Settings
+from s2rtools.gap.dynamics.bootstrap import bounds, small_sample
 from s2rtools.logs.contract import Floats, Log
 from s2rtools.logs.resample import poses_at
 
@@ -95,9 +96,9 @@ def delay(
     correlation = _correlation(*matched(found))
     _demand_clear(correlation, overlap, width, f"{real.source} and {sim.source}")
     spread = _bootstrap(matched, found, step, round(furthest * rate), settings) * step
-    low, high = np.percentile(spread, [50 * (1 - settings.level), 50 * (1 + settings.level)])
+    low, high = bounds(spread, settings.level)
     return Delay(
-        float(found) * step, float(low), float(high), spread,
+        float(found) * step, low, high, spread,
         dict(zip(RATES, correlation.tolist(), strict=True)), overlap,
     )  # fmt: skip
 
@@ -243,7 +244,7 @@ def _resampled(
     bend = np.maximum(before - 2 * here + after, 1e-300)
     fine = np.clip(0.5 * (before - after) / bend, -1, 1)
     deviation = shifts[at] + fine * (shifts[1] - shifts[0])
-    return best + deviation * _small_sample(blocks, settings.level), inside
+    return best + deviation * small_sample(blocks, settings.level), inside
 
 
 def _block_sums(a: Floats, b: Floats, edges: NDArray[np.int_]) -> Floats:
@@ -257,11 +258,3 @@ def _left_over(sums: Floats) -> Floats:
     n, a, b, aa, bb, ab = sums
     aa, bb, ab = aa - a * a / n, bb - b * b / n, ab - a * b / n
     return np.asarray(np.maximum(aa - ab**2 / np.maximum(bb, n * STILL**2), 0.0))
-
-
-def _small_sample(blocks: int, level: float) -> float:
-    """b blocks know no more than b values: sqrt(b / (b - 1)), and Student's t for normal."""
-    tail = 0.5 * (1 + level)
-    return float(
-        np.sqrt(blocks / (blocks - 1)) * stats.t.ppf(tail, blocks - 1) / stats.norm.ppf(tail)
-    )

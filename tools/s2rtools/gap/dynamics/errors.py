@@ -9,9 +9,9 @@ import numpy as np
 
 from s2rstore import angles
 from s2rstore.errors import RequestError
-from s2rtools.logs import rigid
 from s2rtools.logs.contract import Floats, Log
 from s2rtools.logs.resample import poses_at
+from s2rtools.logs.rigid import Rigid, fit
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,13 +22,13 @@ class Alignment:
     reflection: bool = False
     scale: bool = False
 
-    def fitted(self, real: Log, sim: Log) -> rigid.Rigid:
+    def fitted(self, real: Log, sim: Log) -> Rigid:
         """The motion of `sim` onto `real`, poses at equal times; that of no change by default."""
         if not self.rigid:
             if self.reflection or self.scale:
                 raise RequestError("alignment: reflection and scale need rigid as well")
-            return rigid.Rigid()
-        return rigid.fit((sim.x, sim.y), (real.x, real.y), self.reflection, self.scale)
+            return Rigid()
+        return fit((sim.x, sim.y), (real.x, real.y), self.reflection, self.scale)
 
 
 NONE = Alignment()
