@@ -16,6 +16,7 @@ from s2rtools.gap.contract import Anchor, Axis, Evidence, Measured, Settings
 from s2rtools.gap.dynamics import Delay, Dynamics
 from s2rtools.gap.dynamics.windows import Plan
 from s2rtools.logs import Drive
+from s2rtools.logs.rigid import Rigid
 from tests.support import robot
 
 SETTINGS = Settings(replicates=300)
@@ -182,3 +183,12 @@ def test_details_are_plain_data_and_fingerprints_agree_with_themselves(evidence)
         assert first.fingerprint["n"] == first.n
         assert (first.replicates == second.replicates).all()
         assert np.isfinite(first.replicates).all()
+
+
+def test_a_mirrored_log_is_told(evidence) -> None:
+    (drive,) = drives(1, delay=0.0)
+    mirrored = replace(drive, sim=Rigid(reflected=True)(drive.sim))
+    told = Dynamics().measure(evidence([mirrored]), SETTINGS)
+    assert any("mirrored frame" in note for note in told.notes)
+    assert told.value > 10 * told.floor
+    assert not any("mirrored" in n for n in Dynamics().measure(evidence([drive]), SETTINGS).notes)

@@ -17,18 +17,28 @@ from s2rtools.logs.contract import Drive, Floats, Log
 
 MIN_WINDOWS = 8
 """Per horizon, over all drives."""
+MIRRORED = -0.5
+"""Correlation of the yaw rates below which the logs turn opposite ways."""
 _QUICK = 20
 """Replicates of delays whose interval nobody asks for."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Compared:
-    """One drive: the simulated log without its delay (s), and its windows."""
+    """One drive: its delay, the simulated log without it, and its windows."""
 
     drive: Drive
     sim: Log
-    late: float
+    late: align.Delay
     made: Windows
+
+
+@dataclass(frozen=True, slots=True)
+class _Scales:
+    """What errors are divided by, in m: per horizon (H,), and per resample (H, R)."""
+
+    values: Floats
+    draws: Floats
 
 
 class Dynamics(Axis):
@@ -56,10 +66,10 @@ class Dynamics(Axis):
 
     def measure(self, evidence: Evidence, settings: Settings) -> Measured:
         compared = [self._compare(d, d.sim, settings) for d in evidence.drives]
-        scales = self._scales(evidence.drives)
         ends = [c.made.end**2 for c in compared]
         counts = self._counts(ends)
         blocks = self._blocks(ends, settings)
+        scales = self._scales(evidence.drives, blocks)
         floors, kinds = self._floors(evidence.drives, compared, settings)
         mean, draws = blocks.means(ends)
         floor_mean, floor_draws = blocks.means(floors)
@@ -80,7 +90,7 @@ class Dynamics(Axis):
                 "horizons": self._per_horizon(compared, blocks, scales, counts, settings),
                 "drives": [_told(c, k) for c, k in zip(compared, kinds, strict=True)],
             },
-            notes=_notes(evidence.drives, kind),
+            notes=_notes(compared, kind),
         )
 
     def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
@@ -90,22 +100,24 @@ class Dynamics(Axis):
             found.append(self._compare(drive, untuned, settings).made.end ** 2)
         blocks = self._blocks(found, settings)
         self._counts(found)
-        scales = self._scales(evidence.drives)
+        scales = self._scales(evidence.drives, blocks)
         value, replicates = _over_scale(*blocks.means(found), scales, blocks)
         return Anchor(value, replicates, "the untuned simulator")
 
     def _compare(self, drive: Drive, sim: Log, settings: Settings) -> _Compared:
         quick = replace(settings, replicates=_QUICK)
-        late = align.delay(drive.real, sim, quick, self.plan.rate).seconds
-        moved = align.without(sim, late)
+        late = align.delay(drive.real, sim, quick, self.plan.rate)
+        moved = align.without(sim, late.seconds)
         return _Compared(drive, moved, late, windows(drive.real, moved, self.plan))
 
-    def _scales(self, drives: Sequence[Drive]) -> Floats:
-        """Per horizon (H,), m: the mean over the drives by their length."""
+    def _scales(self, drives: Sequence[Drive], blocks: Blocks) -> _Scales:
+        """The mean over the drives by their length, and that of every resample of drives."""
         scale = errors.scale_of(self.scale)
         seconds = np.array([drive.real.time[-1] - drive.real.time[0] for drive in drives])
         table = np.array([[scale(d.real, h) for h in self.plan.horizons] for d in drives])
-        return np.asarray(seconds @ table / seconds.sum())
+        weights = blocks.drawn * seconds
+        draws = (weights @ table).T / weights.sum(axis=1)
+        return _Scales(seconds @ table / seconds.sum(), draws)
 
     def _counts(self, ends: Sequence[Floats]) -> Floats:
         """Windows per horizon (H,); raises InconclusiveError where they are too few."""
@@ -156,7 +168,7 @@ class Dynamics(Axis):
         self,
         compared: Sequence[_Compared],
         blocks: Blocks,
-        scales: Floats,
+        scales: _Scales,
         counts: Floats,
         settings: Settings,
     ) -> list[dict[str, Any]]:
@@ -167,17 +179,16 @@ class Dynamics(Axis):
         }
         rows: list[dict[str, Any]] = [
             {"horizon": float(h), "windows": int(n), "scale": float(s)}
-            for h, n, s in zip(self.plan.horizons, counts, scales, strict=True)
+            for h, n, s in zip(self.plan.horizons, counts, scales.values, strict=True)
         ]
         for name, of in kinds.items():
             mean, draws = blocks.means([of(c.made) for c in compared])
-            for row, m, d in zip(rows, mean, draws, strict=True):
-                value = float(np.sqrt(m))
-                low, high = bounds(blocks.widened(value, np.sqrt(d)), settings.level)
-                row |= {name: value, f"{name}_low": low, f"{name}_high": high}
-        for row in rows:
-            for part in ("", "_low", "_high"):
-                row[f"nrmse{part}"] = row[f"rmse{part}"] / row["scale"]
+            for i, row in enumerate(rows):
+                root = np.sqrt(draws[i])
+                row |= _bounded(name, float(np.sqrt(mean[i])), root, blocks, settings)
+                if name == "rmse":
+                    share = row["rmse"] / row["scale"]
+                    row |= _bounded("nrmse", share, root / scales.draws[i], blocks, settings)
         return rows
 
 
@@ -191,11 +202,18 @@ def untuned_of(drive: Drive, axis: str) -> Log:
 
 
 def _over_scale(
-    mean: Floats, draws: Floats, scales: Floats, blocks: Blocks
+    mean: Floats, draws: Floats, scales: _Scales, blocks: Blocks
 ) -> tuple[float, Floats]:
     """m and its replicates (R,) from mean squares (H,) and (H, R) in m^2."""
-    value = float((np.sqrt(mean) / scales).mean())
-    return value, blocks.widened(value, (np.sqrt(draws) / scales[:, None]).mean(axis=0))
+    value = float((np.sqrt(mean) / scales.values).mean())
+    return value, blocks.widened(value, (np.sqrt(draws) / scales.draws).mean(axis=0))
+
+
+def _bounded(
+    name: str, value: float, draws: Floats, blocks: Blocks, settings: Settings
+) -> dict[str, float]:
+    low, high = bounds(blocks.widened(value, draws), settings.level)
+    return {name: value, f"{name}_low": low, f"{name}_high": high}
 
 
 def _told(compared: _Compared, kind: str) -> dict[str, Any]:
@@ -203,7 +221,7 @@ def _told(compared: _Compared, kind: str) -> dict[str, Any]:
     measured = noise.of(compared.drive.real)
     return {
         "drive": compared.drive.name,
-        "delay": compared.late,
+        "delay": compared.late.seconds,
         "ape_rmse": errors.rmse(found.position),
         "heading_rmse": errors.rmse(found.heading),
         "noise_position": measured.position,
@@ -212,9 +230,13 @@ def _told(compared: _Compared, kind: str) -> dict[str, Any]:
     }
 
 
-def _notes(drives: Sequence[Drive], kind: str) -> tuple[str, ...]:
-    notes = []
-    if len(drives) == 1:
+def _notes(compared: Sequence[_Compared], kind: str) -> tuple[str, ...]:
+    notes = [
+        f"drive {c.drive.name}: the yaw rates are opposed; is one log in a mirrored frame?"
+        for c in compared
+        if c.late.correlation["yaw rate"] < MIRRORED
+    ]
+    if len(compared) == 1:
         notes.append("one drive: the interval says nothing of how drives differ")
     if kind != "repeated real drives":
         notes.append(

@@ -26,11 +26,21 @@ def bounds(replicates: Floats, level: float) -> list[float]:
     return [float(v) for v in np.percentile(replicates, [50 * (1 - level), 50 * (1 + level)])]
 
 
+MIN_DRIVES = 5
+"""From how many on drives alone are resampled."""
+
+
+def drawn_drives(drives: int, rng: np.random.Generator, replicates: int) -> Floats:
+    """How often each of several drives (at least 2) is drawn, (R, G)."""
+    draws = rng.multinomial(drives, np.full(drives, 1 / drives), replicates)
+    return np.asarray(draws, dtype=np.float64)
+
+
 class Blocks:
     """One set of resamples, to be applied to everything that was measured on the same windows.
 
-    One drive is resampled by circular blocks of its windows. Several are resampled as drives,
-    with the blocks of each resampled inside.
+    One drive is resampled by circular blocks of its windows; two to four as drives, and by blocks
+    inside, which is rather too wide than too narrow; five and more as drives.
     """
 
     def __init__(self, counts: Sequence[int], longest: int, settings: Settings) -> None:
@@ -45,12 +55,13 @@ class Blocks:
             self._lengths.append(length)
             self._starts.append(rng.integers(0, count, (settings.replicates, blocks)))
         self.drawn = np.ones((settings.replicates, drives))
+        self.widening = 1.0
         if drives > 1:
-            draws = rng.multinomial(drives, np.full(drives, 1 / drives), settings.replicates)
-            self.drawn = draws.astype(np.float64)
-            self.widening = float(np.sqrt(drives / (drives - 1)))
-        else:
-            self.widening = small_sample(self._starts[0].shape[1], settings.level)
+            self.drawn = drawn_drives(drives, rng, settings.replicates)
+        self._inside = drives < MIN_DRIVES
+        if drives == 1 or not self._inside:
+            parts = drives if drives > 1 else self._starts[0].shape[1]
+            self.widening = small_sample(parts, settings.level)
 
     def means(self, values: Sequence[Floats]) -> tuple[Floats, Floats]:
         """Mean over the windows of all drives (H,), and of every resample (H, R).
@@ -75,7 +86,9 @@ class Blocks:
         return np.maximum(value + (replicates - value) * self.widening, 0.0)
 
     def _totals(self, drive: int, table: Floats) -> Floats:
-        """Sums (H, R) of the drive's resampled blocks."""
+        """Sums (H, R) of the drive's resampled blocks, or (H, 1) where it stays whole."""
+        if not self._inside:
+            return np.asarray(table.sum(axis=1, keepdims=True))
         length = self._lengths[drive]
         around = np.concatenate([table, table[:, : length - 1]], axis=1)
         total = np.cumsum(np.pad(around, ((0, 0), (1, 0))), axis=1)

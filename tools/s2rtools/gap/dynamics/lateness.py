@@ -11,7 +11,7 @@ from s2rstore.errors import RequestError
 from s2rtools.gap.contract import Anchor, Axis, Evidence, Measured, Settings
 from s2rtools.gap.dynamics import align
 from s2rtools.gap.dynamics.axis import untuned_of
-from s2rtools.gap.dynamics.bootstrap import bounds
+from s2rtools.gap.dynamics.bootstrap import MIN_DRIVES, bounds, drawn_drives, small_sample
 from s2rtools.logs.contract import Drive, Floats, Log
 
 BadState = Literal["untuned", "period"]
@@ -128,18 +128,18 @@ class Delay(Axis):
 
 
 def _pooled(found: Sequence[align.Delay], settings: Settings) -> tuple[float, Floats]:
-    """Mean delay over the drives, s, and its replicates (R,).
-
-    Several drives are resampled, each with its own replicates, and widened by sqrt(G / (G - 1)).
-    """
+    """Mean delay over the drives, s, and its replicates (R,), resampled as `Blocks` are."""
     if len(found) == 1:
         return found[0].seconds, found[0].replicates
     count = len(found)
     overlap = np.array([delay.overlap for delay in found])
-    signed = float(np.average([delay.seconds for delay in found], weights=overlap))
-    rng = np.random.default_rng(settings.seed + 1)
-    drawn = rng.multinomial(count, np.full(count, 1 / count), settings.replicates) * overlap
+    each = np.array([delay.seconds for delay in found])
+    signed = float(np.average(each, weights=overlap))
+    rng = np.random.default_rng(settings.seed)
+    weights = drawn_drives(count, rng, settings.replicates) * overlap
+    if count >= MIN_DRIVES:
+        means = weights @ each / weights.sum(axis=1)
+        return signed, np.asarray(signed + (means - signed) * small_sample(count, settings.level))
     # Drives are independent: each has its own order of replicates.
     table = np.stack([rng.permutation(delay.replicates) for delay in found], axis=1)
-    means = (drawn * table).sum(axis=1) / drawn.sum(axis=1)
-    return signed, np.asarray(signed + (means - signed) * np.sqrt(count / (count - 1)))
+    return signed, np.asarray((weights * table).sum(axis=1) / weights.sum(axis=1))
