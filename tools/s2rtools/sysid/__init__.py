@@ -1,0 +1,1 @@
+"""System identification: a simulator's parameters from recorded drives, and what they leave."""
