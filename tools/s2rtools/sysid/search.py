@@ -66,9 +66,8 @@ def _course(problem: Problem, start: Floats, rng: np.random.Generator, number: i
             evaluations: int, advance: Advance) -> Course:  # fmt: skip
     part = problem.of(problem.windows.only(_some(problem, rng)))
     counts, costs, end = minimised(part.cost, start, rng, evaluations, _SPREAD, advance)
-    rough = polished(part.restarted(end), end)
-    whole = problem.restarted(rough)
-    fine = polished(whole, rough)
+    whole = problem.restarted(end)
+    fine = polished(whole, end)
     return Course(number, counts, costs, end, fine, whole.cost(fine))
 
 

@@ -95,6 +95,9 @@ class Simulator:
     """Parameters that can all be multiplied by one number, without changing any motion; the first
     is the one that the others are divided by where efforts leave them unknown."""
 
+    evaluations: ClassVar[int] = 400
+    """Of the objective, that one seed's search may spend by default."""
+
     def replay(self, values: Values, replays: Replays, states: Floats) -> Floats:
         """States (n, 5) at all times, from the start `states` (r, 5); `values` of all parameters.
 
