@@ -75,9 +75,9 @@ def _drive(folder: Path, rng: np.random.Generator, truth: Values, recording: Rec
            simulator: Planar) -> Drive:  # fmt: skip
     commands = _commands(rng, recording, simulator)
     start = np.array([rng.uniform(-2, 2), rng.uniform(-2, 2), rng.uniform(-3, 3), 0.0, 0.0])
-    time = _SAMPLED * np.arange(round(recording.seconds / _SAMPLED))
-    noise = rng.standard_normal((len(time), 3))
-    noise *= [recording.place_noise, recording.place_noise, recording.heading_noise]
+    time: Floats = _SAMPLED * np.arange(round(recording.seconds / _SAMPLED), dtype=np.float64)
+    scale = np.array([recording.place_noise, recording.place_noise, recording.heading_noise])
+    noise = scale * rng.standard_normal((len(time), 3))
     folder.mkdir(exist_ok=True)
     logs = {}
     for role, values in (("real", truth), ("sim", {}), ("untuned", UNTUNED)):
@@ -98,12 +98,14 @@ def _log(time: Floats, poses: Floats) -> Log:
 
 def _commands(rng: np.random.Generator, recording: Recording, simulator: Planar) -> Commands:
     """Half a second of rest, then stretches of driving, turning, coasting and braking."""
-    time = _PERIOD * np.arange(round(recording.seconds / _PERIOD))
+    time: Floats = _PERIOD * np.arange(round(recording.seconds / _PERIOD), dtype=np.float64)
     both = np.zeros((2, len(time)))
     k = round(0.5 / _PERIOD)
     while k < len(time):
         end = k + int(rng.integers(round(0.4 / _PERIOD), round(1.6 / _PERIOD)))
-        forward = rng.choice([rng.uniform(0.2, 0.7), 0.0, rng.uniform(-0.4, 0.0)], p=[0.7, 0.1, 0.2])
+        forward = rng.choice(
+            [rng.uniform(0.2, 0.7), 0.0, rng.uniform(-0.4, 0.0)], p=[0.7, 0.1, 0.2]
+        )
         turn = rng.choice([rng.uniform(-0.12, 0.12), 0.0], p=[0.7, 0.3])
         both[:, k:end] = [[forward - turn], [forward + turn]]
         k = end

@@ -9,7 +9,7 @@ import numpy as np
 
 from s2rtools.sysid.polish import polished
 from s2rtools.sysid.problem import Problem
-from s2rtools.sysid.simulators.contract import Floats
+from s2rtools.sysid.simulators.contract import Floats, Integers
 
 _SPREAD = 0.25
 _LONGEST = 40.0
@@ -71,8 +71,14 @@ def _course(problem: Problem, start: Floats, rng: np.random.Generator, number: i
     return Course(number, counts, costs, end, fine, whole.cost(fine))
 
 
-def minimised(cost: Callable[[Floats], float], start: Floats, rng: np.random.Generator,
-              evaluations: int, spread: float, advance: Advance) -> tuple[Floats, Floats, Floats]:  # fmt: skip
+def minimised(
+    cost: Callable[[Floats], float],
+    start: Floats,
+    rng: np.random.Generator,
+    evaluations: int,
+    spread: float,
+    advance: Advance,
+) -> tuple[Floats, Floats, Floats]:
     """CMA-ES on the unit cube: evaluations and best costs after each generation, and the best."""
     import cma
 
@@ -89,13 +95,16 @@ def minimised(cost: Callable[[Floats], float], start: Floats, rng: np.random.Gen
         strategy.tell(points, [np.log(cost(np.asarray(point))) for point in points])
         counts.append(float(strategy.result.evaluations))
         costs.append(float(np.exp(strategy.result.fbest)))
-        advance(len(points))
-        done += len(points)
-    advance(max(0, evaluations - done))
+        told = min(len(points), evaluations - done)
+        if told > 0:
+            advance(told)
+        done += told
+    if done < evaluations:
+        advance(evaluations - done)
     return np.array(counts), np.array(costs), np.clip(strategy.result.xbest, 0.0, 1.0)
 
 
-def _some(problem: Problem, rng: np.random.Generator) -> Floats:
+def _some(problem: Problem, rng: np.random.Generator) -> Integers:
     """Windows of `_LONGEST` seconds in all, drawn without replacement."""
     count = len(problem.windows)
     keep = max(1, int(count * min(1.0, _LONGEST / problem.windows.seconds())))

@@ -111,7 +111,7 @@ def _channels(problem: Problem, cube: Floats) -> tuple[Channel, ...]:
             pairs += int(inside.sum())
         variance = float((values**2).mean())
         correlation = total / pairs / variance if variance > 0 else 0.0
-        found.append(Channel(name, correlation, tail / np.sqrt(pairs),
+        found.append(Channel(name, correlation, tail / float(np.sqrt(pairs)),
                              float(np.sqrt(variance) * sigma)))  # fmt: skip
     return tuple(found)
 

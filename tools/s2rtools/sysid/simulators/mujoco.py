@@ -69,8 +69,10 @@ class MuJoCo(Simulator):
         from mujoco import minimize
 
         bounds = [np.zeros_like(start), np.ones_like(start)]
-        found, _ = minimize.least_squares(start, residual, bounds, eps=1e-4, xtol=1e-5,
-                                          max_iter=12, verbose=minimize.Verbosity.SILENT)  # fmt: skip
+        found, _ = minimize.least_squares(
+            start, residual, bounds, eps=1e-4, xtol=1e-5, max_iter=12,
+            verbose=minimize.Verbosity.SILENT,
+        )  # fmt: skip
         return np.asarray(found).reshape(start.shape)
 
     def _model(self, values: Values) -> tuple[Any, Any, Floats]:
