@@ -24,6 +24,7 @@ COMMANDS: dict[str, str] = {
     "sql": "run a read-only SQL query on the index",
     "sysid": "the parameters of a simulator from recorded drives, and what they leave",
     "score": "how far heatmaps and reasons are right, where the truth is known",
+    "nightly": "the gap of this night: measured, judged, kept in a history, told in files",
     "show": "print a view's numbers as a flat table",
     "export": "write a figure as PNG, SVG or PDF",
     "report": "write selections with their figures as one HTML file",

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.history import History
 from s2rstore.language.text import quoted
 from s2rstore.reader import Store
 from s2rstore.records import Side
@@ -44,7 +45,7 @@ class Resources:
 
     `grid` is the heat on the map, as `grid_of` (see `heat_of`) names it, `seen` (rows, cols) what
     the selection has seen, `progress` the share of it that is done. `live` is the instance as it is
-    being adjusted.
+    being adjusted, `history` holds the nights of the gap.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -58,6 +59,7 @@ class Resources:
     seen: Grid | None = None
     live: InstanceInput | None = None
     live_grid: Grid | None = None
+    history: History | None = None
     progress: float | None = None
     saving: str = ""
 
@@ -97,7 +99,7 @@ class Scene:
 class View:
     """One view; a subclass says what it tells, draws and means.
 
-    `name` is its word, `key` the digit that shows it. `pane` is its place: the overview's, the
+    `name` is its word, `key` the key that shows it. `pane` is its place: the overview's, the
     large centre, or one that it shares with others where the screen is small. `aliases` are other
     words for it on the command line. `feeds` names what it needs from workers. `stored` tells that
     a store holds all that it shows, `one` that it shows one instance; `paper` is the size of its
