@@ -20,7 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--drives", metavar="DIR",
-        help="folder of drives (NAME/real.csv, sim.csv, untuned.csv, commands.csv), or `odometry`",
+        help="folder of drives (NAME/real.csv, sim.csv, untuned.csv, commands.csv), or `odometry` "
+             "(default: those in the store)",
     )  # fmt: skip
     parser.add_argument(
         "--features", type=Path, metavar="FILE",

@@ -15,18 +15,24 @@ from s2rtools.gap.axes import AXES
 from s2rtools.gap.contract import Axis, Evidence, Settings
 from s2rtools.gap.golden import MARGIN
 from s2rtools.gap.measure import Measurement, frozen, measure
-from s2rtools.gap.report import Judged, Report, report
+from s2rtools.gap.report import Judged, Report, across_report, report
 from s2rtools.gap.task.across import across
 from s2rtools.gap.verdict import THRESHOLD, judge, unjudged
 from s2rtools.logs import Drive
-from s2rtools.logs.drives import odometry, read_drives
+from s2rtools.logs.drives import read_drives
+from s2rtools.logs.odometry import odometry
 
 ODOMETRY = "odometry"
+DRIVES = "drives"
+"""Folder in a store with the drives that belong to it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What to measure and what to judge it by; `drives` is a folder, or `odometry`."""
+    """What to measure and what to judge it by.
+
+    `drives` is a folder, `odometry`, or None for those in the store.
+    """
 
     run: str | None = None
     expression: str = "all"
@@ -108,14 +114,15 @@ def _across(found_on: Evidence, request: Request) -> dict[str, object] | None:
     if "task" not in request.wanted:
         return None
     try:
-        return across(found_on.store, found_on.iids, request.settings)
+        return across_report(across(found_on.store, found_on.iids, request.settings))
     except InconclusiveError as error:
         return {"refused": str(error)}
 
 
 def _drives(store: Store, wanted: str | None) -> tuple[Drive, ...]:
     if wanted is None:
-        return ()
+        own = store.path / DRIVES
+        return tuple(read_drives(own)) if own.is_dir() else ()
     if wanted == ODOMETRY:
         return tuple(odometry(store))
     return tuple(read_drives(Path(wanted)))
