@@ -31,13 +31,15 @@ DRIVES = "drives"
 class Request:
     """What to measure and what to judge it by.
 
-    `drives` is a folder, `odometry`, or None for those in the store.
+    `drives` is a folder, `odometry`, or None for those in the store; `rate` (Hz) is that of
+    odometry that was stored without times.
     """
 
     run: str | None = None
     expression: str = "all"
     axes: tuple[str, ...] = ()
     drives: str | None = None
+    rate: float | None = None
     features: Path | None = None
     reference: Path | None = None
     golden: Path | None = None
@@ -50,6 +52,8 @@ class Request:
             raise RequestError(f"--threshold: over 0, not {self.threshold:g}")
         if not np.isfinite(self.margin) or self.margin <= 0:
             raise RequestError(f"--margin: metres over 0, not {self.margin:g}")
+        if self.rate is not None and not 0 < self.rate < float("inf"):
+            raise RequestError(f"--rate: Hz over 0, not {self.rate:g}")
         for name in self.axes:
             if name not in AXES:
                 raise RequestError(f"--axis {name}: one of {', '.join(AXES)}")
@@ -68,7 +72,7 @@ def evidence(store: Store, request: Request) -> Evidence:
     if not chosen.any():
         raise RequestError(f"--select {request.expression!r}: no instance of run {run.run}")
     iids = np.flatnonzero(chosen).astype(np.int64)
-    drives = _drives(store, request.drives)
+    drives = _drives(store, request)
     return Evidence(store, run.run, iids, request.expression, drives, request.features)
 
 
@@ -119,10 +123,11 @@ def _across(found_on: Evidence, request: Request) -> dict[str, object] | None:
         return {"refused": str(error)}
 
 
-def _drives(store: Store, wanted: str | None) -> tuple[Drive, ...]:
+def _drives(store: Store, request: Request) -> tuple[Drive, ...]:
+    wanted = request.drives
     if wanted is None:
         own = store.path / DRIVES
         return tuple(read_drives(own)) if own.is_dir() else ()
     if wanted == ODOMETRY:
-        return tuple(odometry(store))
+        return tuple(odometry(store, request.rate))
     return tuple(read_drives(Path(wanted)))
