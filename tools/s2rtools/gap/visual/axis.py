@@ -24,7 +24,9 @@ Floats = NDArray[np.float64]
 LEAST_INSTANCES = 40
 LEAST_BLOCKS = 6
 """2^(1 - 6) < 0.05: with fewer blocks no permutation test can tell anything at 5 %. In simulations
-of correlated features the 95 % intervals of 40 instances in 6 blocks held the truth in 92 to 95 %.
+of features with neighbours' correlation 0.8 the 95 % intervals of 40 instances in 6 blocks held the
+truth in 95 %, of 100 to 500 instances in 90 to 97 %; with correlation 0.95, longer than a block of
+100 instances, in 78 %.
 """
 MOST_INSTANCES = 2000
 _SEED = 7
