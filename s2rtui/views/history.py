@@ -54,7 +54,7 @@ class HistoryView(View):
         """Why there is nothing to draw, and what to do."""
         found, file = scene.resources.history, scene.state.history
         if file is not None and found is None:
-            return ("reading the history",)
+            return ("the history is not read yet", "where it cannot be, a message tells why")
         runs = found.shown_runs(scene.store.dataset.hash) if found is not None else ()
         if runs:
             return (f"no night of run {scene.state.run}", f"there are nights of {', '.join(runs)}")

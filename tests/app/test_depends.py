@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +15,11 @@ from s2rtui.feeds import reading
 from s2rtui.notebook import Notes, Remark
 from s2rtui.plots.surface import Mark
 from s2rtui.session import HeatChoice, Session, State, derive
-from s2rtui.session.state import Adjust, Brush, Slider
+from s2rtui.session.state import Adjust, Brush, HistoryFile, Slider
 from s2rtui.titles import shown
 from s2rtui.views import VIEWS, Resources, Scene, View
-from s2rtui.views.contract import RunAccuracies
-from tests.support import tiny
+from s2rtui.views.contract import RunAccuracies, heat_of
+from tests.support import gaps, tiny
 
 SIZE = (100, 40)
 SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
@@ -57,6 +58,7 @@ STATES: dict[str, Callable[[Session, State], object]] = {
     "sort": lambda _, state: "iid",
     "descending": lambda _, state: not state.descending,
     "viewport": lambda _, state: Bounds(2.0, 2.0, 5.0, 4.0),
+    "history": lambda _, state: HistoryFile(Path("gap.duckdb"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
     "past": lambda _, state: ("all",),
@@ -70,14 +72,18 @@ RESOURCES: dict[str, Callable[[Resources], object]] = {
     "pictures": lambda found: replace(found.pictures, iid=3, notes=(("where", "here"),)),
     "instance_grid": lambda found: np.ones((4, 4), dtype=np.float32),
     "grid": lambda found: np.ones((4, 4), dtype=np.float32),
+    "grid_of": lambda found: ("another",),
     "seen": lambda found: np.eye(4, dtype=np.float32),
     "live": lambda found: replace(found.live, iid=5, notes=(("real", "else"),)),
     "live_grid": lambda found: np.ones((4, 4), dtype=np.float32),
+    "history": lambda found: gaps.history(*gaps.week()),
     "progress": lambda found: 0.5,
+    "saving": lambda found: "saving b",
 }
 NEVER_DRAWN = {
-    "generation", "newest", "trajectories", "expression", "operator", "lasso", "message",
+    "newest", "trajectories", "expression", "operator", "lasso", "message",
     "is_error", "past", "future", "centre", "tab", "instance_grid", "progress",
+    "saving",
 }  # fmt: skip
 
 
@@ -98,11 +104,13 @@ def scenes(session: Session) -> dict[str, Scene]:
     fed = reading.read_rows(store, state, None) | reading.read_lines(store, state, None)
     pictures, live = (derive.instance_input(store, state.run, i, state.heat) for i in (0, 2))
     plain = Scene(store, state, Resources(**fed, pictures=pictures, live=live))
-    heated = replace(plain.resources, grid=grid, seen=grid > 7, live_grid=grid[::-1])
     rich = replace(
         state, overlay="selection", clip=True, map_mode="glyph", room_names=True, sort="gap",
         brush=Brush("umap", Mark("real", BOX)), heat=HeatChoice("activation", "loss"), cursor=4,
     )  # fmt: skip
+    heated = replace(
+        plain.resources, grid=grid, grid_of=heat_of(rich), seen=grid > 7, live_grid=grid[::-1]
+    )
     sliding = replace(state, view="adjust", tab="adjust", adjust=ADJUST, overlay="instance")
     return {
         "plain": plain,

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from s2rtools.nightly.config import Config, Sysid
-from tests.support import nights, tiny
+from tests.support import nights
 
 
 @pytest.fixture
-def config(tmp_path: Path) -> Config:
+def config(tmp_path: Path, tiny_store: Path) -> Config:
     """A gate on a store of its own, with drives, metrics and a simulator to identify."""
-    return made(tmp_path)
+    return made(tmp_path, tiny_store)
 
 
 @pytest.fixture
@@ -23,16 +24,18 @@ def week(config: Config) -> nights.Week:
 
 
 @pytest.fixture(scope="module")
-def told_week(tmp_path_factory: pytest.TempPathFactory) -> nights.Week:
+def told_week(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> nights.Week:
     """All seven nights, for tests that only read; the task's gap grows on day 5."""
-    week = nights.Week(made(tmp_path_factory.mktemp("week")), {"task": 20.0}, from_day=5)
+    config = made(tmp_path_factory.mktemp("week"), tiny_store)
+    week = nights.Week(config, {"task": 20.0}, from_day=5)
     for number in range(1, 8):
         week.night(number)
     return week
 
 
-def made(folder: Path) -> Config:
-    config = nights.written(folder, tiny.build(folder / "lab.s2r"))
+def made(folder: Path, store: Path) -> Config:
+    shutil.copytree(store, folder / "lab.s2r")
+    config = nights.written(folder, folder / "lab.s2r")
     (folder / "robot.toml").write_text("damping = [0, 2]\n")
     sysid = Sysid("planar", folder / "robot.toml", str(folder / "drives"))
     return replace(config, sysid=sysid)
