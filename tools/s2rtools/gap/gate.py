@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from s2rstore import selection
+from s2rstore import layout, selection
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.reader import Store
 from s2rtools.gap import golden, reference
@@ -23,8 +23,6 @@ from s2rtools.logs.drives import read_drives
 from s2rtools.logs.odometry import odometry
 
 ODOMETRY = "odometry"
-DRIVES = "drives"
-"""Folder in a store with the drives that belong to it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +124,7 @@ def _across(found_on: Evidence, request: Request) -> dict[str, object] | None:
 def _drives(store: Store, request: Request) -> tuple[Drive, ...]:
     wanted = request.drives
     if wanted is None:
-        own = store.path / DRIVES
+        own = store.path / layout.DRIVES
         return tuple(read_drives(own)) if own.is_dir() else ()
     if wanted == ODOMETRY:
         return tuple(odometry(store, request.rate))
