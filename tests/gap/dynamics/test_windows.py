@@ -80,6 +80,21 @@ def test_a_window_that_the_simulator_does_not_cover_is_left_out() -> None:
     ]
 
 
+def test_no_window_begins_or_ends_in_a_hole() -> None:
+    drive = robot.pair(4, seconds=10.0)
+    real = drive.real
+    kept = (real.time < 3.01) | (real.time > 5.01)
+    torn = Log(*(c[kept] for c in (real.time, real.x, real.y, real.heading)), "torn", "")
+    made = windows(torn, drive.sim, PLAN)
+    whole = windows(real, drive.sim, PLAN)
+    for row, horizon in enumerate(PLAN.horizons):
+        ends = np.stack([made.starts, made.starts + horizon])
+        lost = ((ends > 3.01) & (ends < 5.01)).any(axis=0)
+        assert lost.any()
+        assert np.isnan(made.end[row][lost]).all()
+        assert np.allclose(made.end[row][~lost], whole.end[row][~lost], equal_nan=True, atol=1e-6)
+
+
 @pytest.mark.parametrize("horizons", [(), (1.0, 0.5), (0.0, 1.0), (-1.0,), (0.001,)])
 def test_horizons_that_make_no_sense_are_refused(horizons: tuple[float, ...]) -> None:
     with pytest.raises(RequestError, match="horizon"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -78,17 +78,7 @@ class Delay(Axis):
                 "delay_low": low,
                 "delay_high": high,
                 "period": period,
-                "drives": [
-                    {
-                        "drive": drive.name,
-                        "delay": delay.seconds,
-                        "delay_low": delay.low,
-                        "delay_high": delay.high,
-                        "overlap": delay.overlap,
-                        "correlation": delay.correlation,
-                    }
-                    for drive, delay in zip(drives, found, strict=True)
-                ],
+                "drives": [_told(d, late) for d, late in zip(drives, found, strict=True)],
             },
         )
 
@@ -125,6 +115,17 @@ class Delay(Axis):
                 f"{high}; judge them apart"
             )
         return float(np.median(list(known.values())))
+
+
+def _told(drive: Drive, late: align.Delay) -> dict[str, Any]:
+    return {
+        "drive": drive.name,
+        "delay": late.seconds,
+        "delay_low": late.low,
+        "delay_high": late.high,
+        "overlap": late.overlap,
+        "correlation": late.correlation,
+    }
 
 
 def _pooled(found: Sequence[align.Delay], settings: Settings) -> tuple[float, Floats]:

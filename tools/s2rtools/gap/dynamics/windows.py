@@ -16,6 +16,8 @@ from s2rtools.gap.dynamics.errors import moved
 from s2rtools.logs.contract import Floats, Log
 from s2rtools.logs.resample import poses_at
 
+HOLE = 5.0
+"""Median steps between two poses beyond which nothing is known between them."""
 _CHUNK = 2048
 _TOLERANCE = 1e-9
 
@@ -49,7 +51,7 @@ DEFAULT = Plan()
 
 @dataclass(frozen=True, slots=True)
 class Windows:
-    """Errors per horizon and start, (H, K); NaN where a log does not cover the window.
+    """Errors per horizon and start, (H, K); NaN where a log does not know an end.
 
     `end` at the end and `path` as root mean square on the way, in m; `heading` at the end, in rad;
     `distance` is the straight line that the real robot covered, in m. `starts` (K,) in s.
@@ -90,5 +92,5 @@ def _fill(made: Windows, part: slice, real: Log, sim: Log, plan: Plan) -> None:
 
 def _motions(log: Log, times: Floats) -> tuple[Floats, Floats, Floats]:
     """Poses at `times` (k, t) as seen from those at the first of each row."""
-    x, y, heading = poses_at(log, times)
+    x, y, heading = poses_at(log, times, HOLE * float(np.median(np.diff(log.time))))
     return moved(x[:, :1], y[:, :1], heading[:, :1], x, y, heading)
