@@ -83,7 +83,7 @@ class Dynamics(Axis):
             n=int(counts.sum()),
             replicates=replicates,
             floor_replicates=floor_replicates,
-            fingerprint=self._fingerprint(kind, int(counts.sum())),
+            fingerprint=self._fingerprint(kind),
             details={
                 "scale": self.scale,
                 "floor_from": kind,
@@ -154,14 +154,13 @@ class Dynamics(Axis):
                 kinds.append("noise of the poses")
         return floors, kinds
 
-    def _fingerprint(self, floor: str, n: int) -> dict[str, str | int | float]:
+    def _fingerprint(self, floor: str) -> dict[str, str | int | float]:
         return {
             "horizons": ", ".join(f"{h:g}" for h in self.plan.horizons),
             "stride": self.plan.stride,
             "rate": self.plan.rate,
             "scale": self.scale,
             "floor_from": floor,
-            "n": n,
         }
 
     def _per_horizon(

@@ -71,7 +71,6 @@ class Delay(Axis):
                 "smoothing": align.SMOOTHING,
                 "furthest": self.furthest,
                 "period": round(period, 6),
-                "n": n,
             },
             details={
                 "delay": signed,
