@@ -22,6 +22,8 @@ COMMANDS: dict[str, str] = {
     "runs": "list the runs of a store with their figures",
     "query": "print the instances that an expression selects",
     "sql": "run a read-only SQL query on the index",
+    "gap": "the reality gap of a run, measured and judged",
+    "sysid": "the parameters of a simulator from recorded drives, and what they leave",
     "score": "how far heatmaps and reasons are right, where the truth is known",
     "nightly": "the gap of this night: measured, judged, kept in a history, told in files",
     "show": "print a view's numbers as a flat table",

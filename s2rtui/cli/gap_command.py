@@ -20,8 +20,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--drives", metavar="DIR",
-        help="folder of drives (NAME/real.csv, sim.csv, untuned.csv, commands.csv), or `odometry`",
+        help="folder of drives (NAME/real.csv, sim.csv, untuned.csv, commands.csv), or `odometry` "
+             "(default: those in the store)",
     )  # fmt: skip
+    parser.add_argument("--rate", type=float, metavar="HZ",
+                        help="of odometry that was stored without times")  # fmt: skip
     parser.add_argument(
         "--features", type=Path, metavar="FILE",
         help="description of an image network (default: the model's own embedding)",
@@ -81,8 +84,8 @@ def _request(options: argparse.Namespace) -> Any:
     if not 0 <= options.seed < 2**31:
         raise RequestError(f"--seed: 0 .. 2147483647, not {options.seed}")
     return Request(
-        options.run, options.select, tuple(options.axis), options.drives, options.features,
-        options.reference, options.golden, options.threshold, options.margin,
+        options.run, options.select, tuple(options.axis), options.drives, options.rate,
+        options.features, options.reference, options.golden, options.threshold, options.margin,
         Settings(options.replicates, options.seed),
     )  # fmt: skip
 

@@ -36,7 +36,7 @@ def _lines(found: dict[str, Any]) -> Iterator[str]:
         yield f"  across runs: {across['refused']}"
     elif across:
         yield "".join(
-            f"  across {across['runs']} runs: {name} {_bounds(across, key, 2)}\n"
+            f"  across {len(across['runs'])} runs: {name} {_bounds(across, key, 2)}\n"
             for name, key in (("Sim-vs-Real correlation", "srcc"), ("MMRV", "mmrv"))
         ).rstrip()
     golden = found["golden"]

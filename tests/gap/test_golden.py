@@ -54,9 +54,9 @@ def test_a_change_beyond_the_margin_fails(
     assert found.outcome == (outcome or "INCONCLUSIVE")
 
 
-def test_another_data_set_is_refused(evidence: Evidence) -> None:
-    other = replace(golden.take(evidence), dataset="f" * 64)
-    with pytest.raises(RequestError, match="the golden run is of data set ffffffffffff"):
+def test_other_poses_are_refused(evidence: Evidence) -> None:
+    other = replace(golden.take(evidence), poses="f" * 64)
+    with pytest.raises(RequestError, match="other poses than the golden run"):
         golden.compare(evidence, other, SETTINGS)
 
 
@@ -78,9 +78,9 @@ def test_instances_that_are_gone_are_counted(evidence: Evidence) -> None:
 @pytest.mark.parametrize(
     "content",
     ["", "{}", "[]", '{"format": 1}', '{"format": 2, "errors": {}}',
-     '{"format": 1, "errors": {"a": 1}, "dataset": "x", "run": "r", "expression": "all"}',
-     '{"format": 1, "errors": {"1": NaN}, "dataset": "x", "run": "r", "expression": "all"}',
-     '{"format": 1, "errors": {}, "dataset": "x", "run": "r", "expression": "all"}'],
+     '{"format": 1, "errors": {"a": 1}, "poses": "x", "run": "r", "expression": "all"}',
+     '{"format": 1, "errors": {"1": NaN}, "poses": "x", "run": "r", "expression": "all"}',
+     '{"format": 1, "errors": {}, "poses": "x", "run": "r", "expression": "all"}'],
 )  # fmt: skip
 def test_a_file_that_is_no_golden_run_is_refused(tmp_path: Path, content: str) -> None:
     path = tmp_path / "g.json"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from s2rtools.gap.contract import Axis
-from s2rtools.gap.dynamics.axis import Delay, Dynamics
+from s2rtools.gap.dynamics.axis import Dynamics
+from s2rtools.gap.dynamics.lateness import Delay
 from s2rtools.gap.task.axis import Task
 from s2rtools.gap.visual.axis import Visual
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from s2rstore import selection
+from s2rstore import layout, selection
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.reader import Store
 from s2rtools.gap import golden, reference
@@ -15,23 +15,29 @@ from s2rtools.gap.axes import AXES
 from s2rtools.gap.contract import Axis, Evidence, Settings
 from s2rtools.gap.golden import MARGIN
 from s2rtools.gap.measure import Measurement, frozen, measure
-from s2rtools.gap.report import Judged, Report, report
+from s2rtools.gap.report import Judged, Report, across_report, report
 from s2rtools.gap.task.across import across
 from s2rtools.gap.verdict import THRESHOLD, judge, unjudged
 from s2rtools.logs import Drive
-from s2rtools.logs.drives import odometry, read_drives
+from s2rtools.logs.drives import read_drives
+from s2rtools.logs.odometry import odometry
 
 ODOMETRY = "odometry"
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What to measure and what to judge it by; `drives` is a folder, or `odometry`."""
+    """What to measure and what to judge it by.
+
+    `drives` is a folder, `odometry`, or None for those in the store; `rate` (Hz) is that of
+    odometry that was stored without times.
+    """
 
     run: str | None = None
     expression: str = "all"
     axes: tuple[str, ...] = ()
     drives: str | None = None
+    rate: float | None = None
     features: Path | None = None
     reference: Path | None = None
     golden: Path | None = None
@@ -44,6 +50,8 @@ class Request:
             raise RequestError(f"--threshold: over 0, not {self.threshold:g}")
         if not np.isfinite(self.margin) or self.margin <= 0:
             raise RequestError(f"--margin: metres over 0, not {self.margin:g}")
+        if self.rate is not None and not 0 < self.rate < float("inf"):
+            raise RequestError(f"--rate: Hz over 0, not {self.rate:g}")
         for name in self.axes:
             if name not in AXES:
                 raise RequestError(f"--axis {name}: one of {', '.join(AXES)}")
@@ -62,7 +70,7 @@ def evidence(store: Store, request: Request) -> Evidence:
     if not chosen.any():
         raise RequestError(f"--select {request.expression!r}: no instance of run {run.run}")
     iids = np.flatnonzero(chosen).astype(np.int64)
-    drives = _drives(store, request.drives)
+    drives = _drives(store, request)
     return Evidence(store, run.run, iids, request.expression, drives, request.features)
 
 
@@ -108,14 +116,16 @@ def _across(found_on: Evidence, request: Request) -> dict[str, object] | None:
     if "task" not in request.wanted:
         return None
     try:
-        return across(found_on.store, found_on.iids, request.settings)
+        return across_report(across(found_on.store, found_on.iids, request.settings))
     except InconclusiveError as error:
         return {"refused": str(error)}
 
 
-def _drives(store: Store, wanted: str | None) -> tuple[Drive, ...]:
+def _drives(store: Store, request: Request) -> tuple[Drive, ...]:
+    wanted = request.drives
     if wanted is None:
-        return ()
+        own = store.path / layout.DRIVES
+        return tuple(read_drives(own)) if own.is_dir() else ()
     if wanted == ODOMETRY:
-        return tuple(odometry(store))
+        return tuple(odometry(store, request.rate))
     return tuple(read_drives(Path(wanted)))

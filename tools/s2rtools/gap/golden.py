@@ -6,6 +6,7 @@ day it was stored. Paired differences are far surer than two separate means.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -18,6 +19,7 @@ import numpy as np
 from s2rstore import stats
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.headlines import held_out
+from s2rstore.reader import Store
 from s2rtools.gap.contract import Evidence, Settings
 from s2rtools.gap.files import write_atomically
 from s2rtools.gap.verdict import Outcome, outcome_of
@@ -30,9 +32,12 @@ _FEWEST = 20
 
 @dataclass(frozen=True, slots=True)
 class Golden:
-    """The real errors (m) of an accepted run, by iid of one data set."""
+    """The real errors (m) of an accepted run, by iid; `poses` is the hash of what iids mean.
 
-    dataset: str
+    Other images of the same poses, such as a newer simulator's, are compared.
+    """
+
+    poses: str
     run: str
     expression: str
     errors: Mapping[int, float]
@@ -56,7 +61,7 @@ def take(evidence: Evidence) -> Golden:
         raise InconclusiveError(
             f"a golden run needs {_FEWEST} held-out instances, not {len(errors)}"
         )
-    return Golden(evidence.store.dataset.hash, evidence.run, evidence.expression, errors)
+    return Golden(_poses(evidence.store), evidence.run, evidence.expression, errors)
 
 
 def write(path: Path, golden: Golden) -> None:
@@ -76,13 +81,13 @@ def read(path: Path) -> Golden:
         if content["format"] != FORMAT:
             raise RequestError(f"{path}: format {content['format']}, this version reads {FORMAT}")
         errors = {int(iid): float(value) for iid, value in content["errors"].items()}
-        dataset, run, told = (str(content[key]) for key in ("dataset", "run", "expression"))
+        poses, run, told = (str(content[key]) for key in ("poses", "run", "expression"))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         message = f"{path}: no golden run; `s2r gap --freeze-golden` writes one"
         raise RequestError(message) from error
     if not errors or not all(math.isfinite(value) for value in errors.values()):
         raise RequestError(f"{path}: errors must be finite and at least one")
-    return Golden(dataset, run, told, errors)
+    return Golden(poses, run, told, errors)
 
 
 def compare(
@@ -92,10 +97,10 @@ def compare(
 
     Raises RequestError for another data set, InconclusiveError where too few instances are shared.
     """
-    if golden.dataset != evidence.store.dataset.hash:
+    if golden.poses != _poses(evidence.store):
         raise RequestError(
-            f"the golden run is of data set {golden.dataset[:12]}, "
-            f"this store holds {evidence.store.dataset.hash[:12]}"
+            f"{evidence.store.path}: holds other poses than the golden run; "
+            "`s2r gap --freeze-golden` accepts a new one"
         )
     now = _errors(evidence)
     shared = sorted(now.keys() & golden.errors.keys())
@@ -110,6 +115,14 @@ def compare(
     change = stats.bootstrap_mean(changes, bootstrap)
     missing = len(golden.errors) - len(shared)
     return Compared(outcome_of(change, margin), change, len(shared), margin, missing)
+
+
+def _poses(store: Store) -> str:
+    truth = store.instances
+    digest = hashlib.sha256("\n".join(truth.trajectory_names).encode())
+    for column in (truth.trajectory, truth.seq, truth.x, truth.y, truth.heading):
+        digest.update(np.ascontiguousarray(column).tobytes())
+    return digest.hexdigest()
 
 
 def _errors(evidence: Evidence) -> dict[int, float]:

@@ -14,6 +14,7 @@ from s2rtools.gap.contract import Axis, Evidence, Measured, Settings, interval
 from s2rtools.gap.golden import Compared
 from s2rtools.gap.measure import Measurement
 from s2rtools.gap.reference import Frozen, Reference
+from s2rtools.gap.task.across import Across
 from s2rtools.gap.verdict import AxisGap, Verdict
 
 Report = dict[str, Any]
@@ -94,6 +95,17 @@ def _golden(found: Compared) -> dict[str, Any]:
         "margin": found.margin,
         "n": found.n,
         "missing": found.missing,
+    }
+
+
+def across_report(found: Across) -> Report:
+    """How simulation and reality rank the runs."""
+    runs = zip(found.runs, found.sim, found.real, strict=True)
+    return {
+        "runs": [{"run": run, "sim": sim, "real": real} for run, sim, real in runs],
+        "n": found.n,
+        **_bounds("srcc", found.correlation),
+        **_bounds("mmrv", found.rank_violation),
     }
 
 

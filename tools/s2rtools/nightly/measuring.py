@@ -23,10 +23,17 @@ def measured(store: Store, config: Config) -> Report:
     from s2rtools.gap.contract import Settings
 
     request = gate.Request(
-        config.run, config.select, config.axes, config.drives, config.features,
-        config.reference, config.golden, config.threshold, config.margin,
-        Settings(config.replicates, config.seed),
-    )  # fmt: skip
+        run=config.run,
+        expression=config.select,
+        axes=config.axes,
+        drives=config.drives,
+        features=config.features,
+        reference=config.reference,
+        golden=config.golden,
+        threshold=config.threshold,
+        margin=config.margin,
+        settings=Settings(config.replicates, config.seed),
+    )
     return gate.measured_report(gate.evidence(store, request), request)
 
 
