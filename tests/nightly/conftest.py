@@ -36,9 +36,7 @@ def told_week(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> nig
 def made(folder: Path, store: Path) -> Config:
     shutil.copytree(store, folder / "lab.s2r")
     config = nights.written(folder, folder / "lab.s2r")
-    (folder / "robot.toml").write_text("damping = [0, 2]\n")
-    sysid = Sysid("planar", folder / "robot.toml", str(folder / "drives"))
-    return replace(config, sysid=sysid)
+    return replace(config, sysid=Sysid(str(folder / "drives")))
 
 
 def files(config: Config) -> dict[Path, tuple[bytes, int]]:

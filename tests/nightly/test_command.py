@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import s2rtools.gap
+from s2rstore import history as stored
 from s2rtools.nightly.config import Config
 from s2rtui.cli import main
 from tests.support import nights
@@ -25,7 +26,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         seen.count += 1
         return nights.report(evidence, seen.gaps)
 
-    def request(*given: Any) -> tuple[Any, ...]:
+    def request(**given: Any) -> dict[str, Any]:
         seen.requests.append(given)
         return given
 
@@ -87,11 +88,14 @@ def test_the_gate_is_asked_what_the_configuration_says(
     )  # fmt: skip
     config.source.write_text(text)
     command(config)
-    run, select, axes, drives, features, reference, golden, *numbers, settings = asked.requests[0]
-    assert (run, select, axes) == ("vanilla", "worst15", ("task",))
-    assert drives == str(config.source.parent / "drives")
-    assert (features, reference, golden, numbers) == (None, None, None, [20.0, 0.1])
+    (given,) = asked.requests
+    settings = given.pop("settings")
     assert (settings.replicates, settings.seed) == (200, 4)
+    assert given == {
+        "run": "vanilla", "expression": "worst15", "axes": ("task",), "rate": None,
+        "drives": str(config.source.parent / "drives"), "features": None, "reference": None,
+        "golden": None, "threshold": 20.0, "margin": 0.1,
+    }  # fmt: skip
 
 
 def test_without_a_night_it_is_today(config: Config, asked: SimpleNamespace, capsys) -> None:
@@ -103,13 +107,36 @@ def test_without_a_night_it_is_today(config: Config, asked: SimpleNamespace, cap
     assert before <= night <= datetime.datetime.now(datetime.UTC).date()
 
 
-def test_identification_that_is_not_installed_is_named(
-    config: Config, asked: SimpleNamespace, capsys, monkeypatch
+def test_drives_that_are_too_few_for_an_identification_are_told(
+    config: Config, asked: SimpleNamespace, capsys
 ) -> None:
-    monkeypatch.setitem(sys.modules, "s2rtools.sysid.nightly", None)
-    (config.source.parent / "robot.toml").write_text("damping = [0, 2]\n")
+    from s2rtools.sysid import Recording, make_drives
+
+    drives = config.source.parent / "few"
+    make_drives(drives, 1, recording=Recording(count=2, seconds=3.0))
     with config.source.open("a") as file:
-        file.write('[sysid]\nsimulator = "planar"\nparameters = "robot.toml"\n')
-    assert command(config) == 2
-    assert "[sysid]: needs s2rtools.sysid" in capsys.readouterr().err
-    assert not config.history.exists()
+        file.write('[sysid]\ndrives = "few"\n')
+    assert command(config) == 0
+    (row,) = stored.read(config.history).counting("lab")[0].estimates
+    assert row.parameter == "planar"
+    assert "not identified: 2 drives" in str(row.note)
+    assert "planar" in (config.reports / "2026-11-21" / "report.md").read_text()
+
+
+def test_the_simulator_is_identified_from_drives(config: Config, asked: SimpleNamespace) -> None:
+    from s2rtools.sysid import Recording, make_drives
+
+    drives = config.source.parent / "made"
+    make_drives(drives, 1, {"damping": 0.5}, Recording(count=6, seconds=6.0))
+    truth = json.loads((drives / "truth.json").read_text())["values"]
+    with config.source.open("a") as file:
+        file.write('[sysid]\ndrives = "made"\nparameters = ["damping"]\nseeds = 1\n')
+    assert command(config) == 0
+    found = {each.parameter: each for each in stored.read(config.history).nights[0].estimates}
+    assert set(found) == {"damping", "latency"}
+    assert found["damping"].value.value == pytest.approx(truth["damping"], rel=0.1)
+    assert found["damping"].value.low < truth["damping"] < found["damping"].value.high
+    assert config.metrics is not None
+    assert 's2r_gap_estimate{dataset="tiny",nightly="lab",parameter="damping"' in (
+        config.metrics.read_text()
+    )

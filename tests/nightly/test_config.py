@@ -31,6 +31,15 @@ def test_what_is_not_said_has_a_default_and_paths_are_relative_to_the_file(tmp_p
     assert (found.threshold, found.margin, found.seed, found.replicates) == (15.0, 0.05, 1, 1000)
 
 
+def test_drives_in_the_store_are_taken_where_none_are_named(tmp_path: Path) -> None:
+    path = written(tmp_path, 'store = "s.s2r"\n[sysid]\nseed = 2')
+    own = tmp_path / "s.s2r" / "drives"
+    own.mkdir()
+    found = config.read(path)
+    assert found.drives == str(own.resolve())
+    assert found.sysid == config.Sysid(str(own.resolve()), seed=2)
+
+
 def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
     text = """
         name = "lab"
@@ -48,8 +57,10 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         [drives]
         folder = "drives"
         [sysid]
-        simulator = "planar"
-        parameters = "there.json"
+        simulator = "mujoco"
+        parameters = ["mass", "damping"]
+        fix = { track = 0.4 }
+        seeds = 2
         [output]
         history = "h.duckdb"
         reports = "r"
@@ -63,7 +74,9 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
     assert {found.reference, found.golden, found.features} == {here / "there.json"}
     assert (found.threshold, found.margin, found.stale_after) == (20.0, 0.1, 1.5)
     assert found.drives == str(here / "drives")
-    assert found.sysid == config.Sysid("planar", here / "there.json", str(here / "drives"), 1)
+    assert found.sysid == config.Sysid(
+        str(here / "drives"), "mujoco", ("mass", "damping"), {"track": 0.4}, 1, 2, None
+    )
     assert (found.history, found.reports, found.metrics) == (
         here / "h.duckdb", here / "r", here / "m.prom",
     )  # fmt: skip
@@ -96,9 +109,11 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         ('store = "s.s2r"\nreference = "no.json"', "reference:.*no such file"),
         ('store = "s.s2r"\ngolden = "drives"', "golden:.*no such file"),
         ('store = "s.s2r"\n[drives]\nfolder = "there.json"', "drives.folder:.*no such folder"),
-        ('store = "s.s2r"\n[sysid]\nsimulator = "planar"', "sysid.parameters: missing"),
-        ('store = "s.s2r"\n[sysid]\nsimulator = "a"\nparameters = "there.json"',
-         "sysid.drives: missing"),
+        ('store = "s.s2r"\n[sysid]\nsimulator = "a"', "sysid.drives: missing"),
+        ('store = "s.s2r"\n[drives]\nfolder = "odometry"\n[sysid]\nseed = 1', "sysid.drives"),
+        ('store = "s.s2r"\n[sysid]\nfix = { track = "a" }', "sysid.fix: must be a table of num"),
+        ('store = "s.s2r"\n[sysid]\nparameters = "mass"', "sysid.parameters: must be a list"),
+        ('store = "s.s2r"\n[drives]\nrate = 0', "drives.rate: over 0"),
         ('store = "s.s2r"\n[stale]\nafter_days = -1', "stale.after_days: 0"),
     ],
 )  # fmt: skip

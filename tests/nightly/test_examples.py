@@ -30,7 +30,7 @@ def test_the_sample_configuration_is_read(tmp_path: Path) -> None:
     text = (EXAMPLES / "nightly.toml").read_text()
     for name in ("lab.s2r", "drives"):
         (tmp_path / name).mkdir()
-    for name in ("reference.json", "golden.json", "inception.toml", "robot.toml"):
+    for name in ("reference.json", "golden.json", "inception.toml"):
         (tmp_path / name).write_text("{}")
     path.write_text(text)
     found = config.read(path)
@@ -40,7 +40,7 @@ def test_the_sample_configuration_is_read(tmp_path: Path) -> None:
     path.write_text(re.sub(r"^# (?=[\[a-z])", "", text.partition("\n")[2], flags=re.M))
     everything = config.read(path)
     assert everything.sysid is not None
-    assert everything.sysid.simulator == "planar"
+    assert everything.sysid.parameters == ("mass", "friction", "damping")
     assert everything.features == (tmp_path / "inception.toml").resolve()
 
 

@@ -6,11 +6,11 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from s2rstore import history
+from s2rstore import history, layout
 from s2rstore.errors import RequestError
 
 AXES = ("visual", "task", "dynamics", "delay")
@@ -22,27 +22,43 @@ _SECTIONS: dict[str, dict[str, type | tuple[type, ...]]] = {
         "golden": str, "threshold": (int, float), "margin": (int, float), "seed": int,
         "replicates": int, "features": str,
     },
-    "drives": {"folder": str},
-    "sysid": {"simulator": str, "parameters": str, "drives": str, "seed": int},
+    "drives": {"folder": str, "rate": (int, float)},
+    "sysid": {
+        "simulator": str, "parameters": list, "fix": dict, "drives": str, "seed": int,
+        "seeds": int, "evaluations": int,
+    },
     "output": {"history": str, "reports": str, "metrics": str},
     "stale": {"after_days": (int, float)},
 }  # fmt: skip
-_TOLD = {str: "text", int: "a whole number", (int, float): "a number", list: "a list of names"}
+_TOLD = {
+    str: "text", int: "a whole number", (int, float): "a number", list: "a list of names",
+    dict: "a table of numbers",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Sysid:
-    """Which simulator to identify from which drives; `parameters` declares bounds and scales."""
+    """Which simulator to identify from a folder of drives, as `s2r sysid` does.
 
-    simulator: str
-    parameters: Path
+    `parameters` None: those that it searches by default; `fixed` are known values.
+    """
+
     drives: str
+    simulator: str = "planar"
+    parameters: tuple[str, ...] | None = None
+    fixed: Mapping[str, float] = field(default_factory=dict)
     seed: int = 1
+    seeds: int = 3
+    evaluations: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """One nightly gate; `drives` is a folder, or `odometry`; all paths are resolved."""
+    """One nightly gate; all paths are resolved.
+
+    `drives` is a folder (by default the one in the store), or `odometry`, whose `rate` (Hz) is
+    needed where it was stored without times.
+    """
 
     source: Path
     name: str
@@ -58,6 +74,7 @@ class Config:
     replicates: int
     features: Path | None
     drives: str | None
+    rate: float | None
     sysid: Sysid | None
     history: Path
     reports: Path
@@ -152,8 +169,9 @@ def read(path: Path) -> Config:
         seed=given.number("seed", 1, 0, 2**31 - 1),
         replicates=given.number("replicates", 1000, 100, 100_000),
         features=given.file("features"),
-        drives=given.drives("folder", "drives"),
-        sysid=_sysid(given) if "sysid" in content else None,
+        drives=_drives(given, store),
+        rate=_rate(given),
+        sysid=_sysid(given, store) if "sysid" in content else None,
         history=given.place(kept) if kept else history.path_in(store),
         reports=given.place(given.get("reports", "output", f"reports/{name}")),
         metrics=given.place(told) if told else None,
@@ -171,15 +189,34 @@ def _axes(given: _Reader) -> tuple[str, ...]:
     return tuple(wanted)
 
 
-def _sysid(given: _Reader) -> Sysid:
-    given.needed("parameters", "sysid")
-    parameters = given.file("parameters", "sysid")
-    drives = given.drives("drives", "sysid") or given.drives("folder", "drives")
-    if drives is None:
-        raise given.refuse("sysid.drives", "missing, and there is no drives.folder")
-    assert parameters is not None
-    seed = given.number("seed", 1, 0, 2**31 - 1, "sysid")
-    return Sysid(given.needed("simulator", "sysid"), parameters, drives, seed)
+def _drives(given: _Reader, store: Path) -> str | None:
+    own = store / layout.DRIVES
+    return given.drives("folder", "drives") or (str(own) if own.is_dir() else None)
+
+
+def _rate(given: _Reader) -> float | None:
+    if given.get("rate", "drives") is None:
+        return None
+    return float(given.number("rate", 0.0, 0, math.inf, "drives", over=True))
+
+
+def _sysid(given: _Reader, store: Path) -> Sysid:
+    drives = given.drives("drives", "sysid") or _drives(given, store)
+    if drives in (None, ODOMETRY):
+        raise given.refuse("sysid.drives", "missing, and there is no folder in drives.folder")
+    names = given.get("parameters", "sysid")
+    evaluations = given.get("evaluations", "sysid")
+    if evaluations is not None:
+        evaluations = given.number("evaluations", 0, 10, 1_000_000, "sysid")
+    return Sysid(
+        str(drives),
+        given.get("simulator", "sysid", "planar"),
+        None if names is None else tuple(names),
+        given.get("fix", "sysid", {}),
+        given.number("seed", 1, 0, 2**31 - 1, "sysid"),
+        given.number("seeds", 3, 1, 100, "sysid"),
+        evaluations,
+    )
 
 
 def _check_types(path: Path, content: Mapping[str, Any]) -> None:
@@ -206,6 +243,8 @@ def _check_type(path: Path, section: str, key: str, value: object) -> None:
         raise RequestError(f"{path}: {where}: must not be empty")
     if isinstance(value, list) and not all(isinstance(item, str) for item in value):
         raise RequestError(f"{path}: {where}: must be {_TOLD[list]}")
+    if isinstance(value, dict) and not all(type(item) in (int, float) for item in value.values()):
+        raise RequestError(f"{path}: {where}: must be {_TOLD[dict]}")
 
 
 def _named(section: str, key: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -65,7 +65,7 @@ def inputs(config: Config, store: Store, current: layout.Current) -> Inputs:
         "seed": config.seed,
         "replicates": config.replicates,
         "stale_after": config.stale_after,
-        "drives": [config.drives == ODOMETRY, drives],
+        "drives": [config.drives == ODOMETRY, config.rate, drives],
         "sysid": sysid,
         **{name: _hash(getattr(config, name)) for name in ("reference", "golden", "features")},
     }
@@ -76,13 +76,8 @@ def _sysid(config: Config) -> dict[str, Any] | None:
     wanted = config.sysid
     if wanted is None:
         return None
-    return {
-        "simulator": wanted.simulator,
-        "parameters": _hash(wanted.parameters),
-        "odometry": wanted.drives == ODOMETRY,
-        "drives": _drives(wanted.drives),
-        "seed": wanted.seed,
-    }
+    asked = {name: value for name, value in asdict(wanted).items() if name != "drives"}
+    return {"asked": asked, "drives": _drives(wanted.drives)}
 
 
 def _drives(wanted: str | None) -> list[tuple[str, str]]:

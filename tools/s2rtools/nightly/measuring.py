@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import InconclusiveError
 from s2rstore.reader import Store
 from s2rtools.nightly.config import Config, Sysid
 
@@ -14,7 +14,7 @@ Report = dict[str, Any]
 Estimates = Sequence[Mapping[str, Any]]
 """Per parameter `parameter`, `value`, `value_low`, `value_high`, `unit` and, maybe, `note`."""
 Measuring = Callable[[Store, Config], Report]
-Estimating = Callable[[Sysid, Store], Estimates]
+Estimating = Callable[[Sysid], Estimates]
 
 
 def measured(store: Store, config: Config) -> Report:
@@ -27,6 +27,7 @@ def measured(store: Store, config: Config) -> Report:
         expression=config.select,
         axes=config.axes,
         drives=config.drives,
+        rate=config.rate,
         features=config.features,
         reference=config.reference,
         golden=config.golden,
@@ -37,13 +38,32 @@ def measured(store: Store, config: Config) -> Report:
     return gate.measured_report(gate.evidence(store, request), request)
 
 
-def estimated(sysid: Sysid, store: Store) -> Estimates:
-    """What `s2r sysid` finds; raises RequestError where it is not installed."""
+def estimated(sysid: Sysid) -> Estimates:
+    """What `s2r sysid` finds; where the drives are too few, one row that says so."""
+    from s2rtools.logs.drives import read_drives
+    from s2rtools.sysid import Settings, identify
+
+    settings = Settings(
+        sysid.simulator, sysid.parameters, sysid.fixed, sysid.seeds, seed=sysid.seed,
+        evaluations=sysid.evaluations,
+    )  # fmt: skip
     try:
-        found = importlib.import_module("s2rtools.sysid.nightly")
-    except ModuleNotFoundError as error:
-        raise RequestError(f"[sysid]: needs {error.name}, which is not installed") from error
-    estimates: Estimates = found.estimates(
-        sysid.simulator, sysid.parameters, sysid.drives, sysid.seed, store
-    )
-    return estimates
+        found = identify(read_drives(Path(sysid.drives)), settings, _Silent())
+    except InconclusiveError as error:
+        return [{"parameter": sysid.simulator, "note": f"not identified: {error}"}]
+    return [
+        {
+            "parameter": one.name, "value": one.value, "value_low": one.low,
+            "value_high": one.high, "unit": one.unit,
+            "note": "not determined by these drives" if one.open else None,
+        }
+        for one in found.estimates
+    ]  # fmt: skip
+
+
+class _Silent:
+    """Tells nobody how far it is."""
+
+    def begin(self, what: str, total: int) -> None: ...
+    def advance(self, steps: int) -> None: ...
+    def say(self, line: str) -> None: ...

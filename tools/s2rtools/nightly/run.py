@@ -72,7 +72,7 @@ def _figures(
             report = json.loads(stored.report_text(config.history, measured))
             return Tonight(config, inputs, night, report, measured=measured)
         report = measure(store, config)
-        estimates = estimate(config.sysid, store) if config.sysid else ()
+        estimates = estimate(config.sysid) if config.sysid else ()
         if key.inputs(config, store, current) != inputs:
             raise RequestError(
                 f"{config.source}: what it measures changed meanwhile; nothing is written, "
