@@ -123,7 +123,7 @@ def _title(canvas: Canvas, row: int, track: Track, look: Look) -> None:
 
 
 def _short(value: float) -> str:
-    return f"{value:.1f}" if math.isfinite(value) else "?"
+    return f"{round(value, 1) + 0.0:.1f}" if math.isfinite(value) else "?"
 
 
 def _threshold(

@@ -45,7 +45,7 @@ def checks(night: Night) -> list[Check]:
 def bounds(found: Interval, digits: int = 1, sign: str = "") -> str:
     """An estimate with its bounds; `?` for what is not known."""
     value, low, high = (
-        f"{part:{sign}.{digits}f}" if math.isfinite(part) else "?"
+        f"{round(part, digits) + 0.0:{sign}.{digits}f}" if math.isfinite(part) else "?"
         for part in (found.value, found.low, found.high)
     )
     return f"{value} ({low} .. {high})"
