@@ -41,6 +41,7 @@ class MuJoCo(Simulator):
     efforts = ("left_effort", "right_effort")
     shared = ("mass", "gain", "friction", "damping")
     evaluations = 120
+    rounds = 2
 
     def __init__(self, step: float = STEP) -> None:
         try:

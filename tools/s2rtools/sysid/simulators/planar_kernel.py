@@ -9,7 +9,8 @@ left and the right wheel:
 
 A step solves the velocities by the trapezoid rule with resistances at the extrapolated midpoint
 (linearly implicit, second order, stable for any resistance). Steps never straddle a moment at
-which a delayed command changes, so the response moves with the latency exactly.
+which a delayed command changes, so the response moves with the latency exactly; the first step
+after such a moment, where the midpoint cannot be extrapolated, is taken twice.
 """
 
 from __future__ import annotations
@@ -92,18 +93,22 @@ def _replay(
         h = (end - t) / count
         for number in range(count):
             vm, wm = v + 0.5 * h * dv, w + 0.5 * h * dw
-            vl, vr = vm - wm * half, vm + wm * half
-            dl = left_damping + left_friction / math.sqrt(vl * vl + _CREEP * _CREEP)
-            dr = right_damping + right_friction / math.sqrt(vr * vr + _CREEP * _CREEP)
-            a00 = 0.5 * h * (dl + dr + drag * abs(vm)) / mass
-            a01 = 0.5 * h * (dr - dl) * half / mass
-            a10 = 0.5 * h * (dr - dl) * half / inertia
-            a11 = 0.5 * h * (dl + dr) * half * half / inertia
-            p = (1.0 - a00) * v - a01 * w + h * (left_force + right_force) / mass
-            q = (1.0 - a11) * w - a10 * v + h * (right_force - left_force) * half / inertia
-            scale = 1.0 / ((1.0 + a00) * (1.0 + a11) - a01 * a10)
-            v1 = ((1.0 + a11) * p - a01 * q) * scale
-            w1 = ((1.0 + a00) * q - a10 * p) * scale
+            v1, w1 = v, w
+            for repeat in range(2 if number == 0 else 1):
+                if repeat == 1:
+                    vm, wm = 0.5 * (v + v1), 0.5 * (w + w1)
+                vl, vr = vm - wm * half, vm + wm * half
+                dl = left_damping + left_friction / math.sqrt(vl * vl + _CREEP * _CREEP)
+                dr = right_damping + right_friction / math.sqrt(vr * vr + _CREEP * _CREEP)
+                a00 = 0.5 * h * (dl + dr + drag * abs(vm)) / mass
+                a01 = 0.5 * h * (dr - dl) * half / mass
+                a10 = 0.5 * h * (dr - dl) * half / inertia
+                a11 = 0.5 * h * (dl + dr) * half * half / inertia
+                p = (1.0 - a00) * v - a01 * w + h * (left_force + right_force) / mass
+                q = (1.0 - a11) * w - a10 * v + h * (right_force - left_force) * half / inertia
+                scale = 1.0 / ((1.0 + a00) * (1.0 + a11) - a01 * a10)
+                v1 = ((1.0 + a11) * p - a01 * q) * scale
+                w1 = ((1.0 + a00) * q - a10 * p) * scale
             dv, dw = (v1 - v) / h, (w1 - w) / h
             middle = heading + h * (0.375 * w + 0.125 * w1)
             x1 = x + 0.5 * h * (v + v1) * math.cos(middle)
