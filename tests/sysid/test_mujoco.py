@@ -45,7 +45,7 @@ def test_each_parameter_acts_as_in_the_planar_robot(name: str) -> None:
 
 
 def test_gyration_slows_the_turn_as_in_the_planar_robot() -> None:
-    half = np.full(20, 0.15)
+    half = np.full(20, 0.4)
     turning = Commands(0.05 * np.arange(20), {"left_torque": -half, "right_torque": half}, 0.05,
                        "", "")  # fmt: skip
     for gyration in (0.5, 2.0):
@@ -68,7 +68,7 @@ def test_latency_is_finer_than_a_step() -> None:
     push = {"left_torque": np.full(2, 0.4), "right_torque": np.full(2, 0.4)}
     told = Commands(np.array([0.0, 5.0]), push, 0.05, "", "")
     ends = [
-        simulator.simulate({"latency": latency}, told, np.zeros(5), TIMES)[50, 0]
+        simulator.simulate({"latency": latency, "friction": 0.05}, told, np.zeros(5), TIMES)[50, 0]
         for latency in (0.020, 0.021, 0.022, 0.025)
     ]
     steps = -np.diff(ends)
