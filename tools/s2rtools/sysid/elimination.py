@@ -39,10 +39,7 @@ def eliminate(
                     right[p] -= sensitivity[row, channel, p] * value
                     for q in range(p + 1):
                         normal[p, q] += sensitivity[row, channel, p] * sensitivity[row, channel, q]
-        for p in range(5):
-            for q in range(p + 1, 5):
-                normal[p, q] = normal[q, p]
-        change = np.linalg.solve(normal, right)
+        change = np.linalg.solve(normal + np.tril(normal, -1).T, right)
         for p in range(5):
             corrections[window, p] = change[p]
             total += precision[p] * (moved[window, p] + change[p]) ** 2
