@@ -82,7 +82,7 @@ def _replay(
             if end < last:
                 continue
             end, t = last, last - _SHORTEST
-        count = max(1, math.ceil((end - t) / step - 1e-9))
+        count = max(1, math.ceil((end - t) / step - 1e-6))
         h = (end - t) / count
         for number in range(count):
             v1, w1 = _speeds(body, h, v, w, v + 0.5 * h * dv, w + 0.5 * h * dw, left, right)
