@@ -9,7 +9,7 @@ from s2rtools.sysid.evolution import minimised
 from s2rtools.sysid.problem import Problem
 from s2rtools.sysid.simulators.contract import Floats
 
-_DELAY_EVALUATIONS, _DELAY_SPREAD = 16, 0.02
+_DELAY_EVALUATIONS, _DELAY_SPREAD = 12, 0.02
 
 
 _WORTH = 0.1
