@@ -15,10 +15,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from s2rtools.precompute.pipeline import Reporter
 from s2rtools.sysid.simulators.contract import Floats, Values
 
 if TYPE_CHECKING:
+    from s2rtools.precompute.pipeline import Reporter
     from s2rtools.sysid.residual import Stretches
 
 _WIDTH, _DROPOUT, _RATE, _DECAY, _PATIENCE = 24, 0.1, 5e-3, 1e-4, 25

@@ -11,6 +11,7 @@ import numpy as np
 
 from s2rstore import layout
 from s2rstore.angles import wrap
+from s2rstore.errors import RequestError
 from s2rtools.logs import Commands, Drive, Log, csvlog
 from s2rtools.sysid.simulators.contract import LATENCY, Floats, Values
 from s2rtools.sysid.simulators.planar import Planar
@@ -53,12 +54,14 @@ def make_drives(
     """Write `folder`/drive-NN/{real,sim,untuned,commands}.csv and `folder`/truth.json.
 
     With all `severities` (names of SEVERITIES) at 0 the simulator equals reality but for the
-    noise of measuring. One seed gives the same bytes. Raises KeyError for an unknown severity.
+    noise of measuring. One seed gives the same bytes. Raises RequestError for an unknown severity.
     """
     recording = recording or Recording()
     simulator = Planar(_STEP)
     truth = {**simulator.defaults(), **recording.truth}
     for name, severity in (severities or {}).items():
+        if name not in SEVERITIES:
+            raise RequestError(f"{name}: no such factor (has: {', '.join(SEVERITIES)})")
         parameter, whole = SEVERITIES[name]
         truth[parameter] += severity * whole
     folder.mkdir(parents=True, exist_ok=True)

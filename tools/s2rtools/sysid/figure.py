@@ -34,7 +34,7 @@ def convergence_figure(courses: Sequence[Course], title: str) -> bytes:
                   textcoords="offset points", ha="right", fontsize=8, color=_INK)  # fmt: skip
     axes.set_yscale("log")
     axes.set_xlim(left=0)
-    axes.set_xlabel("evaluations of the simulator on all windows of a search", color=_INK)
+    axes.set_xlabel("evaluations of the objective", color=_INK)
     axes.set_ylabel("mean square residual / noise variance", color=_INK)
     axes.set_title(title, loc="left", fontsize=11, color=_INK)
     axes.grid(color=_GRID, linewidth=0.6)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.logs import Drive
-from s2rtools.precompute.pipeline import Reporter
 from s2rtools.sysid.heldout import HeldOut, held_out_error
 from s2rtools.sysid.identifiability import Identifiability, identifiability
 from s2rtools.sysid.intervals import interval, normal_equations, replicates
@@ -22,6 +21,9 @@ from s2rtools.sysid.simulators.contract import Floats, Simulator
 from s2rtools.sysid.space import Space, space_of
 from s2rtools.sysid.structure import Structure, structure
 from s2rtools.sysid.windows import cut
+
+if TYPE_CHECKING:
+    from s2rtools.precompute.pipeline import Reporter
 
 LEAST_FITTED = 4
 """Drives that a bootstrap over drives needs."""
@@ -157,61 +159,3 @@ def _warnings(space: Space, known: Identifiability, shape: Structure) -> tuple[s
             f"({', '.join(space.divided)})"
         )
     return (*told, *known.warnings, *shape.sentences())
-
-
-def record(found: Identification) -> dict[str, Any]:
-    """All of it as plain JSON data with six significant digits."""
-    settings = found.settings
-    estimates = {
-        one.name: {
-            "unit": one.unit, "untuned": _short(one.untuned), "value": _short(one.value),
-            "low": _short(one.low), "high": _short(one.high), "identified": not one.open,
-        }
-        for one in found.estimates
-    }  # fmt: skip
-    shape = found.structure
-    return {
-        "simulator": found.space.simulator.name,
-        "lumped": found.space.lumped,
-        "estimates": estimates,
-        "fixed": {name: _short(value) for name, value in sorted(found.space.fixed.items())},
-        "level": settings.level,
-        "replicates": settings.replicates,
-        "window": settings.window,
-        "seed": settings.seed,
-        "drives": {"fitted": list(found.fitted), "held_out": list(found.held_out)},
-        "noise": {"place": _short(found.problem.sigma[0]),
-                  "heading": _short(found.problem.sigma[2])},
-        "searches": [
-            {"seed": course.seed, "evaluations": int(course.evaluations[-1]),
-             "cost": _short(course.cost)}
-            for course in found.courses
-        ],
-        "held_out": found.error.record(),
-        "identifiability": {
-            "eigenvalues": [_short(value) for value in found.identifiability.eigenvalues],
-            "condition": _short(found.identifiability.condition),
-            "open": list(found.identifiability.open_names),
-        },
-        "structure": {
-            "mismatch": shape.mismatch,
-            "residuals": [
-                {"channel": one.name, "autocorrelation": _short(one.autocorrelation),
-                 "limit": _short(one.limit), "rms": _short(one.rms),
-                 "systematic": one.systematic}
-                for one in shape.channels
-            ],
-            "candidates": [
-                {"parameter": one.name, "nominal": _short(one.nominal),
-                 "estimate": _short(one.estimate), "low": _short(one.low),
-                 "high": _short(one.high), "differs": one.differs}
-                for one in shape.candidates
-            ],
-        },
-        "warnings": list(found.warnings),
-        "conclusive": found.conclusive,
-    }  # fmt: skip
-
-
-def _short(value: float) -> float:
-    return float(f"{float(value):.6g}")

@@ -3,11 +3,27 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from s2rtools.sysid.evolution import minimised
 from s2rtools.sysid.problem import Problem
 from s2rtools.sysid.simulators.contract import Floats
 
-_ROUNDS, _DELAY_EVALUATIONS, _DELAY_SPREAD = 2, 24, 0.03
+_DELAY_EVALUATIONS, _DELAY_SPREAD = 12, 0.02
+
+
+_WORTH = 0.1
+"""What a round must take off the sum of squares for another to follow."""
+
+
+def settled(problem: Problem, cube: Floats) -> tuple[Problem, Floats]:
+    """The optimum near `cube` (p,), and the problem about the start states that belong to it."""
+    for _ in range(problem.space.simulator.rounds):
+        problem = problem.restarted(cube)
+        before, cube = cube, polished(problem, cube)
+        if len(problem) * (problem.cost(before) - problem.cost(cube)) < _WORTH:
+            break
+    return problem.restarted(cube), cube
 
 
 def polished(problem: Problem, cube: Floats) -> Floats:
@@ -34,32 +50,29 @@ def _trust_region(problem: Problem, cube: Floats) -> Floats:
     return np.asarray(found.x)
 
 
-def _own(problem: Problem, cube: Floats, smooth: np.ndarray) -> Floats | None:
-    """The simulator's least squares over the smooth parameters, CMA-ES over the others, in turn."""
-    from s2rtools.sysid.search import minimised
+def _own(problem: Problem, cube: Floats, smooth: NDArray[np.bool_]) -> Floats | None:
+    """The simulator's least squares over the smooth parameters, then CMA-ES over the others."""
 
-    for number in range(_ROUNDS):
-        fixed = cube.copy()
+    def residual(columns: Floats) -> Floats:
+        points = np.repeat(cube[:, None], columns.shape[1], axis=1)
+        points[smooth] = columns
+        return np.stack([problem.residuals(point).ravel() for point in points.T], axis=1)
 
-        def of(columns: Floats, fixed: Floats = fixed) -> Floats:
-            points = np.repeat(fixed[:, None], columns.shape[1], axis=1)
-            points[smooth] = columns
-            return np.stack([problem.residuals(p).ravel() for p in points.T], axis=1)
+    better = problem.space.simulator.polish(residual, cube[smooth], smooth)
+    if better is None:
+        return None
+    found = cube.copy()
+    found[smooth] = better
+    if not smooth.all():
+        found[~smooth] = _searched(problem, found, ~smooth)
+    return found
 
-        better = problem.space.simulator.polish(of, cube[smooth], smooth)
-        if better is None:
-            return None
-        cube = cube.copy()
-        cube[smooth] = better
-        if not smooth.all():
-            held = cube.copy()
 
-            def cost(point: Floats, held: Floats = held) -> float:
-                whole = held.copy()
-                whole[~smooth] = point
-                return problem.cost(whole)
+def _searched(problem: Problem, cube: Floats, free: NDArray[np.bool_]) -> Floats:
+    def cost(point: Floats) -> float:
+        whole = cube.copy()
+        whole[free] = point
+        return problem.cost(whole)
 
-            rng = np.random.default_rng(number)
-            cube[~smooth] = minimised(cost, cube[~smooth], rng, _DELAY_EVALUATIONS,
-                                      _DELAY_SPREAD, lambda steps: None)[2]  # fmt: skip
-    return cube
+    rng = np.random.default_rng(0)
+    return minimised(cost, cube[free], rng, _DELAY_EVALUATIONS, _DELAY_SPREAD, lambda _: None)[2]

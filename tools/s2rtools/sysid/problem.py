@@ -8,8 +8,6 @@ on the parameters alone. A weak prior about the measured state keeps windows at 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from s2rtools.sysid.elimination import eliminate
@@ -28,24 +26,25 @@ _WORST = 1e12
 class Problem:
     """Residuals over `space`, in units of `sigma` (3,): m, m, rad."""
 
-    def __init__(self, space: Space, windows: Windows, sigma: Floats | None = None) -> None:
+    def __init__(self, space: Space, windows: Windows, sigma: Floats | None = None,
+                 starts: Floats | None = None) -> None:  # fmt: skip
         self.space, self.windows = space, windows
         self.sigma = np.array(windows.noise if sigma is None else sigma)
-        self.evaluations = 0
+        self.starts = windows.starts if starts is None else starts
 
     def __len__(self) -> int:
         return 3 * len(self.windows.replays.times)
 
     def of(self, windows: Windows) -> Problem:
-        """The same over other windows."""
+        """The same over other windows, from their measured starts."""
         return Problem(self.space, windows, self.sigma)
 
     def over(self, space: Space) -> Problem:
         """The same over another space."""
-        return Problem(space, self.windows, self.sigma)
+        return Problem(space, self.windows, self.sigma, self.starts)
 
     def weighted(self, sigma: Floats) -> Problem:
-        return Problem(self.space, self.windows, sigma)
+        return Problem(self.space, self.windows, sigma, self.starts)
 
     def residuals(self, cube: Floats) -> Floats:
         """What no start state explains, (n, 3), in units of `sigma`."""
@@ -57,9 +56,9 @@ class Problem:
         return found if np.isfinite(found) else _WORST
 
     def restarted(self, cube: Floats) -> Problem:
-        """The same with the start states that fit best."""
-        starts = self.windows.starts + self._eliminated(cube)[1]
-        return self.of(replace(self.windows, starts=starts))
+        """The same about the start states that fit best."""
+        starts = self.starts + self._eliminated(cube)[1]
+        return Problem(self.space, self.windows, self.sigma, starts)
 
     def jacobian(self, cube: Floats) -> Floats:
         """Derivatives of `residuals` by the cube's coordinates, (n, 3, p); one-sided at a wall."""
@@ -72,15 +71,14 @@ class Problem:
         return np.stack(columns, axis=-1)
 
     def predicted(self, cube: Floats) -> Floats:
-        """States (n, 5) simulated from the windows' starts."""
+        """States (n, 5) simulated from the measured starts."""
         values = self.space.values(cube)
         return self.space.simulator.replay(values, self.windows.replays, self.windows.starts)
 
     def _eliminated(self, cube: Floats) -> tuple[Floats, Floats, float]:
         """Residuals, corrections of the starts (w, 5) and the sum of squares."""
-        self.evaluations += 1
         values, replays = self.space.values(cube), self.windows.replays
-        starts, replay = self.windows.starts, self.space.simulator.replay
+        starts, replay = self.starts, self.space.simulator.replay
         states = replay(values, replays, starts)
         residual = np.ascontiguousarray((states[:, :3] - self.windows.poses) / self.sigma)
         sensitivity = np.zeros((*residual.shape, 5))
@@ -89,13 +87,14 @@ class Problem:
         sensitivity[:, 0, 2] = -(states[:, 1] - begin[:, 1])
         sensitivity[:, 1, 2] = states[:, 0] - begin[:, 0]
         for i, nudge in enumerate(_NUDGE):
-            moved = starts.copy()
-            moved[:, 3 + i] += nudge
-            moved_states = replay(values, replays, moved)
-            sensitivity[:, :, 3 + i] = (moved_states[:, :3] - states[:, :3]) / nudge
+            nudged = starts.copy()
+            nudged[:, 3 + i] += nudge
+            other = replay(values, replays, nudged)
+            sensitivity[:, :, 3 + i] = (other[:, :3] - states[:, :3]) / nudge
         sensitivity /= self.sigma[:, None]
         corrections = np.empty_like(starts)
         if not np.isfinite(residual).all() or not np.isfinite(sensitivity).all():
             return np.full_like(residual, np.sqrt(_WORST)), np.zeros_like(starts), np.inf
-        total = eliminate(residual, sensitivity, replays.first, _DOUBT**-2.0, corrections)
+        moved = starts - self.windows.starts
+        total = eliminate(residual, sensitivity, replays.first, _DOUBT**-2.0, moved, corrections)
         return residual, corrections, float(total)

@@ -10,7 +10,8 @@ from typing import Any
 from s2rstore import layout
 from s2rstore.errors import RequestError
 from s2rtools.sysid.figure import convergence_figure
-from s2rtools.sysid.identify import Identification, record
+from s2rtools.sysid.identify import Identification
+from s2rtools.sysid.record import record
 from s2rtools.sysid.residual import Residual
 
 RESULT, TABLE, PICTURE, NETWORK = (

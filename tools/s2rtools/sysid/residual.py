@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from s2rstore.errors import InconclusiveError
-from s2rtools.precompute.pipeline import Reporter
 from s2rtools.sysid.heldout import HeldOut, compared
 from s2rtools.sysid.identify import Identification
 from s2rtools.sysid.problem import Problem
 from s2rtools.sysid.simulators.contract import LATENCY, Floats, Integers, Replays
+
+if TYPE_CHECKING:
+    from s2rtools.precompute.pipeline import Reporter
 
 STEP = 0.1
 """Seconds between two corrections."""

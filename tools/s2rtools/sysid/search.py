@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtools.sysid.polish import polished
+from s2rtools.sysid.evolution import Advance, minimised
+from s2rtools.sysid.polish import settled
 from s2rtools.sysid.problem import Problem
 from s2rtools.sysid.simulators.contract import Floats, Integers
 
@@ -16,8 +16,6 @@ _LONGEST = 40.0
 """Seconds of driving that one seed's search looks at; the polish looks at all."""
 _WEIGHTED = 2
 """Rounds of taking the noise of places and headings from what the fit leaves."""
-
-Advance = Callable[[int], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +53,9 @@ def search(problem: Problem, seeds: int, first_seed: int, evaluations: int,
         courses.append(_course(problem, start, rng, number, evaluations, advance))
     best = min(courses, key=lambda course: course.cost)
     cube = best.polished
+    problem = problem.restarted(cube)
     for _ in range(_WEIGHTED):
-        sigma = _left(problem, cube)
-        problem = problem.weighted(sigma).restarted(cube)
-        cube = polished(problem, cube)
+        problem, cube = settled(problem.weighted(_left(problem, cube)), cube)
     return Found(cube, problem, tuple(courses))
 
 
@@ -66,42 +63,8 @@ def _course(problem: Problem, start: Floats, rng: np.random.Generator, number: i
             evaluations: int, advance: Advance) -> Course:  # fmt: skip
     part = problem.of(problem.windows.only(_some(problem, rng)))
     counts, costs, end = minimised(part.cost, start, rng, evaluations, _SPREAD, advance)
-    whole = problem.restarted(end)
-    fine = polished(whole, end)
+    whole, fine = settled(problem, end)
     return Course(number, counts, costs, end, fine, whole.cost(fine))
-
-
-def minimised(
-    cost: Callable[[Floats], float],
-    start: Floats,
-    rng: np.random.Generator,
-    evaluations: int,
-    spread: float,
-    advance: Advance,
-) -> tuple[Floats, Floats, Floats]:
-    """CMA-ES on the unit cube: evaluations and best costs after each generation, and the best."""
-    import cma
-
-    options = {
-        "bounds": [0.0, 1.0], "maxfevals": evaluations, "verbose": -10, "verb_log": 0,
-        "tolx": 1e-4, "tolfun": 1e-4, "tolfunhist": 1e-4,
-        "seed": np.nan, "randn": lambda *shape: rng.standard_normal(shape),
-    }  # fmt: skip
-    strategy = cma.CMAEvolutionStrategy(start, spread, options)
-    counts, costs = [], []
-    done = 0
-    while not strategy.stop():
-        points = strategy.ask()
-        strategy.tell(points, [np.log(cost(np.asarray(point))) for point in points])
-        counts.append(float(strategy.result.evaluations))
-        costs.append(float(np.exp(strategy.result.fbest)))
-        told = min(len(points), evaluations - done)
-        if told > 0:
-            advance(told)
-        done += told
-    if done < evaluations:
-        advance(evaluations - done)
-    return np.array(counts), np.array(costs), np.clip(strategy.result.xbest, 0.0, 1.0)
 
 
 def _some(problem: Problem, rng: np.random.Generator) -> Integers:

@@ -98,6 +98,9 @@ class Simulator:
     evaluations: ClassVar[int] = 400
     """Of the objective, that one seed's search may spend by default."""
 
+    rounds: ClassVar[int] = 8
+    """Of least squares and better start states, at most."""
+
     def replay(self, values: Values, replays: Replays, states: Floats) -> Floats:
         """States (n, 5) at all times, from the start `states` (r, 5); `values` of all parameters.
 

@@ -26,7 +26,8 @@ _MODEL = """\
 _WHEEL = """\
       <body name="{name}" pos="0 {side!r} {drop!r}">
         <joint name="{name}" type="hinge" axis="0 1 0" damping="{damping!r}"
-               frictionloss="{friction!r}"/>
+               frictionloss="{friction!r}" solimpfriction="0.999 0.9999 0.001"
+               solreffriction="0.01 1"/>
         <inertial pos="0 0 0" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>
         <geom type="ellipsoid" size="{radius!r} {thin!r} {radius!r}" condim="3" mass="0"
               friction="1 0 0"/>

@@ -41,6 +41,7 @@ class MuJoCo(Simulator):
     efforts = ("left_effort", "right_effort")
     shared = ("mass", "gain", "friction", "damping")
     evaluations = 120
+    rounds = 1
 
     def __init__(self, step: float = STEP) -> None:
         try:
@@ -70,7 +71,7 @@ class MuJoCo(Simulator):
 
         bounds = [np.zeros_like(start), np.ones_like(start)]
         found, _ = minimize.least_squares(
-            start, residual, bounds, eps=1e-4, xtol=1e-5, max_iter=12,
+            start, residual, bounds, eps=1e-4, xtol=1e-5, max_iter=6,
             verbose=minimize.Verbosity.SILENT,
         )  # fmt: skip
         return np.asarray(found).reshape(start.shape)

@@ -9,7 +9,8 @@ left and the right wheel:
 
 A step solves the velocities by the trapezoid rule with resistances at the extrapolated midpoint
 (linearly implicit, second order, stable for any resistance). Steps never straddle a moment at
-which a delayed command changes, so the response moves with the latency exactly.
+which a delayed command changes, so the response moves with the latency exactly; the first step
+after such a moment, where the midpoint cannot be extrapolated, is taken twice.
 """
 
 from __future__ import annotations
@@ -61,13 +62,7 @@ def _replay(
     state: Floats,
     out: Floats,
 ) -> None:
-    mass, inertia, half = body[0], body[1], body[2]
-    left_radius, right_radius, radius = body[3], body[4], body[5]
-    friction, damping, drag, latency = body[6], body[7], body[8], body[9]
-    left_damping = 0.5 * damping * (radius / left_radius) ** 2
-    right_damping = 0.5 * damping * (radius / right_radius) ** 2
-    left_friction = 0.5 * friction * radius / left_radius
-    right_friction = 0.5 * friction * radius / right_radius
+    latency = body[9]
     x, y, heading, v, w = state[0], state[1], state[2], state[3], state[4]
     dv, dw = 0.0, 0.0
     t, last = times[a], times[b - 1]
@@ -79,31 +74,20 @@ def _replay(
         end = last
         if k + 1 < high and command_time[k + 1] + latency < last:
             end = command_time[k + 1] + latency
-        left_force, right_force = 0.0, 0.0
+        left, right = 0.0, 0.0
         if k >= low:
-            left_force, right_force = torque[0, k] / left_radius, torque[1, k] / right_radius
+            left, right = torque[0, k] / body[3], torque[1, k] / body[4]
         k += 1
         if end - t < _SHORTEST:
-            if end == last:
-                end, t = last, last - _SHORTEST
-            else:
+            if end < last:
                 continue
-        count = max(1, math.ceil((end - t) / step - 1e-9))
+            end, t = last, last - _SHORTEST
+        count = max(1, math.ceil((end - t) / step - 1e-6))
         h = (end - t) / count
         for number in range(count):
-            vm, wm = v + 0.5 * h * dv, w + 0.5 * h * dw
-            vl, vr = vm - wm * half, vm + wm * half
-            dl = left_damping + left_friction / math.sqrt(vl * vl + _CREEP * _CREEP)
-            dr = right_damping + right_friction / math.sqrt(vr * vr + _CREEP * _CREEP)
-            a00 = 0.5 * h * (dl + dr + drag * abs(vm)) / mass
-            a01 = 0.5 * h * (dr - dl) * half / mass
-            a10 = 0.5 * h * (dr - dl) * half / inertia
-            a11 = 0.5 * h * (dl + dr) * half * half / inertia
-            p = (1.0 - a00) * v - a01 * w + h * (left_force + right_force) / mass
-            q = (1.0 - a11) * w - a10 * v + h * (right_force - left_force) * half / inertia
-            scale = 1.0 / ((1.0 + a00) * (1.0 + a11) - a01 * a10)
-            v1 = ((1.0 + a11) * p - a01 * q) * scale
-            w1 = ((1.0 + a00) * q - a10 * p) * scale
+            v1, w1 = _speeds(body, h, v, w, v + 0.5 * h * dv, w + 0.5 * h * dw, left, right)
+            if number == 0:
+                v1, w1 = _speeds(body, h, v, w, 0.5 * (v + v1), 0.5 * (w + w1), left, right)
             dv, dw = (v1 - v) / h, (w1 - w) / h
             middle = heading + h * (0.375 * w + 0.125 * w1)
             x1 = x + 0.5 * h * (v + v1) * math.cos(middle)
@@ -116,6 +100,34 @@ def _replay(
                 j += 1
             x, y, heading, v, w = x1, y1, heading1, v1, w1
         t = end
+
+
+@njit(cache=True)
+def _speeds(
+    body: Floats,
+    h: float,
+    v: float,
+    w: float,
+    middle_v: float,
+    middle_w: float,
+    left: float,
+    right: float,
+) -> tuple[float, float]:
+    """v and w after a step under wheel forces, resisted as at the middle's speeds."""
+    mass, inertia, half = body[0], body[1], body[2]
+    left_share, right_share = body[5] / body[3], body[5] / body[4]
+    vl, vr = middle_v - middle_w * half, middle_v + middle_w * half
+    friction, damping = 0.5 * body[6], 0.5 * body[7]
+    dl = left_share * (damping * left_share + friction / math.sqrt(vl * vl + _CREEP * _CREEP))
+    dr = right_share * (damping * right_share + friction / math.sqrt(vr * vr + _CREEP * _CREEP))
+    a00 = 0.5 * h * (dl + dr + body[8] * abs(middle_v)) / mass
+    a01 = 0.5 * h * (dr - dl) * half / mass
+    a10 = 0.5 * h * (dr - dl) * half / inertia
+    a11 = 0.5 * h * (dl + dr) * half * half / inertia
+    p = (1.0 - a00) * v - a01 * w + h * (left + right) / mass
+    q = (1.0 - a11) * w - a10 * v + h * (right - left) * half / inertia
+    scale = 1.0 / ((1.0 + a00) * (1.0 + a11) - a01 * a10)
+    return ((1.0 + a11) * p - a01 * q) * scale, ((1.0 + a00) * q - a10 * p) * scale
 
 
 @njit(cache=True)
