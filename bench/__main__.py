@@ -15,11 +15,23 @@ from pathlib import Path
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
-from bench import delay, inference, live, memory, occlusion, projection, startup, wire
+from bench import (
+    delay,
+    inference,
+    live,
+    memory,
+    occlusion,
+    projection,
+    scale,
+    startup,
+    wire,
+)
 from bench.figures import Figure
 from bench.worlds import QUIET
 
-_ROOMS = ("startup", "wire", "projection", "occlusion", "inference", "live", "memory", "delay")
+_ROOMS = (
+    "startup", "wire", "scale", "projection", "occlusion", "inference", "live", "memory", "delay",
+)  # fmt: skip
 
 
 def main() -> int:
@@ -48,6 +60,8 @@ def _all(wanted: list[str], options: argparse.Namespace, folder: Path) -> Iterat
             yield from startup.figures(store)
         if "wire" in wanted:
             yield from wire.figures(store)
+    if "scale" in wanted:
+        yield from scale.figures(folder)
     if "projection" in wanted:
         yield from projection.figures()
     if "occlusion" in wanted:

@@ -1,16 +1,17 @@
-"""What a user does at scale, as functions of the application; and the numbers behind every view."""
+"""What a user does at scale, as functions of the session; and the numbers behind every view."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 
+from bench.index_store import ROOMS
 from s2rtui import plots
-from s2rtui.app import S2RApp
 from s2rtui.plots.geomap_cells import other_dots, top_levels
 from s2rtui.plots.overview_lines import line_density
 from s2rtui.plots.surface import Mark
 from s2rtui.session import Brush, Session, comparing, listing, showing
+from s2rtui.session.state import Operator
 from s2rtui.views import BY_NAME, Scene
 
 Step = Callable[[], object]
@@ -18,31 +19,48 @@ SIZE = (200, 60)
 _MAP, _TAB = (88, 54), (54, 12)
 
 
-def selections(session: Session) -> list[tuple[str, Step]]:
-    """Selection changes of every kind, seeded by the expressions themselves."""
-    half = len(session.store.instances) // 2
-    expressions = (
-        "worst15",
-        "best15",
-        "!best15",
-        "box(5, 5, 20, 15)",
-        'room:"room 7"',
-        'worst15 | room:"room 7"',
-        "worst(30%, sim.error) & best(30%, real.error) & box(2, 2, 30, 20)",
-        'all - room:"room 1"',
-        "real.error > 0.8",
-        "umap.real(2, 2, 6, 5)",
-        "lasso(4, 4, 30, 6, 24, 20, 6, 18)",
-        f"ids(0..{half})",
-        "straight",
-        "none",
-    )
+def changes(session: Session, turn: int) -> list[tuple[str, Step]]:
+    """Selection changes of every kind; every turn has others, so that no mask is known before."""
+    half, t = len(session.store.instances) // 2, turn
 
     def select(expression: str) -> Step:
         return lambda: session.select(expression)
 
-    chosen = [(expression, select(expression)) for expression in expressions]
-    return [*chosen, ("undo", session.undo), ("complement", session.complement)]
+    def join(operator: Operator, expression: str) -> Step:
+        def joined() -> None:
+            session.expect(operator)
+            session.choose(expression)
+
+        return joined
+
+    chosen = {
+        "worst": f"worst({13 + t}%, real.error)",
+        "best": f"best({13 + t}%, real.error)",
+        "room": _room(t),
+        "box on the map": f"box({5 + t}, 5, {20 + t}, 15)",
+        "lasso on the map": f"lasso({4 + t}, 4, 30, 6, 24, {20 - t / 2}, 6, 18)",
+        "box on the embedding": f"umap.real(2, {2 + t / 4}, 6, 5)",
+        "lasso on the embedding": f"umap.sim.lasso(1, {1 + t / 4}, 6, 2, 5, 5, 2, 4)",
+        "headings": f"heading:{-170 + 20 * t}+-30",
+        "accuracies of another run": f'run("dark").real.accuracy:{0.95 + t / 500}..0.99',
+        "errors": f"real.error > {0.7 + 0.02 * t}",
+        "the paper's question": f"worst({30 + t}%, sim.error) & best({30 + t}%, real.error) & "
+        "box(2, 2, 30, 20)",
+        "half of all": f"ids(0..{half + t})",
+        "straight": f"straight & seq >= {t}",
+    }
+    steps = [(name, select(expression)) for name, expression in chosen.items()]
+    return [
+        *steps,
+        ("intersection", join("intersect", _room(t + 3))),
+        ("union", join("union", _room(t + 5))),
+        ("complement", session.complement),
+        ("undo", session.undo),
+    ]
+
+
+def _room(index: int) -> str:
+    return f'room:"{ROOMS[index % len(ROOMS)].room}"'
 
 
 def numbers(scene: Scene) -> None:
@@ -72,35 +90,31 @@ def _overview(scene: Scene) -> None:
         line_density(lines, model.axis, layout)
 
 
-def ordered(session: Session) -> Step:
-    """The list's order by a column; the selection is what it was."""
-    return lambda: listing.order(session.store, session.state)
+def moves(session: Session, turn: int) -> list[tuple[str, Step]]:
+    """Everything else that a key does."""
 
-
-def brushed(app: S2RApp, view: str, panel: str, lasso: bool = False) -> list[Step]:
-    """A mark that moves over a view, a step a cell or two."""
-    session = app.session
-
-    def put(at: int) -> Step:
-        x, y = 2.0 + 0.2 * at, 3.0 + 0.1 * at
-        points = (
-            ((x, y), (x + 4, y), (x + 4, y + 3), (x, y + 3)) if lasso else ((x, y), (x + 4, y + 3))
+    def mark(view: str, panel: str, lasso: bool) -> Step:
+        x, y = 2.0 + 0.4 * turn, 3.0 + 0.2 * turn
+        box = ((x, y), (x + 4, y + 3))
+        points = (box[0], (x + 4, y), box[1], (x, y + 3)) if lasso else box
+        return lambda: session.set(
+            replace(session.state, brush=Brush(view, Mark(panel, points, lasso)))
         )
-        brush = Brush(view, Mark(panel, points, lasso))
-        return lambda: session.set(replace(session.state, brush=brush))
 
-    return [put(at) for at in range(8)]
+    def sort() -> None:
+        listing.next_column(session)
+        listing.order(session.store, session.state)
 
-
-def moves(session: Session) -> dict[str, list[Step]]:
-    """Everything else that a key does, by what it is called."""
-    start = lambda: session.set(replace(session.state, viewport=None))  # noqa: E731
-    zooms: list[Step] = [lambda: showing.zoom(session, 1 / 0.6)] * 5
-    return {
-        "cursor to the next instance": [lambda: session.move_cursor(1)] * 8,
-        "zoom": [*zooms, start],
-        "pan": [lambda: showing.pan(session, 0.2, 0.0)] * 4 + [start],
-        "map mode": [lambda: showing.change_map_mode(session)] * 3,
-        "trajectory": [session.change_trajectory] * 3,
-        "run seen before": [lambda: session.change_run(1), lambda: session.change_run(-1)] * 2,
-    }
+    return [
+        ("box moved on the map", mark("map", "map", False)),
+        ("lasso moved on the map", mark("map", "map", True)),
+        ("box moved on the embedding", mark("umap", "real", False)),
+        ("brush left", lambda: showing.leave(session)),
+        ("cursor to the next instance", lambda: session.move_cursor(1)),
+        ("zoom", lambda: showing.zoom(session, 1 / 0.8)),
+        ("pan", lambda: showing.pan(session, 0.1, 0.0)),
+        ("map mode", lambda: showing.change_map_mode(session)),
+        ("another trajectory", session.change_trajectory),
+        ("list by another column", sort),
+        ("run seen before", lambda: session.change_run((-1) ** turn)),
+    ]

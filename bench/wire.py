@@ -1,8 +1,9 @@
-"""Bytes that a key press costs on a real pseudo-terminal."""
+"""Bytes that the first screen and every key press cost on a real pseudo-terminal."""
 
 from __future__ import annotations
 
 import fcntl
+import math
 import os
 import pty
 import select
@@ -16,17 +17,24 @@ from pathlib import Path
 from bench.figures import Figure
 
 _QUIET = 0.6
+SIZES = ((120, 40), (200, 60))
+_MOVE = b"\x1b[C"
+KEYS = {
+    "w": b"w", "b": b"b", "undo": b"u", "zoom in": b"+", "zoom out": b"0", "run": b"r",
+    "umap": b"4", "orientation": b"5", "list": b"8", "map": b"2", "help": b"?", "leave": b"\x1b",
+}  # fmt: skip
+"""Pressed one after the other, each on what the one before has left."""
 
 
 class Terminal:
-    """The application on a pty of 120 x 40."""
+    """The application on a pty of (columns, rows)."""
 
-    def __init__(self, store: Path) -> None:
+    def __init__(self, store: Path, size: tuple[int, int]) -> None:
         pid, self._fd = pty.fork()
         if pid == 0:
             os.environ.update(TERM="xterm-256color", COLORTERM="truecolor", LANG="C.UTF-8")
             os.execv(sys.executable, [sys.executable, "-m", "s2rtui", "tui", str(store)])
-        fcntl.ioctl(self._fd, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 120, 0, 0))
+        fcntl.ioctl(self._fd, termios.TIOCSWINSZ, struct.pack("HHHH", size[1], size[0], 0, 0))
         self._pid = pid
 
     def read(self, quiet: float = _QUIET, patience: float = 20.0) -> list[tuple[float, int]]:
@@ -54,20 +62,33 @@ class Terminal:
 
 
 def figures(store: Path) -> Iterator[Figure]:
-    """The move itself, and the pictures once the cursor rests."""
-    terminal = Terminal(store)
-    terminal.read(2.0)
+    """At both sizes; only the smaller one has budgets."""
+    for size in SIZES:
+        terminal = Terminal(store, size)
+        at = f"{size[0]}x{size[1]}: "
+        yield Figure(f"{at}first screen", _sum(terminal.read(2.0)), "bytes")
+        yield from _cursor(terminal, at, size == SIZES[0])
+        for name, key in KEYS.items():
+            terminal.press(key)
+            yield Figure(f"{at}{name}", _sum(terminal.read()), "bytes")
+        idle = _sum(terminal.read(6.0, 7.0))
+        yield Figure(f"{at}six seconds without a key", idle, "bytes", 0)
+        terminal.close()
+
+
+def _cursor(terminal: Terminal, at: str, bounded: bool) -> Iterator[Figure]:
+    """The move itself, and the pictures once the cursor rests: the largest of several."""
     moves, pictures = [], []
     for _ in range(6):
         began = time.monotonic()
-        terminal.press(b"\x1b[C")
+        terminal.press(_MOVE)
         arrived = terminal.read()
-        moves.append(sum(size for at, size in arrived if at - began < 0.14))
-        pictures.append(sum(size for at, size in arrived if at - began >= 0.14))
-    terminal.press(b" ")
-    terminal.read(1.0)
-    idle = sum(size for _, size in terminal.read(6.0, 7.0))
-    terminal.close()
-    yield Figure("cursor to the next instance, the move", max(moves), "bytes", 4000)
-    yield Figure("cursor to the next instance, its pictures", max(pictures), "bytes", 24_000)
-    yield Figure("six seconds without a key", idle, "bytes", 0)
+        moves.append(_sum(arrived, until=began + 0.14))
+        pictures.append(_sum(arrived) - moves[-1])
+    name = f"{at}cursor to the next instance"
+    yield Figure(f"{name}, the move", max(moves), "bytes", 4000 if bounded else None)
+    yield Figure(f"{name}, its pictures", max(pictures), "bytes", 24_000 if bounded else None)
+
+
+def _sum(arrived: list[tuple[float, int]], until: float = math.inf) -> int:
+    return sum(size for at, size in arrived if at < until)

@@ -8,12 +8,13 @@ from functools import partial
 from typing import Literal
 
 from s2rtui.access import Access, Need
+from s2rtui.keys import key_shown
 from s2rtui.session import Session, adjusting, listing, showing
 from s2rtui.session.state import State
 from s2rtui.views import VIEWS
 
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
-When = Literal["always", "still", "plain", "brushing", "list", "adjust", "elsewhere"]
+When = Literal["always", "begun", "still", "plain", "brushing", "list", "adjust", "elsewhere"]
 
 GROUPS: dict[Group, str] = {
     "select": "Select",
@@ -49,7 +50,14 @@ class Action:
 
     @property
     def key(self) -> str:
-        return self.shown or self.keys[0]
+        return self.shown or key_shown(self.keys[0])
+
+    @property
+    def all_keys(self) -> str:
+        """`z  +  =`; what is shown for a group of keys stands alone."""
+        if " " in self.shown:
+            return self.shown
+        return "  ".join([self.key, *(key_shown(name) for name in self.keys[1:])])
 
     @property
     def call(self) -> str:
@@ -61,6 +69,7 @@ class Action:
         brushing = state.brush is not None
         return {
             "always": True,
+            "begun": brushing or state.operator != "replace" or state.is_error,
             "still": not brushing,
             "plain": not brushing and state.view != "adjust",
             "adjust": not brushing and state.view == "adjust",
@@ -118,6 +127,8 @@ _BRUSHING = (
     Action("brush_corner", ("space",), "brush", "a corner of the lasso", when="brushing"),
     Action("brush_panel", ("tab",), "brush", "the view's next panel", short="panel",
            when="brushing"),
+    Action("leave", ("escape",), "brush", "leave what is begun: a mark, an operator, a line",
+           short="leave", when="begun"),
     Action("lasso", ("L",), "brush", "brush with a lasso or a box"),
 )  # fmt: skip
 
@@ -275,15 +286,10 @@ def help_text(access: Access | None = None) -> str:
     lines = []
     for group, title in GROUPS.items():
         lines.append(title)
-        for action in offered(access):
-            if action.group == group and action.description:
-                keys = action.key if " " in action.key else "  ".join(_keys(action))
-                lines.append(f"  {keys:<18}{action.description}")
+        lines += [
+            f"  {action.all_keys:<18}{action.description}"
+            for action in offered(access)
+            if action.group == group and action.description
+        ]
         lines.append("")
     return "\n".join(lines).rstrip()
-
-
-def _keys(action: Action) -> list[str]:
-    if action.shown:
-        return [action.shown, *action.keys[1:]]
-    return list(action.keys)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -18,19 +19,20 @@ from textual.content import Content
 from textual.screen import Screen
 
 from s2rstore.errors import RequestError, S2RError
-from s2rtui import arrangement, notebook
+from s2rstore.reader import Store
+from s2rtui import arrangement, background, notebook
 from s2rtui.access import Access
 from s2rtui.actions import ACTIONS, BY_NAME, footer, named, offered
 from s2rtui.arrangement import Place, SizeClass
 from s2rtui.brushes import Brushes
 from s2rtui.canvas import ColourMode, Look
-from s2rtui.feeds import live
 from s2rtui.feeds.feeding import Feeding
 from s2rtui.messages import Fed, Progressed
 from s2rtui.notebook import Notebook
 from s2rtui.papers import Papers
 from s2rtui.savings import Savings
-from s2rtui.session import Session, State, adjusting, sharing, showing
+from s2rtui.session import Session, State, adjusting, loading, sharing, showing
+from s2rtui.terminal import Terminal, accept_any_bytes
 from s2rtui.themes import textual_theme
 from s2rtui.titles import StatusLine, shown, status_line
 from s2rtui.views import BY_NAME as VIEW_BY_NAME
@@ -44,6 +46,8 @@ from s2rtui.widgets.query import QueryLine
 from s2rtui.widgets.tour import TourScreen
 
 WATCH_SECONDS = 2.0
+_PATIENCE = 0.3
+"""Seconds that work in the background is given when the application is left."""
 _PICTURE_TOLERANCE = {"map": 12, "instance": 12}
 
 
@@ -54,11 +58,8 @@ class S2RApp(Brushes, Papers, Savings):
     TITLE = "s2r"
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
-        *(
-            Binding(",".join(action.keys), action.call, action.description, show=False)
-            for action in ACTIONS
-        ),
-        Binding("escape", "leave", "leave the query line or the brush", show=False),
+        Binding(",".join(action.keys), action.call, action.description, show=False)
+        for action in ACTIONS
     ]
 
     def __init__(
@@ -71,30 +72,40 @@ class S2RApp(Brushes, Papers, Savings):
         """`pictures_at` is the folder that files are written to (default: here, if allowed)."""
         super().__init__(ansi_color=look.mode in (ColourMode.ANSI, ColourMode.NONE))
         self.animation_level = "none"
+        self._wear(look)
         self.session = session
+        session.waits = True
         self.look = look
         self.resources = Resources()
         self.feeding = Feeding(self)
         self.access = access or Access.of(session.store.path)
         self.files_at = pictures_at or self.access.pictures
         self._size_class: SizeClass = "narrow"
+        self._drawn_once = False
         self.first_run = False
+        self.terminal: Terminal | None = None
 
     def compose(self) -> ComposeResult:
-        yield Bar("status", self.look.ascii)
+        yield Bar("status")
         views = [
             PlotView(view.name, self.look, _PICTURE_TOLERANCE.get(view.name, 0)) for view in VIEWS
         ]
         yield Panes([*views], self._places)
-        yield Bar("message", self.look.ascii)
+        yield Bar("message")
         yield QueryLine()
-        yield Bar("keys", self.look.ascii)
+        yield Bar("keys")
+
+    def _wear(self, look: Look) -> None:
+        """Colours before anything is laid out: a theme set later styles every widget anew."""
+        theme = textual_theme(look.theme)
+        self.register_theme(theme)
+        self.set_reactive(S2RApp.theme, theme.name)
+        self.stylesheet.set_variables(self.get_css_variables())
 
     def on_mount(self) -> None:
-        self.register_theme(textual_theme(self.look.theme))
-        self.theme = textual_theme(self.look.theme).name
         self._resized(self.size.width, self.size.height)
         self.refresh_views()
+        self.call_after_refresh(self._feed)
         self.set_interval(WATCH_SECONDS, self._watch)
         for number in (signal.SIGTERM, signal.SIGHUP):
             with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
@@ -108,10 +119,23 @@ class S2RApp(Brushes, Papers, Savings):
             with contextlib.suppress(RequestError):
                 self.session.notebook.remember((*state.past, state.expression))
         self.feeding.stop()
-        live.leave()
-        self.session.close()
+        self.leave_savings()
+        background.start("closing", self.session.close)
+
+    @property
+    def fault(self) -> Exception | None:
+        """What ended the application before its time."""
+        return self._exception
+
+    def _fatal_error(self) -> None:
+        """Without a traceback on the terminal: `run_app` raises what it was."""
+        self._close_messages_no_wait()
+
+    def _print_error_renderables(self) -> None:
+        """See `_fatal_error`."""
 
     def on_resize(self, event: events.Resize) -> None:
+        self.drop_drag()
         self._resized(event.size.width, event.size.height)
         self.refresh_views()
 
@@ -139,9 +163,10 @@ class S2RApp(Brushes, Papers, Savings):
             wanted = "x".join(str(number) for number in arrangement.SMALLEST)
             status.say(f"the terminal is too small: needs {wanted}")
             return
-        emptied = self.feeding.ask(self.session.store, state)
-        if emptied:
-            self.resources = replace(self.resources, **emptied)
+        if self._drawn_once:
+            asked = self.feeding.ask(self.session.store, state)
+            if asked.anew:
+                self.resources = self.resources.asked(asked.anew, asked.emptied)
         status.say(_safe_bold(*self._status(state)))
         self.show_message()
         self._show_keys(state)
@@ -158,14 +183,15 @@ class S2RApp(Brushes, Papers, Savings):
         if not self.query("#message"):
             return
         state = self.session.state
-        text, share = state.message, self.resources.progress
+        text = state.message
         if not text and self.resources.saving:
             text = self.resources.saving
-        if share is not None and not state.is_error:
-            text = f"{text}  {share:.0%}".strip()
+        if not state.is_error:
+            text = self.resources.told_of(text)
         if not text and state.newest != state.generation:
             text = f"generation {state.newest} is there: g moves on to it"
-        self.query_one("#message", Bar).say(_safe(text), "error" if state.is_error else "")
+        classes = "error" if state.is_error else "whole" if self.prompting else ""
+        self.query_one("#message", Bar).say(_safe(text), classes)
 
     def _show_keys(self, state: State) -> None:
         pairs = footer(self.size.width - 2, state, self.access)
@@ -187,23 +213,44 @@ class S2RApp(Brushes, Papers, Savings):
 
     # --- workers -----------------------------------------------------------------------------
 
+    def _feed(self) -> None:
+        """Once the first screen stands, which workers would only delay."""
+        self._drawn_once = True
+        self.refresh_views()
+
     @property
     def settled(self) -> bool:
-        """Whether all that workers bring is that of the state."""
-        return self.feeding.settled
+        """Whether all that threads bring is that of the state."""
+        return self._drawn_once and self.feeding.settled and not self.under_way
 
     def on_fed(self, message: Fed) -> None:
+        fresh = message.fields.pop("store", None)
         if not self.feeding.accept(message):
+            if fresh is not None:
+                fresh.close()
             return
-        if message.error:
+        if message.feed == "run":
+            self._arrived(message, fresh)
+        elif message.error:
             self.session.tell(message.error, is_error=True)
-        self.resources = replace(self.resources, **message.fields, progress=None)
+        self.resources = self.resources.fed(message.feed, message.fields, message.error)
         self.refresh_views()
+
+    def _arrived(self, message: Fed, fresh: Store | None) -> None:
+        """The awaited run is read, or cannot be."""
+        try:
+            if message.error:
+                loading.give_up(self.session)
+                raise RequestError(message.error)
+            loading.arrive(self.session, fresh)
+        except S2RError as error:
+            self.session.tell(str(error), is_error=True)
 
     def on_progressed(self, message: Progressed) -> None:
         if not self.feeding.current(message.feed, message.ticket):
             return
-        self.resources = replace(self.resources, progress=message.share)
+        progress = {**self.resources.progress, message.feed: message.share}
+        self.resources = replace(self.resources, progress=progress)
         self.show_message()
 
     def _watch(self) -> None:
@@ -218,7 +265,8 @@ class S2RApp(Brushes, Papers, Savings):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Whether an action means something now."""
-        known = named(action, parameters)
+        begun = action == "leave" and (self.prompting or self.dragging)
+        known = None if begun else named(action, parameters)
         if known is not None and not known.applies(self.session.state):
             return False
         return super().check_action(action, parameters)
@@ -234,7 +282,10 @@ class S2RApp(Brushes, Papers, Savings):
         self.refresh_views()
 
     def action_view(self, name: str) -> None:
-        showing.show_view(self.session, name, VIEW_BY_NAME[name].pane)
+        if self._size_class == "wide" and self.query_one(f"#{name}", PlotView).placed:
+            showing.activate(self.session, name)
+        else:
+            showing.show_view(self.session, name, VIEW_BY_NAME[name].pane)
         self.refresh_views()
 
     def action_focus_next(self) -> None:
@@ -268,6 +319,7 @@ class S2RApp(Brushes, Papers, Savings):
         if self.prompting:
             self.close_prompt()
         else:
+            self.drop_drag()
             showing.leave(self.session)
             self.refresh_views()
 
@@ -298,7 +350,7 @@ class S2RApp(Brushes, Papers, Savings):
             await self.run_action(action)
 
     def action_doctor(self) -> None:
-        self.push_screen(DoctorScreen(self.look))
+        self.push_screen(DoctorScreen(self.look, self.terminal))
 
     def action_tour(self) -> None:
         self.push_screen(TourScreen())
@@ -315,6 +367,11 @@ class S2RApp(Brushes, Papers, Savings):
 
     async def action_quit(self) -> None:
         self.exit()
+
+    def action_help_quit(self) -> None:
+        """What ctrl+c is bound to."""
+        self.session.tell(f"{BY_NAME['quit'].key} quits")
+        self.show_message()
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         state = self.session.state
@@ -333,20 +390,22 @@ def _safe_bold(before: str, bold: str, after: str) -> str:
 
 
 def run_app(
-    path: Path,
-    run: str | None,
-    colour: str,
-    ascii: bool,
-    access: Access,
-    nights: Path | None = None,
+    path: Path, run: str | None, terminal: Terminal, access: Access, nights: Path | None = None
 ) -> None:
-    """Open the application on a store. Raises RequestError where it cannot run."""
-    from s2rtui.terminal import accept_any_bytes, detect, prepare_environment
+    """Open the application on a store; the environment was prepared for the terminal.
 
-    terminal = detect(colour, ascii)
-    prepare_environment(terminal)
+    What it leaves undone is told on stderr. Raises RequestError where it cannot run, S2RError for a
+    fault of the program.
+    """
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
     app = S2RApp(Session(path, run, Notebook, nights), look, access=access)
-    app.first_run = notebook.first_run()
+    app.first_run, app.terminal = notebook.first_run(), terminal
     accept_any_bytes()
     app.run(mouse=terminal.mode is not ColourMode.NONE)
+    background.rest(_PATIENCE)
+    with contextlib.suppress(OSError):  # the terminal may be gone
+        for told in app.undone:
+            print(f"s2r: {told}", file=sys.stderr)
+    if app.fault is not None:
+        what = f"{type(app.fault).__name__}: {app.fault}"
+        raise S2RError(f"a fault of the program: {what} (--debug shows where)") from app.fault

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from s2rtui.views.contract import View
-
 SizeClass = Literal["tiny", "narrow", "medium", "wide"]
 SMALLEST = (40, 12)
 _GUTTER = 2
@@ -53,15 +51,16 @@ def arrange(size: SizeClass, width: int, height: int, wanted: Wanted) -> dict[st
 
 
 def _medium(width: int, height: int, wanted: Wanted) -> dict[str, Place]:
-    """The centre, and beside it the overview over one of the others."""
+    """The centre, and beside it the overview over one of the others: the active one, if any."""
     centre = round(width * 0.58)
     x = centre + _GUTTER
     top = min(wanted.overview_rows, height // 3)
     below = top + 1
+    tab = wanted.tab if wanted.view in (wanted.centre, "overview") else wanted.view
     return {
         wanted.centre: Place(0, 0, centre, height),
         "overview": Place(x, 0, width - x, top),
-        wanted.tab: Place(x, below, width - x, height - below),
+        tab: Place(x, below, width - x, height - below),
     }
 
 
@@ -93,9 +92,5 @@ def _column(wanted: Wanted) -> str:
 def _stacked(wanted: Wanted, rows: int) -> tuple[str, ...]:
     if rows >= 44:
         return tuple(_SHARES)
-    return ("umap", "orientation", "errors" if wanted.tab == "errors" else "rooms")
-
-
-def overview_rows(view: View, rows: int) -> int:
-    """The rows that the overview and its title take."""
-    return rows + 1 if rows else 8
+    last = wanted.view if wanted.view in ("rooms", "errors") else wanted.tab
+    return ("umap", "orientation", "errors" if last == "errors" else "rooms")

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
-from s2rstore.errors import S2RError
+from s2rstore.errors import RequestError, S2RError
 from s2rtui.desk import Desk
 from s2rtui.plots.surface import Panel, panel_at
-from s2rtui.session import brushing, showing
+from s2rtui.session import brushing, listing, showing
 from s2rtui.session.state import Brush, Operator
 from s2rtui.views import BY_NAME, View
 from s2rtui.widgets import PlotView
@@ -89,10 +89,7 @@ class Brushes(Desk):
         if held is None:
             self._put(None)
             return
-        if operator:
-            state = replace(self.session.state, operator=cast(Operator, operator))
-            self.session.set(state)
-        self._apply(*held)
+        self._apply(*held, cast(Operator, operator) if operator else None)
 
     def action_lasso(self) -> None:
         state = self.session.state
@@ -101,23 +98,36 @@ class Brushes(Desk):
         self.session.set(made)
         self.refresh_views()
 
-    def _apply(self, brush: Brush, panel: Panel) -> None:
-        view = BY_NAME[brush.view]
-        mark = brush.mark
-        if mark.lasso:
-            mark = replace(mark, points=brushing.outline(brush))
-            if len(mark.points) < 3:
-                self.session.tell("a lasso needs three corners: space sets one")
-                self.refresh_views()
-                return
+    def _apply(self, brush: Brush, panel: Panel, operator: Operator | None = None) -> bool:
+        """Select what is inside, joined by an operator (default: the pending one)."""
+        view, mark, before = BY_NAME[brush.view], brush.mark, self.session.state
         try:
-            self.session.choose(view.meaning(self.scene, panel, mark))
+            if mark.lasso:
+                mark = replace(mark, points=brushing.outline(brush))
+                if len(mark.points) < 3:
+                    raise RequestError("a lasso needs three corners: space sets one")
+            meaning = view.meaning(self.scene, panel, mark)
+            self.session.set(replace(before, operator=operator or before.operator))
+            self.session.choose(meaning)
         except S2RError as error:
+            self.session.set(before)
             self.refuse(error)
-            return
+            return False
         self.refresh_views()
+        return True
 
     # --- the mouse ---------------------------------------------------------------------------
+
+    @property
+    def dragging(self) -> bool:
+        """Whether the mouse is drawing a mark or moving a slider."""
+        return any(plot.dragging for plot in self.query(PlotView))
+
+    def drop_drag(self) -> None:
+        """End what the mouse has begun, without a mark."""
+        begun = [plot for plot in self.query(PlotView) if plot.abandon()]
+        if begun:
+            self.session.set(replace(self.session.state, brush=None))
 
     def _under(self, view: View, cell: Cell) -> Panel | None:
         return panel_at(self._panels(view), cell[0], cell[1] - TITLE_ROWS)
@@ -127,7 +137,7 @@ class Brushes(Desk):
             return  # a drawing on a screen above the views
         view = BY_NAME[message.view]
         panel = self._under(view, message.cell)
-        self._activate(view)
+        showing.activate(self.session, view.name)
         if panel is not None:
             middle = message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5
             try:
@@ -136,30 +146,27 @@ class Brushes(Desk):
                 self.session.tell(str(error), is_error=True)
         self.refresh_views()
 
-    def _activate(self, view: View) -> None:
-        if self.session.state.view != view.name:
-            showing.show_view(self.session, view.name, view.pane)
-
     def on_plot_view_dragged(self, message: PlotView.Dragged) -> None:
-        if message.view not in BY_NAME:
+        stroke = message.taken()
+        if stroke.view not in BY_NAME:
             return
-        view = BY_NAME[message.view]
-        panel = self._under(view, message.start)
-        if panel is None:
+        view = BY_NAME[stroke.view]
+        panel = self._under(view, stroke.start)
+        over = not stroke.done and not self.query_one(f"#{view.name}", PlotView).dragging
+        if panel is None or over:
             return
-        self._activate(view)
-        start, *trail = (
-            (x + 0.5, y - TITLE_ROWS + 0.5) for x, y in (message.start, *message.trail)
-        )
+        showing.activate(self.session, view.name)
+        start, *trail = ((x + 0.5, y - TITLE_ROWS + 0.5) for x, y in (stroke.start, *stroke.trail))
         if view.drag(self.session, self.scene, panel, panel.to_data(*trail[-1])):
             self.refresh_views()
             return
         lasso = (start, *trail) if self.session.state.lasso else ()
         brush = brushing.dragged(view.name, panel, start, trail[-1], lasso)
-        if message.done:
-            self._apply(brush, panel)
-        else:
+        if not stroke.done:
             self._put(brush)
+        elif not self._apply(brush, panel):
+            self.session.set(replace(self.session.state, brush=None))
+            self.refresh_views()
 
     def on_plot_view_wheeled(self, message: PlotView.Wheeled) -> None:
         if message.view not in BY_NAME:
@@ -170,8 +177,5 @@ class Brushes(Desk):
             at = panel.to_data(message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5)
             showing.zoom(self.session, _ZOOM if message.steps > 0 else 1 / _ZOOM, at)
         elif view.name == "list":
-            self.run_worker(
-                self.run_action("do('previous_row')" if message.steps > 0 else "do('next_row')")
-            )
-            return
+            listing.move(self.session, -message.steps)
         self.refresh_views()

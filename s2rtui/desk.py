@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any
+
+from textual.filter import LineFilter
+from textual.message import Message
 
 from s2rtui.access.guard import GuardedApp
+from s2rtui.background import start
 from s2rtui.canvas import Look
+from s2rtui.messages import Failed
+from s2rtui.plain import AsciiFilter
 from s2rtui.saving import Saving
 from s2rtui.session import Session
 from s2rtui.views import BY_NAME, Resources, Scene, View
+
+_ASCII = AsciiFilter()
 
 
 class Desk(GuardedApp):
@@ -18,10 +28,48 @@ class Desk(GuardedApp):
     look: Look
     resources: Resources
 
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.under_way: dict[object, str] = {}
+
+    @property
+    def undone(self) -> tuple[str, ...]:
+        """What the user left before it was done, a line each."""
+        return tuple(self.under_way.values())
+
+    def post(self, message: Message) -> None:
+        """From any thread, also when nobody listens any more."""
+        with suppress(RuntimeError):  # the loop is closed
+            self.post_message(message)
+
+    def in_background(self, work: Callable[[], None], undone: str) -> None:
+        """Do some work in a thread of its own; `undone` says what lacks where it does not end."""
+        token = object()
+        self.under_way[token] = undone
+
+        def done() -> None:
+            try:
+                work()
+            except Exception as error:  # whatever it was, the screen goes on and says so
+                if not self.is_running:
+                    return
+                self.post(Failed(f"{undone} ({type(error).__name__}: {error})"))
+            del self.under_way[token]
+
+        start(undone, done)
+
+    def on_failed(self, message: Failed) -> None:
+        self.tell_refusal(message.text)
+
     @property
     def scene(self) -> Scene:
         """What the views are drawn from now."""
         return Scene(self.session.store, self.session.state, self.resources, self.session.notes)
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Textual's filters, and ours where only ASCII is allowed."""
+        filters = super().get_line_filters()
+        return [*filters, _ASCII] if self.look.ascii else filters
 
     @property
     def active(self) -> View:
@@ -38,6 +86,11 @@ class Desk(GuardedApp):
 
     def begin_saving(self, name: str, start: Callable[[], Saving]) -> None:
         """Save a run in the background, and show how far it is."""
+        raise NotImplementedError
+
+    @property
+    def saving_refusal(self) -> str:
+        """Why no run can be saved now; empty where one can."""
         raise NotImplementedError
 
     def tell_refusal(self, told: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +21,8 @@ from s2rtui.desk import Desk
 from s2rtui.notebook import ReadNotebook
 from s2rtui.session import Session, State
 
-_PATIENCE = 3000
+_PATIENCE = 300.0
+"""Seconds; loading a model takes some."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +67,8 @@ def screen_png(app: Desk) -> bytes:
 
 async def settle(app: S2RApp, pilot: Pilot[None]) -> None:
     """Wait until no worker runs and the pictures are those of the state."""
-    for _ in range(_PATIENCE):
+    limit = time.monotonic() + _PATIENCE
+    while time.monotonic() < limit:
         await pilot.pause()
         await app.workers.wait_for_complete()
         if app.settled:

@@ -29,3 +29,10 @@ class Progressed(Message):
     feed: str
     ticket: int
     share: float
+
+
+@dataclass
+class Failed(Message):
+    """A work in the background ended by a fault."""
+
+    text: str

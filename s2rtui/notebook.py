@@ -1,7 +1,8 @@
 """A user's own things about one data set: saved selections, notes, tags, history.
 
 One JSON file per data set under `$XDG_DATA_HOME/s2rtui/` (default `~/.local/share`), never in the
-store. Every change reads the file again under a lock, so that two sessions keep both their work.
+store. Every change reads the file again under a lock, so that two sessions keep both their work;
+entries that cannot be read are left as they are.
 """
 
 from __future__ import annotations
@@ -10,8 +11,8 @@ import fcntl
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,49 +20,30 @@ from typing import Any
 from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError, Node, parse
 from s2rstore.language.nodes import Ids, Saved, leaves
+from s2rstore.language.text import quoted
 from s2rstore.layout import write_atomic
+from s2rtui import pages
 from s2rtui.own import own_folder
+from s2rtui.pages import Remark, SavedSelection, Unread, checked
 
-_VERSION = 1
+__all__ = ["Notebook", "Notes", "ReadNotebook", "Remark", "SavedSelection", "checked", "first_run"]
+
 _MOST_HISTORY = 500
 _MOST_TEXT = 2000
 
 
-@dataclass(frozen=True, slots=True)
-class SavedSelection:
-    """An expression with the generation and run that it was saved at, and its count there."""
-
-    expression: str
-    generation: int
-    run: str
-    count: int
-
-
-@dataclass(frozen=True, slots=True)
-class Remark:
-    """What a user wrote about one instance."""
-
-    tags: tuple[str, ...] = ()
-    note: str = ""
-
-    @property
-    def text(self) -> str:
-        """`#door #dark: looks overexposed`"""
-        tags = " ".join(f"#{tag}" for tag in self.tags)
-        return ": ".join(part for part in (tags, self.note) if part)
-
-
 @dataclass(frozen=True)
 class Notes:
-    """The content of a notebook, never changed in place."""
+    """The content of a notebook, never changed in place; `unread` are entries left as they are."""
 
     selections: Mapping[str, SavedSelection] = field(default_factory=dict)
     remarks: Mapping[int, Remark] = field(default_factory=dict)
     history: tuple[str, ...] = ()
+    unread: Unread = field(default_factory=Unread)
 
     @cached_property
     def nodes(self) -> dict[str, Node]:
-        """Saved selections and tags as the language's `@name`; selections come first."""
+        """Saved selections and tags as the language's `@name`; those without a meaning lack."""
         tagged: dict[str, list[int]] = {}
         for iid in sorted(self.remarks):
             for tag in self.remarks[iid].tags:
@@ -69,7 +51,11 @@ class Notes:
         nodes: dict[str, Node] = {
             tag: Ids(tuple((iid, iid) for iid in iids)) for tag, iids in tagged.items()
         }
-        return nodes | {name: parse(saved.expression) for name, saved in self.selections.items()}
+        for name, saved in self.selections.items():
+            nodes.pop(name, None)
+            with suppress(ExpressionError):
+                nodes[name] = parse(saved.expression)
+        return nodes
 
 
 class Notebook:
@@ -91,9 +77,12 @@ class Notebook:
 
         def change(notes: Notes) -> Notes:
             if name in _needs(saved.expression, notes):
-                raise RequestError(f"@{name} is part of this selection; choose another name")
+                raise RequestError(f"{at(name)} is part of this selection; choose another name")
             if any(name in remark.tags for remark in notes.remarks.values()):
-                raise RequestError(f"@{name} is a tag already; choose another name")
+                raise RequestError(f"{at(name)} is a tag already; choose another name")
+            if name in notes.unread.selections:
+                told = f"{self.path} holds an unreadable {at(name)}"
+                raise RequestError(f"{told}; choose another name")
             return replace(notes, selections={**notes.selections, name: saved})
 
         self._change(change)
@@ -104,7 +93,7 @@ class Notebook:
         def change(notes: Notes) -> Notes:
             for other, saved in notes.selections.items():
                 if other != name and name in _needs(saved.expression, notes):
-                    raise RequestError(f"@{name} is part of @{other}: forget that one first")
+                    raise RequestError(f"{at(name)} is part of {at(other)}: forget that one first")
             kept = {key: value for key, value in notes.selections.items() if key != name}
             return replace(notes, selections=kept)
 
@@ -113,7 +102,12 @@ class Notebook:
     def note(self, iid: int, text: str) -> None:
         """What is to be remembered of an instance; an empty text removes it."""
         text = " ".join(text.split())[:_MOST_TEXT].encode("utf-8", "replace").decode()
-        self._change(lambda notes: _remarked(notes, iid, note=text))
+
+        def change(notes: Notes) -> Notes:
+            self._writable(notes, iid)
+            return _remarked(notes, iid, note=text)
+
+        self._change(change)
 
     def toggle_tag(self, iids: list[int], tag: str) -> bool:
         """Tag some instances, or take the tag off where all of them have it; True where tagged."""
@@ -123,10 +117,11 @@ class Notebook:
         def change(notes: Notes) -> Notes:
             nonlocal tagged
             if tag in notes.selections:
-                raise RequestError(f"@{tag} is a saved selection already; choose another tag")
+                raise RequestError(f"{at(tag)} is a saved selection already; choose another tag")
             remarks = dict(notes.remarks)
             tagged = not all(tag in remarks.get(iid, Remark()).tags for iid in iids)
             for iid in iids:
+                self._writable(notes, iid)
                 remark = remarks.get(iid, Remark())
                 others = tuple(known for known in remark.tags if known != tag)
                 remarks[iid] = replace(remark, tags=(*others, tag) if tagged else others)
@@ -145,6 +140,11 @@ class Notebook:
             return replace(notes, history=tuple(reversed(list(fresh)[:_MOST_HISTORY])))
 
         self._change(change)
+
+    def _writable(self, notes: Notes, iid: int) -> None:
+        """RequestError where the file holds something else about an instance."""
+        if str(iid) in notes.unread.remarks:
+            raise RequestError(f"{self.path} holds an unreadable remark on {iid}: mend it there")
 
     def _change(self, change: Callable[[Notes], Notes]) -> None:
         with self._lock():
@@ -169,17 +169,9 @@ class Notebook:
             os.close(descriptor)
 
     def _written(self, notes: Notes) -> bytes:
-        content = {
-            "version": _VERSION,
-            "dataset": self._hash,
-            "selections": {name: asdict(saved) for name, saved in notes.selections.items()},
-            "remarks": {
-                str(iid): {"tags": list(remark.tags), "note": remark.note}
-                for iid, remark in sorted(notes.remarks.items())
-            },
-            "history": list(notes.history),
-        }
-        return (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode()
+        return pages.written(
+            self._hash, notes.selections, notes.remarks, notes.history, notes.unread
+        )
 
     def _read(self) -> Notes:
         try:
@@ -188,28 +180,9 @@ class Notebook:
             return Notes()
         except (OSError, ValueError) as error:
             raise RequestError(f"{self.path}: cannot be read; move it away ({error})") from error
-        try:
-            return self._parsed(content)
-        except (KeyError, TypeError, ValueError, AttributeError, ExpressionError) as error:
-            raise RequestError(f"{self.path}: is no notebook; move it away") from error
-
-    def _parsed(self, content: Any) -> Notes:
-        if content["version"] != _VERSION or content["dataset"] != self._hash:
-            raise ValueError("of another version or data set")
-        selections = {
-            checked(name, "name"): SavedSelection(
-                str(saved["expression"]), int(saved["generation"]), str(saved["run"]),
-                int(saved["count"]),
-            )
-            for name, saved in content["selections"].items()
-        }  # fmt: skip
-        remarks = {
-            int(iid): Remark(tuple(str(tag) for tag in remark["tags"]), str(remark["note"]))
-            for iid, remark in content["remarks"].items()
-        }
-        notes = Notes(selections, remarks, tuple(str(text) for text in content["history"]))
-        _ = notes.nodes
-        return notes
+        if not pages.is_notebook(content, self._hash):
+            raise RequestError(f"{self.path}: is no notebook of this data set; move it away")
+        return Notes(*pages.read(content))
 
 
 class ReadNotebook(Notebook):
@@ -232,18 +205,18 @@ def first_run() -> bool:
     return True
 
 
-def checked(name: str, what: str) -> str:
-    """A name of a selection or a tag, without blanks around it. Raises RequestError."""
-    name = name.strip().lstrip("@")
-    if not name or len(name) > 60 or not name.isprintable() or '"' in name or "\\" in name:
-        raise RequestError(f"{what}: 1 to 60 printable characters without quotes")
-    return name
+def at(name: str) -> str:
+    """A saved name or a tag as it stands in an expression."""
+    return f"@{quoted(name)}"
 
 
 def _needs(expression: str, notes: Notes) -> set[str]:
     """The saved names that an expression is made of, directly or through others."""
     found: set[str] = set()
-    waiting = [parse(expression)]
+    try:
+        waiting = [parse(expression)]
+    except ExpressionError:
+        return found
     while waiting:
         for leaf in leaves(waiting.pop()):
             if isinstance(leaf, Saved) and leaf.name not in found:

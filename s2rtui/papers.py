@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -71,11 +72,11 @@ class Papers(Prompts):
                 self.session.tell("writing a report")
                 state, notes = self.session.state, self.session.notes
                 work = partial(self._report, self.session.store.path, state, notes, target)
-                self.run_worker(work, thread=True, group="report")
+                self.in_background(work, f"{target} is not written")
         self.show_message()
 
     def _report(self, store: Path, state: State, notes: Notes, target: Path) -> None:
-        """In a worker's thread."""
+        """In a thread of its own."""
         from s2rtui.report import Asked, Request, report, saved
 
         asked = saved(notes) or (Asked(state.expression),)
@@ -84,15 +85,17 @@ class Papers(Prompts):
         try:
             target.write_bytes(report(store, request, self._going_on))
         except (S2RError, OSError) as error:
-            self.post_message(self.Filed(_reason(error), True, True))
+            if not self.is_running:
+                raise
+            self.post(self.Filed(_reason(error), True, True))
         else:
-            self.post_message(self.Filed(f"wrote {target}", True))
+            self.post(self.Filed(f"wrote {target}", True))
 
     def _going_on(self, done: int, total: int, what: str) -> None:
         if not self.is_running:
             raise RequestError("the application was left")
         if what:
-            self.post_message(self.Filed(f"report: {done} of {total}, {what}"))
+            self.post(self.Filed(f"report: {done} of {total}, {what}"))
 
     def action_write_selection(self) -> None:
         try:
@@ -116,20 +119,24 @@ class Papers(Prompts):
         self.session.tell(f"writing {target}")
         session = self.session
         work = partial(self._write, session.store, session.state, session.notes, target)
-        self.run_worker(work, thread=True, group="selection")
+        self.in_background(work, f"{target} is not written")
 
     def _write(self, store: Store, state: State, notes: Notes, target: Path) -> None:
-        """In a worker's thread."""
+        """In a thread of its own."""
         from s2rtui.rows.formats import save
         from s2rtui.rows.picked import picked
 
+        beside = target.with_name(f".{os.getpid()}.{target.name}")
         try:
             found = picked(store, state.expression, state.run, state.trajectories, notes)
-            save(target, found.names, found.rows, found.facts.told())
+            save(beside, found.names, found.rows, found.facts.told())
+            beside.replace(target)
         except (S2RError, OSError) as error:
-            self.post_message(self.Filed(_reason(error), is_error=True))
+            beside.unlink(missing_ok=True)
+            told = _reason(error).replace(str(beside), str(target))
+            self.post(self.Filed(told, is_error=True))
         else:
-            self.post_message(self.Filed(f"wrote {target}: {found.facts.count} instances"))
+            self.post(self.Filed(f"wrote {target}: {found.facts.count} instances"))
 
 
 def _reason(error: Exception) -> str:

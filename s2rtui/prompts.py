@@ -12,7 +12,7 @@ from s2rstore import selection
 from s2rstore.errors import S2RError
 from s2rstore.language import ExpressionError, complete
 from s2rtui.desk import Desk
-from s2rtui.notebook import Remark, SavedSelection, checked
+from s2rtui.notebook import Remark, at, checked
 from s2rtui.saving import save_run
 from s2rtui.session import adjusting, sharing, showing
 from s2rtui.widgets.query import QueryLine
@@ -70,12 +70,9 @@ class Prompts(Desk):
         self._ask(self._save, "", "a name for this selection: it becomes @name")
 
     def _save(self, name: str) -> None:
-        state = self.session.state
-        count = int(state.selected.sum())
-        saved = SavedSelection(state.expression, state.generation, state.run, count)
-        self.session.book.save(name, saved)
+        self.session.book.save(name, sharing.present(self.session))
         self.session.renew()
-        self.session.tell(f"saved as @{checked(name, 'name')}")
+        self.session.tell(f"saved as {at(checked(name, 'name'))}")
 
     def action_note(self) -> None:
         if (iid := self.session.state.cursor) is None:
@@ -102,7 +99,7 @@ class Prompts(Desk):
         self.session.tell(f"{'tagged' if tagged else 'tag taken off'}: {some}")
 
     def action_adjust(self) -> None:
-        """Open the panel, or close it."""
+        """Open the panel."""
         if self.session.state.view != "adjust":
             self._open_panel()
         self.refresh_views()
@@ -124,6 +121,9 @@ class Prompts(Desk):
         if adjust is None or not adjust.sliders:
             self.session.tell("nothing to save: no slider is there")
             self.refresh_views()
+            return
+        if self.saving_refusal:
+            self.tell_refusal(self.saving_refusal)
             return
         self._ask(self._save_run, "", "a name for the run with these adjustments")
 
@@ -148,7 +148,7 @@ class Prompts(Desk):
         self.refresh_views()
 
     def on_query_line_offered(self, message: QueryLine.Offered) -> None:
-        offers = [f"{text.split()[-1]} ({what})" for text, what in message.options[:_OFFERS]]
+        offers = [f"{word} ({what})" for word, what in message.options[:_OFFERS]]
         more = len(message.options) - _OFFERS
         text = "  ".join(offers) + (f"  and {more} more" if more > 0 else "")
         self.session.tell(text or "nothing known continues this")

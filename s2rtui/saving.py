@@ -1,7 +1,7 @@
 """Saving adjustments as a run: registered here, computed by a process of its own in the background.
 
-The process is `s2r precompute`, so the run is the one that the command line makes. It has a session
-of its own and goes on when the application is left.
+The process is `s2r precompute`, so the run is the one that the command line makes, and what it has
+finished is taken up by the next one. It ends with the application.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import IO, Any, Literal
 
 import s2rstore
+from s2rstore import locks
 from s2rstore.geometry.move import UNMOVED
 from s2rstore.records import SIDES, Side
 from s2rstore.sides import run_move
@@ -49,11 +51,13 @@ def save_run(root: Path, name: str, from_run: str, chains: Chains, trust: bool =
     """Register a run with the model and domains of another and start computing it.
 
     A side that `chains` does not name keeps the other run's adjustments. Raises RequestError for
-    a name that is taken, unknown runs, a read-only store and cameras that cannot be moved; and
-    ModuleNotFoundError without the tools.
+    a name that is taken, unknown runs, a read-only store, one that a process is computing in, and
+    cameras that cannot be moved; and ModuleNotFoundError without the tools.
     """
     from s2rtools.precompute.registry import add_run, drop_run
 
+    with locks.compute_lock(root):
+        pass  # refused before anything is registered
     with s2rstore.open(root) as store:
         run = store.run(from_run)
         sim, real = ([*chains.get(side, run.adjustments(side))] for side in SIDES)
@@ -76,7 +80,7 @@ class Saving:
         self._groups, self._begun = groups, 0
         self._progress = Progress(0.0, "starting")
         self._changed = threading.Condition()
-        self._cancelled = False
+        self._cancelled = self._left = False
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
         command = [sys.executable, "-P", "-m", "s2rtui", "precompute", str(root.absolute()),
                    "--run", run, "--progress", "json"]  # fmt: skip
@@ -107,7 +111,17 @@ class Saving:
     def cancel(self) -> None:
         """Stop it, and take the run out of the store unless it is published already."""
         self._cancelled = True
-        self._process.terminate()
+        self._stop()
+
+    def leave(self) -> None:
+        """Stop it and leave the run registered, for `s2r precompute` to go on with."""
+        self._left = True
+        self._stop()
+
+    def _stop(self) -> None:
+        """End the process and its workers; a unit that is cut short is no harm."""
+        with contextlib.suppress(OSError):  # it has ended already
+            os.killpg(self._process.pid, signal.SIGTERM)
 
     def _listen(self) -> None:
         assert self._process.stdout is not None
@@ -123,6 +137,8 @@ class Saving:
         if code == 0:
             return Progress(1.0, "done", "done")
         failed = replace(self.progress, outcome="failed", error=self._last_error(code))
+        if self._left:
+            return replace(failed, outcome="cancelled", error="")
         try:
             from s2rtools.precompute.registry import drop_run
 

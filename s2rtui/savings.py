@@ -1,20 +1,25 @@
-"""Runs on their way into the store, followed by worker threads until they are published."""
+"""Runs on their way into the store, one at a time, followed until they are published."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
 from textual.message import Message
 
-from s2rstore.errors import S2RError
+from s2rstore.errors import RequestError, S2RError
 from s2rtui.desk import Desk
 from s2rtui.saving import Progress, Saving
 
 
 class Savings(Desk):
-    """The runs that this application has begun to save."""
+    """The run that this application is saving."""
+
+    _saved: str | None = None
+    _saving: Saving | None = None
+    _left = False
 
     @dataclass
     class Told(Message):
@@ -23,22 +28,54 @@ class Savings(Desk):
         run: str
         progress: Progress
 
-    def begin_saving(self, name: str, start: Callable[[], Saving]) -> None:
-        """Show how far a run is, and move on to its generation once it is published."""
-        self.session.tell(f"run {name}: checking")
-        self.run_worker(partial(self._listen, name, start), thread=True, group=f"saving {name}")
+    @property
+    def saving_refusal(self) -> str:
+        """Why no run can be saved now; empty where one can."""
+        if self._saved is None:
+            return ""
+        return f"run {self._saved} is still being saved: save the next one when it is done"
 
-    def _listen(self, name: str, start: Callable[[], Saving]) -> None:
+    def begin_saving(self, name: str, start: Callable[[], Saving]) -> None:
+        """Show how far a run is, and move on to its generation once it is published.
+
+        Raises RequestError while another one is being saved.
+        """
+        if self.saving_refusal:
+            raise RequestError(self.saving_refusal)
+        self._saved = name
+        self.resources = replace(self.resources, saving=f"run {name}: checking")
+        again = shlex.join(["s2r", "precompute", str(self.session.store.path), "--run", name])
+        self.in_background(
+            partial(self._follow, name, start),
+            f"run {name} is not saved yet: `{again}` goes on with it",
+        )
+
+    def _follow(self, name: str, start: Callable[[], Saving]) -> None:
+        """In a thread of its own."""
         try:
             saving = start()
-        except (S2RError, OSError) as error:
-            failed = Progress(0.0, "", "failed", str(error))
-            self.post_message(self.Told(name, failed))
+        except ModuleNotFoundError as error:
+            lacks = f"saving a run needs {error.name}: pip install 's2rtui[tools]'"
+            self.post(self.Told(name, Progress(0.0, "", "failed", lacks)))
             return
+        except Exception as error:  # whatever it was, the screen goes on and says so
+            told = str(error) or type(error).__name__
+            self.post(self.Told(name, Progress(0.0, "", "failed", told)))
+            return
+        self._saving = saving
+        if self._left:
+            saving.leave()
         for progress in saving.follow():
-            if not self.is_running:
-                return
-            self.post_message(self.Told(saving.run, progress))
+            self.post(self.Told(saving.run, progress))
+        self._saving = None
+        if progress.outcome != "done" and self._left:
+            raise RequestError(f"run {name}: left")
+
+    def leave_savings(self) -> None:
+        """The application ends, and its saving with it."""
+        self._left = True
+        if self._saving is not None:
+            self._saving.leave()
 
     def on_savings_told(self, message: Told) -> None:
         run, progress = message.run, message.progress
@@ -47,14 +84,18 @@ class Savings(Desk):
             self.resources = replace(self.resources, saving=told)
             self.show_message()
             return
+        self._saved = None
         self.resources = replace(self.resources, saving="")
         if progress.outcome == "done":
-            try:
-                self.session.move_on()
-                self.session.tell(f"run {run} is saved: r turns to it")
-            except S2RError as error:
-                self.session.tell(str(error), is_error=True)
+            self._saved_as(run)
         else:
             why = progress.error or progress.outcome
             self.session.tell(f"run {run}: {why}", is_error=progress.outcome == "failed")
         self.refresh_views()
+
+    def _saved_as(self, run: str) -> None:
+        try:
+            self.session.move_on()
+            self.session.tell(f"run {run} is saved: r turns to it")
+        except S2RError as error:
+            self.session.tell(str(error), is_error=True)

@@ -14,21 +14,53 @@ StatusLine = tuple[str, str, str]
 Draw = Callable[[tuple[int, int], Look], Canvas]
 
 
+_LEAST = ("everywhere", "newest", "store", "newer", "trajectories", "run")
+"""Parts of the status line, the first to be left out first; the count always stands."""
+_READABLE = 20
+"""Columns that an expression gets before any of these parts."""
+
+
 def status_line(store: Store, state: State, width: int, look: Look) -> StatusLine:
-    """Store, trajectory, run, count; the expression; generation. Cut to the width."""
-    trajectory = "all" if state.trajectories is None else ", ".join(state.trajectories)
+    """Store, trajectory, run, count; the expression; generation.
+
+    Where the width lacks, what says least is left out first, and the expression is cut last.
+    """
     separator = " | " if look.ascii else " │ "
-    parts = [store.path.name, f"traj {trajectory}", f"run {state.run}", state.count]
-    head = separator.join(parts) + separator
-    newer = f" ({state.newest} is there: g)" if state.newest != state.generation else ""
-    tail = f"{separator}gen {state.generation}{newer}"
-    room = max(8, width - 2 - len(head) - len(tail))
     text = state.expression
     if state.operator != "replace":
         text += f" {SIGNS[state.operator]} _"
-    if len(text) > room:
-        text = text[: room - 1] + ("~" if look.ascii else "…")
-    return head, text, tail
+    before, after = _parts(store, state)
+    head = tail = ""
+    room = 0
+    for least in ("", *_LEAST):
+        before.pop(least, None)
+        after.pop(least, None)
+        head = "".join(part + separator for part in before.values())
+        tail = "".join(separator + part for part in after.values())
+        room = width - 2 - len(head) - len(tail)
+        if room >= min(len(text), _READABLE):
+            break
+    return head, cut(text, max(8, room), look), tail
+
+
+def _parts(store: Store, state: State) -> tuple[dict[str, str], dict[str, str]]:
+    """What stands before the expression, and after it, by the words of `_LEAST`."""
+    view = state.trajectories
+    run = f"run {state.run}" + (f" (loading {state.awaited.run})" if state.awaited else "")
+    before = {
+        "store": store.path.name,
+        "everywhere" if view is None else "trajectories": f"traj {', '.join(view or ('all',))}",
+        "run": run,
+        "count": state.count,
+    }
+    if state.newest == state.generation:
+        return before, {"newest": f"gen {state.generation}"}
+    return before, {"newer": f"gen {state.generation} ({state.newest} is there: g)"}
+
+
+def cut(text: str, width: int, look: Look) -> str:
+    """At most `width` characters; what was cut shows an ellipsis."""
+    return text if len(text) <= width else text[: width - 1] + ("~" if look.ascii else "…")
 
 
 def shown(view: View, scene: Scene) -> tuple[Draw, tuple[object, ...] | None]:
@@ -53,7 +85,7 @@ def titled(view: View, scene: Scene, draw: Draw) -> Draw:
         canvas.text(0, 0, label, fg=theme.text if active else theme.muted, bold=active)
         start = len(label) + 2
         if start < width:
-            canvas.text(start, 0, told[: width - start], fg=theme.muted)
+            canvas.text(start, 0, cut(told, width - start, look), fg=theme.muted)
         if height > 1:
             canvas.paste(draw((width, height - 1), look), 0, 1)
         return canvas

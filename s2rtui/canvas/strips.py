@@ -1,13 +1,17 @@
 """Canvas -> Textual strips: colours quantised in numpy, runs merged, styles and codes cached.
 
-A strip carries its own escape codes, and only the changes between runs: a widget that hands the
-strips over unchanged (by `render_lines`) sends a third of the bytes. Wherever a strip is cut or
-restyled the plain segments take over.
+A strip makes its own escape codes, and only the changes between runs: a widget that hands the
+strips over as they are, or cuts of them (by `render_lines`), sends a third of the bytes. Wherever
+a strip is restyled the plain segments take over.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,17 +28,73 @@ _DEFAULT = 1 << 24
 _BOLD = 1 << 26
 
 
+@dataclass(frozen=True, slots=True)
+class Runs:
+    """A row of cells: where its runs begin, and the codes of each run (see `_codes`).
+
+    text: one character per cell, NUL for the second cell of a wide one. starts: ascending, from 0.
+    """
+
+    text: str
+    starts: list[int]
+    inks: list[int]
+    grounds: list[int]
+    mode: ColourMode
+
+    def parts(self) -> Iterator[tuple[str, int, int]]:
+        """Text and codes of each run."""
+        ends = [*self.starts[1:], len(self.text)]
+        for start, end, ink, ground in zip(self.starts, ends, self.inks, self.grounds, strict=True):
+            yield self.text[start:end].replace("\0", ""), ink, ground
+
+    def cut(self, start: int, end: int) -> Runs:
+        """The cells from `start` to `end`, where no wide character is cut."""
+        first, last = bisect_right(self.starts, start) - 1, bisect_left(self.starts, end)
+        starts = [0, *(at - start for at in self.starts[first + 1 : last])]
+        runs = slice(first, last)
+        return Runs(self.text[start:end], starts, self.inks[runs], self.grounds[runs], self.mode)
+
+
 class DeltaStrip(Strip):
-    """A strip that knows its escape codes, so that drawing it is handing over one string."""
+    """A strip that is made to escape codes, or to segments, only when these are asked for.
 
-    __slots__ = ("_codes",)
+    Codes hold the changes between runs, and a part that is cut out does so, too.
+    """
 
-    def __init__(self, segments: list[Segment], cell_length: int, codes: str) -> None:
-        super().__init__(segments, cell_length)
-        self._codes = codes
+    __slots__ = ("_made", "_runs")
+
+    def __init__(self, runs: Runs) -> None:
+        self._runs = runs
+        self._made: list[Segment] | None = None
+        super().__init__((), len(runs.text))
+
+    @property
+    def _segments(self) -> list[Segment]:
+        if self._made is None:
+            mode = self._runs.mode
+            self._made = [
+                Segment(text, _style(ink % _BOLD, ground, ink >= _BOLD, mode))
+                for text, ink, ground in self._runs.parts()
+            ]
+        return self._made
+
+    @_segments.setter
+    def _segments(self, empty: list[Segment]) -> None:
+        """What the base class begins with."""
+
+    def crop(self, start: int, end: int | None = None) -> Strip:
+        text = self._runs.text
+        start, end = max(0, start), len(text) if end is None else min(len(text), end)
+        if start == 0 and end == len(text):
+            return self
+        if end <= start or text[start] == "\0" or text[end : end + 1] == "\0":
+            return super().crop(start, end)
+        return DeltaStrip(self._runs.cut(start, end))
 
     def render(self, console: Console) -> str:
-        return self._codes
+        if self._render_cache is None:
+            self._render_cache = _encoded(self._runs)
+        return self._render_cache
 
 
 @lru_cache(65536)
@@ -96,11 +156,11 @@ def calm(canvas: Canvas, tolerance: int) -> None:
 
     Only pictures are touched (half blocks and blanks); in place, per channel, left to right.
     """
-    picture = (canvas.char == "▀") | (canvas.char == " ")
-    if tolerance <= 0 or not picture.any():
-        return
-    both = np.concatenate([canvas.fg, canvas.bg], axis=-1).astype(np.int16)
     half = canvas.char == "▀"
+    if tolerance <= 0 or not half.any():
+        return
+    picture = half | (canvas.char == " ")
+    both = np.concatenate([canvas.fg, canvas.bg], axis=-1).astype(np.int16)
     both[..., :3][~half] = 0
     start = both[:, 0].copy()
     empty = np.array(canvas.theme.background, dtype=np.uint8)
@@ -154,34 +214,33 @@ def to_strips(
     breaks[:, 1:] = ((fg[:, 1:] != fg[:, :-1]) | (bg[:, 1:] != bg[:, :-1])) & (
         drawn.char[:, 1:] != ""
     )
+    rows, columns = np.nonzero(breaks)
+    bounds = np.searchsorted(rows, np.arange(drawn.height + 1)).tolist()
+    starts, inks, grounds = (
+        part.tolist() for part in (columns, fg[rows, columns], bg[rows, columns])
+    )
     return [
-        _strip(text[row * width : (row + 1) * width], breaks[row], fg[row], bg[row], mode)
-        for row in range(drawn.height)
+        DeltaStrip(
+            Runs(
+                text[row * width : (row + 1) * width],
+                starts[first:last],
+                inks[first:last],
+                grounds[first:last],
+                mode,
+            )
+        )
+        for row, (first, last) in enumerate(pairwise(bounds))
     ]
 
 
-def _strip(
-    text: str,
-    breaks: NDArray[np.bool_],
-    fg: NDArray[np.int64],
-    bg: NDArray[np.int64],
-    mode: ColourMode,
-) -> DeltaStrip:
-    starts = np.flatnonzero(breaks)
-    ends = [*starts[1:].tolist(), len(text)]
-    segments: list[Segment] = []
+def _encoded(runs: Runs) -> str:
+    """Escape codes of a row on their own: the first run says all, the others what changes."""
+    mode = runs.mode
     codes: list[str] = []
     last_fg = last_bg = -1
     last_bold = False
-    at = starts.tolist()
-    for start, end, ink, ground in zip(
-        at, ends, fg[starts].tolist(), bg[starts].tolist(), strict=True
-    ):
-        bold, ink = ink >= _BOLD, ink % _BOLD
-        part = text[start:end]
-        if "\0" in part:
-            part = part.replace("\0", "")
-        segments.append(Segment(part, _style(ink, ground, bold, mode)))
+    for part, code, ground in runs.parts():
+        bold, ink = code >= _BOLD, code % _BOLD
         changes = []
         if bold != last_bold:
             changes.append("1" if bold else "22")
@@ -196,4 +255,4 @@ def _strip(
             last_bg = ground
         codes.append(f"\x1b[{';'.join(changes)}m{part}" if changes else part)
     body = "".join(codes)
-    return DeltaStrip(segments, len(text), f"{body}\x1b[0m" if "\x1b" in body else body)
+    return f"{body}\x1b[0m" if "\x1b" in body else body

@@ -52,7 +52,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not hasattr(options, "execute"):
         parser.print_help()
         return 2
-    return _guarded(options)
+    code = _guarded(options)
+    return code if argv is not None else _ended(code)
+
+
+def _ended(code: int) -> int:
+    """The program's end: nobody waits for what the application left under way."""
+    background = sys.modules.get("s2rtui.background")
+    return code if background is None else int(background.end_process(code))
 
 
 def _usable(arguments: list[str]) -> bool:
@@ -81,11 +88,12 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _with_default_command(arguments: list[str]) -> list[str]:
-    """`s2r S.s2r` means `s2r tui S.s2r`."""
+    """`s2r S.s2r` means `s2r tui S.s2r`; so does a path to anything that exists."""
     words = [word for word in arguments if not word.startswith("-")]
-    if words and words[0] not in COMMANDS and words[0].rstrip("/").endswith(".s2r"):
-        return ["tui", *arguments]
-    return arguments
+    if not words or words[0] in COMMANDS:
+        return arguments
+    is_path = words[0].rstrip("/").endswith(".s2r") or os.path.exists(words[0])
+    return ["tui", *arguments] if is_path else arguments
 
 
 def _parser(arguments: list[str]) -> argparse.ArgumentParser:

@@ -42,9 +42,9 @@ def execute(options: argparse.Namespace) -> int:
     else:
         refuse_unusable()
         access = Access.of(options.store)
-    prepare_environment(detect(options.colour, options.ascii))
+    terminal = detect(options.colour, options.ascii)
+    prepare_environment(terminal)
     from s2rtui.app import run_app
 
-    colours = options.colour, options.ascii
-    run_app(options.store, options.run, *colours, access, options.history)
+    run_app(options.store, options.run, terminal, access, options.history)
     return 0

@@ -30,7 +30,9 @@ class Caller(Protocol):
 class Feed:
     """`wants` gives what the result depends on, None for nothing; `read` fields of `Resources`.
 
-    `empty` is shown while nothing is wanted. A feed that `rests` waits until keys are at rest.
+    `empty` is shown while nothing is wanted. A feed that `rests` waits until keys are at rest; of
+    one that `follows` parts are shown although something newer is wanted. `leave` is done at last.
+    Each feed is read by one thread, one request at a time.
     """
 
     name: str
@@ -38,3 +40,5 @@ class Feed:
     read: Callable[[Store, State, Caller], Fields]
     empty: tuple[str, ...] = ()
     rests: bool = True
+    follows: bool = False
+    leave: Callable[[], None] | None = None

@@ -1,8 +1,10 @@
-"""Runs feeds in worker threads for an application: newest request wins, nothing blocks."""
+"""Runs feeds for an application, each in a thread of its own: the newest request wins."""
 
 from __future__ import annotations
 
 import traceback
+from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -11,18 +13,28 @@ from textual.timer import Timer
 
 from s2rstore.errors import S2RError
 from s2rstore.reader import Store
-from s2rtui.feeds import FEEDS, Feed, Key
+from s2rtui.background import Lane
+from s2rtui.feeds import FEEDS, Feed, Fields, Key
 from s2rtui.messages import Fed, Progressed
 from s2rtui.session.state import State
 
 REST_SECONDS = 0.15
 
 
+@dataclass
+class Asked:
+    """Feeds that were asked anew, and the fields that are empty from now on."""
+
+    anew: set[str] = field(default_factory=set)
+    emptied: Fields = field(default_factory=dict)
+
+
 class Feeding:
-    """The requests under way, one per feed."""
+    """The requests under way: per feed the one that is read, and the newest one."""
 
     def __init__(self, app: App[Any]) -> None:
         self._app = app
+        self._lanes = {feed.name: Lane(feed.name) for feed in FEEDS}
         self._wanted: dict[str, Key | None] = {}
         self._ticket: dict[str, int] = {feed.name: 0 for feed in FEEDS}
         self._answered: dict[str, int] = {feed.name: 0 for feed in FEEDS}
@@ -34,35 +46,35 @@ class Feeding:
         """Whether all that was wanted has come."""
         return self._answered == self._ticket
 
-    def ask(self, store: Store, state: State) -> dict[str, Any]:
-        """Start what the state wants anew; gives the fields that are empty from now on."""
-        emptied: dict[str, Any] = {}
+    def ask(self, store: Store, state: State) -> Asked:
+        """Start what the state wants anew."""
+        asked = Asked()
         for feed in FEEDS:
             wanted = feed.wants(store, state)
             if feed.name in self._wanted and wanted == self._wanted[feed.name]:
                 continue
+            asked.anew.add(feed.name)
             self._wanted[feed.name] = wanted
             self._ticket[feed.name] += 1
             if feed.name in self._rest:
                 self._rest[feed.name].stop()
             if wanted is None:
                 self._answered[feed.name] = self._ticket[feed.name]
-                emptied.update(dict.fromkeys(feed.empty))
+                asked.emptied.update(dict.fromkeys(feed.empty))
                 continue
             start = partial(self._start, feed, self._ticket[feed.name], store, state)
             if feed.rests:
                 self._rest[feed.name] = self._app.set_timer(self.rest_seconds, start)
             else:
                 start()
-        return emptied
+        return asked
 
     def _start(self, feed: Feed, ticket: int, store: Store, state: State) -> None:
-        read = partial(self._read, feed, ticket, store, state)
-        self._app.run_worker(read, group=feed.name, thread=True, exclusive=True)
+        self._lanes[feed.name].put(partial(self._read, feed, ticket, store, state))
 
     def _read(self, feed: Feed, ticket: int, store: Store, state: State) -> None:
-        """In a worker's thread."""
-        caller = _Caller(self, feed.name, ticket)
+        """In the feed's thread."""
+        caller = _Caller(self, feed, ticket)
         if not caller.wanted():
             return
         try:
@@ -82,37 +94,39 @@ class Feeding:
         return ticket == self._ticket[feed]
 
     def post(self, message: Fed | Progressed) -> None:
-        self._app.post_message(message)
+        with suppress(RuntimeError):  # the loop is closed: nobody listens any more
+            self._app.post_message(message)
 
     def stop(self) -> None:
-        """Nothing is wanted any more."""
-        for name in self._ticket:
-            self._ticket[name] += 1
+        """Nothing is wanted any more; nobody waits for what is under way."""
+        for feed in FEEDS:
+            self._ticket[feed.name] += 1
+            self._lanes[feed.name].end(feed.leave)
 
     def accept(self, message: Fed) -> bool:
-        """Whether an answer is to the newest request."""
+        """Whether an answer is to the newest request, or a part that may be older."""
         if not self.current(message.feed, message.ticket):
-            return False
+            return message.partly and self._wanted[message.feed] is not None
         if not message.partly:
             self._answered[message.feed] = message.ticket
         return True
 
 
 class _Caller:
-    """One request of one feed, in its worker's thread."""
+    """One request of one feed, in the feed's thread."""
 
-    def __init__(self, feeding: Feeding, feed: str, ticket: int) -> None:
+    def __init__(self, feeding: Feeding, feed: Feed, ticket: int) -> None:
         self._feeding, self._feed, self._ticket = feeding, feed, ticket
 
     def wanted(self) -> bool:
-        return self._feeding.current(self._feed, self._ticket)
+        return self._feeding.current(self._feed.name, self._ticket)
 
     def progress(self, share: float) -> bool:
         wanted = self.wanted()
         if wanted and share < 1:
-            self._feeding.post(Progressed(self._feed, self._ticket, share))
+            self._feeding.post(Progressed(self._feed.name, self._ticket, share))
         return wanted
 
-    def bring(self, fields: dict[str, Any]) -> None:
-        if self.wanted():
-            self._feeding.post(Fed(self._feed, self._ticket, fields, partly=True))
+    def bring(self, fields: Fields) -> None:
+        if self._feed.follows or self.wanted():
+            self._feeding.post(Fed(self._feed.name, self._ticket, fields, partly=True))

@@ -1,8 +1,9 @@
-"""Live adjusting, in a worker's thread: one model kept loaded, the newest request first."""
+"""Live adjusting, in a thread of its own: one model kept loaded, the newest request first."""
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rtui.feeds.contract import Caller, Fields
 from s2rtui.session import adjusting
+from s2rtui.session.about import about
 from s2rtui.session.adjusted import live_input
 from s2rtui.session.state import State
 
@@ -30,7 +32,7 @@ class _Held:
 
 
 class Bench:
-    """The model that is being tried; used by one thread at a time."""
+    """The model that is being tried."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -42,38 +44,41 @@ class Bench:
 
         of = (store.path, store.generation, run)
         if self._held is None or self._held.of != of:
-            self.close()
+            self._close()
             self._held = _Held(of, LiveModel(store, run))
         return self._held.model
 
-    def close(self) -> None:
-        """Let the model go."""
+    def _close(self) -> None:
         if self._held is not None:
             self._held.model.close()
             self._held = None
 
     def leave(self) -> None:
-        """Close, unless somebody is at it."""
-        if self._lock.acquire(timeout=2.0):
-            try:
-                self.close()
-            finally:
-                self._lock.release()
+        """Let the model go, once nobody is at it."""
+        with self._lock:
+            self._close()
 
     def read(self, store: Store, state: State, caller: Caller) -> Fields:
-        """Pictures and predictions first, then heat, then heat on the floor."""
+        """Pictures and predictions first, then heat, then heat on the floor.
+
+        A prediction that is begun is finished and brought, so that the screen follows a slider
+        that moves faster than the model.
+        """
         with self._lock:
             if state.adjust is None or state.cursor is None or not caller.wanted():
                 return {}
             model = self.model(store, state.run)
+            if not caller.wanted():
+                return {}
             chains = adjusting.chains(state.adjust)
             kinds = self._kinds(model, state)
             fields: Fields = {}
-            for result in model.steps(state.cursor, chains, kinds, lambda: not caller.wanted()):
+            unwanted: Callable[[], bool] = lambda: bool(fields) and not caller.wanted()  # noqa: E731
+            for result in model.steps(state.cursor, chains, kinds, unwanted):
                 heat = state.heat if state.heat and state.heat.kind in kinds else None
                 ready = heat is not None and any(key[0] == heat.kind for key in result.heat)
                 shown = live_input(store, state, result, heat if ready else None)
-                fields = {"live": shown, "live_grid": None}
+                fields = {"live": shown, "live_of": about(state), "live_grid": None}
                 if ready and heat is not None:
                     fields["live_grid"] = model.floor_grid(result, heat.kind, heat.side, heat.mode)
                 caller.bring(fields)
@@ -90,7 +95,7 @@ _BENCH = Bench()
 
 
 def leave() -> None:
-    """The application ends: nothing is kept."""
+    """Keep nothing."""
     _BENCH.leave()
 
 

@@ -7,12 +7,47 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+import s2rstore
 from s2rstore.reader import Store
 from s2rtui.feeds.contract import Caller, Fields, Key
-from s2rtui.plots.same import Same
-from s2rtui.session import derive, heat
+from s2rtui.session import derive, heat, loading
+from s2rtui.session.about import about, heat_of, seen_of
+from s2rtui.session.comparing import other_run
+from s2rtui.session.session import INDEX_MEMORY
 from s2rtui.session.state import State
-from s2rtui.views.contract import RunAccuracies, heat_of
+from s2rtui.views.contract import RunAccuracies
+
+
+def wants_run(store: Store, state: State) -> Key | None:
+    return None if state.awaited is None else (state.generation, state.awaited)
+
+
+def read_run(store: Store, state: State, caller: Caller) -> Fields:
+    """The columns of an awaited run; `store` is what it is open in where that is not this one."""
+    awaited = state.awaited
+    assert awaited is not None
+    if awaited.generation == store.generation:
+        loading.read(store, state, awaited.run, caller.wanted)
+        return {}
+    fresh = s2rstore.open(store.path, INDEX_MEMORY)
+    try:
+        run = awaited.run if awaited.run in fresh.runs else fresh.run().run
+        loading.read(fresh, state, run, caller.wanted)
+    except BaseException:
+        fresh.close()
+        raise
+    return {"store": fresh}
+
+
+def wants_other(store: Store, state: State) -> Key | None:
+    other = loading.lacking(store, state)
+    return None if other is None else (state.generation, other)
+
+
+def read_other(store: Store, state: State, caller: Caller) -> Fields:
+    """The columns of the run that is compared with."""
+    loading.read(store, state, str(other_run(state)), caller.wanted)
+    return {}
 
 
 def wants_rows(store: Store, state: State) -> Key:
@@ -55,18 +90,14 @@ def wants_pictures(store: Store, state: State) -> Key | None:
 
 def read_pictures(store: Store, state: State, caller: Caller) -> Fields:
     assert state.cursor is not None
-    return {"pictures": derive.instance_input(store, state.run, state.cursor, state.heat)}
+    pictures = derive.instance_input(store, state.run, state.cursor, state.heat)
+    return {"pictures": pictures, "pictures_of": about(state)}
 
 
 def wants_grid(store: Store, state: State) -> Key | None:
     if state.heat is None or state.overlay == "off":
         return None
-    about: object = None
-    if state.overlay == "instance":
-        about = state.cursor
-    elif state.overlay == "selection":
-        about = Same(state.selected)
-    return (state.generation, state.run, state.heat, state.overlay, state.aggregate, about)
+    return (heat_of(state),)
 
 
 def read_grid(store: Store, state: State, caller: Caller) -> Fields:
@@ -91,12 +122,13 @@ def _grid(store: Store, state: State, caller: Caller) -> NDArray[np.float32] | N
 def wants_seen(store: Store, state: State) -> Key | None:
     if not state.clip:
         return None
-    return (state.generation, state.run, state.side, Same(state.selected))
+    return seen_of(state)
 
 
 def read_seen(store: Store, state: State, caller: Caller) -> Fields:
     iids = evenly(np.flatnonzero(state.selected), heat.MOST_GATHERED)
-    return {"seen": heat.seen(store, state.run, state.side, iids, caller.progress)}
+    seen = heat.seen(store, state.run, state.side, iids, caller.progress)
+    return {"seen": seen, "seen_of": seen_of(state)}
 
 
 def evenly(iids: NDArray[np.intp], most: int) -> NDArray[np.intp]:

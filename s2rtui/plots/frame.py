@@ -80,6 +80,14 @@ def panned(view: Bounds, across: float, down: float, y_down: bool) -> Bounds:
     return Bounds(view.x0 + dx, view.y0 + dy, view.x1 + dx, view.y1 + dy)
 
 
+def within(view: Bounds, area: Bounds) -> Bounds:
+    """A viewport moved so that its middle lies in `area`."""
+    x, y = (view.x0 + view.x1) / 2, (view.y0 + view.y1) / 2
+    dx = min(max(x, area.x0), area.x1) - x
+    dy = min(max(y, area.y0), area.y1) - y
+    return Bounds(view.x0 + dx, view.y0 + dy, view.x1 + dx, view.y1 + dy)
+
+
 def sample(image: ArrayLike, bounds: Bounds, frame: MapFrame, top_is_y0: bool) -> Floats:
     """An image that covers `bounds`, seen through `frame`: (height, width[, C]) float32.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.plots.bins import Bins, Chosen, count
+from s2rtui.plots.bins import Bins, Chosen, Codes, count
 from s2rtui.plots.frame import MapFrame
 from s2rtui.plots.inputs import Floats, Interval
 from s2rtui.plots.same import Same, kept
@@ -46,7 +46,7 @@ def _dots(points: Same, frame: MapFrame) -> Bins:
     places = np.asarray(points.array)
     across, down = 2 * frame.width, frame.height // 2 * 4
     size, sign = across * down, 1 if frame.y_down else -1
-    codes = np.empty(len(places), dtype=np.uint32)
+    codes: Codes = np.empty(len(places), dtype=np.uint16 if size < 1 << 16 else np.uint32)
     for start in range(0, len(places), PIECE):
         piece = places[start : start + PIECE]
         column = np.floor((piece[:, 0] - frame.x0) * (2 / frame.pitch))

@@ -181,8 +181,8 @@ class PoseNumbers:
 class SideView:
     """One side of an instance.
 
-    rgb: (H, W, 3) uint8. depth: (H, W) metres, NaN where invalid. heat: (h, w) over the whole
-    image, any resolution, NaN for none. pose: the prediction on this side.
+    rgb: (H, W, 3) uint8, (0, 0, 3) for none. depth: (H, W) metres, NaN where invalid. heat: (h, w)
+    over the whole image, any resolution, NaN for none. pose: the prediction on this side.
     """
 
     rgb: NDArray[np.uint8]

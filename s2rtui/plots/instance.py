@@ -69,12 +69,12 @@ def instance_layout(view: InstanceInput, size: Size, look: Look | None = None) -
             break
     else:
         what, rows, lines, space = kinds[:1], [], 0, max(1, height - title)
-    panels, used = _arrange(what, view.sim.rgb.shape, width, space, title)
+    panels, used = _arrange(what, _shape(view), width, space, title)
     return InstanceLayout(panels, tuple(rows), used, used + len(rows) if lines else None)
 
 
 def _kinds(view: InstanceInput, model: InstanceModel, look: Look) -> list[str]:
-    kinds = ["rgb"]
+    kinds = ["rgb"] if view.sim.rgb.size or view.real.rgb.size else []
     if model.heat_range is not None and not look.pictures:
         kinds.append("heat")
     if view.sim.depth is not None or view.real.depth is not None:
@@ -82,10 +82,18 @@ def _kinds(view: InstanceInput, model: InstanceModel, look: Look) -> list[str]:
     return kinds
 
 
+def _shape(view: InstanceInput) -> tuple[int, int]:
+    """Rows and columns of the pictures."""
+    rows, columns = (view.sim if view.sim.rgb.size else view.real).rgb.shape[:2]
+    return max(1, rows), max(1, columns)
+
+
 def _arrange(
-    kinds: list[str], shape: tuple[int, ...], width: int, space: int, top: int
+    kinds: list[str], shape: tuple[int, int], width: int, space: int, top: int
 ) -> tuple[tuple[Panel, ...], int]:
     """Pictures stacked in two columns or all in one row, whichever shows them larger."""
+    if not kinds:
+        return (), 0
     aspect = shape[1] / max(1, shape[0])
     best: tuple[int, int, int] = (0, 0, 0)
     for columns in (2, 2 * len(kinds)):
@@ -128,12 +136,17 @@ def _panel(
     side = view.sim if panel.side == "sim" else view.real
     if panel.what == "heat":
         _heat_glyphs(canvas, panel, side, view, model)
-    elif panel.what == "rgb" or side.depth is not None:
+    elif side.rgb.size if panel.what == "rgb" else side.depth is not None:
         plain = view if look.pictures else _without_heat(view)
         pixels = panel_pixels(side, panel.what, model, plain, (2 * panel.height, panel.width))
         picture(canvas, panel.x, panel.y, pixels, look)
     else:
-        canvas.text(panel.x, panel.y + panel.height // 2, "no depth", look.theme.muted)
+        canvas.text(
+            panel.x,
+            panel.y + panel.height // 2,
+            "no image" if panel.what == "rgb" else "no depth",
+            look.theme.muted,
+        )
 
 
 def _without_heat(view: InstanceInput) -> InstanceInput:

@@ -66,20 +66,16 @@ def _bars(
 ) -> LineDensity:
     """On each run's row a bar of up to four dots per column of dots; two runs per count."""
     size = bin_count(width, len(chosen.base))
-    found: list[tuple[Density, Density]] = []
+    counts: tuple[list[Counts], list[Counts]] = ([], [])
     for index in range(0, len(columns), 2):
         first, second = columns[index], columns[min(index + 1, len(columns) - 1)]
-        tables = _tables(first, second, axis, size, chosen)
-        for along in range(min(2, len(columns) - index)):
-            inside = [table.sum(axis=1 - along)[:size] for table in tables]
-            found.append((_per_dot(inside[0], width), _per_dot(inside[1], width)))
-    peak = max(float((lit + others).max()) for lit, others in found)
+        for part, table in zip(counts, _tables(first, second, axis, size, chosen), strict=True):
+            part += [table.sum(axis=1)[:size], table.sum(axis=0)[:size]]
+    dots = np.stack([_per_dot(np.stack(part[: len(columns)]), width) for part in counts])
     up = np.arange(4, 0, -1)[:, None]
-    parts: tuple[list[Density], list[Density]] = ([], [])
-    for pair in found:
-        for grid, column in zip(parts, pair, strict=True):
-            grid.append((np.ceil(4 * levels(column, peak)) >= up) * column)
-    return LineDensity(*(np.concatenate(grid) for grid in parts))
+    heights = np.ceil(4 * levels(dots, float(dots.sum(axis=0).max())))
+    grids = (heights[:, :, None] >= up) * dots[:, :, None]
+    return LineDensity(*grids.reshape(2, 4 * len(columns), -1))
 
 
 def pair_counts(lines: OverviewLines, axis: Interval, size: int) -> list[tuple[Counts, Counts]]:
@@ -104,10 +100,20 @@ def _tables(
     return lit.reshape(shape), (total - lit).reshape(shape)
 
 
-def _per_dot(counts: NDArray[np.intp], width: int) -> Density:
-    """Counts per bin to counts per column of dots, (2 width,)."""
-    at = np.floor(_places(width, len(counts))).astype(np.intp)
-    return np.asarray(np.bincount(at, counts, minlength=2 * width), dtype=np.float64)
+def _per_dot(counts: Counts, width: int) -> Density:
+    """Counts per bin (runs, bins) to counts per column of dots, (runs, 2 width)."""
+    dots, first = _dots(width, counts.shape[1])
+    found = np.zeros((len(counts), 2 * width))
+    found[:, dots] = np.add.reduceat(counts, first, axis=1)
+    return found
+
+
+@lru_cache(8)
+def _dots(width: int, size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The columns of dots that hold any of `size` bins, and the first bin of each."""
+    at = np.floor(_places(width, size)).astype(np.intp)
+    dots, first = np.unique(at, return_index=True)
+    return dots, first
 
 
 def levels(density: Density, peak: float) -> Density:

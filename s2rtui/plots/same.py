@@ -6,7 +6,7 @@ import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
-from functools import wraps
+from functools import partial, wraps
 from threading import RLock
 from typing import Any, ParamSpec, TypeVar
 
@@ -18,29 +18,46 @@ T = TypeVar("T")
 
 
 class Same:
-    """An array as a key: equal only to itself, not kept alive by it, never changed in place."""
+    """An array as a key: equal only to itself, not kept alive by it, never changed in place.
 
-    __slots__ = ("_id", "_ref")
+    There is one per array, so that keys are compared by identity alone.
+    """
 
-    def __init__(self, array: NDArray[np.generic] | None) -> None:
-        self._id = id(array)
-        self._ref = None if array is None else weakref.ref(array)
+    __slots__ = ("_ref",)
+    _ref: Callable[[], NDArray[np.generic] | None]
+
+    def __new__(cls, array: NDArray[np.generic] | None) -> Same:
+        known = _KNOWN.get(id(array))
+        if known is not None and known._ref() is array:
+            return known
+        with _MAKING:
+            known = _KNOWN.get(id(array))
+            if known is None or known._ref() is not array:
+                known = super().__new__(cls)
+                forget = partial(_forget, id(array))
+                known._ref = _nothing if array is None else weakref.ref(array, forget)
+                _KNOWN[id(array)] = known
+        return known
 
     @property
     def array(self) -> NDArray[np.generic] | None:
         """The array; None once nobody holds it."""
-        return None if self._ref is None else self._ref()
+        return self._ref()
 
-    def __hash__(self) -> int:
-        return self._id
 
-    def __eq__(self, other: object) -> bool:
-        if self is other:
-            return True
-        if not isinstance(other, Same) or self._id != other._id:
-            return False
-        array = self.array
-        return array is other.array and (array is not None or self._ref is other._ref)
+_KNOWN: dict[int, Same] = {}
+_MAKING = RLock()
+
+
+def _nothing() -> None:
+    """Stands for None as a weak reference stands for an array."""
+
+
+def _forget(number: int, gone: object) -> None:
+    with _MAKING:
+        known = _KNOWN.get(number)
+        if known is not None and known._ref is gone:
+            del _KNOWN[number]
 
 
 def identity(value: object) -> object:
@@ -68,9 +85,10 @@ def kept(most: int) -> Callable[[Callable[P, T]], Callable[P, T]]:
         @wraps(function)
         def known(*args: P.args, **none: P.kwargs) -> T:
             with lock:
-                if args in results:
+                found = results.get(args)
+                if found is not None:
                     results.move_to_end(args)
-                    return results[args][0]
+                    return found[0]
             result = function(*args, **none)
 
             def forget(_: object) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.plots.bins import Bins, Chosen
+from s2rtui.plots.bins import Bins, Chosen, gathered
 from s2rtui.plots.same import Same, kept
 
 Floats = NDArray[np.float64]
@@ -28,20 +28,28 @@ def _totals(codes: Same, size: int, weights: Same, base: Same) -> Floats:
 
 
 def _sum(column: Bins, weights: NDArray[np.floating], members: NDArray[np.intp]) -> Floats:
-    codes, parts = column.codes[members], np.asarray(weights[members], dtype=np.float64)
+    codes = gathered(column.codes, members)
+    parts = np.asarray(gathered(weights, members), dtype=np.float64)
     total = np.bincount(codes, parts, minlength=column.count + 1)[: column.count]
     return np.asarray(total, dtype=np.float64)
 
 
 def total_of(weights: NDArray[np.floating], chosen: Chosen) -> float:
     """The sum of what is finite of `weights` (N,) over the selected."""
-    part = float(np.nansum(weights[chosen.few]))
+    part = float(gathered(_finite(Same(weights)), chosen.few).sum())
     return _total(Same(weights), Same(chosen.base)) - part if chosen.inverted else part
 
 
 @kept(16)
 def _total(weights: Same, base: Same) -> float:
-    return float(np.nansum(np.asarray(weights.array)[np.asarray(base.array)]))
+    return float(_finite(weights)[np.asarray(base.array)].sum())
+
+
+@kept(4)
+def _finite(weights: Same) -> Floats:
+    """The weights, 0 for what is not finite."""
+    column = np.asarray(weights.array, dtype=np.float64)
+    return np.where(np.isfinite(column), column, 0.0)
 
 
 def occupied(column: Bins) -> tuple[Bins, NDArray[np.intp]]:

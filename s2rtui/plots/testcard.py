@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Callable
+
 import numpy as np
 
 from s2rtui.canvas.colour import turbo
@@ -10,34 +13,49 @@ from s2rtui.canvas.look import Look
 from s2rtui.canvas.raster import braille, half_blocks
 from s2rtui.plots.legend import DIGITS
 
+Rows = list[tuple[str, str]]
 LABEL = 22
+_NARROW = 60
+"""Columns below which a state stands under its name, not beside it."""
 
 
-def card(rows: list[tuple[str, str]], size: Size, look: Look | None = None) -> Canvas:
+def card_height(rows: Rows, width: int) -> int:
+    """The rows of a card that is `width` columns wide."""
+    lines = sum(max(1, len(_wrapped(state, width))) for _, state in rows)
+    narrow = width < _NARROW
+    advice = max(len(_wrapped(text, width, 0)) for text in _ADVICE.values())
+    return lines + (len(rows) + 2 * len(_SAMPLES) if narrow else len(_SAMPLES)) + 3 + advice
+
+
+def card(rows: Rows, size: Size, look: Look | None = None) -> Canvas:
     """Lines of text, and under them samples of what is drawn, in `size` (columns, rows)."""
     look = look or Look()
     canvas = Canvas(*size, theme=look.theme)
-    theme = look.theme
-    y = 0
+    theme, width = look.theme, canvas.width
+    narrow = width < _NARROW
+    x, y = (2 if narrow else LABEL), 0
     for name, state in rows:
         canvas.text(0, y, name, theme.muted)
-        canvas.text(LABEL, y, state if not look.ascii else _plain(state), theme.text)
-        y += 1
+        y += narrow
+        for line in _wrapped(state, width) or [""]:
+            canvas.text(x, y, line if not look.ascii else _plain(line), theme.text)
+            y += 1
     canvas.text(0, y + 1, "what you should see", theme.text, bold=True)
     y += 2
-    for label, draw in (
-        ("sim, real, truth", _roles),
-        ("a scale, low to high", _scale),
-        ("a picture", _picture),
-        ("dots, 8 in a cell", _dots),
-        ("bars in eighths", _bars),
-        ("arrows and lines", _lines),
-    ):
+    for label, draw in _SAMPLES:
         canvas.text(0, y, label, theme.muted)
-        draw(canvas, LABEL, y, look)
+        y += narrow
+        draw(canvas, x, y, look)
         y += 1
-    canvas.text(0, y + 1, _advice(look), theme.muted)
+    for row, line in enumerate(_wrapped(_ADVICE[look.ascii], width, 0)):
+        canvas.text(0, y + 1 + row, line, theme.muted)
     return canvas
+
+
+def _wrapped(text: str, width: int, label: int | None = None) -> list[str]:
+    """A state in the lines that it takes beside its name, or under it."""
+    label = (2 if width < _NARROW else LABEL) if label is None else label
+    return textwrap.wrap(text, max(8, width - label))
 
 
 def _plain(text: str) -> str:
@@ -95,7 +113,15 @@ def _lines(canvas: Canvas, x: int, y: int, look: Look) -> None:
     canvas.text(x, y, f"{drawn}{glyphs.scale_right}  {glyphs.vertical}", look.theme.text)
 
 
-def _advice(look: Look) -> str:
-    if look.ascii:
-        return "boxes or question marks are gone with --ascii; a UTF-8 locale brings more"
-    return "boxes or question marks instead of these: use --ascii; wrong colours: --colour 256"
+_SAMPLES: tuple[tuple[str, Callable[[Canvas, int, int, Look], None]], ...] = (
+    ("sim, real, truth", _roles),
+    ("a scale, low to high", _scale),
+    ("a picture", _picture),
+    ("dots, 8 in a cell", _dots),
+    ("bars in eighths", _bars),
+    ("arrows and lines", _lines),
+)
+_ADVICE = {
+    True: "boxes or question marks are gone with --ascii; a UTF-8 locale brings more",
+    False: "boxes or question marks instead of these: use --ascii; wrong colours: --colour 256",
+}

@@ -159,7 +159,9 @@ def _saved(asked: Asked, session: Session) -> Iterator[tuple[str, str]]:
     kept = asked.saved
     if kept is None:
         return
-    yield "saved", f"{kept.count} instances of run {kept.run} at generation {kept.generation}"
+    view = f" in {', '.join(kept.trajectories)}" if kept.trajectories else ""
+    told = f"{kept.count} instances of run {kept.run} at generation {kept.generation}"
+    yield "saved", told + view
     if kept.run not in session.state.runs:
         yield "run", f"{kept.run} is not in this store; evaluated in {session.state.run}"
 

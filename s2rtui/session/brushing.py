@@ -62,7 +62,11 @@ def stretched(brush: Brush, panel: Panel, across: int, down: int) -> Brush:
     if brush.mark.lasso:
         return moved(brush, panel, across, down)
     first, *_, last = brush.mark.points
-    return _with(brush, (first, _shifted(panel, last, across, down)))
+    end = _shifted(panel, last, across, down)
+    wide = (last[0] - first[0]) % 360 + end[0] - last[0]
+    if panel.shape == "turn" and not TURN_STEP <= wide < 360:
+        return brush
+    return _with(brush, (first, end))
 
 
 def scaled(brush: Brush, panel: Panel, steps: int) -> Brush:

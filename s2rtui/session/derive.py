@@ -62,8 +62,9 @@ def map_input(
     heat: Grid | None = None,
     seen: Grid | None = None,
     mark: Mark | None = None,
+    heat_note: str = "",
 ) -> GeoMapInput:
-    """The map of the state's run."""
+    """The map of the state's run; `heat_note` says of whom the heat is."""
     truth, columns = store.instances, store.run_columns(state.run)
     choice = state.heat
     shown = heat is not None and choice is not None
@@ -83,7 +84,7 @@ def map_input(
         mode=state.map_mode,
         floor_plan=floor_plan,
         heat=heat if shown else None,
-        heat_label=_heat_label(state, choice) if shown and choice else "heat",
+        heat_label=_heat_label(state, choice, heat_note) if shown and choice else "heat",
         heat_unit=_heat_unit(store, state, choice) if shown and choice else "",
         clip=seen,
         rooms=store.rooms,
@@ -92,10 +93,11 @@ def map_input(
     )
 
 
-def _heat_label(state: State, choice: HeatChoice) -> str:
+def _heat_label(state: State, choice: HeatChoice, note: str) -> str:
     """The heat's name, its side and, where that is no mean, how it was gathered."""
     gathered = state.overlay in ("selection", "run") and state.aggregate != "mean"
-    return f"{choice.label}, {choice.side}" + (f", {state.aggregate}" if gathered else "")
+    parts = [choice.label, choice.side, state.aggregate if gathered else "", note]
+    return ", ".join(part for part in parts if part)
 
 
 def _heat_unit(store: Store, state: State, choice: HeatChoice) -> str:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry.move import NAMES
+from s2rstore.layout import FRAMES
 from s2rstore.reader import Frame, Store
 from s2rstore.records import Domain, Run, Side
 from s2rstore.sides import run_frame
@@ -23,12 +24,13 @@ _SHORT = 18
 class Seen:
     """rgb (H, W, 3) uint8, depth (H, W) metres with NaN where invalid, and what was done to them.
 
+    A store without frames gives rgb of shape (0, 0, 3) and no depth.
     `title` names the domain where it is not the side's usual one, and whether images are adjusted;
     `notes` tell the adjustments that are too long for it.
     """
 
     rgb: NDArray[np.uint8]
-    depth: NDArray[np.float32]
+    depth: NDArray[np.float32] | None
     title: str
     notes: tuple[tuple[str, str], ...] = ()
 
@@ -36,6 +38,9 @@ class Seen:
 def seen(store: Store, run: Run, side: Side, iid: int) -> Seen:
     """A side's frame through the run's adjustments; without `s2rtools` before those of images."""
     domain, chain = store.domain(run.domain(side)), run.adjustments(side)
+    if not (store.path / FRAMES / domain.domain).is_dir():
+        told = ((f"{side} frames", f"none of {domain.domain} in this store"),)
+        return Seen(np.zeros((0, 0, 3), dtype=np.uint8), None, "", told)
     frame = run_frame(store, run, side, iid)
     images = [step for step in chain if step["name"] not in NAMES]
     adjusted = _adjusted(frame, domain, images) if images else frame

@@ -10,25 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 import s2rstore
-from s2rstore import findings, history, selection
+from s2rstore import history, selection
 from s2rstore.errors import RequestError
+from s2rstore.extremes import largest
 from s2rstore.language import MaskContext, Node, base_population, mask, parse, to_text
-from s2rstore.language.nodes import (
-    And,
-    Everything,
-    Extreme,
-    Field,
-    Minus,
-    Named,
-    Not,
-    Or,
-)
+from s2rstore.language.nodes import Not
 from s2rstore.reader import Store
 from s2rtui.notebook import Notebook, Notes
+from s2rtui.session import anew, loading
+from s2rtui.session.begin import finding, joined
 from s2rtui.session.heat import with_heat
 from s2rtui.session.state import HistoryFile, Operator, State
 
-_HISTORY = 100
+HISTORY = 100
 INDEX_MEMORY = "128MB"
 """Columns are read one by one, so the index itself needs little."""
 Notebooks = Callable[[str], Notebook]
@@ -46,13 +40,15 @@ class Session:
     ) -> None:
         """`notebooks` opens a data set's notebook by its hash; without it nothing is kept.
 
-        `nights` is a history of the gap (default: the store's own). Raises RequestError where
-        there is no store, no computed run, or not the history that was named.
+        `nights` is a history of the gap (default: the store's own). `waits` says that somebody
+        reads the columns of awaited runs: see `loading`. Raises RequestError where there is no
+        store, no computed run, or not the history that was named.
         """
         if nights is not None and not nights.is_file():
             raise RequestError(f"--history {nights}: no such file; `s2r nightly` writes one")
         self.store: Store = s2rstore.open(path, INDEX_MEMORY)
         self.notebook = notebooks(self.store.dataset.hash) if notebooks else None
+        self.waits = False
         self._retired: Store | None = None
         self._bases: dict[tuple[object, ...], NDArray[np.bool_]] = {}
         self._nights = nights or history.path_in(self.store.path)
@@ -93,26 +89,16 @@ class Session:
             heat=None,
             history=self._history(),
         )
-        finding, told = self._finding(chosen.run)
-        state = with_heat(self.store, self._selected(state, finding))
+        first, told = finding(self.store, chosen.run)
+        state = with_heat(self.store, self._selected(state, first))
         return replace(state, past=(), message=told)
-
-    def _finding(self, run: str) -> tuple[Node, str]:
-        """The first screen's selection, the room where reality is worst, and what it says."""
-        rooms = findings.regions(self.store, run)
-        if not rooms:
-            return Extreme("worst", 15, True, Field("real.error")), "the worst 15 % in reality"
-        worst = rooms[0]
-        return Named(Field("room"), worst.room), (
-            f"worst region: {worst.room}, median error {worst.real_median:.2f} m real, "
-            f"{worst.sim_median:.2f} m sim, {worst.n} instances new to the model"
-        )
 
     # --- the state -----------------------------------------------------------------------------
 
     def set(self, state: State) -> State:
         """Make `state` the current one."""
         self.state = state
+        self.store.in_use = loading.in_use(state)
         return state
 
     def tell(self, message: str, is_error: bool = False) -> State:
@@ -170,7 +156,9 @@ class Session:
         past, future = state.past, state.future
         text = to_text(node)
         if text != state.expression:
-            past, future = (*past, state.expression)[-_HISTORY:], ()
+            past, future = (*past, state.expression)[-HISTORY:], ()
+        told = ["" if chosen.any() else "nothing is selected"]
+        told.append(anew.told(node, state, context, self.notes))
         made = replace(
             state,
             expression=text,
@@ -180,7 +168,7 @@ class Session:
             future=future,
             operator="replace",
             brush=None,
-            message="" if chosen.any() else "nothing is selected",
+            message="; ".join(part for part in told if part),
             is_error=False,
         )
         return replace(made, cursor=self._kept_cursor(made))
@@ -199,26 +187,34 @@ class Session:
         pool = state.selected if state.selected.any() else state.base
         if state.cursor is not None and pool[state.cursor]:
             return state.cursor
-        errors = self.store.run_columns(state.run).real.error
-        worst = int(np.argmax(np.where(pool, errors, -1.0))) if pool.size else 0
-        return worst if pool.size and pool[worst] else None
+        return largest(self.store.run_columns(state.run).real.error, pool)
 
     def undo(self) -> State:
         """Back to the expression before this one."""
-        if not self.state.past:
-            return self.tell("nothing to undo")
-        *past, last = self.state.past
-        future = (*self.state.future, self.state.expression)
-        made = self._selected(self.state, last)
-        return self.set(replace(made, past=tuple(past), future=future))
+        return self._walk(self.state.past, "undo")
 
     def redo(self) -> State:
         """Forward to the expression that was left by undo."""
-        if not self.state.future:
-            return self.tell("nothing to redo")
-        *future, following = self.state.future
-        made = self._selected(self.state, following)
-        return self.set(replace(made, future=tuple(future)))
+        return self._walk(self.state.future, "redo")
+
+    def _walk(self, texts: tuple[str, ...], what: str) -> State:
+        """To the last of some expressions that still means something here; the rest is told."""
+        before, left, lost = self.state, list(texts), [""]
+        while left:
+            text = left.pop()
+            try:
+                made = self._selected(before, text)
+            except RequestError as error:
+                lost.append(f"left out: {text} ({error})")
+                continue
+            told = "; ".join(part for part in (made.message, *lost) if part)
+            past, future = tuple(left), (*before.future, before.expression)
+            if what == "redo":
+                past, future = (*before.past, before.expression), tuple(left)
+            return self.set(replace(made, past=past, future=future, message=told))
+        kept = replace(before, past=() if what == "undo" else before.past)
+        self.set(replace(kept, future=() if what == "redo" else kept.future))
+        return self.tell("; ".join((f"nothing to {what}", *lost[1:])))
 
     # --- moving --------------------------------------------------------------------------------
 
@@ -237,24 +233,47 @@ class Session:
 
     def change_run(self, steps: int) -> State:
         """To the next run, with the same expression where it still means something."""
-        runs = self.state.runs
-        return self.put_run(runs[(runs.index(self.state.run) + steps) % len(runs)])
+        runs, awaited = self.state.runs, self.state.awaited
+        present = awaited.run if awaited and awaited.run in runs else self.state.run
+        return self.put_run(runs[(runs.index(present) + steps) % len(runs)])
 
     def put_run(self, run: str) -> State:
-        """To a run by name."""
-        state = self._selected(replace(self.state, run=run), self.state.expression)
+        """To a run by name; where its columns have yet to be read, it is awaited."""
+        awaited = self.state.awaited
+        if awaited and awaited.generation != self.state.generation:
+            return loading.expect(self, run, awaited.generation)
+        if self.waits and run != self.state.run and not loading.is_ready(self.store, run):
+            return loading.expect(self, run, self.state.generation)
+        loading.give_up(self)
+        return self.turn_to(run)
+
+    def turn_to(self, run: str) -> State:
+        """To a run by name, now; all is selected where the expression means nothing there."""
+        state = self._kept(replace(self.state, run=run))
         return self.set(with_heat(self.store, state))
+
+    def put_trajectories(self, names: tuple[str, ...] | None) -> State:
+        """To some trajectories, None for all."""
+        return self.set(self._kept(replace(self.state, trajectories=names)))
+
+    def _kept(self, state: State) -> State:
+        """The expression evaluated in another situation, or all where it means nothing there."""
+        try:
+            return self._selected(state, state.expression)
+        except RequestError as error:
+            made = self._selected(state, "all")
+            told = f"all selected: {state.expression} means nothing here ({error})"
+            return replace(made, message=told)
 
     def change_trajectory(self) -> State:
         """All trajectories, then each alone."""
         names = self.store.instances.trajectory_names
         options: list[tuple[str, ...] | None] = [None, *((name,) for name in names)]
-        following = options[(options.index(self.state.trajectories) + 1) % len(options)]
+        present = self.state.trajectories
+        at = options.index(present) if present in options else -1
         if len(names) == 1:
             return self.tell(f"there is one trajectory: {names[0]}")
-        return self.set(
-            self._selected(replace(self.state, trajectories=following), self.state.expression)
-        )
+        return self.put_trajectories(options[(at + 1) % len(options)])
 
     # --- generations ---------------------------------------------------------------------------
 
@@ -280,8 +299,14 @@ class Session:
         """Open the newest generation, keeping run and expression where they still exist."""
         if self.store.latest_generation() == self.store.generation:
             return self.tell("this is the newest generation")
+        if self.waits and len(self.store.instances) > loading.AT_ONCE:
+            awaited = self.state.awaited.run if self.state.awaited else self.state.run
+            return loading.expect(self, awaited, self.store.latest_generation())
+        return self.enter(s2rstore.open(self.store.path, INDEX_MEMORY))
+
+    def enter(self, fresh_store: Store) -> State:
+        """Go on in a newer generation; brush and operator stay where the run does."""
         old, state = self.store, self.state
-        fresh_store = s2rstore.open(old.path, INDEX_MEMORY)
         runs = tuple(name for name, record in fresh_store.runs.items() if record.key)
         if fresh_store.dataset.hash != old.dataset.hash or not runs:
             fresh_store.close()
@@ -297,21 +322,11 @@ class Session:
             runs=runs,
             run=run,
             other=state.other if state.other in runs else None,
+            awaited=None,
         )
-        told = f"generation {self.store.generation}"
-        try:
-            made = self._selected(fresh, state.expression)
-        except RequestError as error:
-            made = self._selected(fresh, "all")
-            told += f"; {state.expression} means nothing there: {error}"
+        made = with_heat(self.store, self._kept(fresh))
         self._retire(old)
-        return self.set(replace(with_heat(self.store, made), message=told))
-
-
-def joined(current: Node, operator: Operator, new: Node) -> Node:
-    """Two selections as one, in its shortest form."""
-    if operator == "replace" or (operator == "intersect" and current == Everything()):
-        return new
-    if operator == "intersect":
-        return And(current, new)
-    return Or(current, new) if operator == "union" else Minus(current, new)
+        if run == state.run:
+            made = replace(made, brush=state.brush, operator=state.operator)
+        told = (f"generation {self.store.generation}", made.message)
+        return self.set(replace(made, message="; ".join(part for part in told if part)))

@@ -2,45 +2,53 @@
 
 from __future__ import annotations
 
+import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from s2rstore.errors import RequestError
 from s2rtui.notebook import SavedSelection
-from s2rtui.session.session import Session
+from s2rtui.session import anew
+from s2rtui.session.session import HISTORY, Session
 from s2rtui.session.state import State
 
+_NAME = r'"(?:\\.|[^"\\])*"'
 _FACTS = re.compile(
     r"\s+# data set (?P<hash>[0-9a-f]+), generation (?P<generation>\d+), "
-    r"run (?P<run>.+?), (?P<count>\d+) instances\s*\Z"
+    r"run (?P<run>.+?), (?P<count>\d+) instances"
+    rf"(?: in (?P<trajectories>{_NAME}(?:, {_NAME})*))?\s*\Z"
 )
 _HASH_LENGTH = 12
 
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """An expression and, where it was shared with them, the facts that it was true of."""
+    """An expression and, where it was shared with them, the data set and facts of its making."""
 
     expression: str
     dataset: str = ""
-    generation: int = 0
-    run: str = ""
-    count: int = 0
+    saved: SavedSelection | None = None
+
+
+def present(session: Session) -> SavedSelection:
+    """The selection with what it was evaluated on."""
+    state = session.state
+    count = int(state.selected.sum())
+    return SavedSelection(state.expression, state.generation, state.run, count, state.trajectories)
 
 
 def shared_text(session: Session) -> str:
     """The expression, and after a `#` what it was evaluated on."""
-    state = session.state
-    count = int(state.selected.sum())
-    saved = SavedSelection(state.expression, state.generation, state.run, count)
-    return written(saved, session.store.dataset.hash)
+    return written(present(session), session.store.dataset.hash)
 
 
 def written(saved: SavedSelection, dataset_hash: str) -> str:
     """A saved selection as a line that `read` understands."""
+    names = ", ".join(json.dumps(name, ensure_ascii=False) for name in saved.trajectories or ())
     return (
         f"{saved.expression}  # data set {dataset_hash[:_HASH_LENGTH]}, "
         f"generation {saved.generation}, run {saved.run}, {saved.count} instances"
+        + (f" in {names}" if names else "")
     )
 
 
@@ -49,40 +57,56 @@ def read(text: str) -> Shared:
     found = _FACTS.search(text)
     if found is None:
         return Shared(text)
-    return Shared(
-        text[: found.start()], found["hash"], int(found["generation"]), found["run"],
-        int(found["count"]),
-    )  # fmt: skip
+    expression, names = text[: found.start()], found["trajectories"]
+    try:
+        view = tuple(str(name) for name in json.loads(f"[{names}]")) if names else None
+    except ValueError:
+        return Shared(text)
+    saved = SavedSelection(
+        expression, int(found["generation"]), found["run"], int(found["count"]), view
+    )
+    return Shared(expression, found["hash"], saved)
 
 
 def take(session: Session, text: str) -> State:
-    """Select what was typed or pasted; tells where it means something else here.
+    """Select what was typed or pasted, on its run and trajectories where they exist here.
 
-    Raises RequestError for a selection of another data set.
+    Tells where it means something else here. Raises RequestError for a selection of another data
+    set.
     """
     shared = read(text)
-    if shared.dataset and not session.store.dataset.hash.startswith(shared.dataset):
+    if shared.saved is None:
+        return session.select(shared.expression)
+    own = session.store.dataset.hash
+    if not own.startswith(shared.dataset):
         raise RequestError(
-            f"this was selected on data set {shared.dataset}; "
-            f"here is {session.store.dataset.hash[:_HASH_LENGTH]}"
+            f"this was selected on data set {shared.dataset}; here is {own[:_HASH_LENGTH]}"
         )
-    before = session.state
+    before, known = session.state, session.store.instances.trajectory_names
+    saved = shared.saved
     try:
-        if shared.run in before.runs and shared.run != before.run:
-            session.put_run(shared.run)
-        state = session.select(shared.expression)
+        if saved.run in before.runs and saved.run != before.run:
+            session.put_run(saved.run)
+        if all(name in known for name in saved.trajectories or ()):
+            session.put_trajectories(saved.trajectories)
+        session.select(saved.expression)
     except RequestError:
         session.set(before)
         raise
-    return compared(session, state, shared) if shared.dataset else state
+    return _compared(session, before, saved)
 
 
-def compared(session: Session, state: State, shared: Shared) -> State:
-    """The state with a word about how it differs from what was saved."""
-    count = int(state.selected.sum())
-    if count == shared.count and shared.run == state.run:
-        return state
-    told = f"evaluated anew: {count} instances, {shared.count} at generation {shared.generation}"
-    if shared.run != state.run:
-        told += f" on run {shared.run}"
-    return session.tell(told)
+def _compared(session: Session, before: State, saved: SavedSelection) -> State:
+    """The state, with past and words as of one step: what moved with it, how it differs."""
+    state, here = session.state, present(session)
+    told = [state.message] if state.message else []
+    if state.run != before.run:
+        told.append(f"run {state.run}")
+    if state.trajectories != before.trajectories:
+        told.append(f"trajectories {', '.join(state.trajectories or ('all',))}")
+    if replace(here, expression="") != replace(saved, expression=""):
+        told.append(anew.differing(state, here.count, saved))
+    made = replace(state, message="; ".join(told), past=before.past, future=before.future)
+    if state.expression != before.expression:
+        made = replace(made, past=(*before.past, before.expression)[-HISTORY:], future=())
+    return session.set(made)

@@ -7,12 +7,14 @@ from dataclasses import replace
 from typing import TypeVar
 
 from s2rstore.records import Side
-from s2rtui.plots.frame import panned, zoomed
+from s2rtui.plots.frame import panned, within, zoomed
 from s2rtui.session.comparing import other_run
 from s2rtui.session.heat import choices, share_told
 from s2rtui.session.session import Session
 from s2rtui.session.state import AGGREGATES, MAP_MODES, OVERLAYS, State
 
+CLOSEST = 1 / 200
+"""Of the map's size: what the closest view shows."""
 T = TypeVar("T")
 
 
@@ -101,22 +103,30 @@ def toggle_room_names(session: Session) -> State:
 
 
 def zoom(session: Session, factor: float, at: tuple[float, float] | None = None) -> State:
-    """Around a point in metres, by default the cursor; 0 shows the whole map."""
-    state = session.state
+    """Around a point in metres, by default the cursor; 0, or far enough out, shows the whole map.
+
+    The closest view is `CLOSEST` of the map.
+    """
+    state, bounds = session.state, session.store.dataset.bounds
     if factor == 0:
         return session.set(replace(state, viewport=None))
-    view = state.viewport or session.store.dataset.bounds
+    view = state.viewport or bounds
     truth, cursor = session.store.instances, state.cursor
     if at is None and cursor is not None:
         at = float(truth.x[cursor]), float(truth.y[cursor])
-    return session.set(replace(state, viewport=zoomed(view, factor, at)))
+    share = max(view.width / max(bounds.width, 1e-9), view.height / max(bounds.height, 1e-9))
+    factor = min(factor, share / CLOSEST)
+    if share / factor >= 1:
+        return session.set(replace(state, viewport=None))
+    return session.set(replace(state, viewport=within(zoomed(view, factor, at), bounds)))
 
 
 def pan(session: Session, across: float, down: float) -> State:
-    """By shares of what is in view."""
-    view = session.state.viewport or session.store.dataset.bounds
+    """By shares of what is in view; its middle stays on the map."""
+    bounds = session.store.dataset.bounds
+    view = session.state.viewport or bounds
     moved = panned(view, across, down, session.store.dataset.y_down)
-    return session.set(replace(session.state, viewport=moved))
+    return session.set(replace(session.state, viewport=within(moved, bounds)))
 
 
 def change_other(session: Session, steps: int = 1) -> State:
@@ -135,6 +145,13 @@ def show_view(session: Session, name: str, pane: str) -> State:
     centre = name if pane == "centre" else state.centre
     tab = name if pane == "tab" else state.tab
     return session.set(replace(state, view=name, centre=centre, tab=tab, brush=None))
+
+
+def activate(session: Session, name: str) -> State:
+    """Make a view that is on the screen the one that keys speak to; all stays in its place."""
+    if session.state.view == name:
+        return session.state
+    return session.set(replace(session.state, view=name, brush=None))
 
 
 def leave(session: Session) -> State:

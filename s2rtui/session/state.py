@@ -95,6 +95,14 @@ class Adjust:
         return dict(self.values)[key]
 
 
+@dataclass(frozen=True, slots=True)
+class Awaited:
+    """A run on its way, of a generation that may be newer than the present one."""
+
+    run: str
+    generation: int
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
     """One state of the analysis.
@@ -104,8 +112,9 @@ class State:
     the map's world rectangle, None for all of it. `newest` is the published generation. `past`
     and `future` hold the expressions before and after this one, the nearest last. `operator`
     is how the next selection joins this one. `other` is the run that is compared with. `view` is
-    the one that keys speak to, `centre` and `tab` those that share a place with others. `history`
-    is None where there is none.
+    the one that keys speak to, `centre` and `tab` those that share a place with others. `awaited`
+    is the run that is being read, to be turned to once it is there. `history` is None where there
+    is none.
     """
 
     generation: int
@@ -122,6 +131,7 @@ class State:
     brush: Brush | None = None
     lasso: bool = False
     other: str | None = None
+    awaited: Awaited | None = None
     adjust: Adjust | None = None
     map_mode: MapMode = "colour"
     overlay: Overlay = "off"
@@ -144,6 +154,11 @@ class State:
     def count(self) -> str:
         """`82 of 542`: selected, of the base population."""
         return f"{int(np.count_nonzero(self.selected))} of {int(np.count_nonzero(self.base))}"
+
+    @property
+    def adjusting(self) -> bool:
+        """Whether the panel that adjusts live is open, in front or beside other views."""
+        return self.tab == "adjust" and self.adjust is not None
 
     @property
     def side(self) -> Side:

@@ -21,13 +21,18 @@ class AdjustView(View):
     stored = False
 
     def told(self, scene: Scene) -> str:
-        adjust = scene.state.adjust
+        state = scene.state
+        adjust = state.adjust
         if adjust is None or adjust.missing:
             return ""
-        live = scene.resources.live
-        if live is None:
-            return f"run {adjust.run}: loading the model"
-        return f"run {adjust.run}, instance {live.iid}: arrows, backspace neutral, S saves a run"
+        if "live" in scene.resources.failed:
+            return f"run {adjust.run}: not adjusted"
+        live = scene.resources.adjusted(state)
+        if live is not None:
+            later = f" (loading {state.cursor})" if live.iid != state.cursor else ""
+            keys = "arrows, backspace neutral, S saves a run"
+            return f"run {adjust.run}, instance {live.iid}{later}: {keys}"
+        return f"run {adjust.run}: loading the model"
 
     def lines(self, scene: Scene) -> tuple[SliderLine, ...]:
         adjust = scene.state.adjust or Adjust("")
@@ -40,16 +45,14 @@ class AdjustView(View):
         )  # fmt: skip
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
-        return scene.state.adjust, scene.resources.live
+        resources = scene.resources
+        return scene.state.adjust, resources.adjusted(scene.state), resources.failed.get("live")
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         canvas = Canvas(*size, theme=look.theme)
         adjust = scene.state.adjust
         if adjust is None or adjust.missing:
-            told = adjust.missing if adjust else "no instance to adjust"
-            for row, line in enumerate(textwrap.wrap(told, max(8, canvas.width))):
-                canvas.text(0, row, line, look.theme.muted)
-            return canvas
+            return _written(canvas, adjust.missing if adjust else "no instance to adjust", 0)
         lines = self.lines(scene)
         rows = self._rows(scene, canvas.height)
         canvas.paste(sliders(lines, (canvas.width, rows), look), 0, 0)
@@ -58,9 +61,11 @@ class AdjustView(View):
             canvas.text(0, rows, f"camera: {adjust.reason}"[: canvas.width], look.theme.muted)
             used += 1
         space = canvas.height - used - 1
-        if scene.resources.live is not None and space > 0:
-            shown = plots.instance(scene.resources.live, (canvas.width, space), look)
-            canvas.paste(shown, 0, used + 1)
+        if failed := scene.resources.failed.get("live"):
+            return _written(canvas, failed, used + 1)
+        live = scene.resources.adjusted(scene.state)
+        if live is not None and space > 0:
+            canvas.paste(plots.instance(live, (canvas.width, space), look), 0, used + 1)
         return canvas
 
     def _rows(self, scene: Scene, height: int) -> int:
@@ -77,3 +82,11 @@ class AdjustView(View):
     def drag(self, session: Session, scene: Scene, panel: Panel, point: Point) -> bool:
         adjusting.put(session, int(panel.name), point[0])
         return True
+
+
+def _written(canvas: Canvas, text: str, top: int) -> Canvas:
+    """Words across the canvas, from a row on."""
+    for row, line in enumerate(textwrap.wrap(text, max(8, canvas.width)), top):
+        if row < canvas.height:
+            canvas.text(0, row, line, canvas.theme.muted)
+    return canvas

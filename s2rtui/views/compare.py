@@ -15,7 +15,7 @@ from s2rtui.plots.geomap_model import value_range
 from s2rtui.plots.inputs import Floats
 from s2rtui.plots.same import identity
 from s2rtui.plots.surface import Mark, Panel, Point
-from s2rtui.session import Session, comparing, derive
+from s2rtui.session import Session, comparing, derive, loading
 from s2rtui.views.contract import Pane, Pixels, Scene, Table, View, area
 
 _WIDE, _TALL = 56, 30
@@ -52,6 +52,8 @@ class CompareView(View):
         state, other = scene.state, comparing.other_run(scene.state)
         if other is None:
             return ()
+        if not loading.is_ready(scene.store, other):
+            return other, "loading"
         return state.generation, identity(self.input(scene, other)), state.viewport
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
@@ -59,6 +61,9 @@ class CompareView(View):
         other = comparing.other_run(scene.state)
         if other is None:
             canvas.text(0, 0, "nothing to compare with", look.theme.muted)
+            return canvas
+        if not loading.is_ready(scene.store, other):
+            canvas.text(0, 0, f"loading run {other}", look.theme.muted)
             return canvas
         notes = comparing.differences(scene.store, scene.state.run, other)
         for row, note in enumerate(notes[: max(0, canvas.height - 3)]):
@@ -130,7 +135,7 @@ class CompareView(View):
 
     def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
         other = comparing.other_run(scene.state)
-        if other is None:
+        if other is None or not loading.is_ready(scene.store, other):
             return ()
         top = self._top(scene, size)
         maps = (size[1] - top) // 2 if self._both(size) else 0

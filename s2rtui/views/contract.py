@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +19,12 @@ from s2rtui.notebook import Notes
 from s2rtui.plots import InstanceInput, OverviewRow
 from s2rtui.plots.surface import Mark, Panel, Point
 from s2rtui.session import Session, State
+from s2rtui.session.about import About, HeatOf, about, heat_of, seen_of
 
 Pane = Literal["overview", "centre", "tab"]
 Grid = NDArray[np.float32]
 Table = tuple[Sequence[str], Sequence[Sequence[object]]]
 Pixels = tuple[int, int]
-
-
-def heat_of(state: State) -> tuple[object, ...]:
-    """What the heat on the map is called by: a grid of anything else must not be shown."""
-    return (state.generation, state.run, state.heat, state.overlay, state.aggregate)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,11 +37,11 @@ class RunAccuracies:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resources:
-    """What workers have brought so far; a view shows what is there.
+    """What workers have brought so far; a view shows what is there, under its own name.
 
-    `grid` is the heat on the map, as `grid_of` (see `heat_of`) names it, `seen` (rows, cols) what
-    the selection has seen, `progress` the share of it that is done. `live` is the instance as it is
-    being adjusted, `history` holds the nights of the gap.
+    `grid` is the heat on the map, `seen` (rows, cols) what the selection has seen, `live` the
+    instance as it is being adjusted; what each is of stands beside it. `history` holds the nights
+    of the gap. `progress` and `failed` are by feed: the share that is done, and why nothing came.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -53,21 +49,55 @@ class Resources:
     baseline: float = math.nan
     floor_plan: NDArray[np.uint8] | None = None
     pictures: InstanceInput | None = None
-    instance_grid: Grid | None = None
+    pictures_of: About | None = None
     grid: Grid | None = None
-    grid_of: tuple[object, ...] | None = None
+    grid_of: HeatOf | None = None
     seen: Grid | None = None
+    seen_of: tuple[object, ...] | None = None
     live: InstanceInput | None = None
+    live_of: About | None = None
     live_grid: Grid | None = None
     history: History | None = None
-    progress: float | None = None
+    progress: Mapping[str, float] = field(default_factory=dict)
+    failed: Mapping[str, str] = field(default_factory=dict)
     saving: str = ""
 
     def heat_on_map(self, state: State) -> Grid | None:
         """What lies on the floor: the heat asked for, or that of the image being adjusted."""
-        if state.view == "adjust" and state.overlay == "instance":
-            return self.live_grid
-        return self.grid if self.grid_of == heat_of(state) else None
+        if state.adjusting and state.overlay == "instance":
+            return self.live_grid if self.live_of == about(state) else None
+        return self.grid if self.grid_of and self.grid_of.name == heat_of(state).name else None
+
+    def heat_note(self, state: State) -> str:
+        """Whose heat lies on the map, where that is not the present instance's or selection's."""
+        if state.adjusting and state.overlay == "instance":
+            return ""
+        return self.grid_of.told(state) if self.grid_of else ""
+
+    def seen_on_map(self, state: State) -> Grid | None:
+        """The floor that the present selection has seen."""
+        return self.seen if state.clip and self.seen_of == seen_of(state) else None
+
+    def adjusted(self, state: State) -> InstanceInput | None:
+        """The instance that is being adjusted, as the present run's model sees it."""
+        of = self.live_of
+        return self.live if of and of.source == (state.generation, state.run) else None
+
+    def asked(self, feeds: Set[str], emptied: Mapping[str, Any]) -> Resources:
+        """Without what is told of feeds that are asked anew, and of the emptied fields."""
+        progress = {feed: told for feed, told in self.progress.items() if feed not in feeds}
+        failed = {feed: told for feed, told in self.failed.items() if feed not in feeds}
+        return replace(self, **emptied, progress=progress, failed=failed)
+
+    def fed(self, feed: str, fields: Mapping[str, Any], error: str) -> Resources:
+        """With what a feed has brought, or why it could not."""
+        made = self.asked({feed}, fields)
+        return replace(made, failed={**made.failed, feed: error}) if error else made
+
+    def told_of(self, words: str) -> str:
+        """Words and how far each feed is."""
+        shares = ", ".join(f"{feed} {share:.0%}" for feed, share in self.progress.items())
+        return f"{words}  {shares}".strip()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,10 +211,15 @@ def area(panel: Panel, mark: Mark, box: str, lasso: str) -> str:
     return call(box, [min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)])
 
 
-def span(panel: Panel, mark: Mark, field: str) -> str:
-    """A range of one field, both ends included."""
+def span(
+    panel: Panel, mark: Mark, field: str, lowest: float = -math.inf, highest: float = math.inf
+) -> str:
+    """A range of one field, both ends included, within what the field can be."""
     cell = cell_width(panel)
-    ends = sorted(rounded(point[0], cell) for point in (mark.points[0], mark.points[-1]))
+    ends = sorted(
+        min(max(rounded(point[0], cell), lowest), highest)
+        for point in (mark.points[0], mark.points[-1])
+    )
     return f"{field}:{number(ends[0])}..{number(ends[1])}"
 
 

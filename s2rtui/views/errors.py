@@ -74,5 +74,5 @@ class ErrorsView(View):
         cell = cell_width(panel)
         low, high = sorted(point[0] for point in (mark.points[0], mark.points[-1]))
         if high > panel.to_data(panel.x + panel.width - 1, 0)[0]:
-            return f"{field} >= {number(rounded(low, cell))}"  # the last bar has no end
-        return span(panel, mark, field)
+            return f"{field} >= {number(max(0.0, rounded(low, cell)))}"  # the last bar has no end
+        return span(panel, mark, field, 0.0)

@@ -38,22 +38,28 @@ class MapView(View):
     paper = (1600, 1200)
 
     def told(self, scene: Scene) -> str:
-        told = _TOLD[scene.state.map_mode]
-        return (
-            f"{told}, what the selection saw{share_told(scene.state)}" if scene.state.clip else told
-        )
+        state, told = scene.state, _TOLD[scene.state.map_mode]
+        if state.clip:
+            saw = f"what the selection saw{share_told(state)}"
+            loaded = scene.resources.seen_on_map(state) is not None
+            told += f", {saw}" if loaded else f", loading {saw}"
+        return told
 
     def input(self, scene: Scene) -> plots.GeoMapInput:
+        state, resources = scene.state, scene.resources
         view = derive.map_input(
             scene.store,
-            scene.state,
-            scene.resources.floor_plan,
-            scene.resources.heat_on_map(scene.state),
-            scene.resources.seen if scene.state.clip else None,
+            state,
+            resources.floor_plan,
+            resources.heat_on_map(state),
+            resources.seen_on_map(state),
             scene.mark(self.name),
+            resources.heat_note(state),
         )
-        shown = scene.resources.live if scene.state.view == "adjust" else None
-        return replace(view, live=live_poses(shown)) if shown else view
+        shown = resources.adjusted(state) if state.adjusting else None
+        if shown is None or shown.iid != state.cursor:
+            return view
+        return replace(view, live=live_poses(shown))
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
         return identity(self.input(scene)), scene.state.viewport

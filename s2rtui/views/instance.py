@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from s2rstore.errors import RequestError
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.session.about import about
 from s2rtui.views.contract import Pixels, Scene, Table, View
 
 
@@ -19,16 +21,21 @@ class InstanceView(View):
     paper = (1600, 1200)
 
     def told(self, scene: Scene) -> str:
-        state, pictures = scene.state, scene.resources.pictures
+        """What the pictures are of comes first; the title may be cut at its end."""
+        state, resources = scene.state, scene.resources
         if state.cursor is None:
             return "none"
-        label = f"{state.cursor}" + (f", {state.heat.label}" if state.heat else "")
-        if pictures is None:
-            return f"{label}, loading"
-        return label if pictures.iid == state.cursor else f"{label} (pictures of {pictures.iid})"
+        wanted = about(state).told(state)
+        if resources.pictures is None or resources.pictures_of is None:
+            failed = resources.failed.get("pictures")
+            return f"{wanted}: {failed}" if failed else f"{wanted}, loading"
+        present = resources.pictures_of.told(state)
+        return present if present == wanted else f"{present} (loading {wanted})"
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
-        return scene.resources.pictures, scene.state.cursor is None
+        shown = scene.resources.pictures
+        remark = scene.remark(shown.iid) if shown else ""
+        return shown, scene.state.cursor is None, remark
 
     def numbers(self, scene: Scene) -> Table:
         names = ("what", "x", "y", "heading", "error", "heading_error", "note")
@@ -65,9 +72,15 @@ class InstanceView(View):
         shown = scene.resources.pictures
         if shown is None:
             raise RequestError("--select: selects nothing, so there is no instance to draw")
+        if not (shown.sim.rgb.size and shown.real.rgb.size):
+            told = "this store has no frames to draw; `s2r show` prints the numbers"
+            raise RequestError(f"--view instance: {told}")
         return figures.instance_figure(shown, size, theme, scene.state.run)
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         if scene.resources.pictures is None or scene.state.cursor is None:
             return Canvas(*size, theme=look.theme)
-        return plots.instance(scene.resources.pictures, size, look)
+        shown = scene.resources.pictures
+        if remark := scene.remark(shown.iid):
+            shown = replace(shown, notes=(("remark", remark), *shown.notes))
+        return plots.instance(shown, size, look)

@@ -25,21 +25,27 @@ class OverviewView(View):
     feeds = ("rows", "lines")
 
     def told(self, scene: Scene) -> str:
-        lines = f", each instance in {scene.state.side} a line" if scene.resources.lines else ""
-        return f"accuracy, sim and real{lines}"
+        lines = scene.resources.lines
+        told = f", each instance in {lines.side} a line" if lines else ""
+        return f"accuracy, sim and real{told}"
 
     def lines(self, scene: Scene) -> plots.OverviewLines | None:
         """The instances across the runs, once a worker has brought them."""
-        lines, rows, state = scene.resources.lines, scene.resources.rows, scene.state
+        lines, rows, state = scene.resources.lines, self._rows(scene), scene.state
         if lines is None or any(row.run not in lines.values for row in rows):
             return None
         values = tuple(lines.values[row.run] for row in rows)
         return plots.OverviewLines(values, state.selected, state.base, lines.side, state.cursor)
 
+    def _rows(self, scene: Scene) -> tuple[plots.OverviewRow, ...]:
+        """A row per run; until a worker has brought them, their names."""
+        empty = (plots.OverviewRow(run, None, None, note="reading") for run in scene.state.runs)
+        return scene.resources.rows or tuple(empty)
+
     def _arguments(
         self, scene: Scene
     ) -> tuple[tuple[plots.OverviewRow, ...], float | None, int | None]:
-        rows = scene.resources.rows
+        rows = self._rows(scene)
         selected = next((i for i, row in enumerate(rows) if row.run == scene.state.run), None)
         return rows, scene.resources.baseline, selected
 
@@ -99,7 +105,7 @@ class OverviewView(View):
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         side = scene.resources.lines.side if scene.resources.lines else scene.state.side
         run = "" if panel.name == scene.state.run else f"run({string(panel.name)})."
-        return span(panel, mark, f"{run}{side}.accuracy")
+        return span(panel, mark, f"{run}{side}.accuracy", 0.0, 1.0)
 
 
 def _caption(scene: Scene, lines: plots.OverviewLines | None) -> str:

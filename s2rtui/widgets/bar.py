@@ -8,15 +8,12 @@ from textual.widgets import Static
 class Bar(Static):
     """A line whose content is replaced only when it changes."""
 
-    def __init__(self, name: str, ascii: bool = False) -> None:
+    def __init__(self, name: str) -> None:
         super().__init__("", id=name, markup=True)
         self._shown: str | None = None
-        self._ascii = ascii
 
     def say(self, markup: str, classes: str = "") -> None:
         """Show Textual markup, with CSS classes for its meaning."""
-        if self._ascii:
-            markup = markup.encode("ascii", "replace").decode()
         if markup != self._shown:
             self._shown = markup
             self.update(markup)

@@ -6,28 +6,43 @@ from typing import ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import BindingType
+from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 
 from s2rtui import diagnosis
 from s2rtui.canvas import Look
-from s2rtui.plots.testcard import card
+from s2rtui.plots.testcard import card, card_height
+from s2rtui.terminal import Terminal
 from s2rtui.widgets.plot import PlotView
+
+WIDTH = 96
+"""Columns of the screen's panel, as its style says."""
 
 
 class DoctorScreen(ModalScreen[None]):
-    """Any of the closing keys leaves it."""
+    """Any of the closing keys leaves it; up and down scroll."""
 
     BINDINGS: ClassVar[list[BindingType]] = [("escape,q,enter,D", "dismiss", "close")]
 
-    def __init__(self, look: Look) -> None:
+    def __init__(self, look: Look, terminal: Terminal | None = None) -> None:
+        """`terminal` is what was found when the application began."""
         super().__init__()
         self._look = look
+        self._terminal = terminal
 
     def compose(self) -> ComposeResult:
-        yield PlotView("doctor", self._look)
+        with VerticalScroll(id="doctor"):
+            yield PlotView("card", self._look)
 
     def on_mount(self) -> None:
-        mode, width = self._look.mode.value, f"{self.app.size.width}x{self.app.size.height}"
-        drawn = [("drawn with", f"{mode} colours, {width}")]
-        rows = [*drawn, *diagnosis.terminal()[1:], *diagnosis.packages()]
-        self.query_one(PlotView).show(lambda size, look: card(rows, size, look))
+        self.query_one("#doctor").focus()
+        self.on_resize()
+
+    def on_resize(self) -> None:
+        mode, size = self._look.mode.value, self.app.size
+        colours = "no" if mode == "none" else mode
+        drawn = [("drawn with", f"{colours} colours, {size.width}x{size.height}")]
+        rows = [*drawn, *diagnosis.terminal(self._terminal)[1:], *diagnosis.packages()]
+        plot = self.query_one(PlotView)
+        plot.styles.height = card_height(rows, min(self.app.size.width, WIDTH))
+        plot.show(lambda size, look: card(rows, size, look))

@@ -77,6 +77,8 @@ class Panes(Widget, can_focus=False):
         places = self._places(*self._room())
         for view in self._views:
             view.placed = (view.id or "") in places
+            if not view.placed:
+                view.abandon()
         if key != self._seen:
             self._seen = key
             self._views[0].refresh(layout=True)  # a child's wish makes its parent arrange anew

@@ -20,6 +20,49 @@ Cell = tuple[int, int]
 _GAP = 12
 
 
+@dataclass(frozen=True, slots=True)
+class Stroke:
+    """Where the mouse went with its button down; `done` once it has let go."""
+
+    view: str
+    start: Cell
+    trail: tuple[Cell, ...]
+    done: bool
+
+
+class Drag:
+    """A stroke that grows; what is told of it waits for whoever takes it, and never queues up."""
+
+    def __init__(self, view: str, start: Cell) -> None:
+        self._view = view
+        self._cells = [start]
+        self._told = self._done = False
+
+    @property
+    def moved(self) -> bool:
+        return len(self._cells) > 1
+
+    def move(self, cell: Cell) -> bool:
+        """Whether the cell is another one."""
+        differs = self._cells[-1] != cell
+        if differs:
+            self._cells.append(cell)
+        return differs
+
+    def end(self) -> None:
+        self._done = True
+
+    def to_tell(self) -> bool:
+        """Whether a message is due: none is on its way."""
+        due, self._told = not self._told, True
+        return due
+
+    def taken(self) -> Stroke:
+        self._told = False
+        start, *trail = self._cells
+        return Stroke(self._view, start, tuple(trail), self._done)
+
+
 class PlotView(Widget, can_focus=False):
     """Draws what `show` was given; a new drawing sends only the cells that differ."""
 
@@ -30,14 +73,16 @@ class PlotView(Widget, can_focus=False):
         view: str
         cell: Cell
 
-    @dataclass
     class Dragged(Message):
-        """The mouse moves with its button down, or (`done`) has let go."""
+        """The mouse moves with its button down, or has let go; one message for all moves since."""
 
-        view: str
-        start: Cell
-        trail: tuple[Cell, ...]
-        done: bool
+        def __init__(self, drag: Drag) -> None:
+            super().__init__()
+            self._drag = drag
+
+        def taken(self) -> Stroke:
+            """The stroke as it is now. What comes after it is told by another message."""
+            return self._drag.taken()
 
     @dataclass
     class Wheeled(Message):
@@ -57,7 +102,7 @@ class PlotView(Widget, can_focus=False):
         self._depends: tuple[object, ...] | None = None
         self._canvas: Canvas | None = None
         self._strips: list[Strip] = []
-        self._trail: list[Cell] = []
+        self._drag: Drag | None = None
 
     def show(self, draw: Draw, depends: tuple[object, ...] | None = None) -> None:
         """Draw anew by `draw(size, look)`, unless `depends` is what it was."""
@@ -104,28 +149,40 @@ class PlotView(Widget, can_focus=False):
 
     def on_mouse_down(self, event: events.MouseDown) -> None:
         self.capture_mouse()
-        self._trail = [(event.x, event.y)]
+        self._drag = Drag(self._view, (event.x, event.y))
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
-        if self._trail and self._trail[-1] != (event.x, event.y):
-            self._trail.append((event.x, event.y))
-            self._tell(done=False)
+        if self._drag is not None and self._drag.move((event.x, event.y)):
+            self._tell(self._drag)
 
     def on_mouse_up(self, event: events.MouseUp) -> None:
         self.release_mouse()
-        if not self._trail:
+        drag, self._drag = self._drag, None
+        if drag is None:
             return
-        if self._trail[-1] != (event.x, event.y):
-            self._trail.append((event.x, event.y))
-        if len(self._trail) == 1:
-            self.post_message(self.Pressed(self._view, self._trail[0]))
+        drag.move((event.x, event.y))
+        drag.end()
+        if drag.moved:
+            self._tell(drag)
         else:
-            self._tell(done=True)
-        self._trail = []
+            self.post_message(self.Pressed(self._view, drag.taken().start))
 
-    def _tell(self, done: bool) -> None:
-        message = self.Dragged(self._view, self._trail[0], tuple(self._trail[1:]), done)
-        self.post_message(message)
+    @property
+    def dragging(self) -> bool:
+        """Whether the mouse's button is down here."""
+        return self._drag is not None
+
+    def abandon(self) -> bool:
+        """Forget what the mouse has begun; True where there was something."""
+        begun = self.dragging
+        if begun:
+            self.release_mouse()
+            self._drag = None
+        return begun
+
+    def _tell(self, drag: Drag) -> None:
+        if drag.to_tell():
+            self.post_message(self.Dragged(drag))
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
         self.post_message(self.Wheeled(self._view, (event.x, event.y), 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -11,6 +12,8 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.widgets import Input
 
+_WORD = re.compile(r"\A[\w.]+")
+_LAST = re.compile(r'(?:"(?:\\.|[^"\\])*"|[^\s"])+\s*\Z')
 Complete = Callable[[str], Sequence[tuple[str, str]]]
 
 
@@ -26,7 +29,7 @@ class QueryLine(Input):
 
     @dataclass
     class Offered(Message):
-        """What could stand at the end of the line: pairs of text and meaning."""
+        """What could stand at the cursor: pairs of a word and its meaning."""
 
         options: Sequence[tuple[str, str]]
 
@@ -39,6 +42,7 @@ class QueryLine(Input):
         self._draft = ""
         self._options: Sequence[tuple[str, str]] = ()
         self._option = -1
+        self._rest = ""
 
     def on_mount(self) -> None:
         self.can_focus = False
@@ -77,14 +81,20 @@ class QueryLine(Input):
             self._fill(self._draft if last else self._history[place])
 
     def action_complete(self, steps: int) -> None:
-        """The next of what could stand at the end."""
+        """The next of what could stand at the cursor, in place of the word that it is in."""
         if not self._options:
-            self._options, self._option = tuple(self._complete(self.value)), -1
-            self.post_message(self.Offered(self._options))
+            at = self.cursor_position
+            head, rest = self.value[:at], _WORD.sub("", self.value[at:], count=1)
+            self._options = tuple(self._complete(head))
+            self._option, self._rest = -1, rest if rest.strip() else ""
+            offered = [(_last(text), what) for text, what in self._options]
+            self.post_message(self.Offered(offered))
         if self._options:
             first = self._option < 0 and steps < 0
             self._option = (self._option + steps + first) % len(self._options)
-            self._fill(self._options[self._option][0])
+            text = self._options[self._option][0]
+            self._fill(text + self._rest)
+            self.cursor_position = len(text)
 
     def _fill(self, text: str) -> None:
         self.value = text
@@ -94,3 +104,9 @@ class QueryLine(Input):
         if event.key not in ("tab", "shift+tab"):
             self._options, self._option = (), -1
         await super()._on_key(event)
+
+
+def _last(text: str) -> str:
+    """The last word of a line, quoted blanks with it."""
+    found = _LAST.search(text)
+    return found.group().strip() if found else text

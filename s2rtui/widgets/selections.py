@@ -13,8 +13,9 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from s2rstore.errors import RequestError
-from s2rtui.notebook import SavedSelection
+from s2rtui.notebook import at
 from s2rtui.session import Session
+from s2rtui.session.anew import where
 from s2rtui.session.sharing import written
 
 _MOST = 100
@@ -48,7 +49,7 @@ class SelectionsScreen(ModalScreen[str | None]):
         options: list[Option] = []
         self._texts = {}
         for name, saved in notes.selections.items():
-            label = f"@{name}   {saved.expression}   {_where(saved)}"
+            label = f"{at(name)}   {saved.expression}   {where(saved)}"
             options.append(Option(Content(label), id=f"@{name}"))
             self._texts[f"@{name}"] = written(saved, self._session.store.dataset.hash)
         past = dict.fromkeys(reversed((*notes.history, *state.past, state.expression)))
@@ -74,7 +75,3 @@ class SelectionsScreen(ModalScreen[str | None]):
             except RequestError as error:
                 self.query_one("#selections-title", Static).update(Content(str(error)))
             self._fill()
-
-
-def _where(saved: SavedSelection) -> str:
-    return f"{saved.count} on {saved.run}, generation {saved.generation}"

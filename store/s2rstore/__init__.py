@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 __all__ = ["open"]
 
 
-def open(path: str | Path, memory: str = "") -> Store:
-    """Open the store at `path` for reading; it stays at today's generation until closed.
+def open(path: str | Path, memory: str = "", generation: int | None = None) -> Store:
+    """Open the store at `path` for reading; it stays at one generation until closed.
 
-    `memory` (such as 128MB) bounds what the index may take. Raises
-    `s2rstore.errors.RequestError` where there is no readable store.
+    That is today's, or an earlier one that `s2r prune` has kept. `memory` (such as 128MB) bounds
+    what the index may take. Raises `s2rstore.errors.RequestError` where there is no readable store.
     """
     from s2rstore.reader import Store
 
-    return Store(path, memory)
+    return Store(path, memory, generation)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -51,7 +51,7 @@ class Index:
         iid, values = found["iid"], found["value"]
         kind = np.float64 if missing is None else np.int32
         blank = np.nan if missing is None else missing
-        if isinstance(values, np.ma.MaskedArray):
+        if type(values) is not np.ndarray:  # masked; to ask for numpy.ma would import it
             values = np.ma.filled(values.astype(kind), blank)
         values = np.asarray(values, dtype=kind)
         if np.array_equal(iid, self.iids):
@@ -132,6 +132,11 @@ def run_columns(
 def forget(index: Index, run: str) -> None:
     """Drop what is kept of a run's columns."""
     index.kept.drop(lambda key: isinstance(key, tuple) and key[:2] == _key(run))
+
+
+def has_read(index: Index, run: str, side: Side | None, names: Iterable[str]) -> bool:
+    """Whether columns of a run are kept; side None are those of both."""
+    return all((*_key(run), side, name) in index.kept for name in names)
 
 
 def _key(run: str) -> tuple[str, str]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 _SAMPLE = 16_384
 _SMALL = 4 * _SAMPLE
+_BLOCK = 32_768
 
 
 def extremes(
@@ -31,6 +32,18 @@ def extremes(
     chosen = np.zeros_like(base)
     chosen[_taken(values, np.flatnonzero(base & ~np.isnan(values)), count, largest)] = True
     return chosen
+
+
+def largest(values: NDArray[np.float64], pool: NDArray[np.bool_]) -> int | None:
+    """The first index of the largest known value in `pool` (n,), all at least 0; None without."""
+    best, at = -1.0, None
+    for start in range(0, pool.size, _BLOCK):
+        block = slice(start, start + _BLOCK)
+        found = np.where(pool[block] & (values[block] >= 0), values[block], -1.0)
+        place = int(found.argmax())
+        if found[place] > best:
+            best, at = float(found[place]), start + place
+    return at
 
 
 def _taken(

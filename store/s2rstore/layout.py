@@ -54,8 +54,9 @@ def read_current(root: Path) -> Current:
     path = root / CURRENT
     try:
         current = Current(**json.loads(path.read_bytes()))
-    except FileNotFoundError:
-        kind = "no such folder" if not root.is_dir() else f"no {CURRENT} in it"
+    except (FileNotFoundError, NotADirectoryError):
+        kind = f"no {CURRENT} in it" if root.is_dir() else "no such folder"
+        kind = "a file, no folder" if root.is_file() else kind
         raise RequestError(f"{root}: not a store ({kind}); make one with `s2r ingest`") from None
     except (OSError, ValueError, TypeError, RecursionError) as error:
         raise RequestError(f"{path}: damaged ({type(error).__name__}); restore it") from error

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from threading import RLock
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -58,10 +60,13 @@ class Frame:
 
 
 class Store:
-    """A store at the generation that was current when it was opened; close it, or use `with`."""
+    """A store at one generation; close it, or use `with`. Any thread may read it.
 
-    def __init__(self, path: str | Path, memory: str = "") -> None:
-        """`memory`: see `sandbox.connect`.
+    `in_use` names the runs whose columns `forget` leaves alone.
+    """
+
+    def __init__(self, path: str | Path, memory: str = "", generation: int | None = None) -> None:
+        """At the published generation, or at an earlier one; `memory`: see `sandbox.connect`.
 
         Raises RequestError where `path` holds no store that this version can read.
         """
@@ -72,8 +77,10 @@ class Store:
                 f"{path}: schema {current.schema}, this program reads {schema.VERSION}; "
                 "use the release that wrote it, or ingest again"
             )
-        self.generation = current.generation
-        self._index = self.path / current.index
+        self.generation = current.generation if generation is None else generation
+        self._index = self.path / layout.index_name(self.generation)
+        self._lock = RLock()
+        self.in_use: frozenset[str] = frozenset()
         self._opened: duckdb.DuckDBPyConnection | None = sandbox.connect(self._index, memory)
         self._runs_columns: dict[str, RunColumns] = {}
         self._columns = Recent(_COLUMN_BYTES)
@@ -94,7 +101,8 @@ class Store:
 
     def close(self) -> None:
         """Let the index go; what was read stays."""
-        opened, self._opened = self._opened, None
+        with self._lock:
+            opened, self._opened = self._opened, None
         if opened is not None:
             with contextlib.suppress(duckdb.Error):  # busy in another thread: closed after that
                 opened.close()
@@ -111,11 +119,12 @@ class Store:
 
     def connection(self) -> duckdb.DuckDBPyConnection:
         """A new read-only connection to this generation's index, for use in another thread."""
-        return self._connection.cursor()
+        with self._lock:
+            return self._connection.cursor()
 
     def execute(self, sql: str, parameters: list[Any] | None = None) -> list[tuple[Any, ...]]:
         """All rows of a query."""
-        return self._connection.cursor().execute(sql, parameters or []).fetchall()
+        return self.connection().execute(sql, parameters or []).fetchall()
 
     def _rows(self, table: str) -> list[dict[str, Any]]:
         known = schema.BY_NAME[table]
@@ -204,22 +213,28 @@ class Store:
 
     def run_columns(self, run: str) -> RunColumns:
         """Predictions of a computed run, aligned by iid; read and kept as `instances` are."""
-        if run not in self._runs_columns:
-            if self.run(run).key is None:
-                raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
-            lacking = self.lacking("prediction")
-            self._runs_columns[run] = dense.run_columns(
-                self._dense, run, self.instances, self.rooms, lacking
-            )
-        return self._runs_columns[run]
+        with self._lock:
+            if run not in self._runs_columns:
+                if self.run(run).key is None:
+                    raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
+                lacking = self.lacking("prediction")
+                self._runs_columns[run] = dense.run_columns(
+                    self._dense, run, self.instances, self.rooms, lacking
+                )
+            return self._runs_columns[run]
 
     def forget(self, run: str) -> None:
         """Give back the memory of a run's columns; they are read again when asked for."""
-        dense.forget(self._dense, run)
+        if run not in self.in_use:
+            dense.forget(self._dense, run)
+
+    def has_read(self, run: str, side: Side | None, names: Iterable[str]) -> bool:
+        """Whether columns of a run are at hand; side None are those of both."""
+        return dense.has_read(self._dense, run, side, names)
 
     def lacking(self, table: str) -> frozenset[str]:
         """The columns that this index, written by an earlier release, does not have."""
-        cursor = self._connection.cursor().execute(f'SELECT * FROM "{table}" LIMIT 0')
+        cursor = self.connection().execute(f'SELECT * FROM "{table}" LIMIT 0')
         found = {column[0] for column in cursor.description}
         optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
         return frozenset(optional - found)
@@ -299,9 +314,10 @@ class Store:
         return iid - self.first_iid(name), name
 
     def _array(self, path: Path) -> zarr.Array[Any]:
-        if path not in self._arrays:
-            self._arrays[path] = arrays.open_read(path)
-        return self._arrays[path]
+        with self._lock:
+            if path not in self._arrays:
+                self._arrays[path] = arrays.open_read(path)
+            return self._arrays[path]
 
     @cached_property
     def _array_records(self) -> dict[str, list[ArrayRecord]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from threading import Lock
+from threading import Event, Lock
 from typing import Protocol, TypeVar
 
 
@@ -26,23 +26,36 @@ class Recent:
         self._values: OrderedDict[Hashable, Sized] = OrderedDict()
         self._bytes = 0
         self._lock = Lock()
+        self._making: dict[Hashable, Event] = {}
 
     def get(self, key: Hashable, make: Callable[[], V]) -> V:
         """The value of `key`, made where it is not kept.
 
-        A key stands for one value of one type, which nobody may change. Two threads may make the
-        same value at once; both get the one that was there first.
+        A key stands for one value of one type, which nobody may change. It is made once: other
+        threads wait for it, and make it themselves where that failed.
         """
+        while True:
+            with self._lock:
+                if key in self._values:
+                    self._values.move_to_end(key)
+                    return self._values[key]  # type: ignore[return-value]
+                making = self._making.get(key)
+                if making is None:
+                    self._making[key] = Event()
+                    break
+            making.wait()
+        try:
+            value = make()
+            with self._lock:
+                self._put(key, value)
+            return value
+        finally:
+            with self._lock:
+                self._making.pop(key).set()
+
+    def __contains__(self, key: Hashable) -> bool:
         with self._lock:
-            if key in self._values:
-                self._values.move_to_end(key)
-                return self._values[key]  # type: ignore[return-value]
-        value = make()
-        with self._lock:
-            if key in self._values:
-                return self._values[key]  # type: ignore[return-value]
-            self._put(key, value)
-        return value
+            return key in self._values
 
     def drop(self, unwanted: Callable[[Hashable], bool]) -> None:
         """Keep nothing whose key is unwanted."""

@@ -5,15 +5,19 @@ from __future__ import annotations
 import asyncio
 import shutil
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 from textual.pilot import Pilot
 
 import s2rstore
+from s2rstore.errors import RequestError
 from s2rtools.adjust import ADJUSTMENTS, chain_of
 from s2rtools.live import LiveModel
 from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.registry import add_run
+from s2rtui import prompts
 from s2rtui.access import Access
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
@@ -133,7 +137,7 @@ async def test_adjustments_are_saved_as_a_run(computed: Path, tmp_path: Path) ->
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "right", "S")
         await pilot.press(*"brighter", "enter")
-        for _ in range(1200):
+        for _ in range(2400):
             await pilot.pause()
             if "brighter" in app.session.state.runs or app.session.state.is_error:
                 break
@@ -153,6 +157,136 @@ async def test_a_taken_name_is_told(computed: Path) -> None:
         await settle(app, pilot)
         assert "already" in app.session.state.message
         assert app.session.state.is_error
+
+
+async def test_one_run_is_saved_at_a_time(
+    computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[str] = []
+    go_on = threading.Event()
+
+    def slow(root: Path, name: str, *_: object) -> None:
+        started.append(name)
+        go_on.wait(20)
+        raise RequestError("nothing is saved here")
+
+    monkeypatch.setattr(prompts, "save_run", slow)
+    app = app_on(computed)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a", "right")
+        await pilot.press("S", *"one", "enter")
+        await pilot.pause()
+        assert "run one: checking" in take(app).text
+        await pilot.press("S")
+        await pilot.pause()
+        assert not app.prompting
+        assert "run one is still being saved" in take(app).text
+        with pytest.raises(RequestError, match="run one is still being saved"):
+            app.begin_saving("two", lambda: slow(computed, "two"))
+        go_on.set()
+        await settle(app, pilot)
+        assert started == ["one"]
+        assert app.session.state.message == "run one: nothing is saved here"
+        await pilot.press("S")
+        await pilot.pause()
+        assert app.prompting
+
+
+async def test_a_saving_that_breaks_down_is_told(
+    computed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise ModuleNotFoundError("No module named 'torch'", name="torch")
+
+    monkeypatch.setattr(prompts, "save_run", broken)
+    app = app_on(computed)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a", "right", "S", *"one", "enter")
+        assert app.session.state.is_error
+        assert "saving a run needs torch: pip install 's2rtui[tools]'" in app.session.state.message
+
+
+async def test_without_torch_the_panel_says_how_to_get_it(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("s2rtools.")]:
+        if name.split(".")[1] not in ("adjust", "rendering", "world"):
+            monkeypatch.delitem(sys.modules, name)
+    for name in [name for name in sys.modules if name.split(".")[0] == "torch"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a", "right")
+        text = " ".join(take(app).text.split())
+        assert "adjusting live needs torch: pip install 's2rtui[tools]'" in text
+        assert "loading the model" not in text
+        assert "run vanilla: not adjusted" in text
+        assert "brightness" in text
+        await press(app, pilot, "2", "w")
+        assert app.session.state.expression == "worst15"
+        assert app.resources.pictures is not None
+
+
+async def test_a_model_that_fails_is_not_being_loaded(
+    computed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = app_on(computed)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a")
+        monkeypatch.setattr(LiveModel, "steps", lambda *_: iter([1 / 0]))
+        await press(app, pilot, "right")
+        text = take(app).text
+        assert "run vanilla: not adjusted" in text
+        assert "loading the model" not in text
+        assert "division by zero" in text
+        monkeypatch.undo()
+        await press(app, pilot, "right")
+        assert "not adjusted" not in take(app).text
+        assert app.resources.live is not None
+
+
+async def test_a_slider_that_outruns_the_model_is_followed(
+    computed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = app_on(computed)
+    begun, go_on = threading.Semaphore(0), threading.Semaphore(0)
+    steps = LiveModel.steps
+    values: list[float] = []
+
+    def slowly(model: LiveModel, iid: int, chains, *rest):
+        values.append(chains["real"][0]["value"] if chains["real"] else 1.0)
+        begun.release()
+        assert go_on.acquire(timeout=20)
+        yield from steps(model, iid, chains, *rest)
+
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "a")
+        before = app.resources.live
+        monkeypatch.setattr(LiveModel, "steps", slowly)
+        await pilot.press("right")
+        assert await asyncio.to_thread(begun.acquire, timeout=20)
+        await pilot.press(*["right"] * 9)
+        go_on.release()
+        assert await asyncio.to_thread(begun.acquire, timeout=20)
+        await pilot.pause()
+        assert app.resources.live is not before  # the first move's, though nine came after it
+        assert not app.settled
+        go_on.release()
+        await settle(app, pilot)
+        step = ADJUSTMENTS["brightness"].step
+        assert values == pytest.approx([1 + step, 1 + 10 * step])
+
+
+def test_the_live_model_stays_in_the_sessions_generation(computed: Path, tmp_path: Path) -> None:
+    path = tmp_path / "own.s2r"
+    shutil.copytree(computed, path)
+    with s2rstore.open(path) as store:
+        add_run(path, "later", "vanilla", None, None, {"sim": [], "real": []})
+        model = LiveModel(store, "vanilla")
+        assert model._store.generation == store.generation
+        assert "later" not in model._store.runs
+        model.close()
 
 
 async def test_without_the_tools_the_panel_says_how_to_get_them(
@@ -177,3 +311,24 @@ async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
         assert app.session.state.view != "adjust"
         assert "a adjust" not in take(app).text
         assert "not in a restricted session" in app.session.state.message
+
+
+async def test_a_click_elsewhere_leaves_the_panel_and_the_live_marks(computed: Path) -> None:
+    app = app_on(computed)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "a", "right")
+        live = _map_input(app).live
+        assert live
+        for view in ("umap", "orientation", "rooms", "errors", "overview", "map"):
+            await pilot.click(f"#{view}", offset=(3, 0))
+            await settle(app, pilot)
+            assert app.session.state.view == view
+            assert app.query_one("#adjust").placed
+            assert _map_input(app).live == live
+        await press(app, pilot, "4")
+        assert app.query_one("#adjust").placed
+        await pilot.resize_terminal(120, 40)
+        await settle(app, pilot)
+        assert app.query_one("#umap").placed
+        await press(app, pilot, "3")
+        assert not _map_input(app).live

@@ -13,6 +13,7 @@ from s2rtui.actions import ACTIONS, footer, help_text
 from s2rtui.app import S2RApp
 from s2rtui.canvas import ColourMode, Look
 from s2rtui.headless import settle, snapshot, take
+from s2rtui.keys import key_shown
 from s2rtui.plots.surface import Mark
 from s2rtui.session import Brush, Session
 from s2rtui.widgets import PlotView
@@ -207,3 +208,30 @@ def test_starting_the_application_loads_no_heavy_package(tiny_store: Path) -> No
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_keys_are_shown_as_they_stand_on_a_keyboard() -> None:
+    lines = {line.strip() for line in help_text().splitlines()}
+    assert any(line.startswith("z  +  =  ") for line in lines)
+    for action in ACTIONS:
+        for key in action.keys:
+            shown = key_shown(key)
+            assert shown.isascii()
+            assert "_" not in shown
+            assert len(shown) == 1 or shown.split("+")[-1].replace(" ", "") == key.split("+")[-1]
+
+
+async def test_escape_is_offered_while_something_is_begun(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        assert "escape leave" not in take(app).text
+        for begin in ("x", "vertical_line"):
+            await pilot.press(begin)
+            await settle(app, pilot)
+            assert "escape leave" in take(app).text
+            await pilot.press("escape")
+            await settle(app, pilot)
+            assert "escape leave" not in take(app).text
+        await pilot.press("slash", "escape")
+        assert not app.prompting

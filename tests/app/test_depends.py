@@ -15,10 +15,11 @@ from s2rtui.feeds import reading
 from s2rtui.notebook import Notes, Remark
 from s2rtui.plots.surface import Mark
 from s2rtui.session import HeatChoice, Session, State, derive
-from s2rtui.session.state import Adjust, Brush, HistoryFile, Slider
+from s2rtui.session.about import HeatOf, about, heat_of, seen_of
+from s2rtui.session.state import Adjust, Awaited, Brush, HistoryFile, Slider
 from s2rtui.titles import shown
 from s2rtui.views import VIEWS, Resources, Scene, View
-from s2rtui.views.contract import RunAccuracies, heat_of
+from s2rtui.views.contract import RunAccuracies
 from tests.support import gaps, tiny
 
 SIZE = (100, 40)
@@ -46,6 +47,7 @@ STATES: dict[str, Callable[[Session, State], object]] = {
     "brush": lambda _, state: Brush("map", Mark("map", BOX)),
     "lasso": lambda _, state: not state.lasso,
     "other": lambda _, state: state.runs[-1],
+    "awaited": lambda _, state: Awaited(state.runs[1], state.generation),
     "adjust": lambda _, state: replace(ADJUST, values=((SLIDER.key, 1.2),)),
     "map_mode": lambda _, state: "full",
     "overlay": lambda _, state: "run",
@@ -70,20 +72,22 @@ RESOURCES: dict[str, Callable[[Resources], object]] = {
     "baseline": lambda found: 0.9,
     "floor_plan": lambda found: np.full((20, 20, 3), 200, dtype=np.uint8),
     "pictures": lambda found: replace(found.pictures, iid=3, notes=(("where", "here"),)),
-    "instance_grid": lambda found: np.ones((4, 4), dtype=np.float32),
+    "pictures_of": lambda found: replace(found.pictures_of, iid=3),
     "grid": lambda found: np.ones((4, 4), dtype=np.float32),
-    "grid_of": lambda found: ("another",),
+    "grid_of": lambda found: HeatOf(("another run's",), None),
     "seen": lambda found: np.eye(4, dtype=np.float32),
+    "seen_of": lambda found: ("another run's",),
     "live": lambda found: replace(found.live, iid=5, notes=(("real", "else"),)),
+    "live_of": lambda found: replace(found.live_of, run="another"),
     "live_grid": lambda found: np.ones((4, 4), dtype=np.float32),
     "history": lambda found: gaps.history(*gaps.week()),
-    "progress": lambda found: 0.5,
-    "saving": lambda found: "saving b",
+    "progress": lambda found: {"live": 0.5},
+    "failed": lambda found: {"live": "no model"},
+    "saving": lambda found: "1 of 3",
 }
 NEVER_DRAWN = {
-    "newest", "trajectories", "expression", "operator", "lasso", "message",
-    "is_error", "past", "future", "centre", "tab", "instance_grid", "progress",
-    "saving",
+    "newest", "trajectories", "expression", "operator", "lasso", "message", "is_error", "past",
+    "future", "centre", "progress", "saving", "awaited",
 }  # fmt: skip
 
 
@@ -103,14 +107,14 @@ def scenes(session: Session) -> dict[str, Scene]:
     grid = np.arange(16, dtype=np.float32).reshape(4, 4)
     fed = reading.read_rows(store, state, None) | reading.read_lines(store, state, None)
     pictures, live = (derive.instance_input(store, state.run, i, state.heat) for i in (0, 2))
-    plain = Scene(store, state, Resources(**fed, pictures=pictures, live=live))
+    of = {"pictures_of": about(state), "live_of": about(state)}
+    plain = Scene(store, state, Resources(**fed, pictures=pictures, live=live, **of))
+    heated = replace(plain.resources, grid=grid, seen=grid > 7, live_grid=grid[::-1])
     rich = replace(
         state, overlay="selection", clip=True, map_mode="glyph", room_names=True, sort="gap",
         brush=Brush("umap", Mark("real", BOX)), heat=HeatChoice("activation", "loss"), cursor=4,
     )  # fmt: skip
-    heated = replace(
-        plain.resources, grid=grid, grid_of=heat_of(rich), seen=grid > 7, live_grid=grid[::-1]
-    )
+    heated = replace(heated, grid_of=heat_of(rich), seen_of=seen_of(rich))
     sliding = replace(state, view="adjust", tab="adjust", adjust=ADJUST, overlay="instance")
     return {
         "plain": plain,

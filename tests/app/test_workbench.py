@@ -6,15 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from textual.events import MouseScrollDown
 from textual.pilot import Pilot
 
+from s2rtui.actions import ACTIONS
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
 from s2rtui.headless import settle, take
 from s2rtui.notebook import Notebook
 from s2rtui.plots.surface import Panel
-from s2rtui.session import Session
+from s2rtui.session import Session, listing
 from s2rtui.views import BY_NAME, VIEWS
+from s2rtui.widgets.tour import TourScreen
 
 BRUSHABLE = ("overview", "map", "umap", "orientation", "rooms", "errors", "list", "compare")
 KEYS = {view.name: view.key for view in VIEWS}
@@ -116,6 +119,34 @@ async def test_a_lasso_of_two_corners_is_refused(tiny_store: Path) -> None:
         await press(app, pilot, "c", "L", "x", "enter")
         assert "three corners" in app.session.state.message
         assert app.session.state.expression == "all"
+        await press(app, pilot, "escape", "x", "ampersand")
+        state = app.session.state
+        assert "three corners" in state.message
+        assert (state.operator, state.brush is None) == ("replace", False)
+
+
+async def test_a_lasso_too_short_by_the_mouse_leaves_no_mark(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", "L")
+        panel = panels(app, "map")[0]
+        at = panel.x + 9, panel.y + 9
+        await drag(app, pilot, "map", [at, (at[0] + 1, at[1])])
+        assert "three corners" in app.session.state.message
+        assert app.session.state.brush is None
+
+
+async def test_the_wheel_moves_through_the_list_from_any_view(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", "8")
+        rows = listing.order(app.session.store, app.session.state)
+        app.session.put_cursor(int(rows[4]))
+        await press(app, pilot, "1")
+        run = app.session.state.run
+        await pilot._post_mouse_events([MouseScrollDown], "#list", offset=(9, 9), button=0)
+        await settle(app, pilot)
+        assert (app.session.state.cursor, app.session.state.run) == (rows[5], run)
 
 
 async def drag(app: S2RApp, pilot: Pilot[None], name: str, cells: list[tuple[int, int]]) -> None:
@@ -414,3 +445,65 @@ async def test_what_another_session_saved_is_found(tiny_store: Path) -> None:
         app._line.value = "@theirs"
         await press(app, pilot, "enter")
         assert app.session.state.count == "2 of 40"
+
+
+@pytest.mark.parametrize("name", ["map", "orientation", "errors"])
+@pytest.mark.parametrize("end", ["escape", "resize", "tiny", "view"])
+async def test_a_drag_that_is_broken_off_leaves_no_mark(
+    tiny_store: Path, name: str, end: str
+) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await press(app, pilot, "c", KEYS[name])
+        panel = panels(app, name)[-1]
+        at = panel.x + panel.width // 4, panel.y + panel.height // 4 + 1
+        beyond = panel.x + panel.width // 2, panel.y + panel.height // 2 + 1
+        await pilot.mouse_down(f"#{name}", offset=at)
+        await pilot.hover(f"#{name}", offset=beyond)
+        await settle(app, pilot)
+        assert app.session.state.brush is not None
+        if end == "escape":
+            await press(app, pilot, "escape")
+        elif end == "view":
+            await pilot.resize_terminal(80, 24)
+            await pilot.mouse_down(f"#{name}", offset=(20, 9))
+            await pilot.hover(f"#{name}", offset=(25, 11))
+            await press(app, pilot, "1")
+        else:
+            await pilot.resize_terminal(*((80, 24) if end == "resize" else (20, 6)))
+            await settle(app, pilot)
+        assert app.session.state.brush is None
+        assert app.mouse_captured is None
+        await pilot.hover(None, offset=(9, 4))
+        await pilot.mouse_up(None, offset=(12, 4))
+        await settle(app, pilot)
+        assert app.session.state.brush is None
+        assert app.session.state.expression == "all"
+
+
+async def test_escape_ends_a_drag_that_has_not_moved(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c")
+        await pilot.mouse_down("#map", offset=(20, 9))
+        await press(app, pilot, "escape")
+        await pilot.hover("#map", offset=(30, 15))
+        await pilot.mouse_up("#map", offset=(30, 15))
+        await settle(app, pilot)
+        assert app.session.state.expression == "all"
+
+
+async def test_the_key_that_ends_the_tour_does_nothing_else(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    app.first_run = True
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        before = app.session.state
+        for key in (key for action in ACTIONS for key in action.keys):
+            assert isinstance(app.screen, TourScreen)
+            await press(app, pilot, key)
+            assert app.screen is app.default_screen
+            assert app.session.state is before
+            assert not app.prompting
+            app.action_tour()
+            await settle(app, pilot)

@@ -154,7 +154,39 @@ def test_completion_leaves_numbers_to_the_user() -> None:
     words = Vocabulary(("vanilla",), ("left (hall",), ())
     for text in ("like(", "like(12, ", "real.lasso(1, 2, ", "ids(3, "):
         assert complete(text, words) == []
+    for text in ("real.error > ", "all & gap <", "heading:90 +- ", "seq:3..", "gap = -"):
+        assert complete(text, words) == []
     assert complete('room:"left (hall" & hea', words)
+
+
+@pytest.mark.parametrize(
+    ("text", "whole"),
+    [
+        ("room:le", 'room:"left hall"'),
+        ('room:"le', 'room:"left hall"'),
+        ("all & room:left h", 'all & room:"left hall"'),
+        ('all & room:"left h', 'all & room:"left hall"'),
+        ("@tw", '@"two words"'),
+        ('curved | @"two w', 'curved | @"two words"'),
+    ],
+)
+def test_names_with_blanks_are_completed_and_quoted(text: str, whole: str) -> None:
+    saved = {"two words": parse("all"), "other": parse("all")}
+    words = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), saved)
+    assert [line for line, _ in complete(text, words)] == [whole]
+    parse(whole)
+
+
+@pytest.mark.parametrize(
+    "text", ["worst15", "worst15 ", "room:right ", 'room:"left hall" ', "near(1, 2, 3)",
+             "real.error > 0.8 ", "(all) ", "@bad "],
+)  # fmt: skip
+def test_after_a_whole_term_comes_what_joins_it(text: str) -> None:
+    words = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), {"bad": parse("all")})
+    lines = [line for line, _ in complete(text, words)]
+    assert len(lines) == 3
+    for line in lines:
+        parse(f"{line}all")
 
 
 def test_short_names_of_shapes(store: Store) -> None:

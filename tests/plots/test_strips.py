@@ -66,7 +66,8 @@ def test_the_ground_is_exact_in_truecolor_and_the_default_in_16() -> None:
 
 
 @pytest.mark.parametrize("mode", [ColourMode.TRUECOLOR, ColourMode.PALETTE, ColourMode.ANSI])
-def test_delta_codes_draw_what_full_codes_draw(mode: ColourMode) -> None:
+@pytest.mark.parametrize("cut", [(0, 30), (0, 7), (4, 19), (29, 30)])
+def test_delta_codes_draw_what_full_codes_draw(mode: ColourMode, cut: tuple[int, int]) -> None:
     """A terminal that is given either ends with the same cells."""
     pyte = pytest.importorskip("pyte")
     canvas = noise()
@@ -76,7 +77,8 @@ def test_delta_codes_draw_what_full_codes_draw(mode: ColourMode) -> None:
         screen = pyte.Screen(canvas.width, canvas.height)
         stream = pyte.Stream(screen)
         for row, strip in enumerate(to_strips(canvas, mode)):
-            drawn = Strip(strip._segments) if plain else strip
+            drawn = (Strip(strip._segments) if plain else strip).crop(*cut)
+            assert drawn.cell_length == cut[1] - cut[0]
             stream.feed(f"\x1b[{row + 1};1H{drawn.render(console)}")
         screens.append(
             [
@@ -89,6 +91,17 @@ def test_delta_codes_draw_what_full_codes_draw(mode: ColourMode) -> None:
             ]
         )
     assert screens[0] == screens[1]
+
+
+def test_a_cut_through_a_wide_character_leaves_a_blank() -> None:
+    canvas = Canvas(6, 1)
+    canvas.text(0, 0, "a界b界", DARK.sim)
+    (strip,) = to_strips(canvas, ColourMode.TRUECOLOR)
+    for start in range(6):
+        for end in range(start + 1, 7):
+            plain = Strip(strip._segments).crop(start, end)
+            assert strip.crop(start, end).text == plain.text
+            assert strip.crop(start, end).cell_length == end - start
 
 
 def test_delta_codes_are_shorter() -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from s2rtui.plots.surface import Panel
-from s2rtui.session import brushing
+from s2rstore.language import parse
+from s2rtui.plots.surface import Mark, Panel
+from s2rtui.session import Brush, brushing
+from s2rtui.views.contract import span
 
 
 def plane(y_down: bool = True) -> Panel:
@@ -90,3 +94,30 @@ def test_a_drag_is_a_box_and_with_a_trail_a_lasso() -> None:
     lasso = brushing.dragged("map", panel, trail[0], trail[-1], trail)
     assert lasso.mark.lasso
     assert len(lasso.mark.points) == 3
+
+
+@given(st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), max_size=90))
+def test_a_stretched_heading_keeps_its_sense(steps: list[tuple[int, int]]) -> None:
+    panel = line("turn")
+    brush = brushing.begun("orientation", panel, (0.0, 1.0))
+    start = brush.mark.points[0]
+    for step in steps:
+        brush = brushing.stretched(brush, panel, *step)
+        assert brush.mark.points[0] == start
+        assert brushing.TURN_STEP <= brush.mark.points[1][0] - start[0] < 360
+
+
+def test_a_heading_across_half_a_turn_can_be_stretched() -> None:
+    panel = line("turn")
+    drawn = replace(brushing.begun("orientation", panel, None).mark, points=((170, 1), (-170, 1)))
+    brush = brushing.stretched(Brush("orientation", drawn), panel, 1, 0)
+    assert brush.mark.points == ((170, 1), (-165, 1))
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3))
+def test_a_range_stays_within_what_its_field_can_be(low: float, high: float) -> None:
+    panel = line("range")
+    text = span(panel, Mark("real", ((low, 0.0), (high, 0.0))), "real.accuracy", 0.0, 1.0)
+    first, last = text.removeprefix("real.accuracy:").split("..")
+    assert 0 <= float(first) <= float(last) <= 1
+    parse(text)

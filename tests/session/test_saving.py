@@ -79,14 +79,28 @@ def test_a_cancelled_run_leaves_its_name_free(trained: Path, tmp_path: Path) -> 
     assert verify(path) == []
 
 
-def test_a_busy_store_is_told_and_the_run_is_gone(trained: Path, tmp_path: Path) -> None:
+def test_a_busy_store_is_refused_at_once(trained: Path, tmp_path: Path) -> None:
     path = copied(trained, tmp_path / "s.s2r")
-    with locks.compute_lock(path):
-        last = list(save_run(path, "saved", "vanilla", {}).follow())[-1]
-    assert last.outcome == "failed"
-    assert "holds the compute lock" in last.error
+    with locks.compute_lock(path), pytest.raises(RequestError, match="holds the compute lock"):
+        save_run(path, "saved", "vanilla", {})
     with s2rstore.open(path) as store:
         assert "saved" not in store.runs
+
+
+def test_a_run_that_is_left_can_be_gone_on_with(trained: Path, tmp_path: Path) -> None:
+    path = copied(trained, tmp_path / "s.s2r")
+    saving = save_run(path, "saved", "vanilla", {"sim": chain_of("sim", {"black": 0.5})})
+    waited(saving, "forward")
+    began = time.monotonic()
+    saving.leave()
+    assert list(saving.follow())[-1].outcome == "cancelled"
+    assert time.monotonic() - began < 1
+    with s2rstore.open(path) as store:
+        assert store.run("saved").key is None
+    assert main(["precompute", str(path), "--run", "saved"]) == 0
+    with s2rstore.open(path) as store:
+        assert store.run("saved").key is not None
+    assert verify(path) == []
 
 
 def test_wrong_requests_start_nothing(trained: Path) -> None:

@@ -171,7 +171,7 @@ def test_a_shared_line_selects_the_same_or_says_what_differs(session: Session) -
     assert sharing.take(session, line).expression == "worst15"
     assert session.state.message == ""
     changed = line.replace("6 instances", "9 instances")
-    assert "evaluated anew: 6 instances, 9 at" in sharing.take(session, changed).message
+    assert "evaluated anew: 6 on vanilla" in sharing.take(session, changed).message
     foreign = line.replace("data set ", "data set fff")
     with pytest.raises(RequestError, match="data set fff"):
         sharing.take(session, foreign)

@@ -149,3 +149,30 @@ def test_one_instances_heat_lies_on_the_map(session: Session) -> None:
     grid = instance_grid(session.store, "vanilla", session.state.heat, 5)
     assert np.isfinite(grid).any()
     assert run_grid(session.store, "vanilla", session.state.heat) is None
+
+
+def test_the_map_is_neither_lost_nor_inside_out(session: Session) -> None:
+    bounds = session.store.dataset.bounds
+    for _ in range(40):
+        showing.zoom(session, 1 / 0.6)
+    closest = session.state.viewport
+    assert closest is not None
+    assert closest.width == pytest.approx(bounds.width * showing.CLOSEST)
+    for _ in range(60):
+        showing.pan(session, 0.2, -0.2)
+    far = session.state.viewport
+    assert far is not None
+    showing.pan(session, 500.0, -500.0)
+    far = session.state.viewport
+    assert far is not None
+    middle = (far.x0 + far.x1) / 2, (far.y0 + far.y1) / 2
+    assert middle == pytest.approx((bounds.x1, bounds.y0))
+    for _ in range(40):
+        showing.zoom(session, 0.6)
+    assert session.state.viewport is None
+    showing.zoom(session, 0.6)
+    assert session.state.viewport is None
+    showing.pan(session, 50.0, 0.0)
+    wide = session.state.viewport
+    assert wide is not None
+    assert (wide.x0 + wide.x1) / 2 == pytest.approx(bounds.x1)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rstore.extremes import extremes
+from s2rstore.extremes import extremes, largest
 
 
 def sorted_extremes(values: np.ndarray, base: np.ndarray, count: int, largest: bool) -> list[int]:
@@ -61,3 +61,15 @@ def test_a_sample_that_misleads_does_no_harm(largest: bool) -> None:
         found = np.flatnonzero(extremes(values, base, count, largest))
         wanted = np.argsort(-values if largest else values, kind="stable")[:count]
         assert found.tolist() == np.sort(wanted).tolist()
+
+
+def test_the_largest_of_a_pool_is_its_first_known_one() -> None:
+    values = np.zeros(100_000)
+    values[[7, 40_000, 90_000]] = 2.0, 5.0, 5.0
+    values[99_999] = np.nan
+    everything = np.ones(values.size, dtype=np.bool_)
+    assert largest(values, everything) == 40_000
+    assert largest(values, np.arange(values.size) < 40_000) == 7
+    assert largest(values, np.arange(values.size) == 99_999) is None
+    assert largest(values, np.arange(values.size) == 3) == 3
+    assert largest(values[:0], everything[:0]) is None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from functools import cache
+from functools import cache, lru_cache
 from importlib import resources
 from typing import Any, Literal, cast
 
@@ -62,6 +62,7 @@ _WHICH: dict[str, Literal["worst", "best"]] = {
 }
 
 
+@lru_cache(64)
 def parse(text: str) -> Node:
     """The tree of an expression. Raises ExpressionError with the column and what could stand there.
 

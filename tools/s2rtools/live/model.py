@@ -60,10 +60,10 @@ class LiveModel:
     def __init__(self, store: Store, run: str, trust: bool = False, threads: int = 0) -> None:
         """Load the model of a run and warm it up; `threads` 0 leaves torch's own setting.
 
-        The store is opened once more, so that the caller may close its own. Raises RequestError
-        where the model cannot be loaded, or executes code and is not trusted.
+        The store is opened once more at its generation, so that the caller may close its own.
+        Raises RequestError where the model cannot be loaded, or executes code and is not trusted.
         """
-        self._store = s2rstore.open(store.path)
+        self._store = s2rstore.open(store.path, generation=store.generation)
         try:
             self.run = self._store.run(run)
             self._backend = Backend(load_model(self._store, self.run.model, trust), threads)

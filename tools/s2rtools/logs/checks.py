@@ -64,7 +64,9 @@ def check_clock(time: Floats, place: Place) -> None:
     if late.size:
         i = int(late[0]) + 1
         what = "stands still" if time[i] == time[i - 1] else "runs backward"
-        raise RequestError(f"{place(i)}: the clock {what} ({time[i - 1]:.9g} s, then {time[i]:.9g} s)")
+        raise RequestError(
+            f"{place(i)}: the clock {what} ({time[i - 1]:.9g} s, then {time[i]:.9g} s)"
+        )
 
 
 def log(poses: NDArray[np.float64], path: Path, place: Place) -> Log:

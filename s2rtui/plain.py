@@ -1,0 +1,39 @@
+"""ASCII characters only: the last thing that happens to a line before it reaches the terminal."""
+
+from __future__ import annotations
+
+import unicodedata
+from functools import lru_cache
+
+from rich.cells import get_character_cell_size
+from rich.segment import Segment
+from textual.color import Color
+from textual.filter import LineFilter
+
+_INSTEAD = {
+    "│": "|", "┃": "|", "▌": "|", "▐": "|", "▏": "|", "▎": "|", "▊": "|", "─": "-", "━": "-",
+    "▁": "_", "▔": "-", "█": "#", "…": "~", "·": ".", "•": "*", "–": "-", "—": "-", "−": "-",
+    "×": "x", "°": "d", "→": ">", "←": "<", "↑": "^", "↓": "v", "‘": "'", "’": "'", "“": '"',
+    "”": '"',
+}  # fmt: skip
+
+
+def plain(text: str) -> str:
+    """The text in ASCII, as wide as it was: letters without accents, `?` for what has no like."""
+    return text if text.isascii() else "".join(_character(char) for char in text)
+
+
+@lru_cache(1024)
+def _character(char: str) -> str:
+    if char.isascii():
+        return char
+    width = get_character_cell_size(char)
+    bare = unicodedata.normalize("NFKD", char)[:1]
+    return _INSTEAD.get(char, bare if bare.isascii() else "?").ljust(width, "?")[:width]
+
+
+class AsciiFilter(LineFilter):
+    """Turns every line of every screen into ASCII."""
+
+    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
+        return [Segment(plain(text), style, control) for text, style, control in segments]

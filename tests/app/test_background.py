@@ -1,0 +1,85 @@
+"""Work in threads of their own: of what waits only the newest is done, and nobody waits for it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+
+from s2rtui import background
+from s2rtui.background import Lane
+
+
+class Gate:
+    """Work that waits until it is let through; `done` names what was done, in order."""
+
+    def __init__(self) -> None:
+        self.entered, self.open = threading.Event(), threading.Event()
+        self.done: list[str] = []
+        self.threads: set[str] = set()
+
+    def wait(self) -> None:
+        self.entered.set()
+        assert self.open.wait(10)
+        self.note("first")
+
+    def note(self, name: str) -> None:
+        self.threads.add(threading.current_thread().name)
+        self.done.append(name)
+
+
+def test_of_what_waits_only_the_newest_is_done() -> None:
+    gate, lane = Gate(), Lane("lane")
+    lane.put(gate.wait)
+    assert gate.entered.wait(10)
+    for name in "abcd":
+        lane.put(lambda name=name: gate.note(name))
+    gate.open.set()
+    assert background.rest(10)
+    assert gate.done == ["first", "d"]
+    assert gate.threads == {"lane"}
+    lane.end()
+
+
+def test_a_lane_that_ends_drops_what_waits_and_does_its_last() -> None:
+    gate, lane = Gate(), Lane("lane")
+    lane.put(gate.wait)
+    assert gate.entered.wait(10)
+    lane.put(lambda: gate.note("waiting"))
+    began = time.monotonic()
+    lane.end(lambda: gate.note("last"))
+    assert time.monotonic() - began < 0.5
+    lane.put(lambda: gate.note("late"))
+    gate.open.set()
+    assert background.rest(10)
+    assert gate.done == ["first", "last"]
+
+
+def test_a_lane_that_never_began_has_no_last() -> None:
+    done: list[str] = []
+    Lane("lane").end(lambda: done.append("last"))
+    assert done == []
+
+
+def test_lanes_do_not_wait_for_each_other() -> None:
+    gate, busy, other = Gate(), Lane("busy"), Lane("other")
+    finished = threading.Event()
+    busy.put(gate.wait)
+    assert gate.entered.wait(10)
+    other.put(finished.set)
+    assert finished.wait(10)
+    gate.open.set()
+    assert background.rest(10)
+
+
+def test_a_process_ends_around_what_is_under_way() -> None:
+    code = (
+        "import sys, time; from s2rtui import background\n"
+        "background.start('endless', lambda: time.sleep(60)); print('told')\n"
+        "sys.exit(background.end_process(70))"
+    )
+    began = time.monotonic()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
+    assert (done.returncode, done.stdout, done.stderr) == (70, "told\n", "")
+    assert time.monotonic() - began < 10

@@ -1,0 +1,215 @@
+"""What the screen shows is told as what it is, also while something else is being read."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from textual.pilot import Pilot
+
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.feeds import FEEDS, feeding
+from s2rtui.headless import settle, take
+from s2rtui.messages import Progressed
+from s2rtui.session import Session, derive
+from s2rtui.session.about import about
+from s2rtui.session.state import Adjust, Slider
+from s2rtui.views import BY_NAME
+
+LATE = 60.0
+SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
+
+
+def app_on(store: Path) -> S2RApp:
+    app = S2RApp(Session(store), Look())
+    app.feeding.rest_seconds = 0.001
+    return app
+
+
+async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
+    for key in keys:
+        await pilot.press(key)
+        await settle(app, pilot)
+
+
+async def press_and_go_on(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
+    """What is read after these keys comes much later."""
+    app.feeding.rest_seconds = LATE
+    for key in keys:
+        await pilot.press(key)
+        await pilot.pause()
+
+
+def told(app: S2RApp, view: str) -> str:
+    return BY_NAME[view].told(app.scene)
+
+
+@pytest.mark.parametrize(
+    ("key", "other"),
+    [("right", lambda s: f"{s.cursor}, "), ("h", lambda s: s.heat.label), ("r", lambda s: "")],
+)
+async def test_pictures_keep_their_name_until_others_are_there(
+    tiny_store: Path, key: str, other: Callable[..., str]
+) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c")
+        before, state = told(app, "instance"), app.session.state
+        assert before == f"{state.cursor}, {state.heat.label}"
+        await press_and_go_on(app, pilot, key)
+        after = app.session.state
+        shown, _, coming = told(app, "instance").partition(" (loading ")
+        assert shown == before + (", run vanilla" if key == "r" else "")
+        assert other(after) in coming
+        assert f"3 instance  {before}"[:30] in take(app).text
+        app.feeding.rest_seconds = 0.001
+        await press(app, pilot, "n")
+        assert "loading" not in told(app, "instance")
+
+
+async def test_pictures_that_cannot_be_read_are_not_awaited(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c")
+        monkeypatch.setattr(derive, "instance_input", lambda *_: 1 / 0)
+        await press(app, pilot, "right")
+        assert "loading" not in told(app, "instance")
+        assert "division by zero" in told(app, "instance")
+        monkeypatch.undo()
+        await press(app, pilot, "right")
+        assert told(app, "instance").startswith(f"{app.session.state.cursor}, ")
+        assert "division" not in told(app, "instance")
+
+
+async def test_heat_of_another_instance_says_so(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "o")
+        before = app.session.state.cursor
+        label = BY_NAME["map"].input(app.scene).heat_label
+        await press_and_go_on(app, pilot, "n")
+        shown = BY_NAME["map"].input(app.scene)
+        assert shown.heat is not None
+        assert shown.heat_label == f"{label}, of {before}"
+
+
+async def test_heat_of_an_earlier_selection_says_so(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "o", "o")
+        await press_and_go_on(app, pilot, "w")
+        assert "of an earlier selection" in BY_NAME["map"].input(app.scene).heat_label
+
+
+@pytest.mark.parametrize("key", ["w", "d", "r"])
+async def test_what_something_else_saw_dims_nothing(tiny_store: Path, key: str) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "C")
+        assert BY_NAME["map"].input(app.scene).clip is not None
+        await press_and_go_on(app, pilot, key)
+        assert BY_NAME["map"].input(app.scene).clip is None
+        assert "loading what the selection saw" in told(app, "map")
+
+
+async def test_lines_are_named_by_their_own_side(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c")
+        assert "in real" in told(app, "overview")
+        lines = app.resources.lines
+        await pilot.press("d")
+        app.resources = replace(app.resources, lines=lines)
+        assert "in real" in told(app, "overview")
+
+
+async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c")
+        session, state = app.session, app.session.state
+        adjust = Adjust(state.run, ((SLIDER.key, 1.0),), 0, (SLIDER,))
+        shown = derive.instance_input(session.store, state.run, state.cursor, None)
+        grid = np.ones((4, 4), dtype=np.float32)
+        found = replace(app.resources, live=shown, live_of=about(state), live_grid=grid)
+        here = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")
+
+        def scene(**changes: object):
+            return replace(app.scene, resources=found, state=replace(here, **changes))
+
+        assert f"instance {state.cursor}:" in BY_NAME["adjust"].told(scene())
+        assert BY_NAME["map"].input(scene()).live
+        assert BY_NAME["map"].input(scene()).heat is not None
+        turned = scene(run="dataaug", adjust=replace(adjust, run="dataaug"))
+        assert BY_NAME["adjust"].told(turned) == "run dataaug: loading the model"
+        assert not BY_NAME["map"].input(turned).live
+        assert BY_NAME["map"].input(turned).heat is None
+        moved = scene(cursor=7)
+        assert f"instance {state.cursor} (loading 7)" in BY_NAME["adjust"].told(moved)
+        assert not BY_NAME["map"].input(moved).live
+        assert BY_NAME["map"].input(moved).heat is None
+
+
+async def test_every_feed_tells_its_own_progress(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "o", "C")
+        for feed, share in (("heat on the map", 0.25), ("what was seen", 0.5)):
+            app.on_progressed(Progressed(feed, app.feeding._ticket[feed], share))
+        app.on_progressed(Progressed("live", -1, 0.9))
+        await pilot.pause()
+        text = take(app).text
+        assert "heat on the map 25%, what was seen 50%" in text
+        app.on_fed(_answer(app, "what was seen"))
+        assert app.resources.progress == {"heat on the map": 0.25}
+        await press(app, pilot, "A")
+        assert app.resources.progress == {}
+
+
+def _answer(app: S2RApp, feed: str):
+    from s2rtui.messages import Fed
+
+    return Fed(feed, app.feeding._ticket[feed], {})
+
+
+async def test_a_slow_feed_starves_no_other(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import threading
+
+    go_on = threading.Event()
+    begun: list[int] = []
+
+    def slow(*_: object) -> dict[str, object]:
+        begun.append(1)
+        go_on.wait(20)
+        return {}
+
+    changed = tuple(
+        replace(feed, read=slow, wants=lambda _, state: (state.cursor,), rests=False)
+        if feed.name == "live" else feed for feed in FEEDS
+    )  # fmt: skip
+    monkeypatch.setattr(feeding, "FEEDS", changed)
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        for _ in range(60):
+            await pilot.press("n")
+        for _ in range(500):
+            of = app.resources.pictures_of
+            if of is not None and of.iid == app.session.state.cursor:
+                break
+            await asyncio.sleep(0.01)
+        assert app.resources.pictures_of.iid == app.session.state.cursor
+        assert sum(begun) == 1
+        go_on.set()
+        await settle(app, pilot)
+        assert sum(begun) == 2

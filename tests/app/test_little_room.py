@@ -1,0 +1,118 @@
+"""Where room lacks: the most important things first, long words whole, the rest by scrolling."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2rtui import diagnosis
+from s2rtui.app import S2RApp
+from s2rtui.canvas import ColourMode, Look
+from s2rtui.headless import settle, snapshot, take
+from s2rtui.plots.testcard import card, card_height
+from s2rtui.session import Session
+from s2rtui.terminal import detect
+from s2rtui.titles import status_line
+from s2rtui.widgets.doctor import DoctorScreen
+
+
+@pytest.fixture(scope="module")
+def session(tiny_store: Path) -> Session:
+    return Session(tiny_store)
+
+
+@given(st.integers(20, 200), st.booleans(), st.booleans(), st.integers(1, 90))
+def test_the_status_line_fits_and_keeps_count_and_expression(
+    session: Session, width: int, newer: bool, narrowed: bool, length: int
+) -> None:
+    state = replace(
+        session.state,
+        newest=session.state.generation + newer,
+        trajectories=("a",) if narrowed else None,
+        expression="x" * length,
+    )
+    head, text, tail = status_line(session.store, state, width, Look())
+    assert state.count in head
+    assert text.rstrip("…") == "x" * len(text.rstrip("…"))
+    assert len(head + text + tail) <= max(width - 2, len(state.count) + 3 + 8)
+    if width >= 40:
+        assert len(text) >= min(length, 20)
+    for part in ("run vanilla", "traj a" if narrowed else "run vanilla"):
+        if width >= 60:
+            assert part in head
+
+
+def test_the_status_line_leaves_out_what_says_least(session: Session) -> None:
+    state = replace(session.state, expression="x" * 20, newest=session.state.generation + 1)
+    lines = ["".join(status_line(session.store, state, width, Look())) for width in range(30, 120)]
+    words = ("traj all", "tiny.s2r", "is there: g", "run vanilla")
+    first = [next(i for i, line in enumerate(lines) if word in line) for word in words]
+    assert first == sorted(first, reverse=True)
+    assert len(set(first)) == len(first)
+
+
+@pytest.mark.parametrize("size", [(40, 12), (80, 24)])
+async def test_long_errors_are_read_whole(tiny_store: Path, size: tuple[int, int]) -> None:
+    app = S2RApp(Session(tiny_store), Look())
+    app.feeding.rest_seconds = 0.001
+    async with app.run_test(size=size) as pilot:
+        await settle(app, pilot)
+        told = "a long story " * (6 if size[0] == 40 else 12) + "with an end"
+        app.session.tell(told, is_error=True)
+        app.refresh_views()
+        await settle(app, pilot)
+        words = " ".join(take(app).text.split())
+        assert told in words
+        assert "quit" in words
+        await pilot.press("escape")
+        await settle(app, pilot)
+        assert "story" not in take(app).text
+        assert app.query_one("#message").size.height == 1
+
+
+@pytest.mark.parametrize("size", [(40, 12), (60, 20), (80, 24), (200, 60)])
+async def test_the_doctor_is_seen_to_its_end(tiny_store: Path, size: tuple[int, int]) -> None:
+    app = S2RApp(Session(tiny_store), Look(mode=ColourMode.NONE))
+    app.terminal = detect("auto", False, {"TERM": "vt100", "LANG": "C.UTF-8"})
+    async with app.run_test(size=size) as pilot:
+        await pilot.press("D")
+        await settle(app, pilot)
+        text = ""
+        for _ in range(12):
+            text += take(app).text
+            await pilot.press("pagedown")
+            await settle(app, pilot)
+        told = " ".join(text.split())
+        assert "no colours" in told
+        assert "no colour by TERM=vt100" in told
+        assert "NO_COLOR" not in told
+        assert "wrong colours:" in told
+        await pilot.resize_terminal(100, 30)
+        await settle(app, pilot)
+        assert "100x30" in take(app).text
+        await pilot.press("escape")
+        assert not isinstance(app.screen, DoctorScreen)
+
+
+@given(st.integers(20, 120), st.lists(st.tuples(st.text("ab", max_size=9), st.text("ab c"))))
+def test_a_card_is_as_high_as_it_says(width: int, rows: list[tuple[str, str]]) -> None:
+    height = card_height(rows, width)
+    drawn = card(rows, (width, height + 5), Look())
+    lines = ["".join(line).rstrip() for line in drawn.char]
+    assert not any(lines[height:])
+    assert lines[height - 1] or width > 60
+
+
+def test_the_terminals_reason_is_the_one_that_was_found() -> None:
+    found = detect("auto", False, {"TERM": "vt100", "LANG": "C.UTF-8"})
+    assert ("colours", "none: no colour by TERM=vt100") in diagnosis.terminal(found)
+
+
+def test_titles_show_that_they_are_cut(tiny_store: Path) -> None:
+    lines = snapshot(tiny_store, (120, 40), []).text.splitlines()
+    title = next(line for line in lines if "1 overview" in line)
+    assert title.endswith(("…", "line"))

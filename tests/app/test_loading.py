@@ -1,0 +1,222 @@
+"""Runs of large stores are read by a worker: keys go on, the newest wins, the screen says which."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from textual.pilot import Pilot
+
+import s2rstore
+from s2rstore import dense
+from s2rstore.recent import Recent
+from s2rtools.precompute.registry import add_run
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.headless import settle, take
+from s2rtui.session import Session, loading
+from tests.support import tiny
+
+RUNS = ("vanilla", "b", "c")
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tiny.build(tmp_path_factory.mktemp("three") / "s.s2r", runs=RUNS)
+
+
+@pytest.fixture
+def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
+    """Everything is large, and columns of other threads than this come once it is open."""
+    opened, here = threading.Event(), threading.current_thread()
+    whole = dense._predicted
+
+    def slow(index, run, side, name, lacking):
+        if run != "vanilla":
+            assert threading.current_thread() is not here, f"{run} {side} {name} is read here"
+            assert opened.wait(20)
+        return whole(index, run, side, name, lacking)
+
+    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    monkeypatch.setattr(dense, "_predicted", slow)
+    yield opened
+    opened.set()
+
+
+def app_on(path: Path) -> S2RApp:
+    app = S2RApp(Session(path), Look())
+    app.feeding.rest_seconds = 0.001
+    return app
+
+
+async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
+    for key in keys:
+        await pilot.press(key)
+        await pilot.pause()
+
+
+async def test_keys_go_on_while_a_run_is_read(store: Path, gate: threading.Event) -> None:
+    app = app_on(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "r")
+        assert app.session.state.run == "vanilla"
+        assert "run vanilla (loading b)" in take(app).text
+        await press(app, pilot, "w", "n", "m")
+        state = app.session.state
+        assert (state.run, state.expression, state.map_mode) == ("vanilla", "worst15", "glyph")
+        gate.set()
+        await settle(app, pilot)
+        state = app.session.state
+        assert (state.run, state.awaited, state.expression) == ("b", None, "worst15")
+        with s2rstore.open(store) as own:
+            worst = own.execute(
+                "SELECT iid FROM prediction WHERE run = 'b' AND side = 'real' "
+                "ORDER BY error DESC LIMIT 6"
+            )
+        assert set(np.flatnonzero(state.selected)) == {iid for (iid,) in worst}
+        assert "loading" not in take(app).text.splitlines()[0]
+
+
+async def test_the_newest_run_wins(store: Path, gate: threading.Event) -> None:
+    app = app_on(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "r", "r")
+        assert "(loading c)" in take(app).text
+        gate.set()
+        await settle(app, pilot)
+        assert app.session.state.run == "c"
+
+
+async def test_back_before_it_came(store: Path, gate: threading.Event) -> None:
+    app = app_on(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "r", "R")
+        assert app.session.state.awaited is None
+        gate.set()
+        await settle(app, pilot)
+        assert app.session.state.run == "vanilla"
+
+
+async def test_the_other_run_is_read_elsewhere(store: Path, gate: threading.Event) -> None:
+    app = app_on(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "9")
+        assert "loading run b" in take(app).text
+        gate.set()
+        await settle(app, pilot)
+        assert "loading" not in take(app).text
+        assert "b better" in take(app).text or "▲" in take(app).text
+
+
+async def test_a_run_that_cannot_be_read_is_told(
+    store: Path, gate: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gate.set()
+    app = app_on(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+
+        def broken(*_: object) -> None:
+            raise s2rstore.errors.RequestError("the index cannot be read")
+
+        monkeypatch.setattr(loading, "read", broken)
+        app.session.store._columns.drop(lambda key: key[0] == "run" and key[1] == "c")
+        await press(app, pilot, "R")
+        await settle(app, pilot)
+        state = app.session.state
+        assert (state.run, state.awaited) == ("vanilla", None)
+        assert (state.message, state.is_error) == ("the index cannot be read", True)
+
+
+async def test_a_newer_generation_is_read_elsewhere(
+    own_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    app = app_on(own_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        before = app.session.store
+        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+        await press(app, pilot, "w", "g")
+        await settle(app, pilot)
+        state = app.session.state
+        assert app.session.store is not before
+        assert state.generation == app.session.store.generation == before.generation + 1
+        assert (state.run, state.awaited, state.expression) == ("vanilla", None, "worst15")
+        assert state.message == f"generation {state.generation}"
+
+
+def test_brush_and_operator_stay_in_a_newer_generation(own_store: Path) -> None:
+    from dataclasses import replace
+
+    from s2rtui.plots.surface import Mark
+    from s2rtui.session import Brush
+
+    session = Session(own_store)
+    brush = Brush("map", Mark("map", ((1.0, 1.0), (3.0, 2.0))))
+    session.expect("union")
+    session.set(replace(session.state, brush=brush))
+    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+    state = session.move_on()
+    assert state.generation == session.store.generation > 1
+    assert (state.brush, state.operator) == (brush, "union")
+    session.close()
+
+
+def test_a_session_alone_reads_at_once(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    session = Session(store)
+    assert session.change_run(1).run == "b"
+    session.close()
+
+
+def test_what_two_threads_ask_for_is_made_once() -> None:
+    kept, made, entered = Recent(1000), [], threading.Event()
+    go_on = threading.Event()
+
+    def slow() -> np.ndarray:
+        made.append(1)
+        entered.set()
+        assert go_on.wait(10)
+        return np.zeros(4)
+
+    with ThreadPoolExecutor(2) as pool:
+        first = pool.submit(kept.get, "key", slow)
+        assert entered.wait(10)
+        second = pool.submit(kept.get, "key", slow)
+        go_on.set()
+        assert first.result(10) is second.result(10)
+    assert made == [1]
+
+
+def test_what_failed_is_made_by_the_next() -> None:
+    kept = Recent(1000)
+    with pytest.raises(ZeroDivisionError):
+        kept.get("key", lambda: 1 / 0)
+    assert kept.get("key", lambda: np.ones(3)).sum() == 3
+
+
+def test_a_run_in_use_is_not_forgotten(store: Path) -> None:
+    with s2rstore.open(store) as own:
+        own.in_use = frozenset({"vanilla"})
+        kept = {run: own.run_columns(run).real.error for run in ("vanilla", "b")}
+        for run in kept:
+            own.forget(run)
+        assert own.run_columns("vanilla").real.error is kept["vanilla"]
+        assert own.run_columns("b").real.error is not kept["b"]
+
+
+def test_a_store_is_opened_at_an_earlier_generation(own_store: Path) -> None:
+    with s2rstore.open(own_store) as before:
+        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+        with s2rstore.open(own_store, generation=before.generation) as again:
+            assert again.generation == before.generation
+            assert "later" not in again.runs
+    with s2rstore.open(own_store) as newest:
+        assert "later" in newest.runs
+    with pytest.raises(s2rstore.errors.RequestError, match="cannot be opened"):
+        s2rstore.open(own_store, generation=999)

@@ -1,0 +1,62 @@
+"""ASCII means ASCII: on every screen, in every line, whatever a user's things are called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.cells import cell_len
+from textual.pilot import Pilot
+
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.headless import settle, take
+from s2rtui.notebook import Notebook
+from s2rtui.plain import plain
+from s2rtui.session import Session, sharing
+
+
+def strange(app: S2RApp) -> set[str]:
+    return {char for char in take(app).text if ord(char) > 126}
+
+
+async def pressed(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
+    for key in keys:
+        await pilot.press(key)
+        await settle(app, pilot)
+
+
+@given(st.text())
+def test_plain_text_is_ascii_and_as_wide(text: str) -> None:
+    assert plain(text).isascii()
+    assert cell_len(plain(text)) == cell_len(text) or not text.isprintable()
+
+
+@pytest.mark.parametrize("size", [(80, 24), (200, 60)])
+@pytest.mark.parametrize(
+    "keys",
+    [("f",), ("T",), ("D",), ("question_mark",), ("slash",), ("slash", "ü", "enter"),
+     ("3",), ("8",), ("ctrl+c",), ("space",), ("1", "ctrl+c"), ("ctrl+p",)],
+)  # fmt: skip
+async def test_every_screen_is_ascii(
+    tiny_store: Path, size: tuple[int, int], keys: tuple[str, ...]
+) -> None:
+    session = Session(tiny_store, notebooks=Notebook)
+    session.book.save("Flur links │ 廊下", sharing.present(session))
+    session.book.note(session.state.cursor or 0, "überbelichtet …")
+    app = S2RApp(session, Look(ascii=True))
+    app.feeding.rest_seconds = 0.001
+    async with app.run_test(size=size) as pilot:
+        await settle(app, pilot)
+        await pressed(app, pilot, *keys)
+        assert strange(app) == set()
+
+
+async def test_ctrl_c_says_how_to_quit(tiny_store: Path) -> None:
+    app = S2RApp(Session(tiny_store), Look())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pressed(app, pilot, "ctrl+c")
+        assert "q quits" in take(app).text
+        assert not app._notifications

@@ -1,0 +1,74 @@
+"""The line at the foot: completion where the cursor stands, names that can be typed again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.headless import settle
+from s2rtui.notebook import Notebook
+from s2rtui.session import Session
+from s2rtui.widgets.query import QueryLine
+
+
+def app_on(store: Path) -> S2RApp:
+    app = S2RApp(Session(store, notebooks=Notebook), Look())
+    app.feeding.rest_seconds = 0.001
+    return app
+
+
+@pytest.mark.parametrize(
+    ("typed", "made"),
+    [
+        ("wor^", "worst15^"),
+        ("room:le^ & curved", 'room:"left hall"^ & curved'),
+        ("cur^ved & all", "curved^ & all"),
+        ("!str^aight | worst15", "!straight^ | worst15"),
+        ("real.error > ^ & all", "real.error > ^ & all"),
+        ('curved & room:"left h^', 'curved & room:"left hall"^'),
+    ],
+)
+async def test_completion_where_the_cursor_stands(tiny_store: Path, typed: str, made: str) -> None:
+    app = app_on(tiny_store)
+    at, wanted = typed.index("^"), made.index("^")
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("slash")
+        line = app.query_one(QueryLine)
+        line.value = typed[:at] + typed[at + 1 :]
+        line.cursor_position = at
+        await pilot.press("tab")
+        await pilot.pause()
+        assert line.value == made[:wanted] + made[wanted + 1 :]
+        assert line.cursor_position == wanted
+
+
+async def test_completing_again_goes_on_through_the_offers(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("slash")
+        line = app.query_one(QueryLine)
+        line.value, line.cursor_position = "room: & all", 5
+        seen = []
+        for _ in range(3):
+            await pilot.press("tab")
+            await pilot.pause()
+            seen.append(line.value)
+        assert seen == ['room:"left hall" & all', "room:right & all", 'room:"left hall" & all']
+        assert 'room:"left hall" (room)  room:right (room)' in app.session.state.message
+
+
+async def test_a_saved_name_is_told_as_it_can_be_typed(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("at", *"two", "space", *"words", "enter")
+        await settle(app, pilot)
+        told = app.session.state.message
+        assert told == 'saved as @"two words"'
+        app.session.select(told.removeprefix("saved as "))
+        assert not app.session.state.is_error

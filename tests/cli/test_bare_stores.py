@@ -1,0 +1,73 @@
+"""Stores that hold only an index, and paths that are no stores."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rtui.canvas import Look
+from s2rtui.cli import main
+from s2rtui.headless import snapshot
+
+
+@pytest.fixture
+def bare(own_store: Path) -> Path:
+    """A store whose frames were never copied."""
+    shutil.rmtree(own_store / "frames.zarr")
+    return own_store
+
+
+def test_an_instance_without_frames_is_shown_in_numbers(
+    bare: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["show", str(bare), "instance", "--iid", "5", "--json"]) == 0
+    rows = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
+    with s2rstore.open(bare) as store:
+        assert rows["truth"]["x"] == pytest.approx(float(store.instances.x[5]))
+        assert rows["real"]["error"] == pytest.approx(
+            float(store.run_columns("vanilla").real.error[5])
+        )
+    assert rows["real frames"]["note"] == "none of real in this store"
+    assert main(["show", str(bare), "instance", "--iid", "5", "--words"]) == 0
+    assert "Instance 5" in capsys.readouterr().out
+
+
+def test_a_picture_that_cannot_be_drawn_is_refused(
+    bare: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "x.png"
+    assert main(["export", str(bare), "--view", "instance", "--out", str(out)]) == 2
+    assert "no frames" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("size", [(40, 12), (80, 24), (120, 40), (200, 60)])
+@pytest.mark.parametrize("gone", ["both", "sim", "real"])
+def test_the_application_shows_what_there_is(
+    own_store: Path, size: tuple[int, int], gone: str
+) -> None:
+    for domain in ("sim", "real"):
+        if gone in (domain, "both"):
+            shutil.rmtree(own_store / "frames.zarr" / domain)
+    text = snapshot(own_store, size, ["3"], Look()).text
+    assert "no such array" not in text
+    if size[1] >= 24:
+        assert "ranks" in text
+
+
+@pytest.mark.parametrize("command", [["tui"], [], ["show"], ["runs"]])
+def test_a_plain_file_is_no_store(
+    tmp_path: Path, command: list[str], capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr("s2rtui.terminal.refuse_unusable", lambda: None)
+    path = tmp_path / "notes.txt"
+    path.write_text("nothing")
+    assert main([*command, str(path), *(["map"] if command == ["show"] else [])]) == 2
+    told = capsys.readouterr().err
+    assert f"{path}: not a store (a file, no folder)" in told
+    assert len(told.splitlines()) == 1
