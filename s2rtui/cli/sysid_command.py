@@ -54,6 +54,11 @@ def execute(options: argparse.Namespace) -> int:
         print()
     else:
         print(report.table(result), end="")
+    if found.unsettled:
+        raise InconclusiveError(
+            f"{options.drives}: the search has not settled ({', '.join(found.unsettled)} outside "
+            "its interval); give more --evaluations or --seeds"
+        )
     if not found.conclusive:
         names_open = ", ".join(found.identifiability.open_names)
         raise InconclusiveError(

@@ -70,8 +70,13 @@ class Identification:
         return self.space.values(self.cube)
 
     @property
+    def unsettled(self) -> tuple[str, ...]:
+        """Parameters whose refits disagree with the estimate: the search did not end."""
+        return tuple(one.name for one in self.estimates if not one.low <= one.value <= one.high)
+
+    @property
     def conclusive(self) -> bool:
-        return not self.identifiability.open_names
+        return not self.identifiability.open_names and not self.unsettled
 
 
 def identify(drives: Sequence[Drive], settings: Settings, reporter: Reporter) -> Identification:

@@ -1,4 +1,5 @@
-"""Least squares from a good start: the simulator's own, else a trust region."""
+"""Least squares from a good start: the simulator's own where it has one, then a trust region over
+all parameters together, for the latency and the others are correlated."""
 
 from __future__ import annotations
 
@@ -30,8 +31,7 @@ def polished(problem: Problem, cube: Floats) -> Floats:
     """A local optimum near `cube` (p,), never worse than it."""
     smooth = np.array([one.smooth for one in problem.space.parameters])
     found = _own(problem, cube, smooth)
-    if found is None:
-        found = _trust_region(problem, cube)
+    found = _trust_region(problem, cube if found is None else found)
     return found if problem.cost(found) <= problem.cost(cube) else cube
 
 
