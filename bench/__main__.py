@@ -15,11 +15,23 @@ from pathlib import Path
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
-from bench import inference, live, memory, occlusion, projection, scale, startup, wire
+from bench import (
+    delay,
+    inference,
+    live,
+    memory,
+    occlusion,
+    projection,
+    scale,
+    startup,
+    wire,
+)
 from bench.figures import Figure
 from bench.worlds import QUIET
 
-_ROOMS = ("startup", "wire", "scale", "projection", "occlusion", "inference", "live", "memory")
+_ROOMS = (
+    "startup", "wire", "scale", "projection", "occlusion", "inference", "live", "memory", "delay",
+)  # fmt: skip
 
 
 def main() -> int:
@@ -60,6 +72,8 @@ def _all(wanted: list[str], options: argparse.Namespace, folder: Path) -> Iterat
         yield from live.figures(options.threads)
     if "memory" in wanted:
         yield from memory.figures((1_000, 100_000))
+    if "delay" in wanted:
+        yield from delay.figures()
 
 
 def _computed(folder: Path) -> Path:

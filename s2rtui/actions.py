@@ -238,7 +238,7 @@ ACTIONS: tuple[Action, ...] = (
     *(
         Action(f"view('{view.name}')", (view.key,), "views", view.description)
         for view in VIEWS
-        if view.key.isdigit()
+        if view.stored
     ),
     Action("next_view", ("tab",), "views", "next view", short="view", when="still"),
     Action("previous_view", ("shift+tab",), "views", "previous view", when="still"),

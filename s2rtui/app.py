@@ -313,7 +313,7 @@ class S2RApp(Brushes, Papers, Savings):
         self._turn_view(-1)
 
     def _turn_view(self, steps: int) -> None:
-        names = [view.name for view in sorted(VIEWS, key=lambda v: v.key) if view.key.isdigit()]
+        names = [view.name for view in sorted(VIEWS, key=lambda v: v.key) if view.stored]
         present = self.session.state.view
         at = names.index(present) if present in names else 0
         self.action_view(names[(at + steps) % len(names)])
@@ -393,14 +393,16 @@ def _safe_bold(before: str, bold: str, after: str) -> str:
     return f"{_safe(before)}[b]{_safe(bold)}[/b]{_safe(after)}"
 
 
-def run_app(path: Path, run: str | None, terminal: Terminal, access: Access) -> None:
+def run_app(
+    path: Path, run: str | None, terminal: Terminal, access: Access, nights: Path | None = None
+) -> None:
     """Open the application on a store; the environment was prepared for the terminal.
 
     What it leaves undone is told on stderr. Raises RequestError where it cannot run, S2RError for a
     fault of the program.
     """
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
-    app = S2RApp(Session(path, run, Notebook), look, access=access)
+    app = S2RApp(Session(path, run, Notebook, nights), look, access=access)
     app.first_run, app.terminal = notebook.first_run(), terminal
     accept_any_bytes()
     app.run(mouse=terminal.mode is not ColourMode.NONE)

@@ -39,6 +39,7 @@ class Wanted:
     room_names: bool = False
     sort: str | None = None
     ascending: bool = False
+    history: Path | None = None
 
 
 @contextmanager
@@ -47,7 +48,7 @@ def staged(path: Path, wanted: Wanted, *views: View) -> Iterator[Scene]:
 
     An instance that nobody asked for is no cursor, except where a view shows one instance.
     """
-    session = Session(path, wanted.run, ReadNotebook)
+    session = Session(path, wanted.run, ReadNotebook, wanted.history)
     try:
         described(session, wanted)
         cursor = wanted.iid is not None or not views or any(view.one for view in views)

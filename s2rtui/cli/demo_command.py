@@ -143,7 +143,9 @@ def _live_training(options: argparse.Namespace, store: Path, world: list[str]) -
     yield _Stage(("run", "add", QUICK, "--model", QUICK, "--store", str(store)))
 
 
-_FACTORS = ("lights", "exposure", "sensor", "depth", "camera", "objects")
+_FACTORS = (
+    "lights", "exposure", "sensor", "depth", "camera", "objects", "latency", "wheels",
+)  # fmt: skip
 _OPTIONS = {"count": "--instances", "survey": "--survey", "seed": "--seed", "factors": "--factors"}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--side", choices=("sim", "real"), help="of heat, lines and comparisons")
     parser.add_argument("--sort", metavar="COLUMN", help="of the list, for example gap")
     parser.add_argument("--ascending", action="store_true", help="the list's smallest first")
+    parser.add_argument("--history", type=Path, metavar="FILE",
+                        help="nights of the gap (default: the store's own)")  # fmt: skip
 
 
 def add_drawing(parser: argparse.ArgumentParser) -> None:
@@ -53,6 +56,7 @@ def wanted(options: argparse.Namespace) -> Wanted:
         side=options.side,
         sort=options.sort,
         ascending=options.ascending,
+        history=options.history,
         heat=given.get("heat"),
         overlay=given.get("on"),
         aggregate=given.get("aggregate", "mean"),

@@ -11,6 +11,8 @@ _FORCED = "this account opens the application and nothing else; connect with `ss
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path)
     parser.add_argument("--run", help="the run to begin with (default: the first)")
+    parser.add_argument("--history", type=Path, metavar="FILE",
+                        help="nights of the gap (default: the store's own)")  # fmt: skip
     parser.add_argument("--ascii", action="store_true", help="ASCII characters only")
     parser.add_argument(
         "--colour", default="auto", choices=("auto", "truecolor", "256", "16", "none"),
@@ -23,10 +25,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
+    from s2rstore.errors import RequestError
     from s2rtui.access import Access
     from s2rtui.access.process import confine, end_with_parent, is_served
     from s2rtui.terminal import detect, prepare_environment, refuse_unusable
 
+    if options.restricted and options.history is not None:
+        raise RequestError("--history: a restricted session shows the store's own history only")
     if options.restricted:
         if is_served():
             end_with_parent()
@@ -41,5 +46,5 @@ def execute(options: argparse.Namespace) -> int:
     prepare_environment(terminal)
     from s2rtui.app import run_app
 
-    run_app(options.store, options.run, terminal, access)
+    run_app(options.store, options.run, terminal, access, options.history)
     return 0

@@ -2,7 +2,7 @@
 wins.
 """
 
-from s2rtui.feeds import live, reading
+from s2rtui.feeds import live, nights, reading
 from s2rtui.feeds.contract import Caller, Feed, Fields, Key
 
 FEEDS: tuple[Feed, ...] = (
@@ -17,6 +17,7 @@ FEEDS: tuple[Feed, ...] = (
     Feed("pictures", reading.wants_pictures, reading.read_pictures, ("pictures", "pictures_of")),
     Feed("heat on the map", reading.wants_grid, reading.read_grid, ("grid", "grid_of")),
     Feed("what was seen", reading.wants_seen, reading.read_seen, ("seen", "seen_of")),
+    Feed("history", nights.wants_history, nights.read_history, ("history",)),
     Feed(
         "live", live.wants_live, live.read_live, ("live", "live_of", "live_grid"), rests=False,
         follows=True, leave=live.leave,

@@ -4,6 +4,7 @@ from s2rtui.figures.compare import compare_figure
 from s2rtui.figures.difference import difference_figure
 from s2rtui.figures.geomap import geomap_figure
 from s2rtui.figures.histogram import histogram_figure
+from s2rtui.figures.history import history_figure
 from s2rtui.figures.instance import instance_figure
 from s2rtui.figures.orientation import orientation_figure
 from s2rtui.figures.overview import overview_figure
@@ -18,6 +19,7 @@ __all__ = [
     "difference_figure",
     "geomap_figure",
     "histogram_figure",
+    "history_figure",
     "instance_figure",
     "orientation_figure",
     "overview_figure",

@@ -8,6 +8,8 @@ from s2rtui.plots.geomap_layout import GeoMapLayout
 from s2rtui.plots.geomap_model import GeoMapModel, geomap_model
 from s2rtui.plots.histogram import HistogramLayout, histogram, histogram_layout, histogram_surface
 from s2rtui.plots.histogram_model import HistogramModel, histogram_model
+from s2rtui.plots.history import HistoryLayout, history, history_layout
+from s2rtui.plots.history_model import HistoryInput, HistoryModel, history_model
 from s2rtui.plots.inputs import (
     DifferenceInput,
     GeoMapInput,
@@ -51,6 +53,9 @@ __all__ = [
     "HistogramInput",
     "HistogramLayout",
     "HistogramModel",
+    "HistoryInput",
+    "HistoryLayout",
+    "HistoryModel",
     "InstanceInput",
     "InstanceLayout",
     "InstanceModel",
@@ -88,6 +93,9 @@ __all__ = [
     "histogram_layout",
     "histogram_model",
     "histogram_surface",
+    "history",
+    "history_layout",
+    "history_model",
     "instance",
     "instance_layout",
     "instance_model",

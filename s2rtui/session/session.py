@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import s2rstore
-from s2rstore import selection
+from s2rstore import history, selection
 from s2rstore.errors import RequestError
 from s2rstore.extremes import largest
 from s2rstore.language import MaskContext, Node, base_population, mask, parse, to_text
@@ -20,7 +20,7 @@ from s2rtui.notebook import Notebook, Notes
 from s2rtui.session import anew, loading
 from s2rtui.session.begin import finding, joined
 from s2rtui.session.heat import with_heat
-from s2rtui.session.state import Operator, State
+from s2rtui.session.state import HistoryFile, Operator, State
 
 HISTORY = 100
 INDEX_MEMORY = "128MB"
@@ -32,18 +32,26 @@ class Session:
     """One user's analysis of one store; every transition gives the new state."""
 
     def __init__(
-        self, path: Path | str, run: str | None = None, notebooks: Notebooks | None = None
+        self,
+        path: Path | str,
+        run: str | None = None,
+        notebooks: Notebooks | None = None,
+        nights: Path | None = None,
     ) -> None:
         """`notebooks` opens a data set's notebook by its hash; without it nothing is kept.
 
-        `waits` says that somebody reads the columns of awaited runs: see `loading`.
-        Raises RequestError where there is no store or no computed run.
+        `nights` is a history of the gap (default: the store's own). `waits` says that somebody
+        reads the columns of awaited runs: see `loading`. Raises RequestError where there is no
+        store, no computed run, or not the history that was named.
         """
+        if nights is not None and not nights.is_file():
+            raise RequestError(f"--history {nights}: no such file; `s2r nightly` writes one")
         self.store: Store = s2rstore.open(path, INDEX_MEMORY)
         self.notebook = notebooks(self.store.dataset.hash) if notebooks else None
         self.waits = False
         self._retired: Store | None = None
         self._bases: dict[tuple[object, ...], NDArray[np.bool_]] = {}
+        self._nights = nights or history.path_in(self.store.path)
         self.state = self._first_state(run)
 
     @property
@@ -79,6 +87,7 @@ class Session:
             base=np.ones(n, dtype=np.bool_),
             cursor=None,
             heat=None,
+            history=self._history(),
         )
         first, told = finding(self.store, chosen.run)
         state = with_heat(self.store, self._selected(state, first))
@@ -275,12 +284,16 @@ class Session:
         self._retired = store
 
     def notice(self) -> bool:
-        """Look for a newer generation; True where there is one that was not known."""
-        newest = self.store.latest_generation()
-        if newest == self.state.newest:
+        """Look for a newer generation and new nights; True where one was not known."""
+        newest, nights = self.store.latest_generation(), self._history()
+        if (newest, nights) == (self.state.newest, self.state.history):
             return False
-        self.set(replace(self.state, newest=newest))
+        self.set(replace(self.state, newest=newest, history=nights))
         return True
+
+    def _history(self) -> HistoryFile | None:
+        stamp = history.stamp(self._nights)
+        return None if stamp is None else HistoryFile(self._nights, stamp)
 
     def move_on(self) -> State:
         """Open the newest generation, keeping run and expression where they still exist."""

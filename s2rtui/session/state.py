@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.history import Stamp
 from s2rstore.records import Bounds, Side
 from s2rtui.plots.inputs import MapMode
 from s2rtui.plots.surface import Mark
@@ -34,6 +36,14 @@ class HeatChoice:
     def label(self) -> str:
         name = self.kind.replace("_", " ")
         return f"{name} ({self.mode})" if self.mode else name
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryFile:
+    """The history of nightly gaps; `stamp` changes whenever the file does."""
+
+    path: Path
+    stamp: Stamp
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +113,8 @@ class State:
     and `future` hold the expressions before and after this one, the nearest last. `operator`
     is how the next selection joins this one. `other` is the run that is compared with. `view` is
     the one that keys speak to, `centre` and `tab` those that share a place with others. `awaited`
-    is the run that is being read, to be turned to once it is there.
+    is the run that is being read, to be turned to once it is there. `history` is None where there
+    is none.
     """
 
     generation: int
@@ -133,6 +144,7 @@ class State:
     sort: str = "real.error"
     descending: bool = True
     viewport: Bounds | None = None
+    history: HistoryFile | None = None
     message: str = ""
     is_error: bool = False
     past: tuple[str, ...] = field(default=())

@@ -5,6 +5,7 @@ from s2rtui.views.compare import CompareView
 from s2rtui.views.contract import Resources, Scene, View
 from s2rtui.views.errors import ErrorsView
 from s2rtui.views.geomap import MapView
+from s2rtui.views.history import HistoryView
 from s2rtui.views.instance import InstanceView
 from s2rtui.views.orientation import OrientationView
 from s2rtui.views.overview import OverviewView
@@ -22,6 +23,7 @@ VIEWS: tuple[View, ...] = (
     ErrorsView(),
     ListView(),
     CompareView(),
+    HistoryView(),
     AdjustView(),
 )
 BY_NAME = {view.name: view for view in VIEWS}

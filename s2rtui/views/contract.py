@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.history import History
 from s2rstore.language.text import quoted
 from s2rstore.reader import Store
 from s2rstore.records import Side
@@ -39,8 +40,8 @@ class Resources:
     """What workers have brought so far; a view shows what is there, under its own name.
 
     `grid` is the heat on the map, `seen` (rows, cols) what the selection has seen, `live` the
-    instance as it is being adjusted; what each is of stands beside it. `progress` and `failed` are
-    by feed: the share that is done, and why nothing came.
+    instance as it is being adjusted; what each is of stands beside it. `history` holds the nights
+    of the gap. `progress` and `failed` are by feed: the share that is done, and why nothing came.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -56,6 +57,7 @@ class Resources:
     live: InstanceInput | None = None
     live_of: About | None = None
     live_grid: Grid | None = None
+    history: History | None = None
     progress: Mapping[str, float] = field(default_factory=dict)
     failed: Mapping[str, str] = field(default_factory=dict)
     saving: str = ""
@@ -127,7 +129,7 @@ class Scene:
 class View:
     """One view; a subclass says what it tells, draws and means.
 
-    `name` is its word, `key` the digit that shows it. `pane` is its place: the overview's, the
+    `name` is its word, `key` the key that shows it. `pane` is its place: the overview's, the
     large centre, or one that it shares with others where the screen is small. `aliases` are other
     words for it on the command line. `feeds` names what it needs from workers. `stored` tells that
     a store holds all that it shows, `one` that it shows one instance; `paper` is the size of its

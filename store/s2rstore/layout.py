@@ -18,6 +18,8 @@ RUNS = "runs.zarr"
 LEDGER = "ledger"
 MODELS = "models"
 ASSETS = "assets"
+HISTORY = "history"
+DRIVES = "drives"
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,79}\Z")
 

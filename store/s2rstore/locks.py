@@ -1,7 +1,7 @@
 """Advisory locks between the processes that write one store.
 
 `publish` is held for the seconds that a new generation takes; `compute` for as long as a process
-fills `runs.zarr`. Readers take none.
+fills `runs.zarr`. A file that is replaced as a whole has a lock of its own. Readers take none.
 """
 
 from __future__ import annotations
@@ -33,8 +33,20 @@ def compute_lock(root: Path, patience: float = 0.0) -> Iterator[None]:
 
 
 @contextmanager
+def file_lock(path: Path, patience: float = 120.0) -> Iterator[None]:
+    """Wait up to `patience` seconds for others that replace this file; StoreBusyError after it."""
+    with _held(path.with_name(f".{path.name}.lock"), path, "writing", patience):
+        yield
+
+
+@contextmanager
 def _locked(root: Path, what: str, patience: float) -> Iterator[None]:
-    path = root / layout.LEDGER / f"{what}.lock"
+    with _held(root / layout.LEDGER / f"{what}.lock", root, what, patience):
+        yield
+
+
+@contextmanager
+def _held(path: Path, root: Path, what: str, patience: float) -> Iterator[None]:
     try:
         path.parent.mkdir(exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o664)

@@ -269,15 +269,7 @@ def _pair_comments() -> list[tuple[str, str]]:
 
 def statements() -> list[str]:
     """The SQL that makes an empty index, comments included."""
-    made: list[str] = []
-    for table in TABLES:
-        columns = ", ".join(f'"{column.name}" {column.type}' for column in table.columns)
-        made.append(f'CREATE TABLE "{table.name}" ({columns})')
-        made.append(f"COMMENT ON TABLE \"{table.name}\" IS '{_quoted(table.comment)}'")
-        made += [
-            f'COMMENT ON COLUMN "{table.name}"."{column.name}" IS \'{_quoted(column.comment)}\''
-            for column in table.columns
-        ]
+    made = [statement for table in TABLES for statement in statements_of(table)]
     made.append(_pair_view())
     made.append("COMMENT ON VIEW pair IS 'one row per run and instance: truth and both sides'")
     made += [
@@ -285,6 +277,19 @@ def statements() -> list[str]:
         for name, comment in _pair_comments()
     ]
     return made
+
+
+def statements_of(table: Table) -> list[str]:
+    """The SQL that makes one empty table, comments included."""
+    columns = ", ".join(f'"{column.name}" {column.type}' for column in table.columns)
+    return [
+        f'CREATE TABLE "{table.name}" ({columns})',
+        f"COMMENT ON TABLE \"{table.name}\" IS '{_quoted(table.comment)}'",
+        *(
+            f'COMMENT ON COLUMN "{table.name}"."{column.name}" IS \'{_quoted(column.comment)}\''
+            for column in table.columns
+        ),
+    ]
 
 
 def _quoted(text: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,11 +16,11 @@ from s2rtui.notebook import Notes, Remark
 from s2rtui.plots.surface import Mark
 from s2rtui.session import HeatChoice, Session, State, derive
 from s2rtui.session.about import HeatOf, about, heat_of, seen_of
-from s2rtui.session.state import Adjust, Awaited, Brush, Slider
+from s2rtui.session.state import Adjust, Awaited, Brush, HistoryFile, Slider
 from s2rtui.titles import shown
 from s2rtui.views import VIEWS, Resources, Scene, View
 from s2rtui.views.contract import RunAccuracies
-from tests.support import tiny
+from tests.support import gaps, tiny
 
 SIZE = (100, 40)
 SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
@@ -59,6 +60,7 @@ STATES: dict[str, Callable[[Session, State], object]] = {
     "sort": lambda _, state: "iid",
     "descending": lambda _, state: not state.descending,
     "viewport": lambda _, state: Bounds(2.0, 2.0, 5.0, 4.0),
+    "history": lambda _, state: HistoryFile(Path("gap.duckdb"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
     "past": lambda _, state: ("all",),
@@ -78,6 +80,7 @@ RESOURCES: dict[str, Callable[[Resources], object]] = {
     "live": lambda found: replace(found.live, iid=5, notes=(("real", "else"),)),
     "live_of": lambda found: replace(found.live_of, run="another"),
     "live_grid": lambda found: np.ones((4, 4), dtype=np.float32),
+    "history": lambda found: gaps.history(*gaps.week()),
     "progress": lambda found: {"live": 0.5},
     "failed": lambda found: {"live": "no model"},
     "saving": lambda found: "1 of 3",

@@ -324,21 +324,21 @@ async def test_tab_goes_to_the_next_view_and_the_next_panel(tiny_store: Path) ->
     app = app_on(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "1")
-        seen = []
-        for _ in range(9):
+        seen, names = [], [view.name for view in VIEWS if view.name != "adjust"]
+        for _ in names:
             await press(app, pilot, "tab")
             seen.append(app.session.state.view)
-        assert sorted(seen) == sorted(view.name for view in VIEWS if view.name != "adjust")
+        assert sorted(seen) == sorted(names)
         await press(app, pilot, "shift+tab")
         assert app.session.state.view == seen[-2]
         await press(app, pilot, "5", "x")
-        names = set()
+        brushed = set()
         for _ in range(3):
             brush = app.session.state.brush
             assert brush is not None
-            names.add(brush.mark.panel)
+            brushed.add(brush.mark.panel)
             await press(app, pilot, "tab")
-        assert names == {"sim", "truth", "real"}
+        assert brushed == {"sim", "truth", "real"}
 
 
 async def test_the_line_of_another_run_is_brushed(tiny_store: Path) -> None:

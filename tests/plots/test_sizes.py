@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 
 from s2rtui.canvas import LIGHT, Canvas, ColourMode, Look, to_strips
 from s2rtui.plots import (
+    HistoryInput,
     Mark,
     difference,
     geomap,
     histogram,
+    history,
     instance,
     orientation,
     overview,
@@ -33,6 +35,7 @@ from tests.plots.examples import (
     side,
     umap_input,
 )
+from tests.support import gaps
 
 Draw = Callable[[tuple[int, int], Look], Canvas]
 BOX = Mark("map", ((2.0, 2.0), (9.0, 5.0)))
@@ -61,6 +64,8 @@ VIEWS: dict[str, Draw] = {
     "marked histogram": lambda size, look: histogram(
         histogram_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0)))), size, look
     ),
+    "history": lambda size, look: history(HistoryInput(gaps.week()), size, look),
+    "no history": lambda size, look: history(HistoryInput(()), size, look),
     "umap": lambda size, look: umap(umap_input(), size, look),
     "marked umap": lambda size, look: umap(
         umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),

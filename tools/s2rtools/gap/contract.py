@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
+from s2rstore.stats import Interval
 from s2rtools.logs import Drive
 
 Floats = NDArray[np.float64]
@@ -47,8 +48,8 @@ class Measured:
     `value` is m and `floor` what m would be without a gap, both in the axis' unit, from `n`
     samples (images, instances or windows). `replicates` and `floor_replicates` (R,) are drawn
     together: row r of both comes from one resample. `fingerprint` is all that must agree for two
-    measurements to be comparable, n included. `details` are further figures as plain JSON data,
-    `notes` are sentences for the reader (warnings, what was refused).
+    measurements to be comparable, n only where m depends on it. `details` are further figures as
+    plain JSON data, `notes` are sentences for the reader (warnings, what was refused).
     """
 
     axis: str
@@ -92,3 +93,10 @@ class Axis:
     def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
         """The declared bad state on the same evidence; raises RequestError where there is none."""
         raise NotImplementedError
+
+
+def interval(value: float, replicates: Floats, level: float) -> Interval:
+    """An estimate with the percentiles of its replicates (R,)."""
+    tail = 50 * (1 - level)
+    low, high = np.percentile(replicates, [tail, 100 - tail])
+    return Interval(float(value), float(low), float(high))

@@ -54,6 +54,8 @@ def build(scan: Scan, target: Path, command: str, strict: bool, progress: Progre
             scan.problems.append(Problem("empty data set", str(scan.root), "no usable pair"))
         plan = _write_floor_plan(scan, beside)
         _refuse(scan, strict)
+        if scan.drives:
+            scan.drives(beside / layout.DRIVES)
         with edit(beside) as draft:
             write_index(draft, scan, kept, plan, command)
         beside.rename(target)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -85,7 +85,8 @@ class Scan:
 
     `trajectories` maps names to sightings in recording order; `root` is what file names in
     reports are relative to. `floor_plan` is a file or a picture (h, w, 3) uint8 RGB that fills the
-    bounds; `notes` go into the store's provenance under the importer's name.
+    bounds; `notes` go into the store's provenance under the importer's name. `drives` writes the
+    robot's drives into a folder that it makes.
     """
 
     name: str
@@ -101,6 +102,7 @@ class Scan:
     recorded_at: dict[str, str] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     notes: dict[str, dict[str, Any]] = field(default_factory=dict)
+    drives: Callable[[Path], object] | None = None
 
     def relative(self, path: Path) -> str:
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,7 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         trajectories={name: _sightings(data, name) for name in wanted},
         recorded_at=TRAJECTORIES,
         notes={NOTES: data.notes()},
+        drives=partial(_drives, data.recipe),
     )
 
 
@@ -80,6 +82,14 @@ def _domain(side: Side, frame: int) -> Domain:
         depth_raw_max=round(DEPTH_MAX / DEPTH_SCALE),
         sources={"rgb": "declared", "depth": "declared", "mount": "declared"},
     )  # fmt: skip
+
+
+def _drives(recipe: Recipe, folder: Path) -> None:
+    """What the world's robot does on the same commands as its simulation."""
+    from s2rtools.sysid.drives import SEVERITIES, make_drives
+
+    severities = {name: value for name, value in recipe.factors.items() if name in SEVERITIES}
+    make_drives(folder, recipe.seed, severities)
 
 
 def _sightings(data: WorldData, name: str) -> list[Sighting]:

@@ -7,6 +7,7 @@ import importlib
 import io
 import pickle
 import re
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,6 +30,8 @@ from s2rtools.models.opaque import TORCHSCRIPT, OpaqueNetwork
 
 DEFAULT_CONVENTIONS = {name: network.convention for name, network in ARCHITECTURES.items()}
 _WRAPPERS = ("state_dict", "model", "model_state_dict", "net")
+# What torch's reader raises, beside its own errors, on bytes that are no file of tensors.
+_JUNK = (ValueError, TypeError, LookupError, AttributeError, AssertionError, struct.error)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +67,7 @@ def read_weights(path: Path, architecture: str, trust: bool = False) -> Weights:
         outputs = network.embedding_size
         return Weights(architecture, digest, content, ".torchscript", network.input_size, outputs)
     network = _empty_network(architecture, trust)
-    state = _state_dict(path, content)
+    state = read_state(path, content)
     _load(network, state, str(path))
     packed = pack(network)
     return replace(packed, architecture=architecture, sha256=digest)
@@ -139,7 +142,7 @@ def load_model(store: Store, name: str, trust: bool = False) -> LoadedModel:
         network: PoseNetwork = OpaqueNetwork.from_torchscript(found[0].read_bytes(), str(found[0]))
     else:
         network = _empty_network(record.architecture, trust)
-        _load(network, _state_dict(found[0], found[0].read_bytes()), str(found[0]))
+        _load(network, read_state(found[0], found[0].read_bytes()), str(found[0]))
     network.eval().requires_grad_(False)
     convention = OutputConvention.from_json(record.convention)
     return LoadedModel(name, record.architecture, network, convention, record.sha256)
@@ -167,7 +170,8 @@ def _need_trust(trust: bool, what: str) -> None:
         raise RequestError(f"{what} executes code when it is loaded; add --trust if you trust it")
 
 
-def _state_dict(path: Path, content: bytes) -> dict[str, Tensor]:
+def read_state(path: Path, content: bytes) -> dict[str, Tensor]:
+    """The tensors of a weights file without running code from it. Raises RequestError."""
     try:
         if path.suffix == ".safetensors":
             loaded: Any = load_safetensors(content)
@@ -175,7 +179,7 @@ def _state_dict(path: Path, content: bytes) -> dict[str, Tensor]:
             loaded = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
         raise RequestError(f"{path}: {_refusal(str(error))}; save its state_dict()") from error
-    except (SafetensorError, RuntimeError, EOFError, ValueError) as error:
+    except (SafetensorError, RuntimeError, EOFError, *_JUNK) as error:
         reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
         raise RequestError(f"{path}: no plain state dict ({reason})") from error
     for wrapper in _WRAPPERS:

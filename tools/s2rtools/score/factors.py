@@ -84,7 +84,7 @@ class Counterfactuals:
 
     def factor_scores(self) -> list[FactorScore]:
         """Each active factor for each run that has instances it was not trained on."""
-        names = [name for name in FACTORS if name in self.active]
+        names = [n for n, found in FACTORS.items() if n in self.active and not found.moves_robot]
         conditions: dict[str, Factors] = {"none": {}, "all": self.active}
         for name in names:
             conditions[f"only {name}"] = {name: self.active[name]}

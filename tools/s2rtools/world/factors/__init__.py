@@ -11,6 +11,7 @@ from s2rtools.world.factors.depth_sensor import DepthSensor
 from s2rtools.world.factors.exposure import Exposure
 from s2rtools.world.factors.lights import Lights
 from s2rtools.world.factors.objects import Objects
+from s2rtools.world.factors.robot import Latency, Wheels
 from s2rtools.world.factors.sensor import Sensor
 
 __all__ = ["FACTORS", "Factor", "Severities", "active", "severities"]
@@ -19,7 +20,16 @@ Severities = Mapping[str, float]
 
 FACTORS: dict[str, Factor] = {
     factor.name: factor
-    for factor in (Lights(), Exposure(), Sensor(), DepthSensor(), Mount(), Objects())
+    for factor in (
+        Lights(),
+        Exposure(),
+        Sensor(),
+        DepthSensor(),
+        Mount(),
+        Objects(),
+        Latency(),
+        Wheels(),
+    )
 }
 
 

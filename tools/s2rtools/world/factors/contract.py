@@ -24,6 +24,8 @@ class Factor:
     description: ClassVar[str]
     shapes_scene: ClassVar[bool] = False
     """Whether another severity is another scene, beyond the camera and its sensors."""
+    moves_robot: ClassVar[bool] = False
+    """Whether it is seen in drives alone, and in no image."""
 
     def scene(self, scene: Scene, severity: float) -> Scene:
         """Other lights."""

@@ -1,0 +1,231 @@
+"""Reading the history of nightly gaps: a file that is only ever replaced as a whole."""
+
+from __future__ import annotations
+
+import datetime
+import math
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import duckdb
+
+from s2rstore import history_schema, layout
+from s2rstore.errors import RequestError
+from s2rstore.stats import Interval
+
+_CONFIG: dict[str, Any] = {"threads": 1, "memory_limit": "64MB", "temp_directory": ""}
+Stamp = tuple[int, int, int]
+Row = dict[str, Any]
+Word = Literal["PASS", "FAIL", "INCONCLUSIVE", "SKIPPED"]
+
+
+@dataclass(frozen=True, slots=True)
+class AxisFigures:
+    """One axis of one measurement; what is unknown is NaN. `state` and the rest as in the table."""
+
+    axis: str
+    state: str
+    measure: str | None
+    unit: str | None
+    value: Interval
+    floor: Interval
+    gap: Interval
+    anchor: float
+    n: int | None
+    note: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A parameter of the simulator as identified."""
+
+    parameter: str
+    value: Interval
+    unit: str
+    note: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Night:
+    """One row of `night` with the figures that it shares; what is unknown is NaN or None."""
+
+    id: int
+    name: str
+    night: datetime.date
+    key: str
+    evidence: str
+    measured: int
+    dataset: str
+    dataset_hash: str
+    run: str
+    run_key: str
+    model: str
+    expression: str
+    outcome: str
+    exit_code: int
+    headline: str
+    gap: Interval
+    worst: str | None
+    threshold: float
+    reason: str
+    golden: str | None
+    golden_change: Interval
+    golden_margin: float
+    evidence_since: datetime.date
+    evidence_age: int
+    stale_after: float
+    written_at: str
+    axes: tuple[AxisFigures, ...] = ()
+    estimates: tuple[Estimate, ...] = ()
+
+    @property
+    def stale(self) -> bool:
+        """Whether nothing new was recorded for too long."""
+        return self.evidence_age > self.stale_after
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """All rows of a history, by night and order of writing; equal only to itself."""
+
+    nights: tuple[Night, ...] = ()
+
+    def counting(self, name: str) -> tuple[Night, ...]:
+        """The nights of one configuration, each once."""
+        return tuple({n.night: n for n in self.nights if n.name == name}.values())
+
+    def of_run(self, run: str, dataset_hash: str) -> tuple[Night, ...]:
+        """The nights of a run, each once; of several configurations those that ran last."""
+        mine = [n for n in self.nights if (n.run, n.dataset_hash) == (run, dataset_hash)]
+        if not mine:
+            return ()
+        name = max(mine, key=lambda night: (night.night, night.id)).name
+        return tuple(night for night in self.counting(name) if night in mine)
+
+    def shown_runs(self, dataset_hash: str) -> tuple[str, ...]:
+        """The runs of a data set that have nights."""
+        runs = (n.run for n in self.nights if n.dataset_hash == dataset_hash)
+        return tuple(dict.fromkeys(runs))
+
+
+def word_of(gap: Interval, threshold: float) -> Word:
+    """The word for one axis' G; SKIPPED where it was not judged."""
+    if math.isnan(gap.value):
+        return "SKIPPED"
+    if gap.high < threshold:
+        return "PASS"
+    return "FAIL" if gap.low > threshold else "INCONCLUSIVE"
+
+
+def known_word(text: str) -> Word:
+    """A stored word; SKIPPED for what is none."""
+    return next((word for word in get_args(Word) if word == text), "SKIPPED")
+
+
+def path_in(store: Path) -> Path:
+    """Where a store keeps its own history."""
+    return store / layout.HISTORY / "gap.duckdb"
+
+
+def stamp(path: Path) -> Stamp | None:
+    """What changes whenever the file is replaced; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns, found.st_size
+
+
+def read(path: Path) -> History:
+    """Everything but the reports. Raises RequestError for a file that is missing or no history."""
+    with _opened(path) as connection:
+        rows = {table.name: _rows(connection, table.name) for table in history_schema.TABLES[:3]}
+    axes = _grouped(rows["axis"], _axis)
+    estimates = _grouped(rows["estimate"], _estimate)
+    nights = []
+    for row in rows["night"]:
+        figures = {name: _interval(row, name) for name in ("gap", "golden_change")}
+        plain = {name: value for name, value in row.items() if not name.endswith(("_low", "_high"))}
+        for name in ("threshold", "golden_margin", "stale_after"):
+            plain[name] = _number(row[name])
+        shared = {"axes": axes.get(row["measured"], ()),
+                  "estimates": estimates.get(row["measured"], ())}  # fmt: skip
+        nights.append(Night(**(plain | figures | shared)))
+    return History(tuple(nights))
+
+
+def report_text(path: Path, measured: int) -> str:
+    """The JSON of one measurement's report."""
+    with _opened(path) as connection:
+        query = "SELECT report FROM history.report WHERE measured = ?"
+        found = connection.execute(query, [measured]).fetchone()
+    if found is None:
+        raise RequestError(f"{path}: holds no report of measurement {measured}; restore it")
+    return str(found[0])
+
+
+_opening = threading.Lock()
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
+    """A connection that can reach no other file.
+
+    The file is attached to a database of its own each time: DuckDB would give a second connection
+    to one path the content that the first one saw.
+    """
+    if not path.is_file():
+        raise RequestError(f"{path}: no history; `s2r nightly CONFIG.toml` writes one")
+    name = str(path).replace("'", "''")
+    with _opening:
+        connection = duckdb.connect(config=_CONFIG)
+        try:
+            connection.execute(f"ATTACH '{name}' AS history (READ_ONLY)")
+            connection.execute("SET enable_external_access = false")
+            connection.execute("SET lock_configuration = true")
+            yield connection
+        except duckdb.Error as error:
+            told = str(error).splitlines()[0]
+            message = f"{path}: no history that this version reads ({told})"
+            raise RequestError(message) from error
+        finally:
+            connection.close()
+
+
+def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:
+    known = next(each for each in history_schema.TABLES if each.name == table)
+    names = ", ".join(f'"{name}"' for name in known.column_names)
+    query = f'SELECT {names} FROM history."{table}" ORDER BY {", ".join(known.order)}'
+    found = connection.execute(query).fetchall()
+    return [dict(zip(known.column_names, row, strict=True)) for row in found]
+
+
+def _grouped(rows: Sequence[Row], made: Any) -> dict[int, tuple[Any, ...]]:
+    grouped: dict[int, list[Any]] = {}
+    for row in rows:
+        grouped.setdefault(row["measured"], []).append(made(row))
+    return {measured: tuple(parts) for measured, parts in grouped.items()}
+
+
+def _axis(row: Row) -> AxisFigures:
+    value, floor, gap = (_interval(row, name) for name in ("value", "floor", "gap"))
+    return AxisFigures(
+        row["axis"], row["state"], row["measure"], row["unit"], value, floor, gap,
+        _number(row["anchor"]), row["n"], row["note"],
+    )  # fmt: skip
+
+
+def _estimate(row: Row) -> Estimate:
+    return Estimate(row["parameter"], _interval(row, "value"), row["unit"] or "", row["note"])
+
+
+def _interval(row: Row, name: str) -> Interval:
+    return Interval(*(_number(row[f"{name}{end}"]) for end in ("", "_low", "_high")))
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)

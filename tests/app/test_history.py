@@ -1,0 +1,160 @@
+"""The history in the application: seen, told, refreshed when a night is added."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from s2rstore import history
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.cli import main
+from s2rtui.headless import settle, snapshot, take
+from s2rtui.session import Session
+from s2rtui.views import BY_NAME, Resources, Scene
+from tests.app.test_screens import SIZES, check
+from tests.support import gaps, nights
+
+VIEW = BY_NAME["history"]
+
+
+def filled(folder: Path, store: Path, days: int = 7) -> nights.Week:
+    """A copy of the store with nights: the task's gap grows on day 5."""
+    shutil.copytree(store, folder / "tiny.s2r")
+    config = nights.written(folder, folder / "tiny.s2r")
+    week = nights.Week(config, {"task": 20.0}, from_day=5)
+    for number in range(1, days + 1):
+        week.night(number)
+    return week
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> Path:
+    """A store with a week of nights that no test writes to."""
+    return filled(tmp_path_factory.mktemp("nights"), tiny_store).config.store
+
+
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
+def test_screen(store: Path, size: tuple[int, int]) -> None:
+    check(f"history-week-{size[0]}x{size[1]}", snapshot(store, size, ["G"], Look()).text)
+
+
+def test_ascii_screen(store: Path) -> None:
+    text = snapshot(store, (80, 24), ["G"], Look(ascii=True)).text
+    assert text.isascii()
+    check("history-week-ascii", text)
+
+
+def test_a_night_that_is_added_is_seen(tmp_path: Path, tiny_store: Path) -> None:
+    import asyncio
+
+    week = filled(tmp_path, tiny_store, days=4)
+
+    async def looked() -> tuple[str, str]:
+        app = S2RApp(Session(week.config.store), Look())
+        app.feeding.rest_seconds = 0.001
+        async with app.run_test(size=(120, 40)) as pilot:
+            await pilot.press("G")
+            await settle(app, pilot)
+            before = take(app).text
+            await asyncio.to_thread(week.night, 5)
+            app._watch()
+            await settle(app, pilot)
+            return before, take(app).text
+
+    before, after = asyncio.run(looked())
+    assert "4 nights of lab" in before
+    assert "● pass" in before.splitlines()[2]
+    assert "5 nights of lab" in after
+    assert "▲ fail" in after.splitlines()[2]
+
+
+def test_a_damaged_history_is_told_and_the_screen_goes_on(tmp_path: Path, tiny_store: Path) -> None:
+    shutil.copytree(tiny_store, tmp_path / "s.s2r")
+    path = history.path_in(tmp_path / "s.s2r")
+    path.parent.mkdir()
+    path.write_bytes(b"no database")
+    text = snapshot(tmp_path / "s.s2r", (250, 40), ["G"]).text
+    assert "gap.duckdb: no history that this version reads" in text
+    assert main(["show", str(tmp_path / "s.s2r"), "history"]) == 2
+    assert main(["show", str(tmp_path / "s.s2r"), "errors"]) == 0
+
+
+def test_numbers_are_the_historys(store: Path, capsys) -> None:
+    assert main(["show", str(store), "history", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    found = history.read(history.path_in(store)).counting("lab")
+    assert [row["outcome"] for row in rows if row["axis"] == "headline"] == (
+        ["PASS"] * 4 + ["FAIL"] * 3
+    )
+    for night in found:
+        mine = {row["axis"]: row for row in rows if row["night"] == str(night.night)}
+        assert mine["headline"]["G"] == night.gap.value
+        assert [mine[axis.axis]["low"] for axis in night.axes[:3]] == [
+            axis.gap.low for axis in night.axes[:3]
+        ]
+        assert mine["delay"]["result"] == "absent"
+        assert mine["delay"]["G"] is None
+    assert main(["show", str(store), "history", "--words"]) == 0
+    told = capsys.readouterr().out
+    assert "Night 2026-11-22: FAIL" in told
+    assert "worst axis task; 4 of 7 nights passed; evidence is 0 days old." in told
+
+
+def test_the_figure_is_drawn_and_an_empty_history_is_refused(
+    store: Path, tiny_store: Path, tmp_path: Path, capsys
+) -> None:
+    out = tmp_path / "history.png"
+    words = ["--view", "history", "--out", str(out)]
+    assert main(["export", str(store), *words]) == 0
+    assert out.read_bytes().startswith(b"\x89PNG")
+    assert main(["export", str(tiny_store), *words]) == 2
+    assert "no nights yet; s2r nightly CONFIG.toml" in capsys.readouterr().err
+
+
+def test_another_history_is_named(store: Path, tiny_store: Path, capsys) -> None:
+    words = ["show", str(tiny_store), "history", "--words", "--history"]
+    assert main([*words, str(history.path_in(store))]) == 0
+    assert "Night 2026-11-22" in capsys.readouterr().out
+    assert main([*words, "none.duckdb"]) == 2
+    assert "--history none.duckdb: no such file" in capsys.readouterr().err
+
+
+def test_a_restricted_session_knows_only_the_stores_own(store: Path, tiny_store: Path, capsys,
+                                                        monkeypatch) -> None:  # fmt: skip
+    monkeypatch.setattr("s2rtui.terminal.refuse_unusable", lambda **told: None)
+    other = str(history.path_in(store))
+    assert main(["tui", str(tiny_store), "--restricted", "--history", other]) == 2
+    assert "a restricted session shows the store's own history only" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("found", "told"),
+    [
+        (None, "no nights yet"),
+        (gaps.history(), "no nights yet"),
+        (gaps.history(*gaps.week(run="dataaug")), "there are nights of dataaug"),
+        (gaps.history(*gaps.week(dataset_hash="1" * 64)), "name another history"),
+    ],
+)
+def test_what_is_missing_is_told(tiny_store: Path, found: history.History | None, told: str
+                                 ) -> None:  # fmt: skip
+    session = Session(tiny_store)
+    scene = Scene(session.store, session.state, Resources(history=found))
+    text = "\n".join(VIEW.draw(scene, (60, 10), Look()).lines())
+    assert told in text
+    assert told.capitalize() in VIEW.words(scene) or told in VIEW.words(scene)
+    assert VIEW.numbers(scene)[1] == []
+    session.close()
+
+
+def test_of_several_gates_on_a_run_the_one_that_ran_last_is_shown() -> None:
+    later = gaps.night(8, {"task": 3.0}, name="weekly")
+    found = gaps.history(*gaps.week(), later)
+    assert found.of_run("vanilla", "0" * 64) == (later,)
+    again = replace(gaps.week()[-1], id=9, outcome="PASS")
+    assert gaps.history(*gaps.week(), again).of_run("vanilla", "0" * 64)[-1].id == 9

@@ -1,0 +1,147 @@
+"""Errors between logs, against evo and against what they are by definition."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2rstore import angles
+from s2rstore.errors import RequestError
+from s2rtools.gap.dynamics import errors
+from s2rtools.gap.dynamics.errors import Alignment
+from s2rtools.logs import Log
+from s2rtools.logs.rigid import Rigid, fit
+from tests.support import robot
+
+metrics = pytest.importorskip("evo.core.metrics")
+trajectory = pytest.importorskip("evo.core.trajectory")
+
+DRIVE = robot.pair(2, gain=0.93, turn_gain=1.04, noise=0.004, turn_noise=0.01, seconds=12.0)
+MOVED = Rigid(0.4, x=3.0, y=-1.0, scale=1.1)
+
+
+def for_evo(log: Log):
+    half = log.heading / 2
+    zero = np.zeros(half.size)
+    return trajectory.PoseTrajectory3D(
+        np.stack([log.x, log.y, zero], axis=1),
+        np.stack([np.cos(half), zero, zero, np.sin(half)], axis=1),
+        log.time,
+    )
+
+
+@pytest.mark.parametrize(
+    ("alignment", "evo_align"),
+    [
+        (Alignment(), None),
+        (Alignment(rigid=True), {}),
+        (Alignment(rigid=True, scale=True), {"correct_scale": True}),
+    ],
+)
+def test_ape_is_evos(alignment: Alignment, evo_align: dict | None) -> None:
+    real, sim = errors.together(DRIVE.real, MOVED(DRIVE.sim))
+    reference, estimate = for_evo(real), for_evo(sim)
+    if evo_align is not None:
+        estimate.align(reference, **evo_align)
+    ours = errors.ape(DRIVE.real, MOVED(DRIVE.sim), alignment)
+    for relation, mine in (
+        (metrics.PoseRelation.translation_part, ours.position),
+        (metrics.PoseRelation.rotation_angle_rad, ours.heading),
+    ):
+        theirs = metrics.APE(relation)
+        theirs.process_data((reference, estimate))
+        assert mine == pytest.approx(theirs.error, abs=1e-7)
+    assert errors.rmse(mine) == pytest.approx(theirs.get_statistic(metrics.StatisticsType.rmse))
+
+
+@pytest.mark.parametrize("poses", [1, 25, 100])
+def test_rpe_is_evos(poses: int) -> None:
+    real, sim = errors.together(DRIVE.real, MOVED(DRIVE.sim))
+    ours = errors.rpe(DRIVE.real, MOVED(DRIVE.sim), poses)
+    for relation, mine in (
+        (metrics.PoseRelation.translation_part, ours.position),
+        (metrics.PoseRelation.rotation_angle_rad, ours.heading),
+    ):
+        theirs = metrics.RPE(relation, poses, metrics.Unit.frames, all_pairs=True)
+        theirs.process_data((for_evo(real), for_evo(sim)))
+        assert mine == pytest.approx(theirs.error, abs=1e-7)
+
+
+@given(
+    st.floats(-np.pi, 3.14), st.booleans(), st.floats(0.2, 5), st.floats(-1e3, 1e3),
+    st.floats(-1e3, 1e3), st.booleans(),
+)  # fmt: skip
+def test_alignment_undoes_any_motion(
+    angle: float, reflected: bool, scale: float, x: float, y: float, scaled: bool
+) -> None:
+    log = DRIVE.sim
+    moved = Rigid(angle, reflected, scale if scaled else 1.0, x, y)(log)
+    back = errors.ape(log, moved, Alignment(True, reflection=True, scale=scaled))
+    assert back.position.max() < 1e-6
+    assert back.heading.max() < 1e-6
+
+
+def test_a_mirrored_log_needs_a_reflection() -> None:
+    mirrored = Rigid(1.0, reflected=True)(DRIVE.sim)
+    turned = errors.ape(DRIVE.sim, mirrored, Alignment(rigid=True))
+    assert errors.rmse(turned.position) > 0.3
+    assert not fit((DRIVE.sim.x, DRIVE.sim.y), (DRIVE.sim.x, DRIVE.sim.y), True).reflected
+
+
+def test_reflection_and_scale_are_not_done_by_halves() -> None:
+    with pytest.raises(RequestError, match="need rigid"):
+        errors.ape(DRIVE.real, DRIVE.sim, Alignment(scale=True))
+
+
+def test_by_default_nothing_is_aligned() -> None:
+    far = Rigid(x=10.0)(DRIVE.real)
+    assert errors.ape(DRIVE.real, far).position == pytest.approx(10.0)
+    assert errors.rpe(DRIVE.real, far, 5).position.max() < 1e-9
+
+
+@given(st.floats(-20, 20), st.floats(-20, 20))
+def test_heading_errors_go_the_short_way(a: float, b: float) -> None:
+    time, still = np.arange(2.0), np.zeros(2)
+    logs = (Log(time, time, still, np.full(2, h), "", "") for h in (a, b))
+    found = errors.ape(*logs).heading
+    assert found == pytest.approx(np.abs(np.angle(np.exp(1j * (a - b)))), abs=1e-9)
+
+
+def test_headings_are_read_across_the_wrap() -> None:
+    time = np.arange(3.0)
+    sim = Log(time, time, time, np.array([3.1, -3.1, -3.0]), "", "")
+    real = Log(time + 0.5, time, time, np.full(3, np.pi), "", "")
+    found = errors.ape(real, sim).heading
+    assert found[0] == pytest.approx(0.0, abs=1e-9)
+    assert angles.distance(-3.05, np.pi) == pytest.approx(found[1])
+
+
+def test_nrmse_is_the_root_over_the_scale_and_not_a_square() -> None:
+    log = Log(np.arange(5.0), 3 * np.arange(5.0), 4 * np.arange(5.0), np.zeros(5), "", "")
+    assert errors.SCALES["extent"](log, 1.0) == pytest.approx(20.0)
+    assert errors.SCALES["travel"](log, 2.0) == pytest.approx(10.0)
+    off = np.array([3.0, 4.0, 0.0, 5.0])
+    assert errors.rmse(off) == pytest.approx(np.sqrt(12.5))
+    assert errors.nrmse(off, 10.0) == pytest.approx(np.sqrt(12.5) / 10)
+    assert errors.nrmse(100 * off, 1000.0) == pytest.approx(errors.nrmse(off, 10.0))
+
+
+def test_travel_is_not_lengthened_by_noise() -> None:
+    rng = np.random.default_rng(0)
+    exact = robot.drive(robot.commands(30.0, rng))
+    still, noisy = (robot.sampled(exact, 50.0, n, 0.0, rng) for n in (0.0, 0.01))
+    assert errors.travel(noisy, 1.0) == pytest.approx(errors.travel(still, 1.0), rel=0.01)
+
+
+def test_wrong_requests_name_what_is_wrong() -> None:
+    with pytest.raises(RequestError, match=r"scale metres: unknown \(known: extent, travel\)"):
+        errors.scale_of("metres")
+    with pytest.raises(RequestError, match="did not move"):
+        errors.nrmse(np.ones(3), 0.0)
+    with pytest.raises(RequestError, match="stretch of 0 poses"):
+        errors.rpe(DRIVE.real, DRIVE.sim, 0)
+    later = Log(DRIVE.sim.time + 99, DRIVE.sim.x, DRIVE.sim.y, DRIVE.sim.heading, "later", "")
+    with pytest.raises(RequestError, match="later do not overlap"):
+        errors.ape(DRIVE.real, later)

@@ -1,0 +1,89 @@
+"""No worse than an accepted state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.headlines import held_out
+from s2rtools.gap import golden
+from s2rtools.gap.contract import Evidence, Settings
+from tests.support import tiny
+
+SETTINGS = Settings(replicates=300)
+
+
+@pytest.fixture(scope="module")
+def evidence(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Evidence]:
+    path = tiny.build(tmp_path_factory.mktemp("golden") / "s.s2r", n=200)
+    with s2rstore.open(path) as store:
+        yield Evidence(store, "vanilla", np.arange(200))
+
+
+def test_the_same_state_is_no_worse(evidence: Evidence, tmp_path: Path) -> None:
+    golden.write(tmp_path / "g.json", golden.take(evidence))
+    found = golden.compare(evidence, golden.read(tmp_path / "g.json"), SETTINGS)
+    assert found.outcome == "PASS"
+    assert found.change.value == found.change.low == found.change.high == 0
+    assert found.n == int(held_out(evidence.store, "vanilla").sum()) == 40
+
+
+def test_instances_that_were_trained_on_do_not_count(evidence: Evidence) -> None:
+    taken = set(golden.take(evidence).errors)
+    known = set(np.flatnonzero(~held_out(evidence.store, "vanilla")).tolist())
+    assert known
+    assert taken.isdisjoint(known)
+
+
+@pytest.mark.parametrize(("shift", "outcome"), [(0.3, "FAIL"), (-0.3, "PASS"), (0.05, None)])
+def test_a_change_beyond_the_margin_fails(
+    evidence: Evidence, shift: float, outcome: str | None
+) -> None:
+    """Earlier errors that were smaller by `shift`, to within noise."""
+    rng = np.random.default_rng(0)
+    now = golden.take(evidence)
+    before = {iid: error - shift + rng.normal(0, 0.05) for iid, error in now.errors.items()}
+    found = golden.compare(evidence, replace(now, errors=before), SETTINGS)
+    assert found.change.value == pytest.approx(shift, abs=0.03)
+    assert found.outcome == (outcome or "INCONCLUSIVE")
+
+
+def test_other_poses_are_refused(evidence: Evidence) -> None:
+    other = replace(golden.take(evidence), poses="f" * 64)
+    with pytest.raises(RequestError, match="other poses than the golden run"):
+        golden.compare(evidence, other, SETTINGS)
+
+
+def test_few_shared_instances_say_nothing(evidence: Evidence) -> None:
+    taken = golden.take(evidence)
+    few = replace(taken, errors=dict(list(taken.errors.items())[:5]))
+    with pytest.raises(InconclusiveError, match="5 instances are in both"):
+        golden.compare(evidence, few, SETTINGS)
+    with pytest.raises(InconclusiveError, match="20 held-out instances"):
+        golden.take(replace(evidence, iids=np.arange(5)))
+
+
+def test_instances_that_are_gone_are_counted(evidence: Evidence) -> None:
+    half = replace(evidence, iids=np.arange(150))
+    found = golden.compare(half, golden.take(evidence), SETTINGS)
+    assert (found.n, found.missing) == (30, 10)
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["", "{}", "[]", '{"format": 1}', '{"format": 2, "errors": {}}',
+     '{"format": 1, "errors": {"a": 1}, "poses": "x", "run": "r", "expression": "all"}',
+     '{"format": 1, "errors": {"1": NaN}, "poses": "x", "run": "r", "expression": "all"}',
+     '{"format": 1, "errors": {}, "poses": "x", "run": "r", "expression": "all"}'],
+)  # fmt: skip
+def test_a_file_that_is_no_golden_run_is_refused(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "g.json"
+    path.write_text(content)
+    with pytest.raises(RequestError, match=r"g\.json"):
+        golden.read(path)

@@ -1,0 +1,175 @@
+"""One number and one word from measured axes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2rstore.errors import RequestError
+from s2rstore.stats import Interval
+from s2rtools.gap import reference
+from s2rtools.gap.contract import Anchor, Measured, Settings
+from s2rtools.gap.measure import Measurement
+from s2rtools.gap.verdict import judge, outcome_of
+
+SETTINGS = Settings(replicates=400)
+
+
+def measured(axis: str, value: float, spread: float = 0.01, floor: float = 0.1) -> Measured:
+    rng = np.random.default_rng(len(axis))
+    noise, shared = rng.normal(0, spread, (2, SETTINGS.replicates))
+    return Measured(
+        axis, value, floor, 50, value + shared + noise, floor + shared, {"features": "f", "n": 50}
+    )
+
+
+def found(*axes: Measured) -> Measurement:
+    return Measurement({each.axis: each for each in axes}, {}, {})
+
+
+def scale(*axes: str, anchor: float = 1.1, floor: float = 0.1) -> reference.Reference:
+    frozen = {
+        axis: reference.Frozen(anchor, anchor, anchor, floor, "m", "bad", 50,
+                               {"features": "f", "n": 50})
+        for axis in axes
+    }  # fmt: skip
+    return reference.Reference(frozen, {}, "ref.json", "0" * 64)
+
+
+def test_the_floor_is_zero_and_the_anchor_a_hundred() -> None:
+    at_floor = judge(found(measured("task", 0.1)), scale("task"), SETTINGS)
+    at_anchor = judge(found(measured("task", 1.1)), scale("task"), SETTINGS)
+    assert at_floor.gap.value == pytest.approx(0)
+    assert at_anchor.gap.value == pytest.approx(100)
+    assert (at_floor.outcome, at_anchor.outcome) == ("PASS", "FAIL")
+
+
+def test_the_worst_axis_is_the_headline() -> None:
+    verdict = judge(
+        found(measured("task", 0.12), measured("visual", 0.6)), scale("task", "visual"), SETTINGS
+    )
+    assert verdict.worst == "visual"
+    assert verdict.gap.value == pytest.approx(50)
+    assert [each.axis for each in verdict.axes] == ["task", "visual"]
+
+
+def test_the_maximum_is_taken_inside_each_replicate() -> None:
+    """Four equal axes: the upper bound of the worst is above that of any one."""
+    names = ("a", "bb", "ccc", "dddd")
+    verdict = judge(found(*(measured(name, 0.2, 0.02) for name in names)), scale(*names), SETTINGS)
+    assert verdict.gap.high >= max(each.gap.high for each in verdict.axes)
+    assert np.allclose(
+        verdict.gap.high,
+        np.percentile(np.max([each.replicates for each in verdict.axes], axis=0), 97.5),
+    )
+
+
+def test_noise_that_reaches_across_the_threshold_decides_nothing() -> None:
+    verdict = judge(found(measured("task", 0.25, spread=0.2)), scale("task"), SETTINGS)
+    assert verdict.outcome == "INCONCLUSIVE"
+    assert "across" in verdict.reason
+
+
+def test_what_is_shared_by_value_and_floor_is_no_noise() -> None:
+    """Rows of value and floor come from one resample, so what moves both moves nothing."""
+    base = measured("task", 0.15, spread=0.0)
+    shift = np.random.default_rng(1).normal(0, 5, SETTINGS.replicates)
+    moved = replace(
+        base, replicates=base.replicates + shift, floor_replicates=base.floor_replicates + shift
+    )
+    assert judge(found(moved), scale("task"), SETTINGS).outcome == "PASS"
+
+
+def test_an_axis_that_is_not_judged_is_not_in_the_headline() -> None:
+    verdict = judge(found(measured("task", 0.1), measured("visual", 9.0)), scale("task"), SETTINGS)
+    assert (verdict.worst, verdict.outcome) == ("task", "PASS")
+
+
+def test_an_axis_without_evidence_is_refused() -> None:
+    lacking = Measurement({"task": measured("task", 0.1)}, {"dynamics": "no drives"}, {})
+    with pytest.raises(RequestError, match=r"ref\.json: judges dynamics.*no drives"):
+        judge(lacking, scale("task", "dynamics"), SETTINGS)
+
+
+@pytest.mark.parametrize(("value", "outcome"), [(0.1, "INCONCLUSIVE"), (1.1, "FAIL")])
+def test_an_axis_with_too_little_evidence_cannot_pass(value: float, outcome: str) -> None:
+    few = Measurement({"task": measured("task", value)}, {}, {"visual": "3 images, 50 needed"})
+    verdict = judge(few, scale("task", "visual"), SETTINGS)
+    assert verdict.outcome == outcome
+    if outcome == "INCONCLUSIVE":
+        assert "3 images" in verdict.reason
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [({"features": "other"}, "features is f here and other"), ({"n": 10}, "n is 50 here and 10")],
+)
+def test_a_reference_of_another_kind_is_refused(change: dict, told: str) -> None:
+    made = scale("task")
+    frozen = replace(made.axes["task"], fingerprint={**made.axes["task"].fingerprint, **change})
+    with pytest.raises(RequestError, match=told):
+        judge(found(measured("task", 0.1)), replace(made, axes={"task": frozen}), SETTINGS)
+
+
+def test_an_anchor_within_the_floors_noise_is_refused() -> None:
+    noisy = measured("task", 0.1, spread=0.5)
+    anchor = Anchor(0.3, noisy.replicates + 0.2, "the constant prediction")
+    with pytest.raises(RequestError, match=r"constant prediction.*within noise"):
+        reference.freeze(noisy, anchor, "m", SETTINGS)
+
+
+def test_a_reference_survives_its_file(tmp_path: Path) -> None:
+    calm = measured("task", 0.1)
+    frozen = reference.freeze(calm, Anchor(1.1, calm.replicates + 1.0, "bad"), "m", SETTINGS)
+    path = tmp_path / "ref.json"
+    reference.write(path, {"task": frozen}, {"run": "vanilla"})
+    read = reference.read(path)
+    assert read.axes == {"task": frozen}
+    assert read.made_from == {"run": "vanilla"}
+    assert judge(found(calm), read, SETTINGS).outcome == "PASS"
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["", "[]", "{}", '{"format": 1, "axes": {}}', '{"format": 9, "axes": {"task": {}}}',
+     '{"format": 1, "axes": {"task": 3}}', '{"format": 1, "axes": {"task": {"anchor": 1}}}',
+     "\xff"],
+)  # fmt: skip
+def test_a_file_that_is_no_reference_is_refused(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "ref.json"
+    path.write_bytes(content.encode("latin-1"))
+    with pytest.raises(RequestError, match=r"ref\.json"):
+        reference.read(path)
+
+
+@pytest.mark.parametrize("key", ["anchor", "floor", "n"])
+@pytest.mark.parametrize("value", [None, "1", True, float("inf")])
+def test_a_scale_must_be_of_numbers(tmp_path: Path, key: str, value: object) -> None:
+    calm = measured("task", 0.1)
+    frozen = reference.freeze(calm, Anchor(1.1, calm.replicates + 1.0, "bad"), "m", SETTINGS)
+    path = tmp_path / "ref.json"
+    reference.write(path, {"task": frozen}, {})
+    content = json.loads(path.read_text())
+    content["axes"]["task"][key] = value
+    path.write_text(json.dumps(content))
+    with pytest.raises(RequestError, match="task"):
+        reference.read(path)
+
+
+@given(st.floats(-50, 200), st.floats(0, 50), st.floats(0, 50), st.floats(1, 100))
+def test_the_word_follows_the_interval(
+    value: float, under: float, over: float, threshold: float
+) -> None:
+    outcome = outcome_of(Interval(value, value - under, value + over), threshold)
+    assert (outcome == "PASS") == (value + over < threshold)
+    assert (outcome == "FAIL") == (value - under > threshold)
+
+
+def test_bounds_that_are_unknown_decide_nothing() -> None:
+    assert outcome_of(Interval(0.0, np.nan, np.nan), 15) == "INCONCLUSIVE"

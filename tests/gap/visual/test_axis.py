@@ -1,0 +1,209 @@
+"""The visual axis on synthetic stores: floors, anchors, fingerprints, refusals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import s2rstore
+from s2rstore import schema
+from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.reader import Store
+from s2rstore.writer import edit
+from s2rtools.gap.contract import Evidence, Settings
+from s2rtools.gap.visual import axis
+from s2rtools.gap.visual.axis import LEAST_INSTANCES, Visual
+from s2rtools.gap.visual.inception import FidInception
+from tests.support import embeddings, tiny
+from tests.support.copies import copied
+from tests.support.networks import lively
+
+N = 250
+SETTINGS = Settings(replicates=200, seed=3)
+
+
+def look(seed: int, shift: float) -> np.ndarray:
+    """Features of a walk through the rooms, the same walk for every seed."""
+    x, y, heading = tiny.poses(N)
+    places = np.stack([x / 5, y / 4, np.cos(heading), np.sin(heading)], axis=1)
+    mix = np.random.default_rng(8).normal(size=(4, 24)) / 2
+    noise = np.random.default_rng(seed).normal(0, 0.1, (N, 24))
+    return np.maximum(places @ mix + shift, 0) + noise
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Runs of one model: `far` with a gap, `near` whose sim images are adapted, and `same` of
+    another model without any gap."""
+    root = tiny.build(tmp_path_factory.mktemp("visual") / "s.s2r", N, ("far",))
+    real = look(1, 0.0)
+    again(root, "near", {"sim_adjustments": [{"name": "brightness", "value": 1.2}]})
+    again(root, "same", {"model": "of-same"})
+    embeddings.add(root, "far", {"sim": look(2, 0.4), "real": real}, "embedding")
+    embeddings.add(root, "near", {"sim": look(2, 0.1), "real": real}, "embedding")
+    embeddings.add(root, "same", {"sim": real, "real": real}, "embedding")
+    return root
+
+
+def again(root: Path, name: str, other: dict[str, object]) -> None:
+    """Another run with the predictions of `far`, and what is other about it."""
+    with edit(root) as draft:
+        draft.insert_row(
+            "model",
+            {"model": f"of-{name}", "architecture": "resposenet", "sha256": "1" * 64,
+             "input_height": 16, "input_width": 16, "convention": {}, "trained_by": None},
+        )  # fmt: skip
+        draft.insert_row(
+            "run",
+            {"run": name, "model": "far", "sim_domain": "sim", "real_domain": "real",
+             "sim_adjustments": [], "real_adjustments": [], "key": "again",
+             "precision": "float32", "created_at": "2026-02-01T00:00:00Z", **other},
+        )  # fmt: skip
+        names = schema.BY_NAME["prediction"].column_names
+        rows = draft.rows(f"SELECT {', '.join(names)} FROM prediction WHERE run = 'far'")
+        columns = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+        draft.insert("prediction", columns | {"run": [name] * len(rows)})
+
+
+@pytest.fixture
+def store(path: Path) -> Iterator[Store]:
+    with s2rstore.open(path) as opened:
+        yield opened
+
+
+def evidence(store: Store, run: str, iids: np.ndarray | None = None) -> Evidence:
+    return Evidence(store, run, np.arange(N) if iids is None else iids)
+
+
+def test_a_gap_is_seen_beside_its_floor(store: Store) -> None:
+    far = Visual().measure(evidence(store, "far"), SETTINGS)
+    assert far.value > 5 * abs(far.floor)
+    assert np.percentile(far.replicates, 2.5) > 0
+    assert far.replicates.shape == far.floor_replicates.shape == (200,)
+    assert far.details["kid_p"] < 0.05
+    halves = far.details["halves"]
+    for name in ("fid", "kid", "sliced_wasserstein", "kl_sim_real"):
+        assert halves[name]["value"] > halves[name]["floor"]
+    assert halves["coverage"]["value"] < halves["coverage"]["floor"]
+    json.dumps([far.details, dict(far.fingerprint)], allow_nan=False)
+
+
+def test_only_what_the_model_was_not_trained_on_counts(store: Store) -> None:
+    far = Visual().measure(evidence(store, "far"), SETTINGS)
+    assert far.n == far.fingerprint["n"] == N // 5
+    part = Visual().measure(evidence(store, "far", np.arange(220)), SETTINGS)
+    assert part.n == 44
+
+
+def test_identical_images_are_at_the_floor_to_the_bit(store: Store) -> None:
+    same = Visual().measure(evidence(store, "same"), SETTINGS)
+    assert same.value == same.floor
+    assert np.array_equal(same.replicates, same.floor_replicates)
+    assert same.details["kid_p"] == 1.0
+    halves = same.details["halves"]
+    assert all(f["value"] == f["floor"] for f in halves.values() if isinstance(f, dict))
+
+
+def test_the_same_seed_gives_the_same_figures(store: Store) -> None:
+    once, again = (Visual().measure(evidence(store, "far"), SETTINGS) for _ in range(2))
+    assert np.array_equal(once.replicates, again.replicates)
+    assert once.details == again.details
+    other = Visual().measure(evidence(store, "far"), Settings(200, seed=4))
+    assert other.value == once.value
+    assert not np.array_equal(other.replicates, once.replicates)
+
+
+def test_the_anchor_is_the_unadapted_state(store: Store) -> None:
+    near, far = (Visual().measure(evidence(store, run), SETTINGS) for run in ("near", "far"))
+    anchor = Visual().anchor(evidence(store, "near"), SETTINGS)
+    assert anchor.value == far.value > near.value > near.floor
+    assert anchor.state == "the sim images before brightness=1.2 (run far)"
+    own = Visual().anchor(evidence(store, "far"), SETTINGS)
+    assert own.value == far.value
+    assert np.array_equal(own.replicates, far.replicates)
+    assert "unadapted" in own.state
+
+
+def test_without_an_unadapted_run_there_is_no_anchor(path: Path, tmp_path: Path) -> None:
+    root = copied(path, tmp_path / "s.s2r")
+    with edit(root) as draft:
+        draft.delete("run", run="far")
+    with s2rstore.open(root) as store:
+        assert Visual().measure(evidence(store, "near"), SETTINGS).value > 0
+        with pytest.raises(RequestError, match="add a run of model 'far'"):
+            Visual().anchor(evidence(store, "near"), SETTINGS)
+
+
+def test_other_models_have_other_fingerprints(store: Store) -> None:
+    far, near, same = (
+        Visual().measure(evidence(store, run), SETTINGS).fingerprint
+        for run in ("far", "near", "same")
+    )
+    assert far == near
+    assert far != same
+
+
+def test_too_few_images_are_inconclusive(store: Store) -> None:
+    for iids in (np.array([4, 9, 14]), np.arange(0), np.arange(5 * LEAST_INSTANCES - 5)):
+        with pytest.raises(InconclusiveError, match=f"at least {LEAST_INSTANCES}"):
+            Visual().measure(evidence(store, "far", iids), SETTINGS)
+    with pytest.raises(RequestError, match="iids 0"):
+        Visual().measure(evidence(store, "far", np.array([N])), SETTINGS)
+
+
+def test_more_images_than_needed_are_sampled_by_blocks(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(axis, "MOST_INSTANCES", 44)
+    found = Visual().measure(evidence(store, "far"), SETTINGS)
+    assert 36 <= found.n == found.fingerprint["n"] <= 44
+    assert found.notes[0] == f"{found.n} of 50 instances, as seeded whole blocks"
+    assert Visual().measure(evidence(store, "far"), SETTINGS).value == found.value
+
+
+def test_rows_that_are_not_finite_are_refused(path: Path, tmp_path: Path) -> None:
+    root = copied(path, tmp_path / "s.s2r")
+    again(root, "run", {})
+    sim = look(2, 0.1)
+    sim[[4, 9, 14], 3] = np.nan
+    embeddings.add(root, "run", {"sim": sim, "real": look(1, 0.0)}, "embedding")
+    with s2rstore.open(root) as store:
+        with pytest.raises(RequestError, match="sim features of instance 4 and 2 more"):
+            Visual().measure(evidence(store, "run"), SETTINGS)
+        rest = np.setdiff1d(np.arange(N), [4, 9, 14])
+        assert Visual().measure(evidence(store, "run", rest), SETTINGS).n == N // 5 - 3
+
+
+def test_what_is_missing_is_said(tiny_store: Path, store: Store) -> None:
+    assert Visual().missing(evidence(store, "far")) is None
+    with s2rstore.open(tiny_store) as bare:
+        told = Visual().missing(Evidence(bare, "vanilla", np.arange(40)))
+        assert told is not None
+        assert "no embeddings" in told
+        with pytest.raises(RequestError, match="run 'nobody'"):
+            Visual().missing(Evidence(bare, "nobody", np.arange(40)))
+
+
+def test_images_are_looked_at_by_a_declared_network(store: Store, tmp_path: Path) -> None:
+    torch.save(lively(FidInception()).state_dict(), tmp_path / "w.pth")
+    file = tmp_path / "network.toml"
+    file.write_text(
+        'architecture = "inception_v3_fid"\nweights = "w.pth"\n'
+        '[preprocessing]\nsize = [75, 75]\nfilter = "bilinear"\nrange = [-1.0, 1.0]\n'
+    )
+    iids = np.arange(0, 60)
+    asked = Evidence(store, "near", iids, features=file)
+    found = Visual().measure(asked, SETTINGS)
+    assert found.n == 60  # images that a pose model was trained on count for another network
+    assert found.fingerprint["features"] == "inception_v3_fid:pool3"
+    assert found.fingerprint["dimensions"] == 2048
+    anchor = Visual().anchor(asked, SETTINGS)
+    assert anchor.value != found.value  # `near` brightens what `far` leaves as it is
+    (tmp_path / "w.pth").unlink()
+    with pytest.raises(RequestError, match=r"w\.pth: cannot be read"):
+        Visual().measure(asked, SETTINGS)

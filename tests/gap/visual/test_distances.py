@@ -1,0 +1,109 @@
+"""Wasserstein, divergence and support against scipy, closed forms and brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import wasserstein_distance
+
+from s2rtools.gap.visual.divergence import divergences
+from s2rtools.gap.visual.manifold import support
+from s2rtools.gap.visual.wasserstein import sliced_wasserstein, wasserstein_by_dimension
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000), st.integers(1, 30), st.integers(1, 30), st.booleans())
+def test_wasserstein_agrees_with_scipy(seed: int, n: int, m: int, ties: bool) -> None:
+    rng = np.random.default_rng(seed)
+    x, y = rng.normal(size=(n, 3)), rng.normal(0.5, 2, size=(m, 3))
+    if ties:
+        x, y = np.round(x), np.round(y)
+    wanted = [wasserstein_distance(x[:, k], y[:, k]) for k in range(3)]
+    assert np.allclose(wasserstein_by_dimension(x, y), wanted)
+
+
+def test_sliced_wasserstein_is_seeded_and_sees_a_shift() -> None:
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(50, 1))
+    assert sliced_wasserstein(x, x + 3) == pytest.approx(3)
+    x, y = rng.normal(size=(2, 50, 20))
+    assert sliced_wasserstein(x, y, seed=4) == sliced_wasserstein(x, y, seed=4)
+    assert sliced_wasserstein(x, y, seed=4) != sliced_wasserstein(x, y, seed=5)
+    assert sliced_wasserstein(x, x) == 0
+
+
+def gaussian_divergence(mean: np.ndarray, s: np.ndarray, t: np.ndarray) -> float:
+    """D(N(0, s) || N(mean, t)), nats."""
+    inverse = np.linalg.inv(t)
+    logs = np.linalg.slogdet(t)[1] - np.linalg.slogdet(s)[1]
+    return float((np.trace(inverse @ s) + mean @ inverse @ mean - len(mean) + logs) / 2)
+
+
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_divergence_agrees_with_the_closed_form_of_gaussians(d: int) -> None:
+    rng = np.random.default_rng(d)
+    mean, a, b = np.full(d, 0.6), np.eye(d) * 1.5, np.eye(d) + 0.3
+    n = 2000 if d < 3 else 20_000
+    found = [
+        divergences(rng.multivariate_normal(np.zeros(d), a, n), rng.multivariate_normal(mean, b, n))
+        for _ in range(6)
+    ]
+    forward, backward = gaussian_divergence(mean, a, b), gaussian_divergence(-mean, b, a)
+    assert np.mean([f.forward for f in found]) == pytest.approx(forward, abs=0.05)
+    assert np.mean([f.backward for f in found]) == pytest.approx(backward, abs=0.05)
+
+
+def test_divergence_bears_duplicates() -> None:
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(300, 2))
+    twice = np.concatenate([x[:150], np.repeat(x[150:160], 15, axis=0)])
+    found = divergences(twice, rng.normal(size=(300, 2)))
+    assert np.isfinite([found.forward, found.backward]).all()
+    ones = np.ones((20, 2))
+    assert divergences(ones, ones).forward == 0
+    assert divergences(ones, rng.normal(size=(20, 2))).forward == np.inf
+    rounded = np.round(rng.normal(size=(400, 1)), 1), np.round(rng.normal(size=(400, 1)), 1)
+    assert divergences(*rounded).forward == pytest.approx(0, abs=0.15)
+
+
+def test_divergence_warns_above_three_dimensions_and_refuses_a_handful() -> None:
+    rng = np.random.default_rng(0)
+    with pytest.warns(UserWarning, match="4 dimensions"):
+        divergences(rng.normal(size=(30, 4)), rng.normal(size=(30, 4)))
+    with pytest.raises(ValueError, match="6 samples"):
+        divergences(np.zeros((3, 2)), np.zeros((30, 2)))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.integers(4, 20), st.integers(4, 20))
+def test_support_agrees_with_brute_force(seed: int, n: int, m: int) -> None:
+    rng = np.random.default_rng(seed)
+    k = 3
+    real, sim = rng.normal(size=(n, 2)), rng.normal(0.5, 1, size=(m, 2))
+
+    def radius(points: np.ndarray, i: int) -> float:
+        return sorted(np.linalg.norm(points - points[i], axis=1))[k]
+
+    inside = np.array(
+        [[np.linalg.norm(r - s) <= radius(real, i) for s in sim] for i, r in enumerate(real)]
+    )
+    reverse = np.array(
+        [[np.linalg.norm(r - s) <= radius(sim, j) for j, s in enumerate(sim)] for r in real]
+    )
+    found = support(real, sim, k)
+    assert found.precision == pytest.approx(inside.any(axis=0).mean())
+    assert found.recall == pytest.approx(reverse.any(axis=1).mean())
+    assert found.density == pytest.approx(inside.sum() / (k * m))
+    assert found.coverage == pytest.approx(inside.any(axis=1).mean())
+
+
+def test_support_of_equal_and_of_distant_samples() -> None:
+    x = np.random.default_rng(1).normal(size=(40, 300)) * 1e3
+    same, apart = support(x, x.copy()), support(x, x + 1e5)
+    assert (same.precision, same.recall, same.coverage) == (1, 1, 1)
+    assert (apart.precision, apart.recall, apart.density, apart.coverage) == (0, 0, 0, 0)
+    assert support(np.ones((9, 2)), np.ones((9, 2))).coverage == 1
+    with pytest.raises(ValueError, match="6 samples"):
+        support(x[:3], x)

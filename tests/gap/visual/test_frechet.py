@@ -1,0 +1,83 @@
+"""The Frechet distance against torchmetrics, scipy and what must hold for Gaussians."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import sqrtm
+from torchmetrics.image.fid import FrechetInceptionDistance
+
+from s2rtools.gap.visual.frechet import frechet_distance, trace_root, trace_root_of_samples
+
+
+def samples(seed: int, n: int, m: int, d: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    mix = rng.normal(size=(d, d)) / np.sqrt(d)
+    return rng.normal(size=(n, d)) @ mix, rng.normal(0.3, 1.4, size=(m, d))
+
+
+class Flat(torch.nn.Module):
+    """Images that are features already."""
+
+    def __init__(self, features: int) -> None:
+        super().__init__()
+        self.num_features = features
+
+    def forward(self, images: torch.Tensor) -> torch.Tensor:
+        return images.flatten(1)
+
+
+@pytest.mark.parametrize(("n", "m", "d"), [(200, 150, 12), (20, 20, 48), (9, 40, 27)])
+def test_it_agrees_with_torchmetrics(n: int, m: int, d: int) -> None:
+    x, y = samples(3, n, m, d)
+    other = FrechetInceptionDistance(feature=Flat(d), normalize=True)
+    other.set_dtype(torch.float64)
+    for points, real in ((x, True), (y, False)):
+        other.update(torch.from_numpy(points).reshape(len(points), 3, 1, d // 3), real=real)
+    assert frechet_distance(x, y) == pytest.approx(float(other.compute()), rel=1e-4)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.integers(20, 60), st.integers(2, 8))
+def test_it_agrees_with_the_matrix_root_of_scipy(seed: int, n: int, d: int) -> None:
+    x, y = samples(seed, n, n + 3, d)
+    s, t = np.cov(x.T), np.cov(y.T)
+    root = np.trace(np.real(sqrtm(s @ t)))
+    shift = np.sum((x.mean(axis=0) - y.mean(axis=0)) ** 2)
+    assert frechet_distance(x, y) == pytest.approx(shift + np.trace(s + t) - 2 * root, rel=1e-6)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.integers(3, 30), st.integers(2, 30))
+def test_both_ways_to_the_root_agree(seed: int, n: int, d: int) -> None:
+    x, y = samples(seed, n, n, d)
+    scale = np.abs(trace_root_of_samples(x, y)) + 1
+    # Eigenvalues that are 0 by rank carry the root of rounding, 1e-8, each.
+    assert trace_root(x.T @ x, y.T @ y) == pytest.approx(
+        trace_root_of_samples(x, y), abs=1e-6 * scale * d
+    )
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([(10, 40), (80, 5)]))
+def test_equal_samples_are_at_no_distance_and_a_shift_adds_its_square(
+    seed: int, shape: tuple[int, int]
+) -> None:
+    x, y = samples(seed, shape[0], shape[0], shape[1])
+    assert frechet_distance(x, x) == pytest.approx(0, abs=1e-6)
+    assert frechet_distance(x, x + 2) == pytest.approx(4 * shape[1], rel=1e-6)
+    assert frechet_distance(x, y) == pytest.approx(frechet_distance(y, x), rel=1e-6)
+
+
+def test_equal_distributions_are_far_apart_at_small_n() -> None:
+    rng = np.random.default_rng(0)
+    few, many = (frechet_distance(*rng.normal(size=(2, n, 64))) for n in (50, 2000))
+    assert few > 10 * many > 0
+
+
+def test_one_image_is_refused() -> None:
+    with pytest.raises(ValueError, match="2 samples"):
+        frechet_distance(np.zeros((1, 3)), np.zeros((5, 3)))

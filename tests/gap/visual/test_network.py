@@ -1,0 +1,149 @@
+"""Image networks from description files: layout, preprocessing, fingerprints, refusals."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from s2rstore.errors import RequestError
+from s2rtools.gap.visual import network
+from s2rtools.gap.visual.inception import Coarse, FidInception, Fine
+from tests.support.networks import lively
+
+DESCRIPTION = """
+architecture = "inception_v3_fid"
+weights = "{weights}"
+{more}
+[preprocessing]
+size = [{size}, {size}]
+filter = "bilinear"
+range = [-1.0, 1.0]
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Random weights as the usual file has them, classifier included."""
+    root = tmp_path_factory.mktemp("inception")
+    state = dict(lively(FidInception()).state_dict())
+    state |= {"fc.weight": torch.zeros(1008, 2048), "fc.bias": torch.zeros(1008)}
+    torch.save(state, root / "w.pth")
+    plain = {k: v.contiguous() for k, v in state.items() if "num_batches" not in k}
+    save_file(plain, root / "w.safetensors")
+    return root
+
+
+def described(root: Path, weights: str = "w.pth", size: int = 80, more: str = "") -> Path:
+    file = root / "network.toml"
+    file.write_text(DESCRIPTION.format(weights=weights, size=size, more=more))
+    return file
+
+
+def test_the_layout_is_that_of_the_usual_weights() -> None:
+    made = FidInception()
+    shapes = {key: tuple(value.shape) for key, value in made.state_dict().items()}
+    assert shapes["Conv2d_1a_3x3.conv.weight"] == (32, 3, 3, 3)
+    assert shapes["Mixed_5b.branch_pool.conv.weight"] == (32, 192, 1, 1)
+    assert shapes["Mixed_6a.branch3x3.conv.weight"] == (384, 288, 3, 3)
+    assert shapes["Mixed_6c.branch7x7dbl_4.conv.weight"] == (160, 160, 7, 1)
+    assert shapes["Mixed_7a.branch7x7x3_4.bn.running_var"] == (192,)
+    assert shapes["Mixed_7c.branch3x3dbl_3b.conv.weight"] == (384, 384, 3, 1)
+    assert len([key for key in shapes if key.endswith("conv.weight")]) == 94
+    assert sum(p.numel() for p in made.parameters()) == 21_785_568
+    sizes = {}
+    for name in ("Mixed_5d", "Mixed_6e", "Mixed_7c"):
+        made.get_submodule(name).register_forward_hook(
+            lambda module, given, out, name=name: sizes.update({name: tuple(out.shape[1:])})
+        )
+    with torch.inference_mode():
+        assert made.eval()(torch.zeros(1, 3, 299, 299)).shape == (1, 2048)
+    assert sizes == {"Mixed_5d": (288, 35, 35), "Mixed_6e": (768, 17, 17), "Mixed_7c": (2048, 8, 8)}
+
+
+def test_averages_leave_out_padding_and_the_last_block_takes_the_maximum() -> None:
+    fine, coarse = lively(Fine(4, 32)), Coarse(4, maximum=True)
+    with torch.inference_mode():
+        path = fine(torch.ones(1, 4, 6, 6))[0, -32:]
+        assert torch.allclose(path, path[:, :1, :1].expand_as(path), atol=1e-5)
+        x = torch.randn(1, 4, 5, 5)
+        assert coarse.pool(x)[0, 0, 2, 2] == x[0, 0, 1:4, 1:4].max()
+        assert Coarse(4, maximum=False).pool(x)[0, 0, 0, 0] == pytest.approx(
+            float(x[0, 0, :2, :2].mean()), abs=1e-6
+        )
+
+
+def test_features_are_those_of_the_network_on_prepared_images(folder: Path) -> None:
+    rgb = np.random.default_rng(0).integers(0, 256, (3, 64, 64, 3)).astype(np.uint8)
+    read = network.read_network(described(folder))
+    x = torch.from_numpy(rgb).permute(0, 3, 1, 2) / 255
+    x = torch.nn.functional.interpolate(x, (80, 80), mode="bilinear", align_corners=False) * 2 - 1
+    assert np.allclose(read.preprocessing(rgb), x.numpy(), atol=1e-5)
+    with torch.inference_mode():
+        wanted = lively(FidInception())(x).numpy()
+    found = read.features(rgb, batch=2)
+    assert found.shape == (3, 2048)
+    assert np.allclose(found, wanted, rtol=1e-3, atol=1e-3 * np.abs(wanted).max())
+
+
+def test_a_fingerprint_names_weights_and_preprocessing(folder: Path) -> None:
+    one = network.read_network(described(folder)).identity
+    assert one["weights_sha256"] == hashlib.sha256((folder / "w.pth").read_bytes()).hexdigest()
+    assert one == network.read_network(described(folder)).identity
+    other_size = network.read_network(described(folder, size=96)).identity
+    other_file = network.read_network(described(folder, "w.safetensors")).identity
+    keys = {i["features_sha256"] for i in (one, other_size, other_file)}
+    assert len(keys) == 3
+    as_json = folder / "network.json"
+    steps = {"size": [80, 80], "filter": "bilinear", "mean": [0.5] * 3, "std": [0.5] * 3}
+    as_json.write_text(
+        json.dumps({"architecture": "inception_v3_fid", "weights": "w.pth", "preprocessing": steps})
+    )
+    assert network.read_network(as_json).identity == one
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("w.pth", "gone.pth", "gone.pth: cannot be read"),
+        ("w.pth", "junk.pth", "junk.pth: "),
+        ("w.pth", "other.pth", "no Conv2d_1a_3x3"),
+        ("w.pth", "broken.pth", "not finite"),
+        ("inception_v3_fid", "vgg", "architecture must be one of"),
+        ("bilinear", "sinc", "filter must be one of"),
+        ("size = [80, 80]", "size = [80]", "size must be"),
+        ("size = [80, 80]", "size = [8, 80]", "size must be"),
+        ("range = [-1.0, 1.0]", "", "mean must be 3 numbers"),
+        ("range = [-1.0, 1.0]", "range = [1.0, -1.0]", "range = "),
+        ("range = [-1.0, 1.0]", "mean = [0, 0, 0]\nstd = [1, 0, 1]", "std must be above 0"),
+        ("range = [-1.0, 1.0]", "antialias = true", "unknown key 'antialias'"),
+        ("[preprocessing]", "[preparing]", "unknown key 'preparing'"),
+        ("architecture =", "architecture", "network.toml: "),
+    ],
+)
+def test_what_is_wrong_with_a_description_is_said_in_one_line(
+    folder: Path, old: str, new: str, told: str
+) -> None:
+    (folder / "junk.pth").write_bytes(b"junk")
+    torch.save({"a": torch.zeros(3)}, folder / "other.pth")
+    state = torch.load(folder / "w.pth", weights_only=True)
+    state["Mixed_7c.branch1x1.bn.bias"][0] = float("nan")
+    torch.save(state, folder / "broken.pth")
+    file = described(folder)
+    file.write_text(file.read_text().replace(old, new))
+    with pytest.raises(RequestError) as raised:
+        network.read_network(file)
+    assert told in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_other_weights_than_stated_and_a_missing_file_are_refused(folder: Path) -> None:
+    with pytest.raises(RequestError, match="its sha256 is"):
+        network.read_network(described(folder, more='sha256 = "00"'))
+    with pytest.raises(RequestError, match="cannot be read"):
+        network.read_network(folder / "nowhere.toml")

@@ -1,0 +1,140 @@
+"""A nightly configuration says in one line what is wrong with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from s2rstore.errors import RequestError
+from s2rtools.nightly import config
+from s2rtui.cli import main
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    (tmp_path / "s.s2r").mkdir(exist_ok=True)
+    (tmp_path / "drives").mkdir(exist_ok=True)
+    (tmp_path / "there.json").write_text("{}")
+    path = tmp_path / "gate.toml"
+    path.write_text(text)
+    return path
+
+
+def test_what_is_not_said_has_a_default_and_paths_are_relative_to_the_file(tmp_path: Path) -> None:
+    found = config.read(written(tmp_path, 'store = "s.s2r"'))
+    assert found.name == "gate"
+    assert found.history == (tmp_path / "s.s2r/history/gap.duckdb").resolve()
+    assert found.reports == (tmp_path / "reports/gate").resolve()
+    assert (found.run, found.axes, found.drives, found.sysid, found.metrics) == (
+        None, (), None, None, None,
+    )  # fmt: skip
+    assert (found.threshold, found.margin, found.seed, found.replicates) == (15.0, 0.05, 1, 1000)
+
+
+def test_drives_in_the_store_are_taken_where_none_are_named(tmp_path: Path) -> None:
+    path = written(tmp_path, 'store = "s.s2r"\n[sysid]\nseed = 2')
+    own = tmp_path / "s.s2r" / "drives"
+    own.mkdir()
+    found = config.read(path)
+    assert found.drives == str(own.resolve())
+    assert found.sysid == config.Sysid(str(own.resolve()), seed=2)
+
+
+def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
+    text = """
+        name = "lab"
+        store = "s.s2r"
+        run = "r"
+        select = "worst15"
+        axes = ["task", "delay"]
+        reference = "there.json"
+        golden = "there.json"
+        features = "there.json"
+        threshold = 20
+        margin = 0.1
+        seed = 3
+        replicates = 200
+        [drives]
+        folder = "drives"
+        [sysid]
+        simulator = "mujoco"
+        parameters = ["mass", "damping"]
+        fix = { track = 0.4 }
+        seeds = 2
+        [output]
+        history = "h.duckdb"
+        reports = "r"
+        metrics = "m.prom"
+        [stale]
+        after_days = 1.5
+    """
+    found = config.read(written(tmp_path, text))
+    here = tmp_path.resolve()
+    assert (found.run, found.select, found.axes) == ("r", "worst15", ("task", "delay"))
+    assert {found.reference, found.golden, found.features} == {here / "there.json"}
+    assert (found.threshold, found.margin, found.stale_after) == (20.0, 0.1, 1.5)
+    assert found.drives == str(here / "drives")
+    assert found.sysid == config.Sysid(
+        str(here / "drives"), "mujoco", ("mass", "damping"), {"track": 0.4}, 1, 2, None
+    )
+    assert (found.history, found.reports, found.metrics) == (
+        here / "h.duckdb", here / "r", here / "m.prom",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "store: missing"),
+        ("store =", "no TOML"),
+        ('store = "nowhere.s2r"', "store:.*no such folder"),
+        ('stroe = "s.s2r"', "stroe: not known; known: name, store"),
+        ('store = "s.s2r"\n[out]\nmetrics = "m"', "out: not known"),
+        ('store = "s.s2r"\n[output]\nmetric = "m"', "output.metric: not known"),
+        ('store = "s.s2r"\noutput = 3', "output: must be a table"),
+        ("store = 3", "store: must be text, not 3"),
+        ('store = "s.s2r"\nthreshold = "15"', "threshold: must be a number"),
+        ('store = "s.s2r"\nthreshold = true', "threshold: must be a number"),
+        ('store = "s.s2r"\nthreshold = nan', "threshold: over 0"),
+        ('store = "s.s2r"\nthreshold = 0', "threshold: over 0"),
+        ('store = "s.s2r"\nmargin = -1', "margin: over 0"),
+        ('store = "s.s2r"\nseed = 1.5', "seed: must be a whole number"),
+        ('store = "s.s2r"\nseed = -1', "seed: 0"),
+        ('store = "s.s2r"\nreplicates = 10', "replicates: 100"),
+        ('store = "s.s2r"\naxes = ["tsak"]', "axes: 'tsak': one of visual, task"),
+        ('store = "s.s2r"\naxes = ["task", "task"]', "axes: names an axis twice"),
+        ('store = "s.s2r"\naxes = [1]', "axes: must be a list of names"),
+        ('store = "s.s2r"\nname = "a b"', "name: 'a b'"),
+        ('store = "s.s2r"\nrun = " "', "run: must not be empty"),
+        ('store = "s.s2r"\nreference = "no.json"', "reference:.*no such file"),
+        ('store = "s.s2r"\ngolden = "drives"', "golden:.*no such file"),
+        ('store = "s.s2r"\n[drives]\nfolder = "there.json"', "drives.folder:.*no such folder"),
+        ('store = "s.s2r"\n[sysid]\nsimulator = "a"', "sysid.drives: missing"),
+        ('store = "s.s2r"\n[drives]\nfolder = "odometry"\n[sysid]\nseed = 1', "sysid.drives"),
+        ('store = "s.s2r"\n[sysid]\nfix = { track = "a" }', "sysid.fix: must be a table of num"),
+        ('store = "s.s2r"\n[sysid]\nparameters = "mass"', "sysid.parameters: must be a list"),
+        ('store = "s.s2r"\n[drives]\nrate = 0', "drives.rate: over 0"),
+        ('store = "s.s2r"\n[stale]\nafter_days = -1', "stale.after_days: 0"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_named(tmp_path: Path, text: str, told: str) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(RequestError, match=rf"gate\.toml: {told}") as found:
+        config.read(path)
+    assert "\n" not in str(found.value)
+
+
+def test_the_command_refuses_before_anything_is_written(tmp_path: Path, capsys) -> None:
+    path = written(tmp_path, 'store = "s.s2r"\nthreshold = 0')
+    before = sorted(tmp_path.rglob("*"))
+    assert main(["nightly", str(path)]) == 2
+    assert main(["nightly", str(tmp_path / "none.toml")]) == 2
+    good = written(tmp_path, 'store = "s.s2r"')
+    assert main(["nightly", str(good), "--night", "21.11.2026"]) == 2
+    assert main(["nightly", str(good)]) == 2  # the folder is no store
+    told = capsys.readouterr().err
+    assert "threshold: over 0" in told
+    assert "none.toml: No such file" in told
+    assert "--night 21.11.2026: a date such as" in told
+    assert "not a store" in told
+    assert sorted(tmp_path.rglob("*")) == before

@@ -1,0 +1,179 @@
+"""The history's file: whole at any moment, whoever reads it and whatever is killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from s2rstore import history, history_schema
+from s2rstore.errors import RequestError
+from s2rstore.prune import prune
+from s2rstore.verify import verify
+from s2rtools.nightly.run import nightly
+from tests.nightly.conftest import files
+from tests.support import nights
+from tests.support.nights import Week, day
+
+
+def test_what_is_missing_is_null_and_every_column_has_a_comment(told_week: Week) -> None:
+    import duckdb
+
+    with duckdb.connect(str(told_week.config.history), read_only=True) as connection:
+        for table in history_schema.TABLES:
+            for column in table.columns:
+                if column.type == "DOUBLE":
+                    query = f'SELECT count(*) FROM "{table.name}" WHERE isnan("{column.name}")'
+                    assert connection.execute(query).fetchone() == (0,)
+        uncommented = connection.execute(
+            "SELECT count(*) FROM duckdb_columns() WHERE NOT internal AND comment IS NULL "
+            "AND table_name <> 'gap'"
+        ).fetchone()
+        assert uncommented == (0,)
+        mass = connection.execute("SELECT value_low FROM estimate WHERE parameter = 'mass'")
+        assert mass.fetchone() == (None,)
+        red = connection.execute(
+            "SELECT night, gap FROM gap WHERE axis = 'task' AND gap_low > threshold ORDER BY night"
+        ).fetchall()
+        assert [row[0] for row in red] == [day(5), day(6), day(7)]
+
+
+def test_the_report_is_kept_whole(told_week: Week) -> None:
+    found = history.read(told_week.config.history)
+    last = found.counting("lab")[-1]
+    report = json.loads(history.report_text(told_week.config.history, last.measured))
+    assert report["verdict"]["gap"] == last.gap.value
+    assert [each["gap"] for each in report["axes"]] == [axis.gap.value for axis in last.axes[:3]]
+
+
+def test_a_store_with_a_history_is_verified_and_pruned(week: Week) -> None:
+    week.night(1)
+    content = week.config.history.read_bytes()
+    assert verify(week.config.store) == []
+    prune(week.config.store, keep=1)
+    assert week.config.history.read_bytes() == content
+
+
+def test_what_a_killed_night_left_is_made_whole(week: Week) -> None:
+    week.night(1)
+    whole = files(week.config)
+    folder = week.config.reports / str(day(1))
+    (folder / "junit.xml").unlink()
+    (folder / "report.md").write_text("ha")
+    assert week.config.metrics is not None
+    week.config.metrics.unlink()
+    (week.config.reports / "latest").unlink()
+    left = week.config.history.with_name(".gap.duckdb.1.new")
+    left.write_bytes(b"half")
+    done = week.night(1, new_log=False)
+    assert not done.new
+    names = {path.name for path in done.written}
+    assert names == {"junit.xml", "report.md", "gap.prom", "latest"}
+    assert {path: text for path, (text, _) in files(week.config).items() if path != left} == {
+        path: text for path, (text, _) in whole.items()
+    }
+    week.night(2)
+    assert not left.exists()
+
+
+_KILLED = """
+import os, signal, sys
+from dataclasses import replace
+from pathlib import Path
+from s2rtools.nightly import config, history
+from tests.support import nights
+{patch}
+week = nights.Week(config.read(Path(sys.argv[1])), {{}}, 9)
+week.night(2)
+"""
+_DIE = "os.kill(os.getpid(), signal.SIGKILL)"
+
+
+@pytest.mark.parametrize(
+    ("patch", "kept"),
+    [
+        (f"history._insert = lambda *a: {_DIE}", 1),
+        (f"history.layout.sync_file = lambda *a: {_DIE}", 1),
+        (f"history.layout.sync_folder = lambda *a: {_DIE}", 2),
+        (f"import s2rtools.nightly.publish as p; p.junit = lambda *a: {_DIE}", 2),
+    ],
+    ids=["while adding", "before the rename", "after the rename", "while telling"],
+)
+def test_a_kill_loses_at_most_the_night(week: Week, patch: str, kept: int) -> None:
+    week.config = replace(week.config, sysid=None)
+    week.night(1)
+    code = _KILLED.format(patch=patch)
+    done = subprocess.run([sys.executable, "-c", code, str(week.config.source)], check=False,
+                          cwd=Path(__file__).parents[2], env={**os.environ, "PYTHONPATH":
+                          os.pathsep.join(sys.path)}, capture_output=True)  # fmt: skip
+    assert done.returncode == -signal.SIGKILL, done.stderr.decode()
+    assert len(history.read(week.config.history).counting("lab")) == kept
+    assert week.night(2, new_log=False).night.night == day(2)
+    assert len(history.read(week.config.history).counting("lab")) == 2
+    assert {path.name for path in week.config.history.parent.iterdir()} == {
+        "gap.duckdb", ".gap.duckdb.lock",
+    }  # fmt: skip
+
+
+def test_readers_see_whole_histories_while_it_grows(week: Week) -> None:
+    week.night(1)
+    stop, counts, errors = threading.Event(), [], []
+
+    def read() -> None:
+        while not stop.is_set():
+            try:
+                found = history.read(week.config.history).counting("lab")
+                counts.append(len(found))
+                assert all(len(night.axes) == 4 for night in found)
+            except Exception as error:
+                errors.append(error)
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    for number in range(2, 6):
+        week.night(number)
+    stop.set()
+    reader.join()
+    assert errors == []
+    assert counts == sorted(counts)
+
+
+def test_two_starts_at_once_add_one_night(week: Week) -> None:
+    together = threading.Barrier(2)
+
+    def measure(store, config) -> dict:
+        together.wait(30)
+        return nights.report(store, {"task": 5.0})
+
+    found: list[bool] = []
+    starts = [
+        threading.Thread(target=lambda: found.append(
+            nightly(week.config, day(1), measure, week.estimate).new))
+        for _ in range(2)
+    ]  # fmt: skip
+    for start in starts:
+        start.start()
+    for start in starts:
+        start.join()
+    assert sorted(found) == [False, True]
+    assert len(history.read(week.config.history).nights) == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"no database", None])
+def test_a_file_that_is_no_history_is_refused(tmp_path: Path, content: bytes | None) -> None:
+    import duckdb
+
+    path = tmp_path / "h.duckdb"
+    if content is None:
+        duckdb.connect(str(path)).close()
+    else:
+        path.write_bytes(content)
+    with pytest.raises(RequestError, match=r"h\.duckdb"):
+        history.read(path)

@@ -1,0 +1,158 @@
+"""The planar robot obeys its equations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rtools.logs import Commands
+from s2rtools.sysid.simulators import Planar
+from s2rtools.sysid.simulators.contract import pack
+
+TIMES = 0.02 * np.arange(300)
+SIMULATOR = Planar()
+speeds = st.floats(-2.0, 2.0)
+shares = st.floats(0.0, 1.0)
+
+
+def told(left: np.ndarray, right: np.ndarray) -> Commands:
+    time = 0.05 * np.arange(len(left))
+    return Commands(time, {"left_torque": left, "right_torque": right}, 0.05, "", "")
+
+
+def random_commands(seed: int, count: int = 130) -> Commands:
+    rng = np.random.default_rng(seed)
+    left, right = np.repeat(rng.uniform(-0.3, 0.6, (2, count // 10)), 10, axis=1)
+    return told(left, right)
+
+
+def drawn(choice: list[float]) -> dict[str, float]:
+    """Parameters anywhere in their ranges."""
+    searched = [one for one in SIMULATOR.parameters if one.name not in ("latency", "gain")]
+    values = {}
+    for one, share in zip(searched, choice, strict=True):
+        if one.scale == "log":
+            values[one.name] = one.low * (one.high / one.low) ** share
+        else:
+            values[one.name] = one.low + share * (one.high - one.low)
+    return values
+
+
+@given(st.lists(shares, min_size=8, max_size=8), speeds, st.floats(-6.0, 6.0))
+@settings(max_examples=60, deadline=None)
+def test_energy_decays_without_torque_whatever_the_parameters(
+    choice: list[float], speed: float, turn: float
+) -> None:
+    values = drawn(choice)
+    still = told(np.zeros(2), np.zeros(2))
+    states = SIMULATOR.simulate(values, still, np.array([0, 0, 0.3, speed, turn]), TIMES)
+    inertia = values["gyration"] * (values["track"] / 2) ** 2
+    energy = states[:, 3] ** 2 + inertia * states[:, 4] ** 2
+    assert np.isfinite(states).all()
+    assert (np.diff(energy) <= 1e-12 + 1e-9 * energy[:-1]).all()
+
+
+@given(st.lists(shares, min_size=8, max_size=8))
+@settings(max_examples=20, deadline=None)
+def test_a_robot_at_rest_without_commands_stays(choice: list[float]) -> None:
+    start = np.array([1.0, -2.0, 0.7, 0.0, 0.0])
+    states = SIMULATOR.simulate(drawn(choice), told(np.zeros(9), np.zeros(9)), start, TIMES)
+    np.testing.assert_array_equal(states, np.tile(start, (len(TIMES), 1)))
+
+
+def test_equal_torques_drive_straight() -> None:
+    torque = random_commands(1).channels["left_torque"]
+    states = SIMULATOR.simulate({}, told(torque, torque), np.array([0, 0, 0.5, 0, 0]), TIMES)
+    across = -np.sin(0.5) * states[:, 0] + np.cos(0.5) * states[:, 1]
+    assert np.abs(states[:, 2] - 0.5).max() < 1e-12
+    assert np.abs(across).max() < 1e-12
+    assert np.abs(states[:, 0]).max() > 0.5
+
+
+def test_exchanged_wheels_mirror_the_path() -> None:
+    commands = random_commands(2)
+    left, right = commands.channels.values()
+    one = SIMULATOR.simulate({"wheels": 0.05}, told(left, right), np.zeros(5), TIMES)
+    other = SIMULATOR.simulate({"wheels": -0.05}, told(right, left), np.zeros(5), TIMES)
+    np.testing.assert_allclose(one, other * [1, -1, -1, 1, -1], atol=1e-10)
+
+
+def test_a_larger_right_wheel_turns_an_even_drive_to_its_left_or_right_and_back() -> None:
+    even = np.full(100, 0.5)
+    states = [
+        SIMULATOR.simulate({"wheels": w}, told(even, even), np.zeros(5), TIMES)[-1, 2]
+        for w in (-0.05, 0.05)
+    ]
+    assert states[0] == pytest.approx(-states[1])
+    assert abs(states[0]) > 0.05
+
+
+@given(st.floats(0.0, 0.12), st.floats(0.0, 0.12), st.integers(0, 50))
+@settings(max_examples=40, deadline=None)
+def test_latency_shifts_the_response_by_exactly_that_time(
+    first: float, second: float, seed: int
+) -> None:
+    commands = random_commands(seed)
+    one = SIMULATOR.simulate({"latency": first}, commands, np.zeros(5), TIMES)
+    late = TIMES + (second - first)
+    start = np.concatenate([[min(0.0, late[0])], late])
+    other = SIMULATOR.simulate({"latency": second}, commands, np.zeros(5), start)[1:]
+    np.testing.assert_allclose(one, other, atol=1e-9)
+
+
+def test_halving_the_step_quarters_the_error() -> None:
+    commands = random_commands(3)
+    exact = Planar(0.0002).simulate({}, commands, np.zeros(5), TIMES)
+    errors = [
+        np.abs(Planar(step).simulate({}, commands, np.zeros(5), TIMES) - exact)[:, 3:].max()
+        for step in (0.02, 0.01, 0.005)
+    ]
+    assert errors[0] / errors[1] > 2.5
+    assert errors[1] / errors[2] > 2.5
+    assert errors[2] < 2e-3
+
+
+def test_constant_torque_without_friction_approaches_the_terminal_speed() -> None:
+    values = {"friction": 0.05, "drag": 0.0, "damping": 20.0, "mass": 5.0}
+    even = np.full(200, 0.5)
+    speed = SIMULATOR.simulate(values, told(even, even), np.zeros(5), TIMES)[:, 3]
+    force, rate = 2 * 0.5 / 0.05 - 0.05, 20.0 / 5.0
+    closed = force / 20.0 * (1 - np.exp(-rate * np.maximum(TIMES - 0.02, 0)))
+    np.testing.assert_allclose(speed, closed, atol=4e-3)
+
+
+def test_many_replays_at_once_are_the_same_as_each_alone() -> None:
+    told_twice = [random_commands(4), random_commands(5, 80)]
+    stretches = [(1, TIMES[40:90]), (0, TIMES[7:50]), (0, TIMES[100:103])]
+    starts = np.random.default_rng(0).normal(0, 0.5, (3, 5))
+    values = {**SIMULATOR.defaults(), "latency": 0.033}
+    together = SIMULATOR.replay(values, pack(told_twice, stretches, SIMULATOR.torques), starts)
+    alone = [
+        SIMULATOR.simulate(values, told_twice[drive], start, times)
+        for (drive, times), start in zip(stretches, starts, strict=True)
+    ]
+    np.testing.assert_array_equal(together, np.concatenate(alone))
+
+
+def test_efforts_are_torques_times_the_gain() -> None:
+    commands = random_commands(6)
+    left, right = commands.channels.values()
+    efforts = {"left_effort": left / 2.5, "right_effort": right / 2.5}
+    one = SIMULATOR.simulate({}, commands, np.zeros(5), TIMES)
+    other = SIMULATOR.simulate(
+        {"gain": 2.5}, Commands(commands.time, efforts, 0.05, "", ""), np.zeros(5), TIMES
+    )
+    np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+@given(st.floats(0.3, 4.0))
+@settings(max_examples=20, deadline=None)
+def test_shared_parameters_scale_together_unseen(scale: float) -> None:
+    commands = random_commands(7)
+    values = {name: SIMULATOR.defaults()[name] for name in SIMULATOR.shared}
+    one = SIMULATOR.simulate(values, commands, np.zeros(5), TIMES)
+    scaled = {name: scale * value for name, value in values.items()}
+    other = SIMULATOR.simulate(scaled, commands, np.zeros(5), TIMES)
+    np.testing.assert_allclose(one, other, atol=1e-9)

@@ -1,0 +1,98 @@
+"""Results as files, and the command."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from s2rtools.sysid import Identification, report
+from s2rtools.sysid.figure import convergence_figure
+from s2rtui.cli import main
+from tests.sysid.conftest import Made
+
+FAST = ["--seeds", "1", "--evaluations", "60"]
+
+
+def test_files_tell_the_same_and_leave_nothing_beside(
+    plain: Identification, tmp_path: Path
+) -> None:
+    told = report.write(tmp_path / "out", plain, None)
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"sysid.json", "sysid.txt", "convergence.png"}
+    assert json.loads((tmp_path / "out/sysid.json").read_text()) == told
+    text = (tmp_path / "out/sysid.txt").read_text()
+    assert all(one.name in text for one in plain.estimates)
+
+
+def test_a_warning_stands_in_the_table(unequal: Identification) -> None:
+    assert "warning: structural mismatch" in report.table(report.result(unequal, None))
+
+
+def test_the_curve_is_the_same_to_the_byte(plain: Identification) -> None:
+    one, other = (convergence_figure(plain.courses, "title") for _ in range(2))
+    assert one == other
+    assert one.startswith(b"\x89PNG")
+
+
+def test_the_command_writes_and_prints(
+    made: Callable[..., Made], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drives = made(latency=0.8, mass=1.0)[0]
+    out = tmp_path / "out"
+    assert main(["sysid", str(drives), "--out", str(out), "--json", *FAST]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == json.loads((out / "sysid.json").read_text())
+    assert told["estimates"]["mass"]["value"] == pytest.approx(16.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--simulator", "bullet"], "--simulator bullet: unknown"),
+        (["--parameters", "weight"], "weight: no parameter"),
+        (["--parameters", ","], "--parameters: give names"),
+        (["--fix", "track"], "--fix track: give NAME=VALUE"),
+        (["--fix", "track=nan"], "track=nan: out of its range"),
+        (["--seeds", "0"], "--seeds"),
+        (["--window", "nan"], "--window"),
+    ],
+)
+def test_wrong_requests_end_with_2_and_write_nothing(
+    made: Callable[..., Made],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    line: str,
+) -> None:
+    drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
+    assert main(["sysid", str(drives), "--out", str(out), *FAST, *words]) == 2
+    error = capsys.readouterr().err.strip().splitlines()
+    assert line in error[-1]
+    assert not out.exists()
+
+
+def test_a_missing_folder_and_a_file_for_a_folder_end_with_2(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    assert main(["sysid", str(tmp_path / "no"), "--out", str(tmp_path / "out")]) == 2
+    assert main(["sysid", str(tmp_path), "--out", str(tmp_path / "file")]) == 2
+
+
+def test_what_drives_leave_open_ends_with_3(
+    made: Callable[..., Made], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
+    words = ["--parameters", "mass,gain,friction,damping,drag", *FAST]
+    assert main(["sysid", str(drives), "--out", str(out), *words]) == 3
+    assert "do not determine" in capsys.readouterr().err
+    assert json.loads((out / "sysid.json").read_text())["conclusive"] is False
+
+
+def test_too_few_drives_end_with_3_and_write_nothing(
+    made: Callable[..., Made], tmp_path: Path
+) -> None:
+    drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
+    assert main(["sysid", str(drives), "--out", str(out), "--held-out", "6"]) == 3
+    assert not out.exists()

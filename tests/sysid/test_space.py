@@ -1,0 +1,68 @@
+"""Parameters as a cube: ranges, scales, ratios."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2rstore.errors import RequestError
+from s2rtools.sysid.simulators import Planar
+from s2rtools.sysid.space import space_of
+
+points = st.lists(st.floats(0.0, 1.0), min_size=5, max_size=5).map(np.array)
+
+
+@pytest.mark.parametrize("known", [True, False])
+@given(point=points)
+def test_natural_values_stay_in_range_and_lead_back(known: bool, point: np.ndarray) -> None:
+    space = space_of(Planar(), None, {}, known)
+    natural = space.natural(point)
+    for one, value in zip(space.parameters, natural, strict=True):
+        assert one.low * (1 - 1e-9) <= value <= one.high * (1 + 1e-9)
+    back = space.cube(dict(zip(space.names, natural.tolist(), strict=True)))
+    np.testing.assert_allclose(back, point, atol=1e-9)
+
+
+def test_the_start_is_the_simulators_default() -> None:
+    for known in (True, False):
+        space = space_of(Planar(), None, {}, known)
+        values = space.values(space.start())
+        assert values == pytest.approx(Planar().defaults())
+
+
+def test_the_latency_is_always_searched() -> None:
+    assert space_of(Planar(), ("mass",), {}, True).names == ("mass", "latency")
+    with pytest.raises(RequestError, match="latency: always searched"):
+        space_of(Planar(), None, {"latency": 0.1}, True)
+
+
+def test_structural_parameters_are_not_searched_unless_named() -> None:
+    assert "wheels" not in space_of(Planar(), None, {}, True).names
+    assert "wheels" in space_of(Planar(), ("mass", "wheels"), {}, True).names
+
+
+def test_unknown_torques_leave_ratios_to_the_mass() -> None:
+    space = space_of(Planar(), ("mass", "damping"), {}, False)
+    assert space.names == ("gain/mass", "damping/mass", "latency")
+    assert space.lumped
+    values = space.values(space.cube({"gain/mass": 0.2, "damping/mass": 0.5, "latency": 0.1}))
+    assert values["gain"] / values["mass"] == pytest.approx(0.2)
+    assert values["damping"] / values["mass"] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("names", "fixed", "line"),
+    [
+        (("mas",), {}, "mas: no parameter of the simulator planar"),
+        (None, {"gravity": 1.0}, "gravity: no parameter"),
+        (("mass",), {"mass": 3.0}, "mass: both fixed and searched"),
+        (None, {"track": 9.0}, "track=9: out of its range"),
+    ],
+)
+def test_wrong_names_and_values_are_told(
+    names: tuple[str, ...] | None, fixed: dict[str, float], line: str
+) -> None:
+    with pytest.raises(RequestError, match=line):
+        space_of(Planar(), names, fixed, True)

@@ -1,0 +1,96 @@
+"""Windows of several horizons, each restarted from a real state.
+
+The motion that the simulator makes from a window's start is put onto the real pose at that time;
+what is left between the two ends is the window's error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2rstore import angles
+from s2rstore.errors import RequestError
+from s2rtools.gap.dynamics.errors import moved
+from s2rtools.logs.contract import Floats, Log
+from s2rtools.logs.resample import poses_at
+
+HOLE = 5.0
+"""Median steps between two poses beyond which nothing is known between them."""
+_CHUNK = 2048
+_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """`horizons` in s, a window of each from every `stride` s, compared at `rate` Hz."""
+
+    horizons: tuple[float, ...] = (0.5, 1.0, 2.0, 5.0)
+    stride: float = 0.25
+    rate: float = 50.0
+
+    def __post_init__(self) -> None:
+        rising = all(a < b for a, b in zip((0.0, *self.horizons), self.horizons, strict=False))
+        if not self.horizons or not rising:
+            raise RequestError(f"horizons {self.horizons}: give rising positive seconds")
+        if not (self.stride > 0 and self.rate > 0):
+            raise RequestError(f"stride {self.stride:g} s, rate {self.rate:g} Hz: must be positive")
+        if self.horizons[0] * self.rate < 1:
+            raise RequestError(f"horizon {self.horizons[0]:g} s is less than one step of the rate")
+
+    def starts(self, real: Log) -> Floats:
+        """Times of the windows' starts (K,), those that hold the shortest horizon."""
+        room = real.time[-1] - real.time[0] - self.horizons[0]
+        count = int(np.floor(room / self.stride + _TOLERANCE)) + 1
+        return real.time[0] + np.arange(max(count, 0)) * self.stride
+
+
+DEFAULT = Plan()
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """Errors per horizon and start, (H, K); NaN where a log does not know an end.
+
+    `end` at the end and `path` as root mean square on the way, in m; `heading` at the end, in rad;
+    `distance` is the straight line that the real robot covered, in m. `starts` (K,) in s.
+    """
+
+    starts: Floats
+    end: Floats
+    path: Floats
+    heading: Floats
+    distance: Floats
+
+
+def windows(real: Log, sim: Log, plan: Plan = DEFAULT) -> Windows:
+    """All windows of `plan`; `sim` with its delay already taken out."""
+    starts = plan.starts(real)
+    shape = (len(plan.horizons), starts.size)
+    made = Windows(starts, *(np.full(shape, np.nan) for _ in range(4)))
+    for first in range(0, starts.size, _CHUNK):
+        _fill(made, slice(first, first + _CHUNK), real, sim, plan)
+    return made
+
+
+def _fill(made: Windows, part: slice, real: Log, sim: Log, plan: Plan) -> None:
+    steps = np.round(np.array(plan.horizons) * plan.rate).astype(int)
+    ahead = np.arange(steps[-1] + 1) / plan.rate
+    times = made.starts[part, None] + ahead
+    times[np.abs(times - real.time[-1]) < 1e-6] = real.time[-1]
+    real_motion, sim_motion = (_motions(log, times) for log in (real, sim))
+    apart = np.hypot(real_motion[0] - sim_motion[0], real_motion[1] - sim_motion[1])
+    turned = angles.distance(real_motion[2], sim_motion[2])
+    squares = np.cumsum(apart[:, 1:] ** 2, axis=1)
+    for row, step in enumerate(steps):
+        made.end[row, part] = apart[:, step]
+        made.path[row, part] = np.sqrt(squares[:, step - 1] / step)
+        made.heading[row, part] = turned[:, step]
+        made.distance[row, part] = np.hypot(real_motion[0][:, step], real_motion[1][:, step])
+
+
+def _motions(log: Log, times: Floats) -> tuple[Floats, Floats, Floats]:
+    """Poses at `times` (k, t) as seen from those at the first of each row."""
+    x, y, heading = poses_at(log, times, HOLE * float(np.median(np.diff(log.time))))
+    return moved(x[:, :1], y[:, :1], heading[:, :1], x, y, heading)

@@ -1,0 +1,131 @@
+"""From a request to a report: what the command and the nightly run both do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from s2rstore import layout, selection
+from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.reader import Store
+from s2rtools.gap import golden, reference
+from s2rtools.gap.axes import AXES
+from s2rtools.gap.contract import Axis, Evidence, Settings
+from s2rtools.gap.golden import MARGIN
+from s2rtools.gap.measure import Measurement, frozen, measure
+from s2rtools.gap.report import Judged, Report, across_report, report
+from s2rtools.gap.task.across import across
+from s2rtools.gap.verdict import THRESHOLD, judge, unjudged
+from s2rtools.logs import Drive
+from s2rtools.logs.drives import read_drives
+from s2rtools.logs.odometry import odometry
+
+ODOMETRY = "odometry"
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What to measure and what to judge it by.
+
+    `drives` is a folder, `odometry`, or None for those in the store; `rate` (Hz) is that of
+    odometry that was stored without times.
+    """
+
+    run: str | None = None
+    expression: str = "all"
+    axes: tuple[str, ...] = ()
+    drives: str | None = None
+    rate: float | None = None
+    features: Path | None = None
+    reference: Path | None = None
+    golden: Path | None = None
+    threshold: float = THRESHOLD
+    margin: float = MARGIN
+    settings: Settings = field(default_factory=Settings)
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.threshold) or self.threshold <= 0:
+            raise RequestError(f"--threshold: over 0, not {self.threshold:g}")
+        if not np.isfinite(self.margin) or self.margin <= 0:
+            raise RequestError(f"--margin: metres over 0, not {self.margin:g}")
+        if self.rate is not None and not 0 < self.rate < float("inf"):
+            raise RequestError(f"--rate: Hz over 0, not {self.rate:g}")
+        for name in self.axes:
+            if name not in AXES:
+                raise RequestError(f"--axis {name}: one of {', '.join(AXES)}")
+
+    @property
+    def wanted(self) -> dict[str, Axis]:
+        return {name: axis for name, axis in AXES.items() if name in (self.axes or AXES)}
+
+
+def evidence(store: Store, request: Request) -> Evidence:
+    """Raises RequestError for a run that is not computed or a selection of nothing."""
+    run = store.run(request.run)
+    if not run.key:
+        raise RequestError(f"{store.path}: run {run.run} is not computed; run `s2r precompute`")
+    chosen = selection.select(store, request.expression, run.run)
+    if not chosen.any():
+        raise RequestError(f"--select {request.expression!r}: no instance of run {run.run}")
+    iids = np.flatnonzero(chosen).astype(np.int64)
+    drives = _drives(store, request)
+    return Evidence(store, run.run, iids, request.expression, drives, request.features)
+
+
+def judged(found_on: Evidence, request: Request) -> Judged:
+    """Measure, and judge by the reference and the golden run where there are some."""
+    scale = reference.read(request.reference) if request.reference else None
+    accepted = golden.read(request.golden) if request.golden else None
+    found = measure(found_on, request.settings, request.wanted)
+    if scale is None:
+        verdict = unjudged(request.threshold)
+    else:
+        verdict = judge(found, scale, request.settings, request.threshold)
+    compared = None
+    if accepted is not None:
+        compared = golden.compare(found_on, accepted, request.settings, request.margin)
+    return Judged(found, verdict, request.wanted, scale, compared, _across(found_on, request))
+
+
+def measured_report(found_on: Evidence, request: Request) -> Report:
+    """The report of `judged`."""
+    return report(found_on, request.settings, judged(found_on, request))
+
+
+def freeze(path: Path, found_on: Evidence, request: Request) -> Measurement:
+    """Write today's scale; raises RequestError where no axis has a usable anchor."""
+    found = measure(found_on, request.settings, request.wanted)
+    if not found.measured:
+        told = "; ".join(f"{axis}: {why}" for axis, why in found.inconclusive.items())
+        raise InconclusiveError(told or "no axis could be measured, so there is nothing to freeze")
+    store, run = found_on.store, found_on.store.run(found_on.run)
+    made_from = {
+        "dataset": store.dataset.hash,
+        "run": run.run,
+        "run_key": run.key,
+        "model_sha256": store.models[run.model].sha256,
+        "expression": found_on.expression,
+    }
+    reference.write(path, frozen(found, found_on, request.settings, request.wanted), made_from)
+    return found
+
+
+def _across(found_on: Evidence, request: Request) -> dict[str, object] | None:
+    if "task" not in request.wanted:
+        return None
+    try:
+        return across_report(across(found_on.store, found_on.iids, request.settings))
+    except InconclusiveError as error:
+        return {"refused": str(error)}
+
+
+def _drives(store: Store, request: Request) -> tuple[Drive, ...]:
+    wanted = request.drives
+    if wanted is None:
+        own = store.path / layout.DRIVES
+        return tuple(read_drives(own)) if own.is_dir() else ()
+    if wanted == ODOMETRY:
+        return tuple(odometry(store, request.rate))
+    return tuple(read_drives(Path(wanted)))

@@ -1,0 +1,131 @@
+"""Golden runs: no worse than an accepted state, instance by instance.
+
+An anchor says how bad things may become; a golden run says that they did not become worse since the
+day it was stored. Paired differences are far surer than two separate means.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from s2rstore import stats
+from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.headlines import held_out
+from s2rstore.reader import Store
+from s2rtools.gap.contract import Evidence, Settings
+from s2rtools.gap.files import write_atomically
+from s2rtools.gap.verdict import Outcome, outcome_of
+
+FORMAT = 1
+MARGIN = 0.05
+"""Metres by which the mean real error may have grown, as an upper bound."""
+_FEWEST = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Golden:
+    """The real errors (m) of an accepted run, by iid; `poses` is the hash of what iids mean.
+
+    Other images of the same poses, such as a newer simulator's, are compared.
+    """
+
+    poses: str
+    run: str
+    expression: str
+    errors: Mapping[int, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """Mean real error now minus then, over the `n` instances of both, in metres."""
+
+    outcome: Outcome
+    change: stats.Interval
+    n: int
+    margin: float
+    missing: int
+
+
+def take(evidence: Evidence) -> Golden:
+    """The state to compare with later; raises InconclusiveError where there is too little of it."""
+    errors = _errors(evidence)
+    if len(errors) < _FEWEST:
+        raise InconclusiveError(
+            f"a golden run needs {_FEWEST} held-out instances, not {len(errors)}"
+        )
+    return Golden(_poses(evidence.store), evidence.run, evidence.expression, errors)
+
+
+def write(path: Path, golden: Golden) -> None:
+    """Write a golden run, whole or not at all."""
+    write_atomically(path, json.dumps({"format": FORMAT, **asdict(golden)}, sort_keys=True) + "\n")
+
+
+def read(path: Path) -> Golden:
+    """Raises RequestError where the file is missing or no golden run."""
+    try:
+        content: Any = json.loads(path.read_bytes())
+    except OSError as error:
+        raise RequestError(f"{path}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise RequestError(f"{path}: no JSON ({error})") from error
+    try:
+        if content["format"] != FORMAT:
+            raise RequestError(f"{path}: format {content['format']}, this version reads {FORMAT}")
+        errors = {int(iid): float(value) for iid, value in content["errors"].items()}
+        poses, run, told = (str(content[key]) for key in ("poses", "run", "expression"))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        message = f"{path}: no golden run; `s2r gap --freeze-golden` writes one"
+        raise RequestError(message) from error
+    if not errors or not all(math.isfinite(value) for value in errors.values()):
+        raise RequestError(f"{path}: errors must be finite and at least one")
+    return Golden(poses, run, told, errors)
+
+
+def compare(
+    evidence: Evidence, golden: Golden, settings: Settings, margin: float = MARGIN
+) -> Compared:
+    """PASS where the change's interval is under the margin, FAIL where it is over it.
+
+    Raises RequestError for another data set, InconclusiveError where too few instances are shared.
+    """
+    if golden.poses != _poses(evidence.store):
+        raise RequestError(
+            f"{evidence.store.path}: holds other poses than the golden run; "
+            "`s2r gap --freeze-golden` accepts a new one"
+        )
+    now = _errors(evidence)
+    shared = sorted(now.keys() & golden.errors.keys())
+    if len(shared) < _FEWEST:
+        raise InconclusiveError(
+            f"{len(shared)} instances are in both the golden run and the selection, "
+            f"{_FEWEST} are needed"
+        )
+    changes = np.array([now[iid] - golden.errors[iid] for iid in shared])
+    bootstrap = stats.Bootstrap(replicates=settings.replicates, seed=settings.seed,
+                                level=settings.level)  # fmt: skip
+    change = stats.bootstrap_mean(changes, bootstrap)
+    missing = len(golden.errors) - len(shared)
+    return Compared(outcome_of(change, margin), change, len(shared), margin, missing)
+
+
+def _poses(store: Store) -> str:
+    truth = store.instances
+    digest = hashlib.sha256("\n".join(truth.trajectory_names).encode())
+    for column in (truth.trajectory, truth.seq, truth.x, truth.y, truth.heading):
+        digest.update(np.ascontiguousarray(column).tobytes())
+    return digest.hexdigest()
+
+
+def _errors(evidence: Evidence) -> dict[int, float]:
+    real = evidence.store.run_columns(evidence.run).real.error
+    iids = evidence.iids[held_out(evidence.store, evidence.run)[evidence.iids]]
+    return {int(iid): round(float(real[iid]), 9) for iid in iids}

@@ -1,0 +1,111 @@
+"""The frozen scale of a gate: floor and anchor of every axis, and how they were measured."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from s2rstore.errors import RequestError
+from s2rtools.gap.contract import Anchor, Measured, Settings
+from s2rtools.gap.files import write_atomically
+
+FORMAT = 1
+_KEYS = {"anchor", "anchor_low", "anchor_high", "floor", "unit", "state", "n", "fingerprint"}
+
+
+@dataclass(frozen=True, slots=True)
+class Frozen:
+    """One axis' scale in its own unit; the bounds tell how well the anchor was known."""
+
+    anchor: float
+    anchor_low: float
+    anchor_high: float
+    floor: float
+    unit: str
+    state: str
+    n: int
+    fingerprint: Mapping[str, str | int | float]
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """A reference file; `source` names it in messages, `sha256` is its content's."""
+
+    axes: Mapping[str, Frozen]
+    made_from: Mapping[str, Any]
+    source: str
+    sha256: str
+
+
+def freeze(measured: Measured, anchor: Anchor, unit: str, settings: Settings) -> Frozen:
+    """An axis' scale; raises RequestError where the anchor is within the floor's noise.
+
+    The noise is that of their difference, because a resample moves both.
+    """
+    tail = 50 * (1 - settings.level)
+    span = anchor.value - measured.floor
+    low = float(np.percentile(anchor.replicates - measured.floor_replicates, tail))
+    if not (math.isfinite(span) and span > 0 and low > 0):
+        raise RequestError(
+            f"{measured.axis}: the anchor ({anchor.state}: {anchor.value:.3g} {unit}) is within "
+            f"noise of the floor ({measured.floor:.3g} {unit}), so it is no scale"
+        )
+    bounds = np.percentile(anchor.replicates, [tail, 100 - tail])
+    return Frozen(
+        anchor.value, float(bounds[0]), float(bounds[1]), measured.floor, unit, anchor.state,
+        measured.n, dict(measured.fingerprint),
+    )  # fmt: skip
+
+
+def write(path: Path, axes: Mapping[str, Frozen], made_from: Mapping[str, Any]) -> None:
+    """Write a reference, whole or not at all."""
+    content = {
+        "format": FORMAT,
+        "made_from": dict(made_from),
+        "axes": {axis: asdict(frozen) for axis, frozen in axes.items()},
+    }
+    write_atomically(path, json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n")
+
+
+def read(path: Path) -> Reference:
+    """Raises RequestError where the file is missing, no reference, or of another format."""
+    try:
+        raw = path.read_bytes()
+        content = json.loads(raw)
+    except OSError as error:
+        raise RequestError(f"{path}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise RequestError(f"{path}: no JSON ({error}); `s2r gap --freeze` writes one") from error
+    if not isinstance(content, dict) or not isinstance(content.get("axes"), dict):
+        raise RequestError(f"{path}: no reference of a gap; `s2r gap --freeze` writes one")
+    if content.get("format") != FORMAT:
+        raise RequestError(f"{path}: format {content.get('format')}, this version reads {FORMAT}")
+    if not content["axes"]:
+        raise RequestError(f"{path}: no axis to judge by; freeze it anew")
+    axes = {axis: _frozen(path, axis, found) for axis, found in content["axes"].items()}
+    digest = hashlib.sha256(raw).hexdigest()
+    return Reference(axes, content.get("made_from", {}), str(path), digest)
+
+
+def _frozen(path: Path, axis: str, found: object) -> Frozen:
+    if not isinstance(found, dict) or set(found) != _KEYS:
+        told = sorted(_KEYS ^ set(found)) if isinstance(found, dict) else "no object"
+        raise RequestError(f"{path}: {axis}: {told}; freeze the reference anew")
+    if not all(_is_number(found[key]) for key in ("anchor", "floor", "n")):
+        raise RequestError(f"{path}: {axis}: anchor, floor and n must be finite numbers")
+    if not found["anchor"] > found["floor"]:
+        raise RequestError(f"{path}: {axis}: the anchor must be over the floor")
+    if not isinstance(found["fingerprint"], dict):
+        raise RequestError(f"{path}: {axis}: fingerprint must be an object")
+    return Frozen(**found)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

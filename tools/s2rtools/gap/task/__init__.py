@@ -1,0 +1,1 @@
+"""How much worse the task is done on real images than on sim images."""

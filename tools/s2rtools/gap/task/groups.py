@@ -1,0 +1,96 @@
+"""Paired figures of groups of instances, with block-bootstrap intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtools.gap.blocks import Blocks, draws, widened
+from s2rtools.gap.contract import Settings
+
+Floats = NDArray[np.float64]
+
+_LEAST_BLOCKS = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """Errors of the same instances in recording order, metres, (n,) each, and their blocks.
+
+    `constant` is the error of predicting the mean position.
+    """
+
+    sim: Floats
+    real: Floats
+    constant: Floats
+    blocks: Blocks
+
+    @property
+    def gap(self) -> Floats:
+        return self.real - self.sim
+
+
+def mean_replicates(values: Floats, blocks: Blocks, settings: Settings) -> Floats:
+    """Bootstrap replicates (R,) of the mean of `values` (n,)."""
+    counts = draws(blocks.count, settings.replicates, settings.seed)
+    means = counts @ blocks.sums(values) / (counts @ blocks.sizes)
+    return widened(means, float(values.mean()), blocks.count)
+
+
+def grouped(
+    errors: Errors, codes: NDArray[np.integer], names: Sequence[str], settings: Settings
+) -> dict[str, dict[str, Any]]:
+    """For each name with instances: n, mean errors, gap and relative drop with their intervals.
+
+    `codes` (n,) index `names`, others count for none. Bounds are None where fewer than 3 blocks
+    have such instances; the relative drop, gap / sim error, is None where the sim error is 0.
+    """
+    blocks, known = errors.blocks, (codes >= 0) & (codes < len(names))
+    label = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
+    cell = (label * len(names) + codes)[known]
+
+    def summed(values: Floats) -> Floats:
+        flat = np.bincount(cell, values[known], minlength=blocks.count * len(names))
+        return np.asarray(flat.reshape(blocks.count, len(names)), dtype=np.float64)
+
+    per_block = summed(np.ones(codes.size))
+    sim, real = summed(errors.sim), summed(errors.real)
+    counts = draws(blocks.count, settings.replicates, settings.seed)
+    n, touched = per_block.sum(axis=0), (per_block > 0).sum(axis=0)
+    touched[touched < _LEAST_BLOCKS] = 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gap = (real - sim).sum(axis=0) / n
+        drop = (real - sim).sum(axis=0) / sim.sum(axis=0)
+        gaps = widened(counts @ (real - sim) / (counts @ per_block), gap, touched)
+        drops = widened(counts @ (real - sim) / (counts @ sim), drop, touched)
+    found = {}
+    for index in np.flatnonzero(n).tolist():
+        found[names[index]] = {
+            "n": int(n[index]),
+            "sim": float(sim[:, index].sum() / n[index]),
+            "real": float(real[:, index].sum() / n[index]),
+            "gap": _bounded(gap[index], gaps[:, index], settings.level),
+            "relative_drop": _bounded(drop[index], drops[:, index], settings.level),
+        }
+    return found
+
+
+def swap_interval(errors: Errors, settings: Settings) -> list[float]:
+    """Bounds of the mean gap if sim and real of whole blocks change places at random: of no gap."""
+    rng = np.random.default_rng(settings.seed)
+    signs = rng.choice([-1.0, 1.0], (settings.replicates, errors.blocks.count))
+    means = signs @ errors.blocks.sums(errors.gap) / errors.gap.size
+    tail = 50 * (1 - settings.level)
+    return [float(bound) for bound in np.percentile(means, [tail, 100 - tail])]
+
+
+def _bounded(value: float, replicates: Floats, level: float) -> dict[str, float | None]:
+    known = replicates[np.isfinite(replicates)]
+    tail = 50 * (1 - level)
+    low, high = np.percentile(known, [tail, 100 - tail]) if known.size else (None, None)
+    plain = [None if v is None or not np.isfinite(v) else float(v) for v in (value, low, high)]
+    return dict(zip(("value", "low", "high"), plain, strict=True))

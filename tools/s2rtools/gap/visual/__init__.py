@@ -1,0 +1,1 @@
+"""How different sim and real images look to a network."""

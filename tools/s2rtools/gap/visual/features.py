@@ -1,0 +1,104 @@
+"""Features of the sim and the real images of some instances, and what they are features of.
+
+By default a run's stored embeddings: what matters for its task. Else those of an image network,
+see `network`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore import arrays
+from s2rstore.errors import RequestError
+from s2rstore.reader import Store
+from s2rstore.records import Run, Side
+from s2rstore.sides import run_domain, run_frames
+
+Floats = NDArray[np.float64]
+Iids = NDArray[np.int64]
+Reader = Callable[[Side, Iids], Floats]
+
+_SPAN = 64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """`read(side, iids)` gives (n, d) finite features; `identity` is all that they depend on."""
+
+    read: Reader
+    identity: Mapping[str, str | int | float]
+
+
+def source(store: Store, run: str, description: Path | None) -> Source:
+    """A run's embeddings, or the network of a description file. Raises RequestError."""
+    return _embeddings(store, run) if description is None else _images(store, run, description)
+
+
+def _embeddings(store: Store, run: str) -> Source:
+    """Embeddings are comparable where they come from the same weights in the same arithmetic."""
+    record = store.run(run)
+
+    def read(side: Side, iids: Iids) -> Floats:
+        _, array = store.array(run, "embedding", side)
+        if array.shape[0] != len(store.instances):
+            raise RequestError(f"run {run!r}: embedding of other instances; run `s2r verify`")
+        rows = [arrays.read_rows(array, a, b)[keep] for a, b, keep in _spans(iids)]
+        return _finite(np.concatenate(rows).astype(np.float64), iids, run, side)
+
+    model = store.models[record.model]
+    identity: dict[str, str | int | float] = {
+        "features": "embedding",
+        "features_sha256": model.sha256,
+        "precision": record.precision or "",
+    }
+    return Source(read, identity)
+
+
+def _images(store: Store, run: str, description: Path) -> Source:
+    from s2rtools.gap.visual.network import read_network
+
+    network, record = read_network(description), store.run(run)
+
+    def read(side: Side, iids: Iids) -> Floats:
+        rows = [
+            network.features(_pictures(store, record, side, a, b)[keep])
+            for a, b, keep in _spans(iids)
+        ]
+        return _finite(np.concatenate(rows), iids, run, side)
+
+    return Source(read, network.identity)
+
+
+def _pictures(store: Store, run: Run, side: Side, start: int, stop: int) -> NDArray[np.uint8]:
+    """RGB of iids [start, stop) as the run's side sees them, (n, H, W, 3)."""
+    from s2rtools.adjust import apply_chain
+
+    frames = run_frames(store, run, side, start, stop)
+    domain, depth = run_domain(store, run, side), frames["depth"]
+    valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
+    rgb, _ = apply_chain(frames["rgb"], depth, valid, run.adjustments(side))
+    return rgb
+
+
+def _spans(iids: Iids) -> Iterator[tuple[int, int, NDArray[Any]]]:
+    """Ranges [start, stop) that hold all of the ascending iids, and which of their rows to keep."""
+    groups = np.split(iids, np.flatnonzero(np.diff(iids // _SPAN)) + 1)
+    for group in groups:
+        yield int(group[0]), int(group[-1]) + 1, group - group[0]
+
+
+def _finite(values: Floats, iids: Iids, run: str, side: Side) -> Floats:
+    broken = iids[~np.isfinite(values).all(axis=1)]
+    if broken.size:
+        more = f" and {broken.size - 1} more" if broken.size > 1 else ""
+        raise RequestError(
+            f"run {run!r}: {side} features of instance {broken[0]}{more} are not finite; "
+            f"leave them out (- ids({broken[0]})), or run `s2r verify`"
+        )
+    return values

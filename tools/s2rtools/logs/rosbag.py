@@ -1,0 +1,93 @@
+"""Logs from ROS bags: ROS 1 `.bag`, ROS 2 folders and their `.db3` or `.mcap` files.
+
+Poses come from one topic of `nav_msgs/Odometry`, `geometry_msgs/PoseStamped` or
+`geometry_msgs/PoseWithCovarianceStamped`. Times are those of the message headers; where all of
+them are zero, those of the recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from s2rstore.errors import RequestError
+from s2rtools.logs import checks
+from s2rtools.logs.contract import Log
+from s2rtools.logs.tum import yaw
+
+_POSES: dict[str, Callable[[Any], Any]] = {
+    "nav_msgs/msg/Odometry": lambda message: message.pose.pose,
+    "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
+}
+
+
+def read(path: Path, topic: str | None = None) -> Log:
+    """The poses of `topic`, or of the only one that has poses.
+
+    Raises RequestError where the bag is damaged, has no such topic, or several and none is named.
+    """
+    if not path.exists():
+        raise RequestError(f"{path}: no such bag")
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        raise RequestError(f"{path}: no metadata.yaml in it; a ROS 2 bag is a folder with one")
+    try:
+        topic, rows = _messages(path, topic)
+    except RequestError:
+        raise
+    except Exception as error:  # a damaged bag fails in every layer below the reader
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise RequestError(f"{path}: cannot be read as a ROS bag ({told})") from error
+    if not rows:
+        raise RequestError(f"{path}: topic {topic} has no messages")
+
+    def place(i: int) -> str:
+        return f"{path}: topic {topic}, message {i + 1}"
+
+    table = np.array(rows)
+    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if bad.size:
+        raise RequestError(f"{place(int(bad[0]))}: not a finite pose; remove it")
+    stamped = table[:, 0].any()
+    time = (table[:, 0] if stamped else table[:, 1]) * 1e-9
+    poses = np.column_stack([time, table[:, 2:4], yaw(table[:, 4:8], place)])
+    return checks.log(poses, path, place)
+
+
+def _messages(path: Path, topic: str | None) -> tuple[str, list[tuple[float, ...]]]:
+    """The topic and, per message, header and recording time (ns), x, y and the quaternion."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    rows: list[tuple[float, ...]] = []
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        chosen = _topic(path, reader.connections, topic)
+        connections = [found for found in reader.connections if found.topic == chosen]
+        for connection, recorded, raw in reader.messages(connections):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp
+            pose = _POSES[connection.msgtype](message)
+            at, turn = pose.position, pose.orientation
+            stamped = stamp.sec * 10**9 + stamp.nanosec
+            rows.append((stamped, recorded, at.x, at.y, turn.x, turn.y, turn.z, turn.w))
+    return chosen, rows
+
+
+def _topic(path: Path, connections: list[Any], topic: str | None) -> str:
+    kinds = {found.topic: found.msgtype for found in connections}
+    usable = sorted(name for name, kind in kinds.items() if kind in _POSES)
+    if topic is not None:
+        if topic not in kinds:
+            known = ", ".join(usable) or "none with poses"
+            raise RequestError(f"{path}: no topic {topic} (has: {known})")
+        if topic not in usable:
+            raise RequestError(f"{path}: topic {topic} is {kinds[topic]}, which holds no poses")
+        return topic
+    if not usable:
+        raise RequestError(f"{path}: no topic with poses (Odometry or PoseStamped)")
+    if len(usable) > 1:
+        raise RequestError(f"{path}: several topics have poses; name one of {', '.join(usable)}")
+    return usable[0]

@@ -1,0 +1,178 @@
+"""Adding to the history: a copy grows and takes the file's place, so readers never see half."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import duckdb
+
+from s2rstore import history, history_schema, layout, schema
+from s2rstore.errors import RequestError
+from s2rstore.history import History, Night
+from s2rtools.nightly.config import Config
+from s2rtools.nightly.key import Inputs, version
+from s2rtools.nightly.measuring import Estimates, Report
+from s2rtools.nightly.outcome import EXIT_CODES, outcome
+
+Rows = dict[str, list[dict[str, Any]]]
+_FIGURES = ("value", "floor", "gap")
+_ENDS = ("", "_low", "_high")
+
+
+@dataclass(frozen=True, slots=True)
+class Tonight:
+    """What is to be added; with `measured` the figures are those of that measurement."""
+
+    config: Config
+    inputs: Inputs
+    night: datetime.date
+    report: Report
+    estimates: Estimates = ()
+    measured: int | None = None
+
+
+def known(path: Path) -> History:
+    """What is there, which may be nothing."""
+    return history.read(path) if path.exists() else History()
+
+
+def last_of(found: History, name: str, night: datetime.date) -> Night | None:
+    """The row that counts for a night."""
+    return next((each for each in found.counting(name) if each.night == night), None)
+
+
+def measurement(found: History, key: str) -> int | None:
+    """The measurement that was made of the same evidence in the same way."""
+    return next((each.measured for each in found.nights if each.key == key), None)
+
+
+def rows(tonight: Tonight, found: History, now: datetime.datetime) -> Rows:
+    """The rows that tonight adds to each table."""
+    number = max((each.id for each in found.nights), default=0) + 1
+    measured = number if tonight.measured is None else tonight.measured
+    made: Rows = {"night": [_night_row(tonight, found, number, measured, now)]}
+    if tonight.measured is None:
+        report = json.dumps(tonight.report, indent=1, sort_keys=True, allow_nan=False)
+        made["axis"] = [{"measured": number, **row} for row in _axis_rows(tonight.report)]
+        made["estimate"] = [
+            {"measured": number, "position": position, **row}
+            for position, row in enumerate(tonight.estimates)
+        ]
+        made["report"] = [{"measured": number, "report": report, "version": version()}]
+    return made
+
+
+def _night_row(
+    tonight: Tonight, found: History, number: int, measured: int, now: datetime.datetime
+) -> dict[str, Any]:
+    config, report, verdict = tonight.config, tonight.report, tonight.report["verdict"]
+    golden = report["golden"] or {}
+    same = [each.night for each in found.nights
+            if (each.name, each.evidence) == (config.name, tonight.inputs.evidence)]  # fmt: skip
+    since = min([*same, tonight.night])
+    word = outcome(report)
+    return {
+        "id": number,
+        "name": config.name,
+        "night": tonight.night,
+        "key": tonight.inputs.key,
+        "evidence": tonight.inputs.evidence,
+        "measured": measured,
+        "dataset": report["dataset"]["name"],
+        "dataset_hash": report["dataset"]["hash"],
+        "run": report["run"],
+        "run_key": report["run_key"],
+        "model": report["model"],
+        "expression": report["expression"],
+        "outcome": word,
+        "exit_code": EXIT_CODES[word],
+        "headline": verdict["outcome"],
+        **{f"gap{end}": verdict.get(f"gap{end}") for end in _ENDS},
+        "worst": verdict["worst"],
+        "threshold": verdict["threshold"],
+        "reason": verdict["reason"],
+        "golden": golden.get("outcome"),
+        **{f"golden_change{end}": golden.get(f"change{end}") for end in _ENDS},
+        "golden_margin": golden.get("margin"),
+        "evidence_since": since,
+        "evidence_age": (tonight.night - since).days,
+        "stale_after": config.stale_after,
+        "written_at": now.astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+    }
+
+
+def _axis_rows(report: Report) -> list[dict[str, Any]]:
+    made: list[dict[str, Any]] = []
+    for each in report["axes"]:
+        figures = {f"{name}{end}": each.get(f"{name}{end}") for name in _FIGURES for end in _ENDS}
+        note = "; ".join(each["notes"]) or None
+        plain = {name: each.get(name) for name in ("axis", "measure", "unit", "anchor", "n")}
+        made.append({**plain, **figures, "state": "measured", "note": note})
+    for state in ("inconclusive", "absent"):
+        made += [{"axis": name, "state": state, "note": why} for name, why in report[state].items()]
+    return [{"position": position, **row} for position, row in enumerate(made)]
+
+
+def append(path: Path, added: Rows) -> None:
+    """Add rows, all or none, durably; hold the file's lock. RequestError where it cannot be."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}.new")
+    try:
+        for left in path.parent.glob(f".{path.name}.*.new*"):
+            left.unlink(missing_ok=True)
+        if path.exists():
+            shutil.copyfile(path, beside)
+        _grow(beside, added)
+        beside.chmod(0o644)
+        layout.sync_file(beside)
+        beside.replace(path)
+        layout.sync_folder(path.parent)
+    except (OSError, duckdb.Error) as error:
+        told = str(error).splitlines()[0]
+        raise RequestError(f"{path}: cannot be written ({told})") from error
+    finally:
+        for name in (beside, beside.with_name(f"{beside.name}.wal")):
+            with suppress(OSError):
+                name.unlink(missing_ok=True)
+
+
+def _grow(path: Path, added: Rows) -> None:
+    name, fresh = str(path).replace("'", "''"), not path.exists()
+    connection = duckdb.connect(config={"threads": 1})
+    try:
+        options = f" (STORAGE_VERSION '{schema.STORAGE_VERSION}')" if fresh else ""
+        connection.execute(f"ATTACH '{name}' AS history{options}")
+        connection.execute("USE history")
+        connection.execute("BEGIN")
+        for statement in history_schema.statements() if fresh else ():
+            connection.execute(statement)
+        for table, listed in added.items():
+            for row in listed:
+                _insert(connection, table, row)
+        connection.execute("COMMIT")
+        connection.execute("CHECKPOINT history")
+        connection.execute("USE memory")
+        connection.execute("DETACH history")
+    finally:
+        connection.close()
+
+
+def _insert(connection: duckdb.DuckDBPyConnection, table: str, row: Mapping[str, Any]) -> None:
+    names = ", ".join(f'"{name}"' for name in row)
+    marks = ", ".join("?" for _ in row)
+    values = [_known(value) for value in row.values()]
+    connection.execute(f'INSERT INTO "{table}" ({names}) VALUES ({marks})', values)
+
+
+def _known(value: Any) -> Any:
+    """NULL for what is not finite."""
+    if isinstance(value, float) and value - value != 0:
+        return None
+    return value

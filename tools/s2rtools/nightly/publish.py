@@ -1,0 +1,100 @@
+"""The files of a night: written where they differ, so that what is told already stays untouched."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from contextlib import suppress
+from pathlib import Path
+
+from s2rstore import history
+from s2rstore.errors import RequestError
+from s2rstore.history import History, Night
+from s2rtools.gap.files import write_atomically
+from s2rtools.nightly.config import Config
+from s2rtools.nightly.content import content
+from s2rtools.nightly.junit import junit
+from s2rtools.nightly.markdown import markdown
+from s2rtools.nightly.metrics import metrics
+from s2rtools.nightly.page import page
+from s2rtools.nightly.picture import picture
+
+LATEST = "latest"
+
+
+def publish(config: Config, found: History, night: Night) -> list[Path]:
+    """Write this night's reports, and what tells of the newest night; gives what was written."""
+    folder = config.reports / str(night.night)
+    written = [path for path, text in _files(config, found, night, folder) if _write(path, text)]
+    newest = found.counting(config.name)[-1]
+    if config.metrics is not None:
+        _folder(config.metrics.parent)
+        written += [config.metrics] if _write(config.metrics, metrics(newest)) else []
+    if _point(config.reports / LATEST, str(newest.night)):
+        written.append(config.reports / LATEST)
+    return written
+
+
+def _files(
+    config: Config, found: History, night: Night, folder: Path
+) -> list[tuple[Path, str | bytes]]:
+    told = content(found, night)
+    drawn = picture(told)
+    report = history.report_text(config.history, night.measured)
+    _folder(folder)
+    return [
+        (folder / "history.png", drawn),
+        (folder / "report.json", f"{report}\n"),
+        (folder / "report.md", markdown(told)),
+        (folder / "report.html", page(told, drawn)),
+        (folder / "junit.xml", junit(told)),
+    ]
+
+
+def _folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RequestError(f"{path}: {error.strerror or error}") from error
+
+
+def _write(path: Path, content: str | bytes) -> bool:
+    """Whether the file was not so already."""
+    data = content.encode() if isinstance(content, str) else content
+    with suppress(FileNotFoundError):
+        if path.read_bytes() == data:
+            return False
+    write_atomically(path, data)
+    return True
+
+
+def _point(link: Path, target: str) -> bool:
+    """Make `latest` the newest night: a link, or a copy where the file system knows no links."""
+    if link.is_symlink() and os.readlink(link) == target:
+        return False
+    beside = link.with_name(f".{link.name}.{os.getpid()}")
+    try:
+        try:
+            beside.symlink_to(target)
+        except OSError:
+            return _copied(link, target, beside)
+        beside.replace(link)
+    except OSError as error:
+        with suppress(OSError):
+            beside.unlink()
+        raise RequestError(f"{link}: {error.strerror or error}") from error
+    return True
+
+
+def _copied(link: Path, target: str, beside: Path) -> bool:
+    names = sorted(path.name for path in (link.parent / target).iterdir())
+    same = link.is_dir() and all(
+        (link / name).is_file() and (link / name).read_bytes() == path.read_bytes()
+        for name in names for path in [link.parent / target / name]
+    )  # fmt: skip
+    if same:
+        return False
+    shutil.copytree(link.parent / target, beside)
+    shutil.rmtree(link, ignore_errors=True)
+    beside.replace(link)
+    return True

@@ -1,0 +1,92 @@
+"""One night: measure what is new, keep it, tell it. The same night again changes nothing."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from s2rstore import history as stored
+from s2rstore import locks
+from s2rstore.errors import RequestError
+from s2rstore.history import Night
+from s2rtools.nightly import history, key, measuring
+from s2rtools.nightly.config import Config
+from s2rtools.nightly.history import Tonight
+from s2rtools.nightly.measuring import Estimating, Measuring
+from s2rtools.nightly.publish import publish
+
+Clock = Callable[[], datetime.datetime]
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """The row that counts for the night; `new` where it was added, `computed` where measured."""
+
+    night: Night
+    new: bool
+    computed: bool
+    written: tuple[Path, ...]
+
+
+def utc_now() -> datetime.datetime:
+    return datetime.datetime.now(datetime.UTC)
+
+
+def nightly(
+    config: Config,
+    night: datetime.date,
+    measure: Measuring = measuring.measured,
+    estimate: Estimating = measuring.estimated,
+    clock: Clock = utc_now,
+) -> Done:
+    """Raises RequestError and InconclusiveError before anything is written."""
+    _check_writable(config)
+    tonight = _figures(config, night, measure, estimate)
+    config.history.parent.mkdir(parents=True, exist_ok=True)
+    with locks.file_lock(config.history):
+        found = history.known(config.history)
+        present = history.last_of(found, config.name, night)
+        new = present is None or present.key != tonight.inputs.key
+        if new:
+            history.append(config.history, history.rows(tonight, found, clock()))
+            found = stored.read(config.history)
+            present = history.last_of(found, config.name, night)
+        assert present is not None
+        written = publish(config, found, present)
+    return Done(present, new, new and present.measured == present.id, tuple(written))
+
+
+def _figures(
+    config: Config, night: datetime.date, measure: Measuring, estimate: Estimating
+) -> Tonight:
+    """Tonight's figures: those of the same key, where there are some."""
+    store, current = key.open_store(config.store)
+    with store:
+        inputs = key.inputs(config, store, current)
+        measured = history.measurement(history.known(config.history), inputs.key)
+        if measured is not None:
+            report = json.loads(stored.report_text(config.history, measured))
+            return Tonight(config, inputs, night, report, measured=measured)
+        report = measure(store, config)
+        estimates = estimate(config.sysid) if config.sysid else ()
+        if key.inputs(config, store, current) != inputs:
+            raise RequestError(
+                f"{config.source}: what it measures changed meanwhile; nothing is written, "
+                "start it again"
+            )
+    return Tonight(config, inputs, night, report, estimates)
+
+
+def _check_writable(config: Config) -> None:
+    """Before anything is measured: whether all that will be written can be."""
+    places = {"history": config.history.parent, "reports": config.reports}
+    if config.metrics is not None:
+        places["metrics"] = config.metrics.parent
+    for name, folder in places.items():
+        there = next(each for each in (folder, *folder.parents) if each.exists())
+        if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+            raise RequestError(f"{config.source}: output.{name}: {there} cannot be written in")

@@ -1,0 +1,166 @@
+"""The parameters of a simulator from recorded drives, with all that tells how far to trust them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from s2rstore.errors import InconclusiveError, RequestError
+from s2rtools.logs import Drive
+from s2rtools.sysid.heldout import HeldOut, held_out_error
+from s2rtools.sysid.identifiability import Identifiability, identifiability
+from s2rtools.sysid.intervals import interval, normal_equations, replicates
+from s2rtools.sysid.problem import Problem
+from s2rtools.sysid.search import Course, search
+from s2rtools.sysid.settings import Settings
+from s2rtools.sysid.simulators import SIMULATORS
+from s2rtools.sysid.simulators.contract import Floats, Simulator
+from s2rtools.sysid.space import Space, space_of
+from s2rtools.sysid.structure import Structure, structure
+from s2rtools.sysid.windows import cut
+
+if TYPE_CHECKING:
+    from s2rtools.precompute.pipeline import Reporter
+
+LEAST_FITTED = 4
+"""Drives that a bootstrap over drives needs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """`low` and `high` are the whole range where the drives leave the parameter `open`;
+    `untuned` is the simulator's value before."""
+
+    name: str
+    unit: str
+    meaning: str
+    untuned: float
+    value: float
+    low: float
+    high: float
+    open: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Identification:
+    """`problem` covers the fitted drives from start states that fit best; `everything` all windows,
+    those of fitted drives first by number, from start states as measured.
+    """
+
+    settings: Settings
+    space: Space
+    cube: Floats
+    estimates: tuple[Estimate, ...]
+    fitted: tuple[str, ...]
+    held_out: tuple[str, ...]
+    courses: tuple[Course, ...]
+    problem: Problem
+    everything: Problem
+    error: HeldOut
+    identifiability: Identifiability
+    structure: Structure
+    warnings: tuple[str, ...]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All that the simulator takes."""
+        return self.space.values(self.cube)
+
+    @property
+    def unsettled(self) -> tuple[str, ...]:
+        """Parameters whose refits disagree with the estimate: the search did not end."""
+        return tuple(one.name for one in self.estimates if not one.low <= one.value <= one.high)
+
+    @property
+    def conclusive(self) -> bool:
+        return not self.identifiability.open_names and not self.unsettled
+
+
+def identify(drives: Sequence[Drive], settings: Settings, reporter: Reporter) -> Identification:
+    """Raises RequestError for a wrong request, InconclusiveError for too few drives."""
+    simulator = simulator_named(settings.simulator)
+    fitted, held = _split(drives, settings)
+    together = cut([*fitted, *held], simulator, settings.window)
+    known = _torques_known(drives, simulator)
+    space = space_of(simulator, settings.parameters, settings.fixed, known)
+    number = np.arange(len(together))
+    first_held = together.replays.drive >= len(fitted)
+    problem = Problem(space, together.only(number[~first_held]))
+    evaluations = settings.evaluations or simulator.evaluations
+    reporter.begin(f"search with {simulator.name}", settings.seeds * evaluations)
+    found = search(problem, settings.seeds, settings.seed, evaluations, reporter.advance)
+    problem, cube = found.problem, found.cube
+    normal = normal_equations(problem, cube)
+    rng = np.random.default_rng((settings.seed, 10_000))
+    drawn = replicates(normal, cube, settings.replicates, rng)
+    known_well = identifiability(normal, space)
+    limits = interval(drawn, settings.level, len(fitted))
+    held_problem = problem.of(together.only(number[first_held]))
+    everything = problem.of(together)
+    shape = structure(held_problem, everything, cube, settings.replicates, rng)
+    error = held_out_error(held_problem, space.start(), cube, settings.replicates, rng)
+    return Identification(
+        settings, space, cube, _estimates(space, cube, limits, known_well.open_names),
+        tuple(drive.name for drive in fitted), tuple(drive.name for drive in held),
+        found.courses, problem, everything, error, known_well, shape,
+        _warnings(space, known_well, shape),
+    )  # fmt: skip
+
+
+def simulator_named(name: str) -> Simulator:
+    """Raises RequestError for an unknown simulator, or one whose program is not installed."""
+    if name not in SIMULATORS:
+        raise RequestError(f"--simulator {name}: unknown (known: {', '.join(SIMULATORS)})")
+    return SIMULATORS[name]()
+
+
+def _split(drives: Sequence[Drive], settings: Settings) -> tuple[list[Drive], list[Drive]]:
+    """Fitted and held-out drives: the held-out ones spread evenly over their order."""
+    count = settings.held_out or max(1, round(len(drives) / 4))
+    if len(drives) - count < LEAST_FITTED:
+        raise InconclusiveError(
+            f"{len(drives)} drives, {count} of them held out: identification needs "
+            f"{LEAST_FITTED} drives to fit and 1 to hold out"
+        )
+    places = {round((i + 0.5) * len(drives) / count - 0.5) for i in range(count)}
+    fitted = [drive for i, drive in enumerate(drives) if i not in places]
+    return fitted, [drive for i, drive in enumerate(drives) if i in places]
+
+
+def _torques_known(drives: Sequence[Drive], simulator: Simulator) -> bool:
+    """Raises RequestError where drives disagree."""
+    known = {
+        simulator.channels(drive.commands) == simulator.torques
+        for drive in drives
+        if drive.commands is not None
+    }
+    if len(known) > 1:
+        raise RequestError("some drives have torques and some efforts; identify them apart")
+    return known.pop()
+
+
+def _estimates(space: Space, cube: Floats, limits: Floats,
+               unknown: tuple[str, ...]) -> tuple[Estimate, ...]:  # fmt: skip
+    natural = space.natural(cube)
+    low, high = space.natural(np.clip(limits, 0.0, 1.0))
+    found = []
+    for i, one in enumerate(space.parameters):
+        free = one.name in unknown
+        bounds = (one.low, one.high) if free else (float(low[i]), float(high[i]))
+        found.append(Estimate(one.name, one.unit, one.meaning, one.default, float(natural[i]),
+                              *bounds, free))  # fmt: skip
+    return tuple(found)
+
+
+def _warnings(space: Space, known: Identifiability, shape: Structure) -> tuple[str, ...]:
+    told: list[str] = []
+    if space.lumped:
+        first = space.simulator.shared[0]
+        told.append(
+            f"wheel torques are not known: only ratios to the {first} are identified "
+            f"({', '.join(space.divided)})"
+        )
+    return (*told, *known.warnings, *shape.sentences())

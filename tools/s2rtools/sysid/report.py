@@ -1,0 +1,87 @@
+"""The result of an identification as files: JSON, a table, the convergence, the network."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from s2rstore import layout
+from s2rstore.errors import RequestError
+from s2rtools.sysid.figure import convergence_figure
+from s2rtools.sysid.identify import Identification
+from s2rtools.sysid.record import record
+from s2rtools.sysid.residual import Residual
+
+RESULT, TABLE, PICTURE, NETWORK = (
+    "sysid.json",
+    "sysid.txt",
+    "convergence.png",
+    "residual.safetensors",
+)
+
+
+def result(found: Identification, residual: Residual | None) -> dict[str, Any]:
+    """As `sysid.json` holds it."""
+    told = record(found)
+    if residual is not None:
+        told["residual"] = residual.record()
+    return told
+
+
+def write(folder: Path, found: Identification, residual: Residual | None) -> dict[str, Any]:
+    """Write all files into `folder`, the result last and each whole; returns the result.
+
+    A network is only written where it helped. Raises RequestError where they cannot be written.
+    """
+    told = result(found, residual)
+    title = f"Identification of {told['simulator']} from {len(found.fitted)} drives"
+    files = {
+        PICTURE: convergence_figure(found.courses, title),
+        TABLE: table(told).encode(),
+    }
+    if residual is not None and residual.accepted:
+        files[NETWORK] = residual.weights
+    files[RESULT] = (json.dumps(told, indent=1) + "\n").encode()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if NETWORK not in files:
+            (folder / NETWORK).unlink(missing_ok=True)
+        for name, content in files.items():
+            layout.write_atomic(folder / name, content)
+    except OSError as error:
+        raise RequestError(f"{folder}: cannot be written ({error.strerror})") from error
+    return told
+
+
+def check_writable(folder: Path) -> None:
+    """Raises RequestError where results could not be written, before the work."""
+    if folder.exists() and not folder.is_dir():
+        raise RequestError(f"{folder}: is a file; give a folder with --out")
+    near = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not os.access(near, os.W_OK | os.X_OK):
+        raise RequestError(f"{folder}: cannot be written; give another folder with --out")
+
+
+def table(told: dict[str, Any]) -> str:
+    """For the reader: estimates, held-out error, warnings."""
+    level = f"{100 * told['level']:.0f} %"
+    rows = [("parameter", "untuned", "estimate", f"{level} interval", "unit")]
+    for name, one in told["estimates"].items():
+        limits = f"{one['low']:.5g} .. {one['high']:.5g}" if one["identified"] else "not determined"
+        rows.append((name, f"{one['untuned']:.4g}", f"{one['value']:.5g}", limits, one["unit"]))
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+             for row in rows]  # fmt: skip
+    lines.insert(1, "  ".join("-" * width for width in widths))
+    held = told["held_out"]
+    lines += ["", *(
+        f"held-out windows, {kind}: {100 * held[kind]['place_m']:.2f} cm, "
+        f"{57.29578 * held[kind]['heading_rad']:.2f} degrees"
+        for kind in ("untuned", "fitted")
+    )]  # fmt: skip
+    if "residual" in told:
+        lines += ["", told["residual"]["sentence"]]
+    lines += ["", *(f"warning: {line}" for line in told["warnings"])] if told["warnings"] else []
+    return "\n".join(lines) + "\n"

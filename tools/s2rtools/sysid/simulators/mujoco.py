@@ -1,0 +1,155 @@
+"""A differential-drive robot in MuJoCo, with wheels that roll by contact friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.angles import wrap
+from s2rstore.errors import RequestError
+from s2rtools.sysid.simulators.contract import (
+    LATENCY,
+    Floats,
+    Integers,
+    Replays,
+    Residual,
+    Simulator,
+    Values,
+)
+from s2rtools.sysid.simulators.mjcf import model_text
+from s2rtools.sysid.simulators.planar import COMMON
+
+STEP = 0.005
+_SETTLED = 200
+"""Steps at rest before a replay, until springs and weights balance."""
+_QUATERNION = slice(3, 7)
+
+
+class MuJoCo(Simulator):
+    """The parameters of the planar simulator but for its drag.
+
+    MuJoCo's own least squares fits all but the latency. Torques hold for a step: a delayed command
+    that changes inside it counts by its share, so the latency is finer than the step.
+    """
+
+    name = "mujoco"
+    parameters = tuple(replace(one, smooth=one.name != LATENCY) for one in COMMON)
+    torques = ("left_torque", "right_torque")
+    efforts = ("left_effort", "right_effort")
+    shared = ("mass", "gain", "friction", "damping")
+    evaluations = 120
+    rounds = 1
+
+    def __init__(self, step: float = STEP) -> None:
+        try:
+            import mujoco
+            import mujoco.rollout
+        except ModuleNotFoundError as error:
+            raise RequestError(
+                "the simulator mujoco needs MuJoCo; install it with `pip install 's2rtui[mujoco]'`"
+            ) from error
+        self.step = step
+        self._mujoco = mujoco
+        self._kept: tuple[str, Any, Any, Floats] | None = None
+
+    def replay(self, values: Values, replays: Replays, states: Floats) -> Floats:
+        model, data, rest = self._model(values)
+        begin = replays.times[replays.first[:-1]]
+        spans = replays.times[replays.first[1:] - 1] - begin
+        count = max(1, int(np.ceil(spans.max() / self.step - 1e-9)))
+        control = self._control(values[LATENCY], replays, begin, count)
+        full = _full_states(values, rest, states)
+        moved, _ = self._mujoco.rollout.rollout(model, data, full, control)
+        path = np.concatenate([full[:, None], moved], axis=1)[:, :, 1:]
+        return _sampled(_flat(path, states), replays, begin, self.step)
+
+    def polish(self, residual: Residual, start: Floats, smooth: NDArray[np.bool_]) -> Floats | None:
+        from mujoco import minimize
+
+        bounds = [np.zeros_like(start), np.ones_like(start)]
+        found, _ = minimize.least_squares(
+            start, residual, bounds, eps=1e-4, xtol=1e-5, max_iter=6,
+            verbose=minimize.Verbosity.SILENT,
+        )  # fmt: skip
+        return np.asarray(found).reshape(start.shape)
+
+    def _model(self, values: Values) -> tuple[Any, Any, Floats]:
+        """Model, data and the full state at rest, kept for the next call."""
+        text = model_text(values, self.step)
+        if self._kept is None or self._kept[0] != text:
+            model = self._mujoco.MjModel.from_xml_string(text)
+            data = self._mujoco.MjData(model)
+            rest = np.concatenate([[0.0], data.qpos, data.qvel])[None]
+            settled, _ = self._mujoco.rollout.rollout(model, data, rest, nstep=_SETTLED)
+            still = settled[0, -1].copy()
+            still[1 + model.nq :] = 0.0
+            self._kept = (text, model, data, still)
+        return self._kept[1:]
+
+    def _control(self, latency: float, replays: Replays, begin: Floats, count: int) -> Floats:
+        """The mean of the delayed commands over each step, (replays, count, 2)."""
+        edges = self.step * np.arange(count + 1) - latency
+        control = np.empty((len(replays), count, 2))
+        for number, drive in enumerate(replays.drive):
+            low, high = replays.held[drive], replays.held[drive + 1]
+            time = replays.command_time[low:high]
+            for channel, values in enumerate(replays.values[:, low:high]):
+                total = _integral(time, values, begin[number] + edges)
+                control[number, :, channel] = np.diff(total) / self.step
+        return control
+
+
+def _integral(time: Floats, values: Floats, at: Floats) -> Floats:
+    """Of values that hold until the next time, from the first time on."""
+    areas = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])
+    k = np.searchsorted(time, at, side="right") - 1
+    inside = np.maximum(k, 0)
+    return np.where(k < 0, 0.0, areas[inside] + values[inside] * (at - time[inside]))
+
+
+def _full_states(values: Values, rest: Floats, states: Floats) -> Floats:
+    """MuJoCo's states (time, qpos, qvel) of a rolling robot on its settled wheels."""
+    full = np.tile(rest, (len(states), 1))
+    x, y, heading, v, w = states.T
+    full[:, 0] = 0.0
+    full[:, 1], full[:, 2] = x, y
+    turn = np.stack([np.cos(heading / 2), 0 * x, 0 * x, np.sin(heading / 2)], axis=1)
+    full[:, 1:][:, _QUATERNION] = turn
+    velocity = full[:, 10:]
+    velocity[:, 0], velocity[:, 1] = v * np.cos(heading), v * np.sin(heading)
+    velocity[:, 5] = w
+    half, radius, unequal = values["track"] / 2, values["wheel_radius"], values["wheels"]
+    velocity[:, 6] = (v - w * half) / (radius * (1 - unequal / 2))
+    velocity[:, 7] = (v + w * half) / (radius * (1 + unequal / 2))
+    return full
+
+
+def _flat(path: Floats, states: Floats) -> Floats:
+    """x, y, heading (unwrapped), speed and turn rate (r, steps, 5) of qpos and qvel."""
+    w, i, j, k = np.moveaxis(path[:, :, _QUATERNION], -1, 0)
+    yaw = np.arctan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k))
+    turned = wrap(np.diff(yaw, axis=1))
+    heading = states[:, 2, None] + np.concatenate(
+        [np.zeros((len(path), 1)), np.cumsum(turned, axis=1)], axis=1
+    )
+    velocity = path[:, :, 9:]
+    speed = velocity[:, :, 0] * np.cos(heading) + velocity[:, :, 1] * np.sin(heading)
+    return np.stack([path[:, :, 0], path[:, :, 1], heading, speed, velocity[:, :, 5]], axis=2)
+
+
+def _sampled(path: Floats, replays: Replays, begin: Floats, step: float) -> Floats:
+    """States at the replays' times: positions cubic between steps, the others linear."""
+    number: Integers = np.repeat(np.arange(len(replays)), np.diff(replays.first))
+    place = (replays.times - begin[number]) / step
+    k = np.clip(np.floor(place + 1e-9).astype(np.int64), 0, path.shape[1] - 2)
+    s = (place - k)[:, None]
+    a, b = path[number, k], path[number, k + 1]
+    out = a + s * (b - a)
+    for state, weight in ((a, step * (s**3 - 2 * s**2 + s)), (b, step * (s**3 - s**2))):
+        slope = state[:, 3:4] * np.stack([np.cos(state[:, 2]), np.sin(state[:, 2])], axis=1)
+        out[:, :2] += weight * slope
+    out[:, :2] += (3 * s**2 - 2 * s**3 - s) * (b[:, :2] - a[:, :2])
+    return out

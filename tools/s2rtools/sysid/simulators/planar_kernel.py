@@ -1,0 +1,157 @@
+"""The planar robot's equations of motion, compiled.
+
+With v the speed, w the turn rate, b half the track, and v_i = v -+ w b the speed over ground of the
+left and the right wheel:
+
+    m v' = F_l + F_r - drag |v| v          I w' = b (F_r - F_l)
+    F_i  = torque_i / r_i - (damping / 2) (r / r_i)^2 v_i - (friction / 2) (r / r_i) s(v_i)
+    s(v) = v / sqrt(v^2 + e^2)             e = 1 cm/s
+
+A step solves the velocities by the trapezoid rule with resistances at the extrapolated midpoint
+(linearly implicit, second order, stable for any resistance). Steps never straddle a moment at
+which a delayed command changes, so the response moves with the latency exactly; the first step
+after such a moment, where the midpoint cannot be extrapolated, is taken twice.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from s2rtools.sysid.simulators.contract import Floats, Integers
+from s2rtools.world.compiled import njit
+
+_CREEP = 0.01
+_SHORTEST = 1e-9
+
+
+@njit(cache=True)
+def replay_all(
+    body: Floats,
+    step: float,
+    times: Floats,
+    first: Integers,
+    drive: Integers,
+    command_time: Floats,
+    torque: Floats,
+    held: Integers,
+    states: Floats,
+    out: Floats,
+) -> None:
+    """`body`: mass, inertia, half track, left and right radius, nominal radius, friction, damping,
+    drag, latency; `torque` (2, k) in N m; fills `out` (n, 5)."""
+    for number in range(len(first) - 1):
+        a, b = first[number], first[number + 1]
+        low, high = held[drive[number]], held[drive[number] + 1]
+        if b > a:
+            _replay(body, step, times, a, b, command_time, torque, low, high, states[number], out)
+
+
+@njit(cache=True)
+def _replay(
+    body: Floats,
+    step: float,
+    times: Floats,
+    a: int,
+    b: int,
+    command_time: Floats,
+    torque: Floats,
+    low: int,
+    high: int,
+    state: Floats,
+    out: Floats,
+) -> None:
+    latency = body[9]
+    x, y, heading, v, w = state[0], state[1], state[2], state[3], state[4]
+    dv, dw = 0.0, 0.0
+    t, last = times[a], times[b - 1]
+    for column in range(5):
+        out[a, column] = state[column]
+    j = a + 1
+    k = low - 1 + np.searchsorted(command_time[low:high], t - latency, side="right")
+    while j < b:
+        end = last
+        if k + 1 < high and command_time[k + 1] + latency < last:
+            end = command_time[k + 1] + latency
+        left, right = 0.0, 0.0
+        if k >= low:
+            left, right = torque[0, k] / body[3], torque[1, k] / body[4]
+        k += 1
+        if end - t < _SHORTEST:
+            if end < last:
+                continue
+            end, t = last, last - _SHORTEST
+        count = max(1, math.ceil((end - t) / step - 1e-6))
+        h = (end - t) / count
+        for number in range(count):
+            v1, w1 = _speeds(body, h, v, w, v + 0.5 * h * dv, w + 0.5 * h * dw, left, right)
+            if number == 0:
+                v1, w1 = _speeds(body, h, v, w, 0.5 * (v + v1), 0.5 * (w + w1), left, right)
+            dv, dw = (v1 - v) / h, (w1 - w) / h
+            middle = heading + h * (0.375 * w + 0.125 * w1)
+            x1 = x + 0.5 * h * (v + v1) * math.cos(middle)
+            y1 = y + 0.5 * h * (v + v1) * math.sin(middle)
+            heading1 = heading + 0.5 * h * (w + w1)
+            t1 = t + (number + 1) * h
+            while j < b and (times[j] <= t1 or (number == count - 1 and end == last)):
+                s = min((times[j] - (t1 - h)) / h, 1.0)
+                _between(s, h, x, y, heading, v, w, x1, y1, heading1, v1, w1, out[j])
+                j += 1
+            x, y, heading, v, w = x1, y1, heading1, v1, w1
+        t = end
+
+
+@njit(cache=True)
+def _speeds(
+    body: Floats,
+    h: float,
+    v: float,
+    w: float,
+    middle_v: float,
+    middle_w: float,
+    left: float,
+    right: float,
+) -> tuple[float, float]:
+    """v and w after a step under wheel forces, resisted as at the middle's speeds."""
+    mass, inertia, half = body[0], body[1], body[2]
+    left_share, right_share = body[5] / body[3], body[5] / body[4]
+    vl, vr = middle_v - middle_w * half, middle_v + middle_w * half
+    friction, damping = 0.5 * body[6], 0.5 * body[7]
+    dl = left_share * (damping * left_share + friction / math.sqrt(vl * vl + _CREEP * _CREEP))
+    dr = right_share * (damping * right_share + friction / math.sqrt(vr * vr + _CREEP * _CREEP))
+    a00 = 0.5 * h * (dl + dr + body[8] * abs(middle_v)) / mass
+    a01 = 0.5 * h * (dr - dl) * half / mass
+    a10 = 0.5 * h * (dr - dl) * half / inertia
+    a11 = 0.5 * h * (dl + dr) * half * half / inertia
+    p = (1.0 - a00) * v - a01 * w + h * (left + right) / mass
+    q = (1.0 - a11) * w - a10 * v + h * (right - left) * half / inertia
+    scale = 1.0 / ((1.0 + a00) * (1.0 + a11) - a01 * a10)
+    return ((1.0 + a11) * p - a01 * q) * scale, ((1.0 + a00) * q - a10 * p) * scale
+
+
+@njit(cache=True)
+def _between(
+    s: float,
+    h: float,
+    x: float,
+    y: float,
+    heading: float,
+    v: float,
+    w: float,
+    x1: float,
+    y1: float,
+    heading1: float,
+    v1: float,
+    w1: float,
+    out: Floats,
+) -> None:
+    """The state at the fraction s of a step: velocities linear, positions cubic (Hermite)."""
+    s2, s3 = s * s, s * s * s
+    a, b = 3.0 * s2 - 2.0 * s3, h * (s3 - 2.0 * s2 + s)
+    c = h * (s3 - s2)
+    out[0] = x + a * (x1 - x) + b * v * math.cos(heading) + c * v1 * math.cos(heading1)
+    out[1] = y + a * (y1 - y) + b * v * math.sin(heading) + c * v1 * math.sin(heading1)
+    out[2] = heading + h * s * (w + 0.5 * s * (w1 - w))
+    out[3] = v + s * (v1 - v)
+    out[4] = w + s * (w1 - w)

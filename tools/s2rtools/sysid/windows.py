@@ -1,0 +1,144 @@
+"""Recorded drives cut into windows, each with the state that it starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2rstore.errors import InconclusiveError, RequestError
+from s2rtools.logs import Commands, Drive, Log
+from s2rtools.sysid.simulators.contract import Floats, Integers, Replays, Simulator, pack
+
+_SMOOTHED = 0.15
+"""Seconds on both sides of a moment that its speeds are fitted to."""
+_LEAST = 8
+"""Poses that a window needs."""
+_QUIETEST = np.array([1e-5, 1e-5, 1e-5])
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """`poses` (n, 3): x, y, heading (unwrapped) at `replays.times`; `starts` (w, 5) estimated from
+    the poses around each window's first moment; `noise` (3,): what changes from sample to sample,
+    m, m, rad; `drives` names, by number.
+    """
+
+    drives: tuple[str, ...]
+    replays: Replays
+    poses: Floats
+    starts: Floats
+    noise: Floats
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    @property
+    def drive_of_row(self) -> Integers:
+        return np.repeat(self.replays.drive, np.diff(self.replays.first))
+
+    @property
+    def window_of_row(self) -> Integers:
+        return np.repeat(np.arange(len(self)), np.diff(self.replays.first))
+
+    def seconds(self) -> float:
+        first = self.replays.first
+        return float((self.replays.times[first[1:] - 1] - self.replays.times[first[:-1]]).sum())
+
+    def only(self, windows: Integers) -> Windows:
+        """Some of the windows, in this order, with the commands of all drives."""
+        first = self.replays.first
+        rows = np.concatenate([np.arange(first[i], first[i + 1]) for i in windows])
+        replays = Replays(
+            self.replays.times[rows],
+            np.cumsum([0, *(first[i + 1] - first[i] for i in windows)]),
+            self.replays.drive[windows],
+            self.replays.command_time, self.replays.values, self.replays.held,
+        )  # fmt: skip
+        return Windows(self.drives, replays, self.poses[rows], self.starts[windows], self.noise)
+
+
+def cut(drives: Sequence[Drive], simulator: Simulator, seconds: float) -> Windows:
+    """The real logs in windows of `seconds`, without overlap, where commands are known.
+
+    Before its first command a robot is taken to be told nothing (0). Raises RequestError where a
+    drive has no usable commands, InconclusiveError where it has no whole window.
+    """
+    told = [_commands(drive, simulator) for drive in drives]
+    stretches: list[tuple[int, Floats]] = []
+    poses: list[Floats] = []
+    starts: list[Floats] = []
+    for number, (drive, commands) in enumerate(zip(drives, told, strict=True)):
+        whole = _poses(drive.real)
+        ranges = _ranges(drive, commands, seconds)
+        for a, b in ranges:
+            stretches.append((number, drive.real.time[a:b]))
+            poses.append(whole[a:b])
+            starts.append(state_at(drive.real.time, whole, a))
+    noise = np.sqrt(np.mean([_jitter(drive.real) ** 2 for drive in drives], axis=0))
+    names = tuple(drive.name for drive in drives)
+    channels = simulator.channels(told[0])
+    return Windows(names, pack(told, stretches, channels), np.concatenate(poses),
+                   np.stack(starts), np.maximum(noise, _QUIETEST))  # fmt: skip
+
+
+def _commands(drive: Drive, simulator: Simulator) -> Commands:
+    if drive.commands is None:
+        raise RequestError(f"{drive.name}: no commands.csv; identification needs the commands")
+    try:
+        simulator.channels(drive.commands)
+    except KeyError:
+        wanted = " or ".join(", ".join(names) for names in (simulator.torques, simulator.efforts))
+        has = ", ".join(drive.commands.channels)
+        raise RequestError(
+            f"{drive.commands.source}: needs channels {wanted} (has: {has})"
+        ) from None
+    return drive.commands
+
+
+def _ranges(drive: Drive, commands: Commands, seconds: float) -> list[tuple[int, int]]:
+    time = drive.real.time
+    begin, end = commands.time[0], commands.time[-1] + commands.period
+    found = []
+    a = int(np.searchsorted(time, begin))
+    while a < len(time) and time[a] + seconds <= end + 1e-9:
+        b = int(np.searchsorted(time, time[a] + seconds + 1e-9))
+        if b >= len(time) and time[-1] < time[a] + seconds - 1.5 * (time[-1] - time[-2]):
+            break
+        if b - a >= _LEAST:
+            found.append((a, b))
+        a = max(b, a + 1)
+    if not found:
+        raise InconclusiveError(
+            f"{drive.name}: no window of {seconds:g} s with poses and commands; "
+            "give a longer log or a shorter --window"
+        )
+    return found
+
+
+def _poses(log: Log) -> Floats:
+    return np.stack([log.x, log.y, np.unwrap(log.heading)], axis=1)
+
+
+def state_at(time: Floats, poses: Floats, i: int) -> Floats:
+    """x, y, heading, speed and turn rate at sample i: a parabola through the poses around it."""
+    near = np.flatnonzero(np.abs(time - time[i]) <= _SMOOTHED)
+    if len(near) < 5:
+        near = np.arange(max(0, i - 2), min(len(time), i + 3))
+    degree = 2 if len(near) >= 4 else 1
+    powers = np.vander(time[near] - time[i], degree + 1, increasing=True)
+    fit = np.linalg.lstsq(powers, poses[near], rcond=None)[0]
+    x, y, heading = fit[0]
+    speed = fit[1, 0] * np.cos(heading) + fit[1, 1] * np.sin(heading)
+    return np.array([x, y, heading, speed, fit[1, 2]])
+
+
+def _jitter(log: Log) -> Floats:
+    """Standard deviation of white noise that gives the poses' third differences, x and y pooled."""
+    third = np.diff(_poses(log), 3, axis=0)
+    if not len(third):
+        return _QUIETEST
+    variance = (third**2).mean(axis=0) / 20.0
+    place = np.sqrt(variance[:2].mean())
+    return np.array([place, place, np.sqrt(variance[2])])
