@@ -49,6 +49,8 @@ from s2rtui.widgets.tour import TourScreen
 WATCH_SECONDS = 2.0
 _PATIENCE = 0.3
 """Seconds that work in the background is given when the application is left."""
+_FIRST_SCREEN = 0.5
+"""Seconds that the first screen is waited for before anything is read."""
 _PICTURE_TOLERANCE = {"map": 12, "instance": 12}
 
 
@@ -108,6 +110,7 @@ class S2RApp(Brushes, Papers, Savings):
         self._resized(self.size.width, self.size.height)
         self.refresh_views()
         self.call_after_refresh(self._feed)
+        self.set_timer(_FIRST_SCREEN, self._feed)  # a key may put another screen before the first
         self.set_interval(WATCH_SECONDS, self._watch)
         for number in (signal.SIGTERM, signal.SIGHUP):
             with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
@@ -219,8 +222,9 @@ class S2RApp(Brushes, Papers, Savings):
 
     def _feed(self) -> None:
         """Once the first screen stands, which workers would only delay."""
-        self._drawn_once = True
-        self.refresh_views()
+        if not self._drawn_once:
+            self._drawn_once = True
+            self.refresh_views()
 
     @property
     def settled(self) -> bool:
