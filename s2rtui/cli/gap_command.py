@@ -29,6 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--features", type=Path, metavar="FILE",
         help="description of an image network (default: the model's own embedding)",
     )  # fmt: skip
+    parser.add_argument("--anchor-run", metavar="R",
+                        help="its sim images are the visual axis' bad state")  # fmt: skip
+    parser.add_argument("--topic", help="of the poses in ROS bags")
     parser.add_argument("--freeze", type=Path, metavar="REF", help="write the scale to judge by")
     parser.add_argument("--reference", type=Path, metavar="REF", help="judge by this scale")
     parser.add_argument("--threshold", type=float, default=15.0, help="of G (default 15)")
@@ -46,15 +49,18 @@ def execute(options: argparse.Namespace) -> int:
     import s2rstore
     from s2rtools.gap import gate, golden
     from s2rtools.gap.files import write_atomically
+    from s2rtools.gap.report import report
 
     request = _request(options)
     with s2rstore.open(options.store) as store:
         evidence = gate.evidence(store, request)
-        if options.freeze_golden:
-            golden.write(options.freeze_golden, golden.take(evidence))
+        accepted = golden.take(evidence) if options.freeze_golden else None
+        judged = gate.judged(evidence, request)
         if options.freeze:
-            gate.freeze(options.freeze, evidence, request)
-        found = gate.measured_report(evidence, request)
+            gate.freeze(options.freeze, evidence, request, judged.found)
+        if accepted:
+            golden.write(options.freeze_golden, accepted)
+        found = report(evidence, request.settings, judged)
     text = json.dumps(found, indent=1, sort_keys=True, allow_nan=False) + "\n"
     if options.out:
         write_atomically(options.out, text)
@@ -85,7 +91,8 @@ def _request(options: argparse.Namespace) -> Any:
         raise RequestError(f"--seed: 0 .. 2147483647, not {options.seed}")
     return Request(
         options.run, options.select, tuple(options.axis), options.drives, options.rate,
-        options.features, options.reference, options.golden, options.threshold, options.margin,
+        options.features, options.anchor_run, options.topic, options.reference, options.golden,
+        options.threshold, options.margin,
         Settings(options.replicates, options.seed),
     )  # fmt: skip
 

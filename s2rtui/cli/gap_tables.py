@@ -46,6 +46,7 @@ def _lines(found: dict[str, Any]) -> Iterator[str]:
             f"{_bounds(golden, 'change')} m over {golden['n']} instances, "
             f"margin {golden['margin']:g} m"
             + (f"; {golden['missing']} of it are not here" if golden["missing"] else "")
+            + (f"; {golden['reason']}" if golden["reason"] else "")
         )
     yield _verdict(found["verdict"])
 

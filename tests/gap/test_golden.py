@@ -60,19 +60,36 @@ def test_other_poses_are_refused(evidence: Evidence) -> None:
         golden.compare(evidence, other, SETTINGS)
 
 
+def test_another_selection_is_refused(evidence: Evidence) -> None:
+    other = replace(golden.take(evidence), expression="best15")
+    with pytest.raises(RequestError, match="the golden run is of 'best15', not of 'all'"):
+        golden.compare(evidence, other, SETTINGS)
+
+
 def test_few_shared_instances_say_nothing(evidence: Evidence) -> None:
     taken = golden.take(evidence)
     few = replace(taken, errors=dict(list(taken.errors.items())[:5]))
-    with pytest.raises(InconclusiveError, match="5 instances are in both"):
-        golden.compare(evidence, few, SETTINGS)
+    found = golden.compare(evidence, few, SETTINGS)
+    assert found.outcome == "INCONCLUSIVE"
+    assert "5 instances are in both, 20 are needed" in found.reason
     with pytest.raises(InconclusiveError, match="20 held-out instances"):
         golden.take(replace(evidence, iids=np.arange(5)))
 
 
-def test_instances_that_are_gone_are_counted(evidence: Evidence) -> None:
-    half = replace(evidence, iids=np.arange(150))
-    found = golden.compare(half, golden.take(evidence), SETTINGS)
-    assert (found.n, found.missing) == (30, 10)
+@pytest.mark.parametrize(("left", "outcome"), [(195, "PASS"), (150, "INCONCLUSIVE")])
+def test_what_is_gone_cannot_pass(evidence: Evidence, left: int, outcome: str) -> None:
+    part = replace(evidence, iids=np.arange(left))
+    found = golden.compare(part, golden.take(evidence), SETTINGS)
+    assert (found.n, found.missing) == (left // 5, 40 - left // 5)
+    assert found.outcome == outcome
+    assert (outcome == "PASS") == (not found.reason)
+
+
+def test_what_is_gone_hides_no_failure(evidence: Evidence) -> None:
+    now = golden.take(evidence)
+    before = replace(now, errors={iid: error - 1 for iid, error in now.errors.items()})
+    part = replace(evidence, iids=np.arange(150))
+    assert golden.compare(part, before, SETTINGS).outcome == "FAIL"
 
 
 @pytest.mark.parametrize(

@@ -89,6 +89,7 @@ def test_what_is_shared_by_value_and_floor_is_no_noise() -> None:
 def test_an_axis_that_is_not_judged_is_not_in_the_headline() -> None:
     verdict = judge(found(measured("task", 0.1), measured("visual", 9.0)), scale("task"), SETTINGS)
     assert (verdict.worst, verdict.outcome) == ("task", "PASS")
+    assert "not judged by this reference: visual" in verdict.reason
 
 
 def test_an_axis_without_evidence_is_refused() -> None:

@@ -31,6 +31,7 @@ class Evidence:
     """What the gap is measured on: a run of a store with the selected iids (n,), and drives.
 
     `features` is a file that describes an image network; None means the run's own embedding.
+    `anchor_run` is the run whose sim images are the bad state; None finds it by the adjustments.
     """
 
     store: Store
@@ -39,6 +40,7 @@ class Evidence:
     expression: str = "all"
     drives: Sequence[Drive] = ()
     features: Path | None = None
+    anchor_run: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,8 @@ class Request:
     """What to measure and what to judge it by.
 
     `drives` is a folder, `odometry`, or None for those in the store; `rate` (Hz) is that of
-    odometry that was stored without times.
+    odometry that was stored without times, `topic` names the poses of ROS bags. `anchor_run` is
+    the run whose sim images are the visual axis' bad state.
     """
 
     run: str | None = None
@@ -39,6 +40,8 @@ class Request:
     drives: str | None = None
     rate: float | None = None
     features: Path | None = None
+    anchor_run: str | None = None
+    topic: str | None = None
     reference: Path | None = None
     golden: Path | None = None
     threshold: float = THRESHOLD
@@ -71,7 +74,8 @@ def evidence(store: Store, request: Request) -> Evidence:
         raise RequestError(f"--select {request.expression!r}: no instance of run {run.run}")
     iids = np.flatnonzero(chosen).astype(np.int64)
     drives = _drives(store, request)
-    return Evidence(store, run.run, iids, request.expression, drives, request.features)
+    return Evidence(store, run.run, iids, request.expression, drives, request.features,
+                    request.anchor_run)  # fmt: skip
 
 
 def judged(found_on: Evidence, request: Request) -> Judged:
@@ -94,12 +98,17 @@ def measured_report(found_on: Evidence, request: Request) -> Report:
     return report(found_on, request.settings, judged(found_on, request))
 
 
-def freeze(path: Path, found_on: Evidence, request: Request) -> Measurement:
-    """Write today's scale; raises RequestError where no axis has a usable anchor."""
-    found = measure(found_on, request.settings, request.wanted)
+def freeze(path: Path, found_on: Evidence, request: Request, found: Measurement) -> None:
+    """Write what was measured as the scale to judge by; the axes without evidence are left out.
+
+    Raises InconclusiveError where an axis has too little evidence, RequestError where one has no
+    usable anchor: a reference judges all that was asked for, or is not written.
+    """
+    for axis, why in found.inconclusive.items():
+        others = " ".join(f"--axis {name}" for name in request.wanted if name != axis)
+        raise InconclusiveError(f"{axis}: {why}; without it: {others}")
     if not found.measured:
-        told = "; ".join(f"{axis}: {why}" for axis, why in found.inconclusive.items())
-        raise InconclusiveError(told or "no axis could be measured, so there is nothing to freeze")
+        raise RequestError("no axis could be measured, so there is nothing to freeze")
     store, run = found_on.store, found_on.store.run(found_on.run)
     made_from = {
         "dataset": store.dataset.hash,
@@ -109,7 +118,6 @@ def freeze(path: Path, found_on: Evidence, request: Request) -> Measurement:
         "expression": found_on.expression,
     }
     reference.write(path, frozen(found, found_on, request.settings, request.wanted), made_from)
-    return found
 
 
 def _across(found_on: Evidence, request: Request) -> dict[str, object] | None:
@@ -125,7 +133,7 @@ def _drives(store: Store, request: Request) -> tuple[Drive, ...]:
     wanted = request.drives
     if wanted is None:
         own = store.path / layout.DRIVES
-        return tuple(read_drives(own)) if own.is_dir() else ()
+        return tuple(read_drives(own, request.topic)) if own.is_dir() else ()
     if wanted == ODOMETRY:
         return tuple(odometry(store, request.rate))
-    return tuple(read_drives(Path(wanted)))
+    return tuple(read_drives(Path(wanted), request.topic))

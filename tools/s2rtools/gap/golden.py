@@ -16,18 +16,22 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore import stats
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rstore.headlines import held_out
 from s2rstore.reader import Store
-from s2rtools.gap.contract import Evidence, Settings
+from s2rstore.stats import Interval
+from s2rtools.gap import blocks, population
+from s2rtools.gap.contract import Evidence, Settings, interval
 from s2rtools.gap.files import write_atomically
-from s2rtools.gap.verdict import Outcome, outcome_of
+from s2rtools.gap.task.groups import mean_replicates
+from s2rtools.gap.verdict import NOTHING, Outcome, outcome_of
 
 FORMAT = 1
 MARGIN = 0.05
 """Metres by which the mean real error may have grown, as an upper bound."""
 _FEWEST = 20
+_FEWEST_BLOCKS = 4
+_MOST_MISSING = 0.1
+"""Share of the golden run that may be missing from a PASS."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +49,17 @@ class Golden:
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """Mean real error now minus then, over the `n` instances of both, in metres."""
+    """Mean real error now minus then, over the `n` instances of both, in metres.
+
+    `missing` counts those of the golden run that cannot be compared any more.
+    """
 
     outcome: Outcome
-    change: stats.Interval
+    change: Interval
     n: int
     margin: float
     missing: int
+    reason: str
 
 
 def take(evidence: Evidence) -> Golden:
@@ -95,26 +103,33 @@ def compare(
 ) -> Compared:
     """PASS where the change's interval is under the margin, FAIL where it is over it.
 
-    Raises RequestError for another data set, InconclusiveError where too few instances are shared.
+    INCONCLUSIVE where too few of the golden run's instances are left, for example because a newer
+    model was trained on them. Raises RequestError for other poses or another selection.
     """
     if golden.poses != _poses(evidence.store):
         raise RequestError(
             f"{evidence.store.path}: holds other poses than the golden run; "
             "`s2r gap --freeze-golden` accepts a new one"
         )
-    now = _errors(evidence)
-    shared = sorted(now.keys() & golden.errors.keys())
-    if len(shared) < _FEWEST:
-        raise InconclusiveError(
-            f"{len(shared)} instances are in both the golden run and the selection, "
-            f"{_FEWEST} are needed"
+    if golden.expression != evidence.expression:
+        raise RequestError(
+            f"the golden run is of {golden.expression!r}, not of {evidence.expression!r}; give it "
+            "with --select"
         )
-    changes = np.array([now[iid] - golden.errors[iid] for iid in shared])
-    bootstrap = stats.Bootstrap(replicates=settings.replicates, seed=settings.seed,
-                                level=settings.level)  # fmt: skip
-    change = stats.bootstrap_mean(changes, bootstrap)
-    missing = len(golden.errors) - len(shared)
-    return Compared(outcome_of(change, margin), change, len(shared), margin, missing)
+    now = _errors(evidence)
+    shared = np.array(sorted(now.keys() & golden.errors.keys()), dtype=np.int64)
+    missing = len(golden.errors) - shared.size
+    cut = blocks.cut(evidence.store.instances.trajectory[shared])
+    if shared.size < _FEWEST or cut.count < _FEWEST_BLOCKS:
+        reason = f"{shared.size} instances are in both, {_FEWEST} are needed"
+        return Compared("INCONCLUSIVE", NOTHING, shared.size, margin, missing, reason)
+    changes = np.array([now[iid] - golden.errors[iid] for iid in shared.tolist()])
+    replicates = mean_replicates(changes, cut, settings)
+    change = interval(float(changes.mean()), replicates, settings.level)
+    outcome, reason = outcome_of(change, margin), ""
+    if outcome == "PASS" and missing > _MOST_MISSING * len(golden.errors):
+        outcome, reason = "INCONCLUSIVE", f"{missing} of {len(golden.errors)} are not comparable"
+    return Compared(outcome, change, shared.size, margin, missing, reason)
 
 
 def _poses(store: Store) -> str:
@@ -127,5 +142,4 @@ def _poses(store: Store) -> str:
 
 def _errors(evidence: Evidence) -> dict[int, float]:
     real = evidence.store.run_columns(evidence.run).real.error
-    iids = evidence.iids[held_out(evidence.store, evidence.run)[evidence.iids]]
-    return {int(iid): round(float(real[iid]), 9) for iid in iids}
+    return {int(iid): round(float(real[iid]), 9) for iid in population.held_out(evidence)}

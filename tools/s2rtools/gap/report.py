@@ -95,6 +95,7 @@ def _golden(found: Compared) -> dict[str, Any]:
         "margin": found.margin,
         "n": found.n,
         "missing": found.missing,
+        "reason": found.reason,
     }
 
 

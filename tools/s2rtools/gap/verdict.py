@@ -81,6 +81,9 @@ def judge(
     gap = interval(worst.gap.value, together, settings.level)
     outcome = outcome_of(gap, threshold)
     reason = _REASONS[outcome].format(threshold)
+    beside = [axis for axis in found.measured if axis not in reference.axes]
+    if beside:
+        reason += f"; measured but not judged by this reference: {', '.join(beside)}"
     if unsure and outcome == "PASS":
         outcome, reason = "INCONCLUSIVE", "; ".join(unsure)
     return Verdict(outcome, threshold, worst.axis, gap, tuple(gaps), reason)

@@ -88,12 +88,15 @@ class Visual(Axis):
 
     def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
         run = evidence.store.run(evidence.run)
-        if not run.sim_adjustments:
-            sample, state = _sample(evidence), f"the sim images of run {run.run}, unadapted"
+        if evidence.anchor_run is not None:
+            raw = _declared(evidence, run)
+            state = f"the sim images of run {raw.run}"
+        elif not run.sim_adjustments:
+            raw, state = run, f"the sim images of run {run.run}, unadapted"
         else:
             raw = _unadapted(evidence, run)
-            sample = _sample(replace(evidence, run=raw.run), iids=_iids(evidence))
             state = f"the sim images before {_steps(run)} (run {raw.run})"
+        sample = _sample(replace(evidence, run=raw.run), iids=_iids(evidence))
         pair = paired(sample.sim, sample.real, sample.blocks)
         counts = blocks.draws(sample.blocks.count, settings.replicates, settings.seed)
         return Anchor(pair.value(), pair.replicates(counts), state)
@@ -125,6 +128,19 @@ def _sample(evidence: Evidence, iids: NDArray[np.int64] | None = None) -> _Sampl
     features = source(store, evidence.run, evidence.features)
     sim, real = features.read("sim", iids), features.read("real", iids)
     return _Sample(features, iids, cut, sim, real, notes)
+
+
+def _declared(evidence: Evidence, run: Run) -> Run:
+    """The run whose sim images are the bad state; its features must be those of `run`."""
+    raw = evidence.store.run(evidence.anchor_run)
+    if raw.model != run.model and evidence.features is None:
+        raise RequestError(
+            f"--anchor-run {raw.run}: of model {raw.model}, whose embedding is not that of "
+            f"{run.model}; take a run of {run.model}, or --features"
+        )
+    if raw.key is None and evidence.features is None:
+        raise RequestError(f"--anchor-run {raw.run}: not computed; run `s2r precompute`")
+    return raw
 
 
 def _unadapted(evidence: Evidence, run: Run) -> Run:
