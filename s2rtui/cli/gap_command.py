@@ -41,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="of the golden run, in metres (default 0.05)")  # fmt: skip
     parser.add_argument("--seed", type=int, default=1, help="of the bootstraps (default 1)")
     parser.add_argument("--replicates", type=int, default=1000, help="bootstrap (default 1000)")
+    parser.add_argument("--details", action="store_true", help="all figures of every axis")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--out", type=Path, help="write the report as JSON to this file, too")
 
@@ -69,7 +70,7 @@ def execute(options: argparse.Namespace) -> int:
     else:
         from s2rtui.cli.gap_tables import tables
 
-        print(tables(found))
+        print(tables(found, options.details))
     for path in (options.freeze, options.freeze_golden):
         if path:
             print(f"wrote {path}", file=sys.stderr)

@@ -81,6 +81,29 @@ def test_the_drives_are_those_of_the_factors(worlds: Path, gap: Gap) -> None:
     assert truth["values"]["wheels"] > 0
 
 
+def test_wheels_that_no_parameter_follows_move_the_dynamics(worlds: Path, gap: Gap) -> None:
+    gaps = {}
+    for name in ("none", "robot"):
+        _, found = gap(name, "--reference", str(worlds / "ref.json"))
+        gaps[name] = next(each for each in found["axes"] if each["axis"] == "dynamics")
+    assert gaps["robot"]["gap_low"] > 3
+    assert gaps["none"]["gap_high"] < 1
+
+
+def test_details_are_the_figures_of_the_report(
+    worlds: Path, gap: Gap, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, found = gap("all")
+    main(["gap", str(worlds / "all.s2r"), "--details"])
+    printed = capsys.readouterr().out
+    details = {each["axis"]: each["details"] for each in found["axes"]}
+    assert f"{details['task']['baseline']:.2f} m for the constant prediction" in printed
+    assert f"delay {1000 * details['delay']['delay']:.1f} (" in printed
+    assert f"{details['visual']['halves']['fid']['value']:.4g}" in printed
+    for row in details["dynamics"]["horizons"]:
+        assert f"{row['rmse']:.3f} ({row['rmse_low']:.3f}" in printed
+
+
 def test_without_a_reference_nothing_is_decided(gap: Gap) -> None:
     code, found = gap("lights")
     assert (code, found["verdict"]["outcome"]) == (3, "INCONCLUSIVE")

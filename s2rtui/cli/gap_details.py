@@ -1,0 +1,90 @@
+"""What a gap's axes found besides m, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from s2rtui.cli import output
+
+Details = dict[str, Any]
+
+
+def details(axis: dict[str, Any]) -> Iterator[str]:
+    """Lines and tables of one axis; nothing for an axis that has none."""
+    told = _TOLD.get(axis["axis"])
+    if told is not None:
+        yield from told(axis["details"])
+
+
+def bounds(row: dict[str, Any], name: str, digits: int = 3) -> str:
+    """A figure with its interval, by its keys."""
+    return between(row.get(name), row.get(f"{name}_low"), row.get(f"{name}_high"), digits)
+
+
+def between(value: float | None, low: float | None, high: float | None, digits: int) -> str:
+    """A figure with its interval; - where it is unknown."""
+    if value is None:
+        return "-"
+    ends = " .. ".join("?" if end is None else f"{end:.{digits}f}" for end in (low, high))
+    return f"{value:.{digits}f} ({ends})"
+
+
+def _visual(found: Details) -> Iterator[str]:
+    halves = found["halves"]
+    rows = [
+        (name, row["value"], between(row["floor"], row["floor_low"], row["floor_high"], 3))
+        for name, row in halves.items()
+        if isinstance(row, dict)
+    ]
+    yield f"permutation p of the kernel distance: {found['kid_p']:.3g}"
+    names = ("figure", "sim and real", "real and real")
+    yield f"of halves, n = {halves['n']}:\n" + output.table(names, rows)
+
+
+def _task(found: Details) -> Iterator[str]:
+    drop = found["relative_drop"]
+    yield (
+        f"mean error {found['sim']:.2f} m in simulation, {found['real']:.2f} m in reality, "
+        f"{found['baseline']:.2f} m for the constant prediction; relative drop "
+        f"{between(drop['value'], drop['low'], drop['high'], 2)}"
+    )
+    for kind in ("runs", "trajectories", "rooms", "headings"):
+        groups = found[kind].items()
+        if len(groups) < 2:
+            continue
+        by_gap = sorted(groups, key=lambda item: -item[1]["gap"]["value"])
+        rows = [
+            (name, row["n"], row["sim"], row["real"], between(*_three(row["gap"]), 2))
+            for name, row in by_gap
+        ]
+        yield output.table((kind, "n", "sim m", "real m", "gap m"), rows)
+
+
+def _dynamics(found: Details) -> Iterator[str]:
+    rows = [
+        (f"{row['horizon']:g} s", row["windows"], bounds(row, "rmse"), bounds(row, "nrmse"),
+         bounds(row, "heading_rmse"))
+        for row in found["horizons"]
+    ]  # fmt: skip
+    yield output.table(("horizon", "windows", "RMSE m", "NRMSE", "heading rad"), rows)
+
+
+def _delay(found: Details) -> Iterator[str]:
+    low, value, high = (1000 * found[f"delay{end}"] for end in ("_low", "", "_high"))
+    yield (
+        f"delay {between(value, low, high, 1)} ms, positive where reality is later; the control "
+        f"period is {1000 * found['period']:g} ms"
+    )
+
+
+def _three(row: Details) -> tuple[float | None, float | None, float | None]:
+    return row["value"], row["low"], row["high"]
+
+
+_TOLD: dict[str, Callable[[Details], Iterator[str]]] = {
+    "visual": _visual,
+    "task": _task,
+    "dynamics": _dynamics,
+    "delay": _delay,
+}
