@@ -13,13 +13,18 @@ import pytest
 from s2rtui.cli import main
 
 pytestmark = pytest.mark.xdist_group("world")
-WORLDS = {"all": "all", "none": "none", "lights": "lights", "robot": "latency,wheels"}
+WORLDS = {"all": "lights,latency,wheels", "none": "none"}
+SWAPPED = {"lights": ("all", "none"), "robot": ("none", "all")}
+"""Worlds with the images of one and the drives of another."""
 Gap = Callable[..., tuple[int, dict[str, Any]]]
 
 
 @pytest.fixture(scope="module")
 def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of small worlds, one for each choice of factors, seen by one shipped model."""
+    """A folder of small worlds, one for each choice of factors, seen by one shipped model.
+
+    A robot's factors show in drives alone, the others in images alone.
+    """
     from s2rtools.precompute.pipeline import Options, precompute
     from s2rtools.world import shipped
     from tests.support.quiet import Quiet
@@ -31,6 +36,11 @@ def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert main([*words, "--store", str(path)]) == 0
         shipped.add(path)
         precompute(path, Quiet(), ["vanilla"], Options(("activation",)))
+    for name, (images, drives) in SWAPPED.items():
+        path = folder / f"{name}.s2r"
+        shutil.copytree(folder / f"{images}.s2r", path)
+        shutil.rmtree(path / "drives")
+        shutil.copytree(folder / f"{drives}.s2r" / "drives", path / "drives")
     assert main(["gap", str(folder / "all.s2r"), "--freeze", str(folder / "ref.json")]) == 0
     return folder
 
