@@ -175,3 +175,23 @@ def test_too_few_poses_are_refused() -> None:
     two = Log(*(np.array([c[0], c[-1]]) for c in (sim.time, sim.x, sim.y, sim.heading)), "two", "")
     with pytest.raises(RequestError, match=r"two: .* too few to find a delay"):
         align.delay(two, sim)
+
+
+@pytest.mark.parametrize("seconds", [2.02, 2.05, 2.1])
+def test_a_short_slow_drive_is_bounded_or_inconclusive(seconds: float) -> None:
+    told = set()
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        time = np.arange(0, seconds + 1e-9, 0.02)
+        speed = 0.3 + time / rng.uniform(3, 20) + 0.02 * np.sin(time)
+        logs = [
+            Log(time, np.cumsum(speed) * 0.02 + n, 0 * time, 0 * time, "slow", "")
+            for n in (0.002 * rng.standard_normal(time.size), 0.0)
+        ]
+        try:
+            found = align.delay(*logs, QUICK)
+            assert found.low <= found.high
+        except InconclusiveError as error:
+            told.add(str(error))
+    assert any("too short to bound their delay" in line for line in told)
+    assert not any("\n" in line for line in told)

@@ -13,11 +13,11 @@ from s2rtools.gap.contract import Settings
 from s2rtools.gap.dynamics import errors, noise, repeats
 from s2rtools.gap.dynamics.bootstrap import Blocks
 from s2rtools.gap.dynamics.windows import Plan, windows
-from s2rtools.logs import Log
+from s2rtools.logs import Drive, Log
 from s2rtools.logs.rigid import Rigid
 from tests.support import robot
 
-PLAN = Plan(horizons=(0.5, 2.0), stride=0.5)
+PLAN = Plan(horizons=(0.5, 2.0), stride=0.5, scatter=0.0)
 
 
 def circle(radius: float, speed: float, seconds: float = 10.0) -> Log:
@@ -42,7 +42,7 @@ def test_errors_of_two_circles_are_the_same_in_every_window() -> None:
 
 def test_windows_are_relative_pose_errors() -> None:
     drive = robot.pair(4, gain=0.9, seconds=10.0)
-    made = windows(drive.real, drive.sim, Plan(horizons=(1.0,), stride=0.02))
+    made = windows(drive.real, drive.sim, Plan((1.0,), stride=0.02, scatter=0.0))
     real, sim = errors.together(drive.real, drive.sim)
     off = errors.rpe(real, sim, 50)
     n = min(off.position.size, np.isfinite(made.end[0]).sum())
@@ -61,7 +61,7 @@ def test_neither_frame_matters() -> None:
 def test_long_drives_are_cut_in_parts_without_seams() -> None:
     drive = robot.pair(9, gain=0.9, seconds=60.0)
     fine, coarse = (
-        windows(drive.real, drive.sim, Plan(horizons=(0.5,), stride=s)) for s in (0.02, 0.04)
+        windows(drive.real, drive.sim, Plan((0.5,), stride=s, scatter=0.0)) for s in (0.02, 0.04)
     )
     assert fine.end.shape[1] > 2048
     known = np.isfinite(coarse.end)
@@ -116,15 +116,16 @@ def test_the_floor_is_what_noise_gives_in_these_windows() -> None:
     rng = np.random.default_rng(8)
     exact = robot.drive(robot.commands(40.0, rng))
     late = 0.007
-    sim = replace(robot.sampled(exact, 50.0, 0.002, 0.0, rng))
+    sim = robot.sampled(exact)
     sim = replace(sim, time=sim.time + late)
     shifted = replace(exact, time=exact.time + late)
+    plan = Plan(horizons=(0.5, 2.0), stride=0.5)
     found, told = [], []
     for _ in range(20):
         real = robot.sampled(shifted, 50.0, 0.004, 0.01, rng)
-        made = windows(real, sim, PLAN)
+        made = windows(real, sim, plan)
         found.append(np.nanmean(made.end**2, axis=1))
-        told.append(np.nanmean(noise.squares(real, sim, made, PLAN), axis=1))
+        told.append(np.nanmean(noise.squares(real, made), axis=1))
     assert np.mean(told, axis=0) == pytest.approx(np.mean(found, axis=0), rel=0.08)
 
 
@@ -148,9 +149,67 @@ def test_intervals_of_one_drives_mean_hold() -> None:
         wave = np.convolve(rng.standard_normal(419), np.ones(20) / 20, mode="valid")[None]
         blocks = Blocks([400], 20, Settings(replicates=300, seed=seed))
         mean, draws = blocks.means([wave + 5])
-        low, high = np.percentile(blocks.widened(float(mean[0]), draws[0]), [2.5, 97.5])
+        low, high = np.percentile(blocks.widened(mean, draws)[0], [2.5, 97.5])
         held += low <= 5 <= high
     assert 0.88 <= held / 200 <= 0.99
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 6])
+def test_intervals_of_drives_that_differ_hold(count: int) -> None:
+    rng = np.random.default_rng(count)
+    held = 0
+    for seed in range(300):
+        each = rng.normal(1.0, 0.3, count)
+        blocks = Blocks([20] * count, 5, Settings(replicates=300, seed=seed))
+        mean, draws = blocks.means([np.full((1, 20), size) for size in each])
+        low, high = np.percentile(blocks.widened(mean, draws)[0], [2.5, 97.5])
+        held += low <= 1 <= high
+    assert held / 300 >= 0.89
+
+
+@pytest.mark.parametrize("period", [0.25, 0.125, 0.1])
+def test_a_vibration_that_divides_stride_and_horizons_is_seen(period: float) -> None:
+    drive = robot.pair(2, noise=0.0, turn_noise=0.0, delay=0.0)
+    shaken = replace(drive.sim, y=drive.sim.y + 0.05 * np.sin(2 * np.pi * drive.sim.time / period))
+    made = windows(drive.real, shaken)
+    seen = np.sqrt(np.nanmean(made.end**2, axis=1))
+    assert seen == pytest.approx(0.05, rel=0.2)
+    assert np.diff(made.starts).min() > 0
+
+
+def test_starts_and_lengths_are_scattered_alike_each_time() -> None:
+    log = robot.pair(2).real
+    plan = Plan()
+    assert (plan.starts(log) == plan.starts(log)).all()
+    steps = plan.steps(400) / plan.rate
+    assert steps.mean(axis=1) == pytest.approx(plan.horizons, rel=0.02)
+    assert steps.max() <= plan.longest
+    assert (steps.std(axis=1) > 0.1 * np.array(plan.horizons)).all()
+    with pytest.raises(RequestError, match=r"scatter 0\.5"):
+        Plan(scatter=0.5)
+
+
+@pytest.mark.parametrize("rate", [50.0, 10.0, 8.0, 4.0])
+def test_motion_between_coarse_poses_is_not_noise(rate: float) -> None:
+    rng = np.random.default_rng(4)
+    exact = robot.drive(robot.commands(60.0, rng))
+    assert noise.of(robot.sampled(exact, rate)).position < 1e-3
+    noisy = noise.of(robot.sampled(exact, rate, 0.004, 0.004, rng))
+    assert noisy.position < 1.1 * 0.004 * np.sqrt(2)
+    assert noisy.heading < 1.1 * 0.004
+
+
+def test_half_of_real_against_real_is_what_one_real_drive_varies_by() -> None:
+    told = robot.commands(60.0, np.random.default_rng(0))
+    made = []
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        real = robot.sampled(robot.drive(told, slip=0.02, rng=rng), 50, 0.001, 0.001, rng)
+        made.append(Drive(f"d{seed}", real, robot.sampled(robot.drive(told)), None, told))
+    plan = Plan(horizons=(0.5, 1.0))
+    half = np.nanmean(repeats.squares(made[0], made[1:], plan, Settings(50)), axis=1)
+    varied = [np.nanmean(windows(d.real, d.sim, plan).end ** 2, axis=1) for d in made]
+    assert half == pytest.approx(np.mean(varied, axis=0), rel=0.3)
 
 
 def test_drives_of_the_same_commands_find_each_other() -> None:

@@ -31,6 +31,8 @@ MIN_OVERLAP = 2.0
 BLOCK = 2.0
 """s, of the bootstrap."""
 MAX_BLOCKS = 200
+LEAST = 8
+"""Grid times that every shift of the bootstrap must be judged on."""
 STILL = 1e-4
 """m/s and rad/s below which nothing moves."""
 CLEAR = 4.0
@@ -79,7 +81,7 @@ def delay(
     """How much later `real` is than `sim`, searched within `furthest` s on a grid of `rate` Hz.
 
     Raises RequestError where the logs do not overlap, InconclusiveError where nothing moves, where
-    no delay stands out, or where the best one is the furthest.
+    no delay stands out, where the best is the furthest, or where too little is left to bound it.
     """
     overlap = _overlap(real, sim)
     step = 1.0 / rate
@@ -95,7 +97,10 @@ def delay(
     ).x  # fmt: skip
     correlation = _correlation(*matched(found))
     _demand_clear(correlation, overlap, width, f"{real.source} and {sim.source}")
-    spread = _bootstrap(matched, found, step, round(furthest * rate), settings) * step
+    try:
+        spread = _bootstrap(matched, found, step, round(furthest * rate), settings) * step
+    except InconclusiveError as error:
+        raise InconclusiveError(f"{real.source} and {sim.source}: {error}") from error
     low, high = bounds(spread, settings.level)
     return Delay(
         float(found) * step, low, high, spread,
@@ -180,7 +185,7 @@ def _span(a: _Rates, b: _Rates, least: float, most: float) -> tuple[int, int]:
     """Grid times [low, high) of `a` at which `b` is known for every lag from least to most."""
     low = max(a.first, int(np.ceil(b.first + most)))
     high = min(a.first + len(a.values), int(np.floor(b.first + len(b.values) - 1 + least)) + 1)
-    return low, high
+    return low, max(low, high)
 
 
 Matched = Callable[..., tuple[Floats, Floats]]
@@ -226,7 +231,12 @@ def _resampled(
 ) -> tuple[Floats, bool]:
     shifts = np.linspace(-reach, reach, _BLOCK_SHIFTS)
     pairs = [matched(best + shift, reach, best) for shift in shifts]
-    n = len(pairs[0][0])
+    n = min(len(a) for a, _ in pairs)
+    if n < LEAST:
+        raise InconclusiveError(
+            f"{max(n, 0) * step:.3g} s are left where the logs overlap, too short to bound their "
+            "delay; drive longer"
+        )
     length = max(round(BLOCK / step), -(-n // MAX_BLOCKS))
     blocks = max(n // length, 2)
     edges = np.linspace(0, n, blocks + 1).astype(int)[:-1]

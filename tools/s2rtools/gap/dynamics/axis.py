@@ -10,7 +10,7 @@ import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.gap.contract import Anchor, Axis, Evidence, Measured, Settings
-from s2rtools.gap.dynamics import align, errors, noise, repeats
+from s2rtools.gap.dynamics import align, errors, evident, noise, repeats
 from s2rtools.gap.dynamics.bootstrap import Blocks, bounds
 from s2rtools.gap.dynamics.windows import DEFAULT, Plan, Windows, windows
 from s2rtools.logs.contract import Drive, Floats, Log
@@ -41,18 +41,47 @@ class _Scales:
     draws: Floats
 
 
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """All drives: windows per horizon `counts` (H,), and mean squares in m^2.
+
+    `ends` are those of the windows, `floors` those that they would have without a gap: per horizon
+    (H,), and per resample (H, R).
+    """
+
+    compared: list[_Compared]
+    kinds: list[str]
+    counts: Floats
+    blocks: Blocks
+    scales: _Scales
+    ends: tuple[Floats, Floats]
+    floors: tuple[Floats, Floats]
+
+    def beyond_floor(self) -> tuple[float, Floats]:
+        """m and its replicates (R,): the root of what squares have more than without a gap."""
+        values, draws = (e - f for e, f in zip(self.ends, self.floors, strict=True))
+        shares = values / self.scales.values**2
+        spread = self.blocks.widened(shares, draws / self.scales.draws**2)
+        return float(_root(shares).mean()), _root(spread).mean(axis=0)
+
+
 class Dynamics(Axis):
-    """m = mean over the horizons of NRMSE(h), the root mean square end error over a scale(h)."""
+    """m = mean over the horizons of root(mean square end error - that without a gap) / scale(h).
+
+    Squares are subtracted because noise adds to squares: m stays the same where poses are noisier.
+    """
 
     name: ClassVar[str] = "dynamics"
     unit: ClassVar[str] = "share of the scale"
-    measure_is: ClassVar[str] = "windowed NRMSE of position after the delay is taken out"
+    measure_is: ClassVar[str] = (
+        "windowed NRMSE of position beyond reality's own, the delay taken out"
+    )
     reason: ClassVar[str] = (
         "Windows restarted from real states keep one early slip from spoiling a whole drive, and "
-        "the delay is an axis of its own. The floor is real against real where drives were "
-        "repeated with the same commands, else what the measured noise of the poses alone would "
-        "give in the same windows. The bad state is the simulator before identification, in the "
-        "same windows."
+        "the delay is an axis of its own. What is seen without a gap is taken off in squares, so "
+        "the floor is 0: half of real against real where drives were repeated with the same "
+        "commands, else what the noise of the real poses would give in the same windows. The bad "
+        "state is the simulator before identification, in the same windows."
     )
 
     def __init__(self, plan: Plan = DEFAULT, scale: str = "travel") -> None:
@@ -65,46 +94,52 @@ class Dynamics(Axis):
         return None if evidence.drives else "no drives: give logs of real and simulated motion"
 
     def measure(self, evidence: Evidence, settings: Settings) -> Measured:
-        compared = [self._compare(d, d.sim, settings) for d in evidence.drives]
-        ends = [c.made.end**2 for c in compared]
-        counts = self._counts(ends)
-        blocks = self._blocks(ends, settings)
-        scales = self._scales(evidence.drives, blocks)
-        floors, kinds = self._floors(evidence.drives, compared, settings)
-        mean, draws = blocks.means(ends)
-        floor_mean, floor_draws = blocks.means(floors)
-        value, replicates = _over_scale(mean, draws, scales, blocks)
-        floor, floor_replicates = _over_scale(floor_mean, floor_draws, scales, blocks)
-        kind = kinds[0] if len(set(kinds)) == 1 else "mixed"
+        found = self._found(evidence.drives, [drive.sim for drive in evidence.drives], settings)
+        value, replicates = found.beyond_floor()
+        kind = found.kinds[0] if len(set(found.kinds)) == 1 else "mixed"
+        seen, floor = (
+            float((np.sqrt(m) / found.scales.values).mean())
+            for m in (found.ends[0], found.floors[0])
+        )
         return Measured(
             axis=self.name,
             value=value,
-            floor=floor,
-            n=int(counts.sum()),
+            floor=0.0,
+            n=int(found.counts.sum()),
             replicates=replicates,
-            floor_replicates=floor_replicates,
+            floor_replicates=np.zeros(replicates.size),
             fingerprint=self._fingerprint(kind),
             details={
                 "scale": self.scale,
+                "nrmse": seen,
+                "floor_nrmse": floor,
                 "floor_from": kind,
-                "horizons": self._per_horizon(compared, blocks, scales, counts, settings),
-                "drives": [_told(c, k) for c, k in zip(compared, kinds, strict=True)],
+                "horizons": self._per_horizon(found, settings),
+                "drives": [_told(c, k) for c, k in zip(found.compared, found.kinds, strict=True)],
             },
-            notes=_notes(compared, kind),
+            notes=_notes(found.compared, kind),
         )
 
     def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
-        found = []
-        for drive in evidence.drives:
-            untuned = untuned_of(drive, self.name)
-            found.append(self._compare(drive, untuned, settings).made.end ** 2)
-        blocks = self._blocks(found, settings)
-        self._counts(found)
-        scales = self._scales(evidence.drives, blocks)
-        value, replicates = _over_scale(*blocks.means(found), scales, blocks)
-        return Anchor(value, replicates, "the untuned simulator")
+        untuned = [untuned_of(drive, self.name) for drive in evidence.drives]
+        found = self._found(evidence.drives, untuned, settings)
+        return Anchor(*found.beyond_floor(), "the untuned simulator")
+
+    def _found(self, drives: Sequence[Drive], sims: Sequence[Log], settings: Settings) -> _Found:
+        compared = [self._compare(d, s, settings) for d, s in zip(drives, sims, strict=True)]
+        ends = [c.made.end**2 for c in compared]
+        counts = self._counts(ends)
+        blocks = self._blocks(ends, settings)
+        scales = self._scales(drives, blocks)
+        floors, kinds = self._floors(drives, compared, settings)
+        return _Found(
+            compared, kinds, counts, blocks, scales, blocks.means(ends), blocks.means(floors)
+        )
 
     def _compare(self, drive: Drive, sim: Log, settings: Settings) -> _Compared:
+        for log in (drive.real, sim):
+            evident.demand_fine(log, self.plan.horizons[0])
+        evident.demand_motion(drive.real, self.plan.horizons[0])
         quick = replace(settings, replicates=_QUICK)
         late = align.delay(drive.real, sim, quick, self.plan.rate)
         moved = align.without(sim, late.seconds)
@@ -131,7 +166,7 @@ class Dynamics(Axis):
         return np.asarray(counts)
 
     def _blocks(self, ends: Sequence[Floats], settings: Settings) -> Blocks:
-        longest = int(np.ceil(self.plan.horizons[-1] / self.plan.stride))
+        longest = int(np.ceil(self.plan.longest / self.plan.stride))
         short = [end.shape[1] for end in ends]
         if min(short) < 2:
             raise InconclusiveError(
@@ -150,7 +185,7 @@ class Dynamics(Axis):
                 floors.append(repeats.squares(c.drive, same, self.plan, settings))
                 kinds.append("repeated real drives")
             else:
-                floors.append(noise.squares(c.drive.real, c.sim, c.made, self.plan))
+                floors.append(noise.squares(c.drive.real, c.made))
                 kinds.append("noise of the poses")
         return floors, kinds
 
@@ -159,29 +194,27 @@ class Dynamics(Axis):
             "horizons": ", ".join(f"{h:g}" for h in self.plan.horizons),
             "stride": self.plan.stride,
             "rate": self.plan.rate,
+            "scatter": self.plan.scatter,
             "scale": self.scale,
             "floor_from": floor,
         }
 
-    def _per_horizon(
-        self,
-        compared: Sequence[_Compared],
-        blocks: Blocks,
-        scales: _Scales,
-        counts: Floats,
-        settings: Settings,
-    ) -> list[dict[str, Any]]:
+    def _per_horizon(self, found: _Found, settings: Settings) -> list[dict[str, Any]]:
         kinds: dict[str, Callable[[Windows], Floats]] = {
             "rmse": lambda made: made.end**2,
             "path_rmse": lambda made: made.path**2,
             "heading_rmse": lambda made: made.heading**2,
         }
+        blocks, scales = found.blocks, found.scales
+        floors = np.sqrt(found.floors[0])
         rows: list[dict[str, Any]] = [
-            {"horizon": float(h), "windows": int(n), "scale": float(s)}
-            for h, n, s in zip(self.plan.horizons, counts, scales.values, strict=True)
+            {"horizon": float(h), "windows": int(n), "scale": float(s), "floor_rmse": float(f)}
+            for h, n, s, f in zip(
+                self.plan.horizons, found.counts, scales.values, floors, strict=True
+            )
         ]
         for name, of in kinds.items():
-            mean, draws = blocks.means([of(c.made) for c in compared])
+            mean, draws = blocks.means([of(c.made) for c in found.compared])
             for i, row in enumerate(rows):
                 root = np.sqrt(draws[i])
                 row |= _bounded(name, float(np.sqrt(mean[i])), root, blocks, settings)
@@ -200,18 +233,16 @@ def untuned_of(drive: Drive, axis: str) -> Log:
     return drive.untuned
 
 
-def _over_scale(
-    mean: Floats, draws: Floats, scales: _Scales, blocks: Blocks
-) -> tuple[float, Floats]:
-    """m and its replicates (R,) from mean squares (H,) and (H, R) in m^2."""
-    value = float((np.sqrt(mean) / scales.values).mean())
-    return value, blocks.widened(value, (np.sqrt(draws) / scales.draws).mean(axis=0))
+def _root(squares: Floats) -> Floats:
+    """With the sign of the squares: where there is no gap it falls to either side of 0."""
+    return np.asarray(np.sign(squares) * np.sqrt(np.abs(squares)))
 
 
 def _bounded(
     name: str, value: float, draws: Floats, blocks: Blocks, settings: Settings
 ) -> dict[str, float]:
-    low, high = bounds(blocks.widened(value, draws), settings.level)
+    spread = np.maximum(blocks.widened(np.array(value), draws), 0.0)
+    low, high = bounds(spread, settings.level)
     return {name: value, f"{name}_low": low, f"{name}_high": high}
 
 
@@ -239,6 +270,6 @@ def _notes(compared: Sequence[_Compared], kind: str) -> tuple[str, ...]:
         notes.append("one drive: the interval says nothing of how drives differ")
     if kind != "repeated real drives":
         notes.append(
-            "the floor is the noise of the poses; repeat real drives to know reality's own"
+            "only noise of the real poses is taken off; repeat real drives to know reality's own"
         )
     return tuple(notes)

@@ -26,42 +26,39 @@ def bounds(replicates: Floats, level: float) -> list[float]:
     return [float(v) for v in np.percentile(replicates, [50 * (1 - level), 50 * (1 + level)])]
 
 
-MIN_DRIVES = 5
-"""From how many on drives alone are resampled."""
+_DRIVES = 7
+"""Of the stream of random numbers that draws drives, whatever the axis."""
 
 
-def drawn_drives(drives: int, rng: np.random.Generator, replicates: int) -> Floats:
-    """How often each of several drives (at least 2) is drawn, (R, G)."""
-    draws = rng.multinomial(drives, np.full(drives, 1 / drives), replicates)
+def drawn_drives(drives: int, settings: Settings) -> Floats:
+    """How often each of several drives is drawn, (R, G); row r is the same for every axis."""
+    rng = np.random.default_rng([settings.seed, _DRIVES])
+    draws = rng.multinomial(drives, np.full(drives, 1 / drives), settings.replicates)
     return np.asarray(draws, dtype=np.float64)
 
 
 class Blocks:
     """One set of resamples, to be applied to everything that was measured on the same windows.
 
-    One drive is resampled by circular blocks of its windows; two to four as drives, and by blocks
-    inside, which is rather too wide than too narrow; five and more as drives.
+    One drive is resampled by circular blocks of its windows, two and more as drives, widened by
+    `small_sample`. Of 3000 simulated sets of 2 to 8 drives whose gaps differ by 30 %, 0.92 to 0.94
+    had the truth inside the 95 % interval of the root mean square, and 0.93 to 0.95 inside that of
+    a mean.
     """
 
     def __init__(self, counts: Sequence[int], longest: int, settings: Settings) -> None:
         """`counts` are the windows of each drive, `longest` how many the longest one overlaps."""
-        rng = np.random.default_rng(settings.seed)
-        drives = len(counts)
-        self._lengths: list[int] = []
-        self._starts: list[NDArray[np.int64]] = []
-        for count in counts:
-            length = max(1, min(max(longest, int(np.ceil(np.sqrt(count)))), count // 2))
-            blocks = -(-count // length)
-            self._lengths.append(length)
-            self._starts.append(rng.integers(0, count, (settings.replicates, blocks)))
-        self.drawn = np.ones((settings.replicates, drives))
-        self.widening = 1.0
-        if drives > 1:
-            self.drawn = drawn_drives(drives, rng, settings.replicates)
-        self._inside = drives < MIN_DRIVES
-        if drives == 1 or not self._inside:
-            parts = drives if drives > 1 else self._starts[0].shape[1]
-            self.widening = small_sample(parts, settings.level)
+        self._length = 0
+        self._starts: NDArray[np.int64] = np.zeros((settings.replicates, 0), np.int64)
+        parts = len(counts)
+        self.drawn = drawn_drives(parts, settings)
+        if parts == 1:
+            count = counts[0]
+            self._length = max(1, min(max(longest, int(np.ceil(np.sqrt(count)))), count // 2))
+            parts = -(-count // self._length)
+            rng = np.random.default_rng(settings.seed)
+            self._starts = rng.integers(0, count, (settings.replicates, parts))
+        self.widening = small_sample(parts, settings.level)
 
     def means(self, values: Sequence[Floats]) -> tuple[Floats, Floats]:
         """Mean over the windows of all drives (H,), and of every resample (H, R).
@@ -76,21 +73,22 @@ class Blocks:
         below = np.zeros_like(above)
         for drive, table in enumerate(values):
             times = self.drawn[:, drive]
-            above += times * self._totals(drive, np.nan_to_num(table))
-            below += times * self._totals(drive, np.isfinite(table).astype(np.float64))
+            above += times * self._totals(np.nan_to_num(table))
+            below += times * self._totals(np.isfinite(table).astype(np.float64))
         unknown = below <= 0
         return mean, np.where(unknown, mean[:, None], above / np.where(unknown, 1.0, below))
 
-    def widened(self, value: float, replicates: Floats) -> Floats:
-        """Replicates (R,), 0 or more, spread as far as so few parts leave the value unknown."""
-        return np.maximum(value + (replicates - value) * self.widening, 0.0)
+    def widened(self, value: Floats, replicates: Floats) -> Floats:
+        """Replicates (..., R) of a value (...), spread as far as so few parts leave it unknown."""
+        value = np.asarray(value)[..., None]
+        return np.asarray(value + (replicates - value) * self.widening)
 
-    def _totals(self, drive: int, table: Floats) -> Floats:
-        """Sums (H, R) of the drive's resampled blocks, or (H, 1) where it stays whole."""
-        if not self._inside:
+    def _totals(self, table: Floats) -> Floats:
+        """Sums (H, R) of the only drive's resampled blocks, or (H, 1) where drives stay whole."""
+        if not self._length:
             return np.asarray(table.sum(axis=1, keepdims=True))
-        length = self._lengths[drive]
+        length = self._length
         around = np.concatenate([table, table[:, : length - 1]], axis=1)
         total = np.cumsum(np.pad(around, ((0, 0), (1, 0))), axis=1)
         sums = total[:, length:] - total[:, :-length]
-        return np.asarray(sums[:, self._starts[drive]].sum(axis=2))
+        return np.asarray(sums[:, self._starts].sum(axis=2))

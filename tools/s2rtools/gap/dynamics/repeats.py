@@ -43,7 +43,10 @@ def partners(drives: Sequence[Drive]) -> list[list[int]]:
 
 
 def squares(drive: Drive, others: Sequence[Drive], plan: Plan, settings: Settings) -> Floats:
-    """Mean square (H, K), m^2, of window errors if each other real drive were the simulator's."""
+    """Half the mean square (H, K), m^2, between the windows of a drive and of each other.
+
+    Real against real carries reality's variation twice, real against simulated once.
+    """
     assert drive.commands is not None
     found = []
     for other in others:
@@ -56,4 +59,4 @@ def squares(drive: Drive, others: Sequence[Drive], plan: Plan, settings: Setting
     stacked = np.stack(found)
     known = np.isfinite(stacked)
     count = known.sum(axis=0)
-    return np.where(count > 0, np.nansum(stacked, axis=0) / np.maximum(count, 1), np.nan)
+    return np.where(count > 0, np.nansum(stacked, axis=0) / np.maximum(2 * count, 1), np.nan)

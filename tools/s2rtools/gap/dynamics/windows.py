@@ -1,4 +1,4 @@
-"""Windows of several horizons, each restarted from a real state.
+"""Windows of about several horizons, each restarted from a real state.
 
 The motion that the simulator makes from a window's start is put onto the real pose at that time;
 what is left between the two ends is the window's error.
@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore import angles
 from s2rstore.errors import RequestError
@@ -20,15 +21,22 @@ HOLE = 5.0
 """Median steps between two poses beyond which nothing is known between them."""
 _CHUNK = 2048
 _TOLERANCE = 1e-9
+_SEED = 3
+"""Of the scattered starts and lengths: the same for every log."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """`horizons` in s, a window of each from every `stride` s, compared at `rate` Hz."""
+    """`horizons` in s, a window of each from every `stride` s, compared at `rate` Hz.
+
+    `scatter` is the share of a stride by which starts, and of a horizon by which lengths are moved
+    to either side, evenly at random: a vibration whose period divides both would not be seen.
+    """
 
     horizons: tuple[float, ...] = (0.5, 1.0, 2.0, 5.0)
     stride: float = 0.25
     rate: float = 50.0
+    scatter: float = 0.25
 
     def __post_init__(self) -> None:
         rising = all(a < b for a, b in zip((0.0, *self.horizons), self.horizons, strict=False))
@@ -36,14 +44,32 @@ class Plan:
             raise RequestError(f"horizons {self.horizons}: give rising positive seconds")
         if not (self.stride > 0 and self.rate > 0):
             raise RequestError(f"stride {self.stride:g} s, rate {self.rate:g} Hz: must be positive")
-        if self.horizons[0] * self.rate < 1:
+        if not 0 <= self.scatter < 0.5:
+            raise RequestError(f"scatter {self.scatter:g}: must be from 0 to below 0.5")
+        if self.horizons[0] * (1 - self.scatter) * self.rate < 1:
             raise RequestError(f"horizon {self.horizons[0]:g} s is less than one step of the rate")
 
     def starts(self, real: Log) -> Floats:
-        """Times of the windows' starts (K,), those that hold the shortest horizon."""
+        """Times of the windows' starts (K,), about as many as hold the shortest horizon."""
         room = real.time[-1] - real.time[0] - self.horizons[0]
         count = int(np.floor(room / self.stride + _TOLERANCE)) + 1
-        return real.time[0] + np.arange(max(count, 0)) * self.stride
+        at = np.arange(max(count, 0)) + self._moved((max(count, 0),))
+        return real.time[0] + np.maximum(at, 0.0) * self.stride
+
+    def steps(self, windows: int) -> NDArray[np.int64]:
+        """Length of each window (H, K) in steps of the rate."""
+        moved = self._moved((len(self.horizons), windows))
+        return np.round(np.array(self.horizons)[:, None] * (1 + moved) * self.rate).astype(np.int64)
+
+    @property
+    def longest(self) -> float:
+        """s; no window is longer."""
+        return self.horizons[-1] * (1 + self.scatter) + 1 / self.rate
+
+    def _moved(self, shape: tuple[int, ...]) -> Floats:
+        return np.random.default_rng([_SEED, len(shape)]).uniform(
+            -self.scatter, self.scatter, shape
+        )
 
 
 DEFAULT = Plan()
@@ -54,10 +80,12 @@ class Windows:
     """Errors per horizon and start, (H, K); NaN where a log does not know an end.
 
     `end` at the end and `path` as root mean square on the way, in m; `heading` at the end, in rad;
-    `distance` is the straight line that the real robot covered, in m. `starts` (K,) in s.
+    `distance` is the straight line that the real robot covered, in m. `starts` (K,) in s,
+    `lengths` (H, K) in s.
     """
 
     starts: Floats
+    lengths: Floats
     end: Floats
     path: Floats
     heading: Floats
@@ -67,27 +95,31 @@ class Windows:
 def windows(real: Log, sim: Log, plan: Plan = DEFAULT) -> Windows:
     """All windows of `plan`; `sim` with its delay already taken out."""
     starts = plan.starts(real)
-    shape = (len(plan.horizons), starts.size)
-    made = Windows(starts, *(np.full(shape, np.nan) for _ in range(4)))
+    steps = plan.steps(starts.size)
+    made = Windows(starts, steps / plan.rate, *(np.full(steps.shape, np.nan) for _ in range(4)))
     for first in range(0, starts.size, _CHUNK):
-        _fill(made, slice(first, first + _CHUNK), real, sim, plan)
+        part = slice(first, first + _CHUNK)
+        _fill(made, part, real, sim, steps[:, part], plan.rate)
     return made
 
 
-def _fill(made: Windows, part: slice, real: Log, sim: Log, plan: Plan) -> None:
-    steps = np.round(np.array(plan.horizons) * plan.rate).astype(int)
-    ahead = np.arange(steps[-1] + 1) / plan.rate
+def _fill(
+    made: Windows, part: slice, real: Log, sim: Log, steps: NDArray[np.int64], rate: float
+) -> None:
+    ahead = np.arange(steps.max() + 1) / rate
     times = made.starts[part, None] + ahead
     times[np.abs(times - real.time[-1]) < 1e-6] = real.time[-1]
     real_motion, sim_motion = (_motions(log, times) for log in (real, sim))
     apart = np.hypot(real_motion[0] - sim_motion[0], real_motion[1] - sim_motion[1])
     turned = angles.distance(real_motion[2], sim_motion[2])
     squares = np.cumsum(apart[:, 1:] ** 2, axis=1)
+    each = np.arange(steps.shape[1])
     for row, step in enumerate(steps):
-        made.end[row, part] = apart[:, step]
-        made.path[row, part] = np.sqrt(squares[:, step - 1] / step)
-        made.heading[row, part] = turned[:, step]
-        made.distance[row, part] = np.hypot(real_motion[0][:, step], real_motion[1][:, step])
+        at = (each, step)
+        made.end[row, part] = apart[at]
+        made.path[row, part] = np.sqrt(squares[each, step - 1] / step)
+        made.heading[row, part] = turned[at]
+        made.distance[row, part] = np.hypot(real_motion[0][at], real_motion[1][at])
 
 
 def _motions(log: Log, times: Floats) -> tuple[Floats, Floats, Floats]:
