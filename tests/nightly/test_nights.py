@@ -101,6 +101,23 @@ def test_other_files_are_known_by_their_content(week: Week, name: str) -> None:
     assert week.night(1, new_log=False).computed
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("net.toml", 'weights = "net.bin"\n'), ("net.json", '{"weights": "net.bin"}')],
+)
+def test_a_network_is_known_by_its_weights(week: Week, name: str, text: str) -> None:
+    path = week.config.source.parent / name
+    path.write_text(text)
+    week.config = replace(week.config, features=path)
+    with pytest.raises(RequestError, match=r"net\.bin: No such file"):
+        week.night(1)
+    (path.parent / "net.bin").write_bytes(b"1")
+    week.night(1)
+    assert not week.night(1, new_log=False).new
+    (path.parent / "net.bin").write_bytes(b"2")
+    assert week.night(1, new_log=False).computed
+
+
 def test_a_new_generation_is_measured_anew_but_is_no_new_evidence(week: Week) -> None:
     week.night(1)
     with edit(week.config.store) as draft:
