@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE",
                         help="a known value, as track=0.4 (repeat)")  # fmt: skip
     parser.add_argument("--range", action="append", default=[], metavar="NAME=LOW..HIGH[:log]",
-                        help="search there, as latency=0..0.5 or mass=5..30:log (repeat)")  # fmt: skip
+                        help="where to search, as latency=0..0.5 (repeat)")  # fmt: skip
     parser.add_argument("--topic", help="of poses, in ROS bags that have several")
     parser.add_argument("--seeds", type=int, default=3, help="searches (default 3)")
     parser.add_argument("--evaluations", type=int, help="of the simulator, per search")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from s2rstore.errors import RequestError
 from s2rtools.sysid import Identification, report
 from s2rtools.sysid.figure import convergence_figure
 from s2rtui.cli import main
@@ -132,6 +133,23 @@ def test_a_range_without_the_truth_ends_with_3_and_a_wider_one_finds_it(
     truth = json.loads((drives / "truth.json").read_text())["values"]
     assert told["estimates"]["latency"]["value"] == pytest.approx(truth["latency"], abs=2e-3)
     assert told["ranges"]["mass"] == [4.0, 30.0, "linear"]
+
+
+def test_bags_are_read_by_the_topic_that_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from s2rtools import logs
+
+    asked = []
+
+    def read(folder: Path, topic: str | None) -> None:
+        asked.append((folder, topic))
+        raise RequestError("no bags")
+
+    monkeypatch.setattr(logs, "read_drives", read)
+    words = ["sysid", str(tmp_path), "--out", str(tmp_path / "out"), "--topic", "/odom"]
+    assert main(words) == 2
+    assert asked == [(tmp_path, "/odom")]
 
 
 def test_coarse_logs_lose_only_the_network(

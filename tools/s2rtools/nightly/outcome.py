@@ -15,7 +15,7 @@ Told = Word | Literal["ERROR"]
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One thing that was checked; SKIPPED where the night does not ask it, ERROR where it could not."""
+    """One thing that was checked; SKIPPED where it is not asked, ERROR where it cannot be told."""
 
     name: str
     word: Told

@@ -12,7 +12,8 @@ from s2rtools.sysid.ranges import Range
 @dataclass(frozen=True, slots=True)
 class Settings:
     """`parameters` None: those searched by default. `held_out` drives None: a quarter, at least
-    one. `ranges` take the place of the simulator's. `evaluations` per seed None: as the simulator says. `window` in s.
+    one. `evaluations` per seed None: as the simulator says. `window` in s. `ranges` take the place
+    of those that the simulator declares.
     """
 
     simulator: str = "planar"
