@@ -31,6 +31,8 @@ def execute(options: argparse.Namespace) -> int:
         print(json.dumps(_facts(config, done), indent=1, sort_keys=True))
     else:
         _tell(config, done)
+    if done.night.refused:
+        print(f"s2r: {done.night.reason}", file=sys.stderr)
     return done.night.exit_code
 
 

@@ -6,8 +6,13 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from s2rstore.errors import InconclusiveError, RequestError
+
+if TYPE_CHECKING:
+    from s2rtools.sysid.identify import Identification
+    from s2rtools.sysid.ranges import Range
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,6 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "the latency always is")  # fmt: skip
     parser.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE",
                         help="a known value, as track=0.4 (repeat)")  # fmt: skip
+    parser.add_argument("--range", action="append", default=[], metavar="NAME=LOW..HIGH[:log]",
+                        help="where to search, as latency=0..0.5 (repeat)")  # fmt: skip
+    parser.add_argument("--topic", help="of poses, in ROS bags that have several")
     parser.add_argument("--seeds", type=int, default=3, help="searches (default 3)")
     parser.add_argument("--evaluations", type=int, help="of the simulator, per search")
     parser.add_argument("--held-out", type=int, metavar="N",
@@ -41,31 +49,48 @@ def execute(options: argparse.Namespace) -> int:
     names = None if options.parameters is None else _names(options.parameters)
     settings = Settings(
         options.simulator, names, _fixed(options.fix), options.seeds, options.held_out,
-        options.window, options.evaluations, seed=options.seed,
+        options.window, options.evaluations, seed=options.seed, ranges=_ranges(options.range),
     )  # fmt: skip
     report.check_writable(options.out)
-    drives = read_drives(options.drives)
+    drives = read_drives(options.drives, options.topic)
     with reporter() as told:
         found = identify(drives, settings, told)
-        residual = learn(found, told) if options.residual else None
+        residual, coarse = None, None
+        if options.residual:
+            try:
+                residual = learn(found, told)
+            except InconclusiveError as error:
+                coarse = error
     result = report.write(options.out, found, residual)
     if options.json:
         json.dump(result, sys.stdout, indent=1)
         print()
     else:
         print(report.table(result), end="")
+    _judge(str(options.drives), found)
+    if coarse is not None:
+        raise coarse
+    return 0
+
+
+def _judge(drives: str, found: Identification) -> None:
+    """Raises InconclusiveError for estimates that are not to be trusted, with what to do."""
+    if found.at_ends:
+        raise InconclusiveError(
+            f"{drives}: {', '.join(found.at_ends)} at the end of the range; "
+            "give another with --range, or --fix what is known"
+        )
     if found.unsettled:
         raise InconclusiveError(
-            f"{options.drives}: the search has not settled ({', '.join(found.unsettled)} outside "
+            f"{drives}: the search has not settled ({', '.join(found.unsettled)} outside "
             "its interval); give more --evaluations or --seeds"
         )
     if not found.conclusive:
         names_open = ", ".join(found.identifiability.open_names)
         raise InconclusiveError(
-            f"{options.drives}: these drives do not determine {names_open}; "
+            f"{drives}: these drives do not determine {names_open}; "
             "record more varied drives, or --fix what is known"
         )
-    return 0
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -83,4 +108,17 @@ def _fixed(words: list[str]) -> dict[str, float]:
             found[name.strip()] = float(value)
         except ValueError:
             raise RequestError(f"--fix {word}: give NAME=VALUE, as track=0.4") from None
+    return found
+
+
+def _ranges(words: list[str]) -> dict[str, Range]:
+    from s2rtools.sysid.ranges import parsed
+
+    found = {}
+    for word in words:
+        name, _, text = word.partition("=")
+        try:
+            found[name.strip()] = parsed(text)
+        except RequestError as error:
+            raise RequestError(f"--range {word}: NAME={error}") from None
     return found

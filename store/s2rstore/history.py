@@ -87,6 +87,11 @@ class Night:
         """Whether nothing new was recorded for too long."""
         return self.evidence_age > self.stale_after
 
+    @property
+    def refused(self) -> bool:
+        """Whether nothing could be measured; `reason` says why."""
+        return not self.axes
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:

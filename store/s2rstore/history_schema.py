@@ -31,13 +31,18 @@ TABLES: tuple[Table, ...] = (
             Column("run_key", "VARCHAR", "hash of all that its predictions depend on"),
             Column("model", "VARCHAR", "the run's model"),
             Column("expression", "VARCHAR", "which instances were selected"),
-            Column("outcome", "VARCHAR", "PASS, FAIL or INCONCLUSIVE: headline and golden run"),
-            Column("exit_code", "INTEGER", "0 PASS, 1 FAIL, 3 INCONCLUSIVE"),
+            Column(
+                "outcome",
+                "VARCHAR",
+                "PASS, FAIL or INCONCLUSIVE: headline, golden run and age of the evidence; "
+                "ERROR = the request does not fit what is there",
+            ),
+            Column("exit_code", "INTEGER", "0 PASS, 1 FAIL, 2 ERROR, 3 INCONCLUSIVE"),
             Column("headline", "VARCHAR", "PASS, FAIL or INCONCLUSIVE: the worst axis"),
             *_bounds("gap", "G of the worst axis; 0 = no gap, 100 = the declared bad state"),
             Column("worst", "VARCHAR", "the worst axis; NULL = none was judged"),
             Column("threshold", "DOUBLE", "of G"),
-            Column("reason", "VARCHAR", "of the headline"),
+            Column("reason", "VARCHAR", "of the headline, or why nothing was measured"),
             Column("golden", "VARCHAR", "PASS, FAIL or INCONCLUSIVE; NULL = no golden run"),
             *_bounds("golden_change", "mean real error against the golden run, m"),
             Column("golden_margin", "DOUBLE", "by which it may have grown, m"),
@@ -50,7 +55,7 @@ TABLES: tuple[Table, ...] = (
     ),
     Table(
         "axis",
-        "axes of the gap, once per measurement",
+        "axes of the gap, once per measurement; none where nothing could be measured",
         (
             Column("measured", "INTEGER", "night.measured"),
             Column("position", "INTEGER", "order in the report, from 0"),

@@ -140,3 +140,27 @@ def test_the_simulator_is_identified_from_drives(config: Config, asked: SimpleNa
     assert 's2r_gap_estimate{dataset="tiny",nightly="lab",parameter="damping"' in (
         config.metrics.read_text()
     )
+
+
+def test_bags_are_read_by_the_topic_that_is_named(config: Config, asked: SimpleNamespace) -> None:
+    text = config.source.read_text()
+    config.source.write_text(text.replace("[drives]\n", '[drives]\ntopic = "/odom"\n', 1))
+    command(config)
+    assert asked.requests[0]["topic"] == "/odom"
+
+
+def test_what_an_identification_warns_of_is_told(config: Config, asked: SimpleNamespace) -> None:
+    from s2rtools.sysid import Recording, make_drives
+
+    drives = config.source.parent / "made"
+    make_drives(drives, 1, {"latency": 0.8, "wheels": 1.0}, Recording(count=6, seconds=6.0))
+    with config.source.open("a") as file:
+        file.write('[sysid]\ndrives = "made"\nparameters = ["damping"]\nseeds = 1\n'
+                   'range = { latency = "0..0.05" }\n')  # fmt: skip
+    assert command(config) == 0
+    notes = {each.parameter: each.note for each in stored.read(config.history).nights[0].estimates}
+    assert notes["latency"] == "at the end of its range"
+    assert "end of the range 0 .. 0.05 s" in notes["planar"]
+    assert "structural mismatch: wheels = " in notes["planar"]
+    told = (config.reports / "2026-11-21" / "report.html").read_text()
+    assert "structural mismatch: wheels = " in told

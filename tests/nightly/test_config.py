@@ -10,6 +10,8 @@ from s2rstore.errors import RequestError
 from s2rtools.nightly import config
 from s2rtui.cli import main
 
+SYSID = 'store = "s.s2r"\n[sysid]\ndrives = "drives"\n'
+
 
 def written(tmp_path: Path, text: str) -> Path:
     (tmp_path / "s.s2r").mkdir(exist_ok=True)
@@ -56,10 +58,12 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         replicates = 200
         [drives]
         folder = "drives"
+        topic = "/odom"
         [sysid]
         simulator = "mujoco"
         parameters = ["mass", "damping"]
         fix = { track = 0.4 }
+        range = { latency = "0..0.5", mass = "5..30:log" }
         seeds = 2
         [output]
         history = "h.duckdb"
@@ -75,8 +79,10 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
     assert (found.threshold, found.margin, found.stale_after) == (20.0, 0.1, 1.5)
     assert found.drives == str(here / "drives")
     assert found.sysid == config.Sysid(
-        str(here / "drives"), "mujoco", ("mass", "damping"), {"track": 0.4}, 1, 2, None
-    )
+        str(here / "drives"), "mujoco", ("mass", "damping"), {"track": 0.4}, 1, 2, None,
+        {"latency": "0..0.5", "mass": "5..30:log"}, "/odom",
+    )  # fmt: skip
+    assert found.topic == "/odom"
     assert (found.history, found.reports, found.metrics) == (
         here / "h.duckdb", here / "r", here / "m.prom",
     )  # fmt: skip
@@ -113,6 +119,17 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         ('store = "s.s2r"\n[drives]\nfolder = "odometry"\n[sysid]\nseed = 1', "sysid.drives"),
         ('store = "s.s2r"\n[sysid]\nfix = { track = "a" }', "sysid.fix: must be a table of num"),
         ('store = "s.s2r"\n[sysid]\nparameters = "mass"', "sysid.parameters: must be a list"),
+        (f'{SYSID}simulator = "bullet"', "sysid: simulator bullet: unknown .known: planar"),
+        (f'{SYSID}parameters = ["mas"]', "sysid: mas: no parameter of the simulator planar"),
+        (f'{SYSID}fix = {{ track = 9 }}', "sysid: track=9: out of its range"),
+        (f'{SYSID}fix = {{ latency = 0.1 }}', "sysid: latency: always searched"),
+        (f'{SYSID}range = {{ latency = 3 }}', "sysid.range: must be a table of ranges"),
+        (f'{SYSID}range = 3', "sysid.range: must be a table of ranges"),
+        (f'{SYSID}range = {{ latency = "3" }}', "sysid: range.latency: 3: give LOW..HIGH"),
+        (f'{SYSID}range = {{ mas = "1..2" }}', "sysid: mas: no parameter"),
+        (f'{SYSID}range = {{ track = "1..2" }}', "sysid: track: not searched"),
+        (f'{SYSID}seeds = 0', "sysid.seeds: 1"),
+        ('store = "s.s2r"\n[drives]\ntopic = 3', "drives.topic: must be text"),
         ('store = "s.s2r"\n[drives]\nrate = 0', "drives.rate: over 0"),
         ('store = "s.s2r"\n[stale]\nafter_days = -1', "stale.after_days: 0"),
     ],

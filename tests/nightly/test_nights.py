@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import os
 from dataclasses import replace
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -12,7 +13,7 @@ from s2rstore import history
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.writer import edit
 from s2rtools.nightly.config import Config
-from s2rtools.nightly.run import nightly
+from s2rtools.nightly.run import Done, nightly
 from tests.nightly.conftest import files
 from tests.support import nights
 from tests.support.nights import Week, day
@@ -101,6 +102,23 @@ def test_other_files_are_known_by_their_content(week: Week, name: str) -> None:
     assert week.night(1, new_log=False).computed
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("net.toml", 'weights = "net.bin"\n'), ("net.json", '{"weights": "net.bin"}')],
+)
+def test_a_network_is_known_by_its_weights(week: Week, name: str, text: str) -> None:
+    path = week.config.source.parent / name
+    path.write_text(text)
+    week.config = replace(week.config, features=path)
+    with pytest.raises(RequestError, match=r"net\.bin: No such file"):
+        week.night(1)
+    (path.parent / "net.bin").write_bytes(b"1")
+    week.night(1)
+    assert not week.night(1, new_log=False).new
+    (path.parent / "net.bin").write_bytes(b"2")
+    assert week.night(1, new_log=False).computed
+
+
 def test_a_new_generation_is_measured_anew_but_is_no_new_evidence(week: Week) -> None:
     week.night(1)
     with edit(week.config.store) as draft:
@@ -129,25 +147,91 @@ def test_a_copy_under_way_does_not_count(week: Week) -> None:
 
 def test_two_gates_share_a_history(week: Week) -> None:
     week.night(1)
-    week.config = replace(week.config, name="other", reports=week.config.reports / "other")
+    week.config = replace(
+        week.config, name="other", metrics=None, reports=week.config.reports / "other"
+    )
     assert week.night(1, new_log=False).new
     found = history.read(week.config.history)
     assert [len(found.counting(name)) for name in ("lab", "other")] == [1, 1]
 
 
-def test_a_wrong_request_leaves_nothing(week: Week) -> None:
+@pytest.mark.parametrize(
+    ("error", "word", "code", "tag"),
+    [(RequestError("ref.json: does\nnot fit"), "ERROR", 2, "error"),
+     (InconclusiveError("3 images"), "INCONCLUSIVE", 3, "skipped")],
+)  # fmt: skip
+def test_a_night_that_cannot_be_measured_is_never_green(
+    week: Week, error: Exception, word: str, code: int, tag: str
+) -> None:
     def refuse(store: object, config: object) -> dict:
-        raise RequestError("ref.json: does not fit")
+        raise error
 
-    def unsure(store: object, config: object) -> dict:
-        raise InconclusiveError("3 images")
+    def night() -> Done:
+        return nightly(week.config, day(2), refuse, week.estimate, nights.clock())
 
+    week.night(1)
+    (week.config.source.parent / "drives" / "day1" / "real.csv").write_text("new\n")
+    done = night()
+    reason = " ".join(str(error).split())
+    assert (done.night.outcome, done.night.exit_code, done.night.reason) == (word, code, reason)
+    assert done.night.refused
+    case = ET.parse(week.config.reports / str(day(2)) / "junit.xml").find(".//testcase")
+    assert case is not None
+    assert (case.attrib["name"], case[0].tag) == ("headline", tag)
+    assert reason in case[0].attrib["message"]
+    for name in ("report.html", "report.md", "report.json"):
+        assert reason in (week.config.reports / str(day(2)) / name).read_text()
+    assert week.config.metrics is not None
+    told = week.config.metrics.read_text()
+    lines = [line for line in told.splitlines() if 'axis="all"' in line]
+    assert [line for line in lines if line.endswith(" 1.0") and f'="{word}"' in line]
+    assert [line for line in lines if "exit_code" in line and line.endswith(f" {code}.0")]
+    assert "s2r_gap{" not in told
+    before = files(week.config)
+    assert not night().new
+    assert files(week.config) == before
+    again = week.night(2, new_log=False)
+    assert (again.new, again.computed, again.night.exit_code) == (True, True, 0)
+    assert [n.exit_code for n in history.read(week.config.history).nights] == [0, code, 0]
+
+
+def test_a_simulator_that_cannot_be_identified_for_a_wrong_request_is_never_green(
+    week: Week,
+) -> None:
+    def wrong(sysid: object) -> list:
+        raise RequestError("one: no commands.csv")
+
+    assert nightly(week.config, day(1), week.measure, wrong).night.exit_code == 2
+
+
+def test_a_wrong_place_leaves_nothing(week: Week) -> None:
     here = week.config.source.parent
     before = sorted(here.rglob("*"))
-    for measure, error in ((refuse, RequestError), (unsure, InconclusiveError)):
-        with pytest.raises(error):
-            nightly(week.config, day(1), measure, week.estimate)
+    week.config = replace(week.config, run="unknown")
+    with pytest.raises(RequestError, match="unknown"):
+        nightly(week.config, day(1), week.measure, week.estimate)
     assert sorted(here.rglob("*")) == before
+
+
+def test_stale_evidence_passes_nothing_and_hides_no_failure(week: Week) -> None:
+    week.night(1)
+    stale = week.night(4, new_log=False).night
+    assert (stale.headline, stale.outcome, stale.exit_code) == ("PASS", "INCONCLUSIVE", 3)
+    assert week.night(5).night.exit_code == 1
+    assert week.night(9, new_log=False).night.exit_code == 1
+
+
+def test_two_gates_do_not_overwrite_each_other(week: Week) -> None:
+    week.night(1)
+    before, gate = files(week.config), week.config
+    assert gate.metrics is not None
+    for name, places in (("reports", {"metrics": gate.source.parent / "other.prom"}),
+                         ("metrics", {"reports": gate.reports / "other"})):  # fmt: skip
+        week.config = replace(gate, name="other", **places)
+        with pytest.raises(RequestError, match=rf"output\.{name}: .* is that of the gate 'lab'"):
+            week.night(1, new_log=False)
+    assert files(gate) == before
+    assert week.calls == 1
 
 
 def test_evidence_that_changes_meanwhile_is_refused(week: Week) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from s2rstore.errors import RequestError
 from s2rtools.sysid import Identification, report
 from s2rtools.sysid.figure import convergence_figure
 from s2rtui.cli import main
@@ -88,6 +89,82 @@ def test_what_drives_leave_open_ends_with_3(
     assert main(["sysid", str(drives), "--out", str(out), *words]) == 3
     assert "do not determine" in capsys.readouterr().err
     assert json.loads((out / "sysid.json").read_text())["conclusive"] is False
+
+
+@pytest.mark.parametrize(("words", "line"), [
+    (["latency=0..0.1..2"], "latency=0..0.1..2: NAME=0..0.1..2: give LOW..HIGH"),
+    (["latency"], "NAME=: give LOW..HIGH"),
+    (["latency=0..1:root"], "give LOW..HIGH"),
+    (["weight=1..2"], "weight: no parameter"),
+    (["mass=9..3"], "the lower first"),
+    (["mass=0..3"], "must be over 0"),
+    (["mass=1..inf"], "must be two numbers"),
+    (["latency=-1..1"], "must be at least 0"),
+    (["latency=0..1:log"], "must begin over 0"),
+    (["wheels=-2..2"], "must lie within -1 .. 1"),
+    (["track=0.1..0.2"], "track: not searched"),
+])  # fmt: skip
+def test_wrong_ranges_are_told_before_anything_is_done(
+    made: Callable[..., Made], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    words: list[str], line: str,
+) -> None:  # fmt: skip
+    drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
+    given = [word for each in words for word in ("--range", each)]
+    assert main(["sysid", str(drives), "--out", str(out), *FAST, *given]) == 2
+    error = capsys.readouterr().err.strip().splitlines()
+    assert len(error) == 1
+    assert line in error[0]
+    assert not out.exists()
+
+
+def test_a_range_without_the_truth_ends_with_3_and_a_wider_one_finds_it(
+    made: Callable[..., Made], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
+    command = ["sysid", str(drives), "--out", str(out), *FAST, "--range"]
+    assert main([*command, "latency=0..0.05"]) == 3
+    assert "latency at the end of the range; give another with --range" in capsys.readouterr().err
+    told = json.loads((out / "sysid.json").read_text())
+    assert (told["conclusive"], told["at_ends"]) == (False, ["latency"])
+    assert not told["estimates"]["latency"]["identified"]
+    assert any("end of the range 0 .. 0.05 s" in line for line in told["warnings"])
+    assert main([*command, "latency=0..0.6", "--range", "mass=4..30:linear"]) == 0
+    told = json.loads((out / "sysid.json").read_text())
+    truth = json.loads((drives / "truth.json").read_text())["values"]
+    assert told["estimates"]["latency"]["value"] == pytest.approx(truth["latency"], abs=2e-3)
+    assert told["ranges"]["mass"] == [4.0, 30.0, "linear"]
+
+
+def test_bags_are_read_by_the_topic_that_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from s2rtools import logs
+
+    asked = []
+
+    def read(folder: Path, topic: str | None) -> None:
+        asked.append((folder, topic))
+        raise RequestError("no bags")
+
+    monkeypatch.setattr(logs, "read_drives", read)
+    words = ["sysid", str(tmp_path), "--out", str(tmp_path / "out"), "--topic", "/odom"]
+    assert main(words) == 2
+    assert asked == [(tmp_path, "/odom")]
+
+
+def test_coarse_logs_lose_only_the_network(
+    made: Callable[..., Made], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    from s2rtools.sysid import residual
+
+    monkeypatch.setattr(residual, "STEP", 0.001)
+    drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
+    assert main(["sysid", str(drives), "--out", str(out), "--residual", *FAST]) == 3
+    assert "--residual: poses every" in capsys.readouterr().err
+    told = json.loads((out / "sysid.json").read_text())
+    assert told["conclusive"]
+    assert "residual" not in told
 
 
 def test_too_few_drives_end_with_3_and_write_nothing(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -32,6 +33,15 @@ def test_it_helps_where_the_structure_differs(unequal: Identification) -> None:
     assert residual.accepted
     assert residual.error.low > 0
     assert residual.error.fitted[0] < 0.8 * residual.error.untuned[0]
+
+
+def test_one_held_out_drive_cannot_judge_it(unequal: Identification) -> None:
+    residual = learn(unequal, Silent(), epochs=3)
+    better = dataclasses.replace(residual.error, low=0.01, fitted=residual.error.untuned)
+    assert dataclasses.replace(residual, error=better).accepted
+    alone = dataclasses.replace(residual, error=dataclasses.replace(better, drives=1))
+    assert not alone.accepted
+    assert "it takes 2 held-out drives" in alone.sentence
 
 
 def test_weights_are_safetensors_that_tell_their_inputs(unequal: Identification) -> None:

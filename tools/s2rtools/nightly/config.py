@@ -12,6 +12,7 @@ from typing import Any
 
 from s2rstore import history, layout
 from s2rstore.errors import RequestError
+from s2rtools.nightly import simulation
 
 AXES = ("visual", "task", "dynamics", "delay")
 ODOMETRY = "odometry"
@@ -22,10 +23,10 @@ _SECTIONS: dict[str, dict[str, type | tuple[type, ...]]] = {
         "golden": str, "threshold": (int, float), "margin": (int, float), "seed": int,
         "replicates": int, "features": str,
     },
-    "drives": {"folder": str, "rate": (int, float)},
+    "drives": {"folder": str, "rate": (int, float), "topic": str},
     "sysid": {
-        "simulator": str, "parameters": list, "fix": dict, "drives": str, "seed": int,
-        "seeds": int, "evaluations": int,
+        "simulator": str, "parameters": list, "fix": dict, "range": dict, "drives": str,
+        "seed": int, "seeds": int, "evaluations": int,
     },
     "output": {"history": str, "reports": str, "metrics": str},
     "stale": {"after_days": (int, float)},
@@ -34,13 +35,18 @@ _TOLD = {
     str: "text", int: "a whole number", (int, float): "a number", list: "a list of names",
     dict: "a table of numbers",
 }  # fmt: skip
+_TABLES: dict[str, tuple[tuple[type, ...], str]] = {
+    "fix": ((int, float), _TOLD[dict]),
+    "range": ((str,), 'a table of ranges, as latency = "0..0.5"'),
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Sysid:
     """Which simulator to identify from a folder of drives, as `s2r sysid` does.
 
-    `parameters` None: those that it searches by default; `fixed` are known values.
+    `parameters` None: those that it searches by default; `fixed` are known values; `ranges` are
+    written as LOW..HIGH or LOW..HIGH:log.
     """
 
     drives: str
@@ -50,6 +56,8 @@ class Sysid:
     seed: int = 1
     seeds: int = 3
     evaluations: int | None = None
+    ranges: Mapping[str, str] = field(default_factory=dict)
+    topic: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +65,7 @@ class Config:
     """One nightly gate; all paths are resolved.
 
     `drives` is a folder (by default the one in the store), or `odometry`, whose `rate` (Hz) is
-    needed where it was stored without times.
+    needed where it was stored without times; `topic` is that of poses in ROS bags.
     """
 
     source: Path
@@ -75,6 +83,7 @@ class Config:
     features: Path | None
     drives: str | None
     rate: float | None
+    topic: str | None
     sysid: Sysid | None
     history: Path
     reports: Path
@@ -171,6 +180,7 @@ def read(path: Path) -> Config:
         features=given.file("features"),
         drives=_drives(given, store),
         rate=_rate(given),
+        topic=given.get("topic", "drives"),
         sysid=_sysid(given, store) if "sysid" in content else None,
         history=given.place(kept) if kept else history.path_in(store),
         reports=given.place(given.get("reports", "output", f"reports/{name}")),
@@ -208,7 +218,7 @@ def _sysid(given: _Reader, store: Path) -> Sysid:
     evaluations = given.get("evaluations", "sysid")
     if evaluations is not None:
         evaluations = given.number("evaluations", 0, 10, 1_000_000, "sysid")
-    return Sysid(
+    wanted = Sysid(
         str(drives),
         given.get("simulator", "sysid", "planar"),
         None if names is None else tuple(names),
@@ -216,7 +226,14 @@ def _sysid(given: _Reader, store: Path) -> Sysid:
         given.number("seed", 1, 0, 2**31 - 1, "sysid"),
         given.number("seeds", 3, 1, 100, "sysid"),
         evaluations,
+        given.get("range", "sysid", {}),
+        given.get("topic", "drives"),
     )
+    try:
+        simulation.check(wanted)
+    except RequestError as error:
+        raise given.refuse("sysid", str(error).removeprefix("--")) from error
+    return wanted
 
 
 def _check_types(path: Path, content: Mapping[str, Any]) -> None:
@@ -238,13 +255,16 @@ def _check_type(path: Path, section: str, key: str, value: object) -> None:
         raise RequestError(f"{path}: {where}: not known; known: {', '.join(others)}")
     wanted = known[key]
     if isinstance(value, bool) or not isinstance(value, wanted):
-        raise RequestError(f"{path}: {where}: must be {_TOLD[wanted]}, not {value!r}")
+        told = _TABLES[key][1] if wanted is dict else _TOLD[wanted]
+        raise RequestError(f"{path}: {where}: must be {told}, not {value!r}")
     if isinstance(value, str) and (not value.strip() or "\0" in value):
         raise RequestError(f"{path}: {where}: must not be empty")
     if isinstance(value, list) and not all(isinstance(item, str) for item in value):
         raise RequestError(f"{path}: {where}: must be {_TOLD[list]}")
-    if isinstance(value, dict) and not all(type(item) in (int, float) for item in value.values()):
-        raise RequestError(f"{path}: {where}: must be {_TOLD[dict]}")
+    if isinstance(value, dict):
+        kinds, told = _TABLES[key]
+        if not all(type(item) in kinds for item in value.values()):
+            raise RequestError(f"{path}: {where}: must be {told}")
 
 
 def _named(section: str, key: str) -> str:

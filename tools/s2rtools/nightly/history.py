@@ -50,8 +50,21 @@ def last_of(found: History, name: str, night: datetime.date) -> Night | None:
 
 
 def measurement(found: History, key: str) -> int | None:
-    """The measurement that was made of the same evidence in the same way."""
-    return next((each.measured for each in found.nights if each.key == key), None)
+    """The measurement that was made of the same evidence in the same way; refused ones are none."""
+    return next((n.measured for n in found.nights if n.key == key and not n.refused), None)
+
+
+def tells(night: Night | None, tonight: Tonight) -> bool:
+    """Whether a row already says what tonight would."""
+    if night is None or night.key != tonight.inputs.key:
+        return False
+    refused = tonight.report.get("refused")
+    if refused is None:
+        return not night.refused
+    return night.refused and (night.outcome, night.reason) == (
+        refused["outcome"],
+        refused["reason"],
+    )
 
 
 def rows(tonight: Tonight, found: History, now: datetime.datetime) -> Rows:
@@ -78,7 +91,8 @@ def _night_row(
     same = [each.night for each in found.nights
             if (each.name, each.evidence) == (config.name, tonight.inputs.evidence)]  # fmt: skip
     since = min([*same, tonight.night])
-    word = outcome(report)
+    age = (tonight.night - since).days
+    word = outcome(report, age > config.stale_after)
     return {
         "id": number,
         "name": config.name,
@@ -103,7 +117,7 @@ def _night_row(
         **{f"golden_change{end}": golden.get(f"change{end}") for end in _ENDS},
         "golden_margin": golden.get("margin"),
         "evidence_since": since,
-        "evidence_age": (tonight.night - since).days,
+        "evidence_age": age,
         "stale_after": config.stale_after,
         "written_at": now.astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
     }

@@ -1,4 +1,5 @@
-"""A night as JUnit XML: a failure fails the build, what decides nothing is skipped."""
+"""A night as JUnit XML: a failure or an error fails the build, what decides nothing is
+skipped."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ def junit(told: Content) -> bytes:
     counts = {
         "tests": str(len(told.checks)),
         "failures": str(sum(check.word == "FAIL" for check in told.checks)),
-        "errors": "0",
+        "errors": str(sum(check.word == "ERROR" for check in told.checks)),
         "skipped": str(sum(check.word in ("INCONCLUSIVE", "SKIPPED") for check in told.checks)),
         "time": "0",
     }
@@ -34,6 +35,8 @@ def junit(told: Content) -> bytes:
         text = printable(check.told)
         if check.word == "FAIL":
             ET.SubElement(case, "failure", {"message": text, "type": "gap"}).text = text
+        elif check.word == "ERROR":
+            ET.SubElement(case, "error", {"message": text, "type": "request"}).text = text
         elif check.word == "PASS":
             ET.SubElement(case, "system-out").text = text
         else:

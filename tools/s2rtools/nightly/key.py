@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import tomllib
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from importlib import metadata
@@ -65,9 +66,10 @@ def inputs(config: Config, store: Store, current: layout.Current) -> Inputs:
         "seed": config.seed,
         "replicates": config.replicates,
         "stale_after": config.stale_after,
-        "drives": [config.drives == ODOMETRY, config.rate, drives],
+        "drives": [config.drives == ODOMETRY, config.rate, config.topic, drives],
         "sysid": sysid,
-        **{name: _hash(getattr(config, name)) for name in ("reference", "golden", "features")},
+        **{name: _hash(getattr(config, name)) for name in ("reference", "golden")},
+        "features": _network(config.features),
     }
     return Inputs(_digest(everything), _digest(recorded), run.run)
 
@@ -93,6 +95,22 @@ def _files(folder: Path) -> Iterator[tuple[str, str]]:
         inside = path.relative_to(folder)
         if path.is_file() and not any(part.startswith(".") for part in inside.parts):
             yield inside.as_posix(), str(_hash(path))
+
+
+def _network(path: Path | None) -> list[str | None] | None:
+    """A network's description and the weights that it names; what names none is not judged here."""
+    if path is None:
+        return None
+    described = _hash(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+        data = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except (ValueError, RecursionError):
+        return [described]
+    weights = data.get("weights") if isinstance(data, dict) else None
+    if not isinstance(weights, str) or not weights:
+        return [described]
+    return [described, _hash(path.parent / weights)]
 
 
 def _hash(path: Path | None) -> str | None:

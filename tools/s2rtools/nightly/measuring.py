@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from s2rstore.errors import InconclusiveError
 from s2rstore.reader import Store
+from s2rtools.nightly import simulation
 from s2rtools.nightly.config import Config, Sysid
+
+if TYPE_CHECKING:
+    from s2rtools.sysid import Identification
 
 Report = dict[str, Any]
 Estimates = Sequence[Mapping[str, Any]]
@@ -22,7 +26,9 @@ def measured(store: Store, config: Config) -> Report:
     from s2rtools.gap import gate
     from s2rtools.gap.contract import Settings
 
+    topic: dict[str, Any] = {} if config.topic is None else {"topic": config.topic}
     request = gate.Request(
+        **topic,
         run=config.run,
         expression=config.select,
         axes=config.axes,
@@ -41,24 +47,30 @@ def measured(store: Store, config: Config) -> Report:
 def estimated(sysid: Sysid) -> Estimates:
     """What `s2r sysid` finds; where the drives are too few, one row that says so."""
     from s2rtools.logs.drives import read_drives
-    from s2rtools.sysid import Settings, identify
+    from s2rtools.sysid import identify
 
-    settings = Settings(
-        sysid.simulator, sysid.parameters, sysid.fixed, sysid.seeds, seed=sysid.seed,
-        evaluations=sysid.evaluations,
-    )  # fmt: skip
+    drives = read_drives(Path(sysid.drives), sysid.topic)
     try:
-        found = identify(read_drives(Path(sysid.drives)), settings, _Silent())
+        return estimates(identify(drives, simulation.settings(sysid), _Silent()))
     except InconclusiveError as error:
         return [{"parameter": sysid.simulator, "note": f"not identified: {error}"}]
-    return [
+
+
+def estimates(found: Identification) -> Estimates:
+    """A row per parameter, and one for the simulator with all warnings where there are some."""
+    notes = dict.fromkeys(found.unsettled, "the search has not settled")
+    notes |= dict.fromkeys(found.identifiability.open_names, "not determined by these drives")
+    notes |= dict.fromkeys(found.at_ends, "at the end of its range")
+    rows: list[Mapping[str, Any]] = [
         {
             "parameter": one.name, "value": one.value, "value_low": one.low,
-            "value_high": one.high, "unit": one.unit,
-            "note": "not determined by these drives" if one.open else None,
+            "value_high": one.high, "unit": one.unit, "note": notes.get(one.name),
         }
         for one in found.estimates
     ]  # fmt: skip
+    if found.warnings:
+        rows.append({"parameter": found.space.simulator.name, "note": "; ".join(found.warnings)})
+    return rows
 
 
 class _Silent:

@@ -88,7 +88,7 @@ class _Families(Collector):
         return family
 
     def _codes(self, words: dict[str, str]) -> GaugeMetricFamily:
-        family = GaugeMetricFamily("s2r_gap_exit_code", "0 PASS, 1 FAIL, 3 INCONCLUSIVE",
+        family = GaugeMetricFamily("s2r_gap_exit_code", "0 PASS, 1 FAIL, 2 ERROR, 3 INCONCLUSIVE",
                                    labels=(*_OF, "axis"))  # fmt: skip
         for axis, word in words.items():
             if word in EXIT_CODES:

@@ -4,33 +4,42 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from s2rstore.history import AxisFigures, Night, Word, known_word, word_of
 from s2rstore.stats import Interval
 
-EXIT_CODES = {"PASS": 0, "FAIL": 1, "INCONCLUSIVE": 3}
+EXIT_CODES = {"PASS": 0, "FAIL": 1, "INCONCLUSIVE": 3, "ERROR": 2}
+Told = Word | Literal["ERROR"]
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One thing that was checked; SKIPPED where the night does not ask it."""
+    """One thing that was checked; SKIPPED where it is not asked, ERROR where it cannot be told."""
 
     name: str
-    word: Word
+    word: Told
     told: str
 
 
-def outcome(report: dict[str, Any]) -> str:
-    """The worst of the headline and the golden run; the headline counts where it was judged."""
+def outcome(report: dict[str, Any], stale: bool) -> str:
+    """The worst of the headline, where it was judged, and the golden run; stale evidence passes
+    nothing. A refused report says it itself.
+    """
+    if report.get("refused"):
+        return str(report["refused"]["outcome"])
     words = [report["golden"]["outcome"]] if report["golden"] else []
     if report["reference"] or not words:
         words.append(report["verdict"]["outcome"])
+    words += ["INCONCLUSIVE"] if stale else []
     return next((word for word in ("FAIL", "INCONCLUSIVE") if word in words), "PASS")
 
 
 def checks(night: Night) -> list[Check]:
     """The headline, every axis, the golden run, and whether the evidence is fresh."""
+    if night.refused:
+        word: Told = "ERROR" if night.outcome == "ERROR" else "INCONCLUSIVE"
+        return [Check("headline", word, f"nothing was measured: {night.reason}"), _fresh(night)]
     told = night.reason
     if night.worst is not None:
         told = f"G {bounds(night.gap)}, worst axis {night.worst}; {night.reason}"
@@ -75,4 +84,4 @@ def _golden(night: Night) -> Check:
 def _fresh(night: Night) -> Check:
     days = f"{night.evidence_age} day{'' if night.evidence_age == 1 else 's'}"
     told = f"evidence is {days} old, since {night.evidence_since}, limit {night.stale_after:g} days"
-    return Check("staleness", "FAIL" if night.stale else "PASS", told)
+    return Check("staleness", "INCONCLUSIVE" if night.stale else "PASS", told)

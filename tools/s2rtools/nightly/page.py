@@ -9,10 +9,10 @@ from html import escape
 from s2rtools.nightly import content as c
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-_SIGNS = {"PASS": "●", "FAIL": "▲", "INCONCLUSIVE": "■", "SKIPPED": "·"}
+_SIGNS = {"PASS": "●", "FAIL": "▲", "INCONCLUSIVE": "■", "ERROR": "▲", "SKIPPED": "·"}
 _STYLE = """
 :root { --ground: #fafaf8; --text: #1c212a; --muted: #626a78; --faint: #ced2d9; --soft: #e2e9f5;
-  --PASS: #1d5fce; --FAIL: #d02c30; --INCONCLUSIVE: #8a6000; --SKIPPED: #626a78; }
+  --PASS: #1d5fce; --FAIL: #d02c30; --ERROR: #d02c30; --INCONCLUSIVE: #8a6000; --SKIPPED: #626a78; }
 * { box-sizing: border-box; }
 body { margin: 0 auto; max-width: 66rem; padding: 2rem 1.5rem 4rem; background: var(--ground);
   color: var(--text); font: 1rem/1.5 system-ui, "Segoe UI", "Noto Sans", "DejaVu Sans", sans-serif;
@@ -23,6 +23,7 @@ h2 { margin: 2.5rem 0 .6rem; padding-top: 1rem; border-top: 3px solid var(--fain
 .verdict { display: inline-block; margin: .6rem 0; padding: .35rem .9rem; border-left: 5px solid;
   background: var(--soft); font-size: 1.3rem; font-weight: 700; }
 .PASS { color: var(--PASS); } .FAIL { color: var(--FAIL); }
+.ERROR { color: var(--ERROR); }
 .INCONCLUSIVE { color: var(--INCONCLUSIVE); } .SKIPPED { color: var(--SKIPPED); }
 td.word { font-weight: 600; white-space: nowrap; }
 .table { overflow-x: auto; }

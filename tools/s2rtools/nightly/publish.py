@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from contextlib import suppress
 from pathlib import Path
@@ -33,6 +34,24 @@ def publish(config: Config, found: History, night: Night) -> list[Path]:
     if _point(config.reports / LATEST, str(newest.night)):
         written.append(config.reports / LATEST)
     return written
+
+
+def check_own(config: Config) -> None:
+    """Raises RequestError where the reports or the metrics there are another gate's."""
+    suites = config.reports / LATEST / "junit.xml", r'<testsuite name="([^"]*)"'
+    places = {"reports": (config.reports, *suites)}
+    if config.metrics is not None:
+        places["metrics"] = (config.metrics, config.metrics, r'[{,]nightly="([^"]*)"')
+    for name, (place, file, pattern) in places.items():
+        try:
+            found = re.search(pattern, file.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            continue
+        if found and found[1] != config.name:
+            raise RequestError(
+                f"{config.source}: output.{name}: {place} is that of the gate {found[1]!r}; "
+                f"give {config.name!r} a place of its own"
+            )
 
 
 def _files(

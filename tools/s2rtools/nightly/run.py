@@ -11,13 +11,16 @@ from pathlib import Path
 
 from s2rstore import history as stored
 from s2rstore import locks
-from s2rstore.errors import RequestError
+from s2rstore.errors import InconclusiveError, RequestError, StoreBusyError
 from s2rstore.history import Night
+from s2rstore.reader import Store
 from s2rtools.nightly import history, key, measuring
 from s2rtools.nightly.config import Config
 from s2rtools.nightly.history import Tonight
-from s2rtools.nightly.measuring import Estimating, Measuring
-from s2rtools.nightly.publish import publish
+from s2rtools.nightly.key import Inputs
+from s2rtools.nightly.measuring import Estimates, Estimating, Measuring, Report
+from s2rtools.nightly.publish import check_own, publish
+from s2rtools.nightly.refusal import refused
 
 Clock = Callable[[], datetime.datetime]
 
@@ -43,14 +46,19 @@ def nightly(
     estimate: Estimating = measuring.estimated,
     clock: Clock = utc_now,
 ) -> Done:
-    """Raises RequestError and InconclusiveError before anything is written."""
+    """A night that cannot be measured is kept as refused, with the reason.
+
+    Raises RequestError, before anything is written, for a store or files that cannot be read and
+    places that cannot be written or belong to another gate.
+    """
     _check_writable(config)
+    check_own(config)
     tonight = _figures(config, night, measure, estimate)
     config.history.parent.mkdir(parents=True, exist_ok=True)
     with locks.file_lock(config.history):
         found = history.known(config.history)
         present = history.last_of(found, config.name, night)
-        new = present is None or present.key != tonight.inputs.key
+        new = not history.tells(present, tonight)
         if new:
             history.append(config.history, history.rows(tonight, found, clock()))
             found = stored.read(config.history)
@@ -71,14 +79,24 @@ def _figures(
         if measured is not None:
             report = json.loads(stored.report_text(config.history, measured))
             return Tonight(config, inputs, night, report, measured=measured)
-        report = measure(store, config)
-        estimates = estimate(config.sysid) if config.sysid else ()
+        report, estimates = _measured(store, config, inputs, measure, estimate)
         if key.inputs(config, store, current) != inputs:
             raise RequestError(
                 f"{config.source}: what it measures changed meanwhile; nothing is written, "
                 "start it again"
             )
     return Tonight(config, inputs, night, report, estimates)
+
+
+def _measured(
+    store: Store, config: Config, inputs: Inputs, measure: Measuring, estimate: Estimating
+) -> tuple[Report, Estimates]:
+    try:
+        return measure(store, config), estimate(config.sysid) if config.sysid else ()
+    except StoreBusyError:
+        raise
+    except (InconclusiveError, RequestError) as error:
+        return refused(store, config, inputs, error), ()
 
 
 def _check_writable(config: Config) -> None:

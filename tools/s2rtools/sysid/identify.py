@@ -10,15 +10,17 @@ import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.logs import Drive
+from s2rtools.sysid.ends import at_ends, end_warning
 from s2rtools.sysid.heldout import HeldOut, held_out_error
 from s2rtools.sysid.identifiability import Identifiability, identifiability
 from s2rtools.sysid.intervals import interval, normal_equations, replicates
 from s2rtools.sysid.problem import Problem
+from s2rtools.sysid.ranges import ranged
 from s2rtools.sysid.search import Course, search
 from s2rtools.sysid.settings import Settings
 from s2rtools.sysid.simulators import SIMULATORS
 from s2rtools.sysid.simulators.contract import Floats, Simulator
-from s2rtools.sysid.space import Space, space_of
+from s2rtools.sysid.space import Space, check, space_of
 from s2rtools.sysid.structure import Structure, structure
 from s2rtools.sysid.windows import cut
 
@@ -31,7 +33,8 @@ LEAST_FITTED = 4
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """`low` and `high` are the whole range where the drives leave the parameter `open`;
+    """`low` and `high` are the whole range where the drives leave the parameter `open`, or the
+    range's end decides it;
     `untuned` is the simulator's value before."""
 
     name: str
@@ -62,6 +65,7 @@ class Identification:
     error: HeldOut
     identifiability: Identifiability
     structure: Structure
+    at_ends: tuple[str, ...]
     warnings: tuple[str, ...]
 
     @property
@@ -76,12 +80,12 @@ class Identification:
 
     @property
     def conclusive(self) -> bool:
-        return not self.identifiability.open_names and not self.unsettled
+        return not (self.identifiability.open_names or self.at_ends or self.unsettled)
 
 
 def identify(drives: Sequence[Drive], settings: Settings, reporter: Reporter) -> Identification:
     """Raises RequestError for a wrong request, InconclusiveError for too few drives."""
-    simulator = simulator_named(settings.simulator)
+    simulator = wanted_simulator(settings)
     fitted, held = _split(drives, settings)
     together = cut([*fitted, *held], simulator, settings.window)
     known = _torques_known(drives, simulator)
@@ -102,11 +106,13 @@ def identify(drives: Sequence[Drive], settings: Settings, reporter: Reporter) ->
     everything = problem.of(together)
     shape = structure(held_problem, everything, cube, settings.replicates, rng)
     error = held_out_error(held_problem, space.start(), cube, settings.replicates, rng)
+    reached = at_ends(space, cube, limits)
+    ends = tuple(name for name in reached if name not in known_well.open_names)
     return Identification(
-        settings, space, cube, _estimates(space, cube, limits, known_well.open_names),
+        settings, space, cube, _estimates(space, cube, limits, (*known_well.open_names, *ends)),
         tuple(drive.name for drive in fitted), tuple(drive.name for drive in held),
         found.courses, problem, everything, error, known_well, shape,
-        _warnings(space, known_well, shape),
+        ends, (*_warnings(space, known_well, shape), *_end_warnings(space, cube, ends)),
     )  # fmt: skip
 
 
@@ -115,6 +121,13 @@ def simulator_named(name: str) -> Simulator:
     if name not in SIMULATORS:
         raise RequestError(f"--simulator {name}: unknown (known: {', '.join(SIMULATORS)})")
     return SIMULATORS[name]()
+
+
+def wanted_simulator(settings: Settings) -> Simulator:
+    """With the ranges that are asked for; raises RequestError for all that it does not know."""
+    simulator = ranged(simulator_named(settings.simulator), settings.ranges)
+    check(simulator, settings.parameters, settings.fixed, settings.ranges)
+    return simulator
 
 
 def _split(drives: Sequence[Drive], settings: Settings) -> tuple[list[Drive], list[Drive]]:
@@ -153,6 +166,11 @@ def _estimates(space: Space, cube: Floats, limits: Floats,
         found.append(Estimate(one.name, one.unit, one.meaning, one.default, float(natural[i]),
                               *bounds, free))  # fmt: skip
     return tuple(found)
+
+
+def _end_warnings(space: Space, cube: Floats, names: tuple[str, ...]) -> tuple[str, ...]:
+    found = zip(space.parameters, space.natural(cube).tolist(), strict=True)
+    return tuple(end_warning(one, value) for one, value in found if one.name in names)
 
 
 def _warnings(space: Space, known: Identifiability, shape: Structure) -> tuple[str, ...]:

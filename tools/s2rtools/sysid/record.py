@@ -38,6 +38,11 @@ def record(found: Identification) -> dict[str, Any]:
             "open": list(known.open_names),
         },
         "structure": _structure(found.structure),
+        "at_ends": list(found.at_ends),
+        "ranges": {
+            one.name: [_short(one.low), _short(one.high), one.scale]
+            for one in found.space.parameters
+        },
         "warnings": list(found.warnings),
         "conclusive": found.conclusive,
     }

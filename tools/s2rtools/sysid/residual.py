@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 STEP = 0.1
 """Seconds between two corrections."""
+LEAST_JUDGING = 2
+"""Held-out drives, for a network to be kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,24 +32,29 @@ class Residual:
 
     @property
     def accepted(self) -> bool:
-        return self.error.helps
+        """Better on drives that the network never saw, of which one is none to judge by."""
+        return self.error.helps and self.error.drives >= LEAST_JUDGING
 
     @property
     def sentence(self) -> str:
         error = self.error
         verdict = "helps" if self.accepted else "did not help and is not kept"
+        if error.drives < LEAST_JUDGING:
+            verdict = f"not kept, for it takes {LEAST_JUDGING} held-out drives to judge it"
+        turn = 57.29578 * error.untuned[1], 57.29578 * error.fitted[1]
         without, with_it = 100 * error.untuned[0], 100 * error.fitted[0]
         low, high = 100 * error.low, 100 * error.high
         return (
             f"residual network: {verdict}; held-out windows {without:.2f} cm without and "
             f"{with_it:.2f} cm with it, better by {100 * error.improvement:.2f} cm "
-            f"({low:.2f} .. {high:.2f})"
+            f"({low:.2f} .. {high:.2f}); headings {turn[0]:.2f} and {turn[1]:.2f} degrees"
         )
 
     def record(self) -> dict[str, Any]:
         told = self.error.record()
         return {
-            "accepted": self.accepted, "sentence": self.sentence, "windows": told["windows"],
+            "accepted": self.accepted, "sentence": self.sentence, "drives": told["drives"],
+            "windows": told["windows"],
             "without": told["untuned"], "with": told["fitted"],
             "improvement_m": told["improvement_m"], "improvement_low": told["improvement_low"],
             "improvement_high": told["improvement_high"],
@@ -87,7 +94,7 @@ def learn(found: Identification, reporter: Reporter, epochs: int = 200) -> Resid
     with_it, without = correction.poses(judged), judged.states[:, :, :3]
     rng = np.random.default_rng((found.settings.seed, 20_000))
     error = compared(_errors(without, judged.poses), _errors(with_it, judged.poses),
-                     found.settings.replicates, rng)  # fmt: skip
+                     judged.drive, found.settings.replicates, rng)  # fmt: skip
     return Residual(error, correction.saved(found.values))
 
 

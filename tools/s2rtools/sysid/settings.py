@@ -6,12 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from s2rstore.errors import RequestError
+from s2rtools.sysid.ranges import Range
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
     """`parameters` None: those searched by default. `held_out` drives None: a quarter, at least
-    one. `evaluations` per seed None: as the simulator says. `window` in s.
+    one. `evaluations` per seed None: as the simulator says. `window` in s. `ranges` take the place
+    of those that the simulator declares.
     """
 
     simulator: str = "planar"
@@ -24,6 +26,7 @@ class Settings:
     replicates: int = 2000
     level: float = 0.95
     seed: int = 1
+    ranges: Mapping[str, Range] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not 1 <= self.seeds <= 100:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -72,10 +72,8 @@ def space_of(simulator: Simulator, names: Sequence[str] | None, fixed: Mapping[s
     them. Raises RequestError for unknown names and values out of range.
     """
     declared = {one.name: one for one in simulator.parameters}
-    chosen = [one.name for one in simulator.parameters if one.searched and one.name not in fixed]
-    if names is not None:
-        chosen = list(dict.fromkeys(names))
-    _check(simulator, chosen, fixed)
+    chosen = _chosen(simulator, names, fixed)
+    _check_names(simulator, chosen, fixed)
     if LATENCY not in chosen:
         chosen.append(LATENCY)
     values = {**simulator.defaults(), **fixed}
@@ -94,7 +92,28 @@ def space_of(simulator: Simulator, names: Sequence[str] | None, fixed: Mapping[s
     return Space(simulator, searched, {n: v for n, v in values.items() if n not in out}, ratios)
 
 
-def _check(simulator: Simulator, chosen: Sequence[str], fixed: Mapping[str, float]) -> None:
+def _chosen(
+    simulator: Simulator, names: Sequence[str] | None, fixed: Mapping[str, float]
+) -> list[str]:
+    if names is not None:
+        return list(dict.fromkeys(names))
+    return [one.name for one in simulator.parameters if one.searched and one.name not in fixed]
+
+
+def check(simulator: Simulator, names: Sequence[str] | None, fixed: Mapping[str, float],
+          ranges: Collection[str]) -> None:  # fmt: skip
+    """Raises RequestError where `space_of` would, and for ranges that nothing would search."""
+    chosen = _chosen(simulator, names, fixed)
+    _check_names(simulator, chosen, fixed)
+    used = {*chosen, LATENCY, *simulator.shared}
+    used |= {one.name for one in simulator.parameters if one.structural}
+    for name in ranges:
+        if name in fixed or name not in used:
+            told = "fixed" if name in fixed else "not searched"
+            raise RequestError(f"{name}: {told}, so it needs no range; leave one out")
+
+
+def _check_names(simulator: Simulator, chosen: Sequence[str], fixed: Mapping[str, float]) -> None:
     known = {one.name: one for one in simulator.parameters}
     for name in (*chosen, *fixed):
         if name not in known:

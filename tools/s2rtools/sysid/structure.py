@@ -1,9 +1,10 @@
-"""Whether the best fit leaves more than noise, and which untuned parameter would explain it.
+"""Whether the best fit leaves more than noise, and which structural parameter would explain it.
 
 Residuals of held-out windows are white where the simulator can follow reality and sensors add
 independent noise; their mean autocorrelation over short lags is compared with what white noise of
-so many samples gives. Then every parameter that was not searched is given one Gauss-Newton step
-beside the searched ones (a score test); its interval is by bootstrap over all drives.
+so many samples gives. Then every structural parameter that was not searched (a way in which
+reality may differ that is no tuning knob) is given one Gauss-Newton step beside the searched ones
+(a score test); its interval is by bootstrap over all drives.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ class Simulator:
     """
 
     name: ClassVar[str]
-    parameters: ClassVar[tuple[Parameter, ...]]
+    parameters: tuple[Parameter, ...]
     torques: ClassVar[tuple[str, ...]]
     """Channels of known wheel torques, N m."""
     efforts: ClassVar[tuple[str, ...]]

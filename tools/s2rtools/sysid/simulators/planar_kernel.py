@@ -63,11 +63,10 @@ def _replay(
     out: Floats,
 ) -> None:
     latency = body[9]
-    x, y, heading, v, w = state[0], state[1], state[2], state[3], state[4]
-    dv, dw = 0.0, 0.0
+    now = np.zeros(7)
+    now[:5] = state
+    out[a] = state
     t, last = times[a], times[b - 1]
-    for column in range(5):
-        out[a, column] = state[column]
     j = a + 1
     k = low - 1 + np.searchsorted(command_time[low:high], t - latency, side="right")
     while j < b:
@@ -82,24 +81,49 @@ def _replay(
             if end < last:
                 continue
             end, t = last, last - _SHORTEST
-        count = max(1, math.ceil((end - t) / step - 1e-6))
-        h = (end - t) / count
-        for number in range(count):
-            v1, w1 = _speeds(body, h, v, w, v + 0.5 * h * dv, w + 0.5 * h * dw, left, right)
-            if number == 0:
-                v1, w1 = _speeds(body, h, v, w, 0.5 * (v + v1), 0.5 * (w + w1), left, right)
-            dv, dw = (v1 - v) / h, (w1 - w) / h
-            middle = heading + h * (0.375 * w + 0.125 * w1)
-            x1 = x + 0.5 * h * (v + v1) * math.cos(middle)
-            y1 = y + 0.5 * h * (v + v1) * math.sin(middle)
-            heading1 = heading + 0.5 * h * (w + w1)
-            t1 = t + (number + 1) * h
-            while j < b and (times[j] <= t1 or (number == count - 1 and end == last)):
-                s = min((times[j] - (t1 - h)) / h, 1.0)
-                _between(s, h, x, y, heading, v, w, x1, y1, heading1, v1, w1, out[j])
-                j += 1
-            x, y, heading, v, w = x1, y1, heading1, v1, w1
+        j = _stretch(body, step, t, end, left, right, now, times[:b], j, out)
         t = end
+
+
+@njit(cache=True)
+def _stretch(
+    body: Floats,
+    step: float,
+    t: float,
+    end: float,
+    left: float,
+    right: float,
+    now: Floats,
+    times: Floats,
+    j: int,
+    out: Floats,
+) -> int:
+    """From t to the end under constant forces; fills `out` from row j on and returns the next row.
+
+    `now` (7,) is x, y, heading, v, w and the accelerations v' and w' of the last step; it is moved
+    on. Every time that is left is reached where the end is the last of `times`.
+    """
+    x, y, heading, v, w, dv, dw = now[0], now[1], now[2], now[3], now[4], now[5], now[6]
+    b = len(times)
+    count = max(1, math.ceil((end - t) / step - 1e-6))
+    h = (end - t) / count
+    for number in range(count):
+        v1, w1 = _speeds(body, h, v, w, v + 0.5 * h * dv, w + 0.5 * h * dw, left, right)
+        if number == 0:
+            v1, w1 = _speeds(body, h, v, w, 0.5 * (v + v1), 0.5 * (w + w1), left, right)
+        dv, dw = (v1 - v) / h, (w1 - w) / h
+        middle = heading + h * (0.375 * w + 0.125 * w1)
+        x1 = x + 0.5 * h * (v + v1) * math.cos(middle)
+        y1 = y + 0.5 * h * (v + v1) * math.sin(middle)
+        heading1 = heading + 0.5 * h * (w + w1)
+        t1 = t + (number + 1) * h
+        while j < b and (times[j] <= t1 or (number == count - 1 and end == times[b - 1])):
+            s = min((times[j] - (t1 - h)) / h, 1.0)
+            _between(s, h, x, y, heading, v, w, x1, y1, heading1, v1, w1, out[j])
+            j += 1
+        x, y, heading, v, w = x1, y1, heading1, v1, w1
+    now[:] = (x, y, heading, v, w, dv, dw)
+    return j
 
 
 @njit(cache=True)

@@ -1,0 +1,33 @@
+"""Estimates that the end of a range decides."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from s2rtools.sysid.ends import at_ends
+from s2rtools.sysid.simulators import Planar
+from s2rtools.sysid.space import space_of
+
+SPACE = space_of(Planar(), ("mass", "drag"), {}, True)  # and the latency: drag and latency from 0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "low", "high", "reached"),
+    [
+        ("mass", 0.5, 0.4, 0.6, False),
+        ("mass", 1.0, 1.0, 1.0, True),
+        ("mass", 0.9, 0.7, 1.2, True),
+        ("mass", 0.0, 0.0, 0.0, True),
+        ("mass", 0.1, -0.1, 0.3, True),
+        ("latency", 0.0, -0.02, 0.02, False),
+        ("latency", 0.0, -0.1, -0.05, True),
+        ("latency", 0.9995, 0.9, 0.9999, True),
+        ("drag", 0.001, -0.02, 0.02, False),
+    ],
+)
+def test_an_end_is_reached(name: str, value: float, low: float, high: float, reached: bool) -> None:
+    at = SPACE.names.index(name)
+    cube, limits = np.full(3, 0.5), np.array([[0.4] * 3, [0.6] * 3])
+    cube[at], limits[0, at], limits[1, at] = value, low, high
+    assert at_ends(SPACE, cube, limits) == ((name,) if reached else ())
