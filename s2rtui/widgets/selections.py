@@ -8,7 +8,6 @@ from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import Vertical
 from textual.content import Content
-from textual.screen import ModalScreen
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
@@ -17,11 +16,12 @@ from s2rtui.notebook import at
 from s2rtui.session import Session
 from s2rtui.session.anew import where
 from s2rtui.session.sharing import written
+from s2rtui.widgets.leaving import Leaving
 
 _MOST = 100
 
 
-class SelectionsScreen(ModalScreen[str | None]):
+class SelectionsScreen(Leaving[str | None]):
     """Enter takes a selection, d forgets a saved one, escape leaves."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
