@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class Leaving(ModalScreen[T]):
-    """A modal screen; to leave it again, when it is left or lies below another one, does nothing."""
+    """A modal screen; to leave it when it is left, or below another one, does nothing."""
 
     def dismiss(self, result: T | None = None) -> AwaitComplete:
         if self.app.screen_stack[-1:] != [self]:
