@@ -119,13 +119,13 @@ class S2RApp(Brushes, Papers, Savings):
             self.action_tour()
 
     def on_unmount(self) -> None:
-        state = self.session.state
-        if self.session.notebook is not None:
-            with contextlib.suppress(RequestError):
-                self.session.notebook.remember((*state.past, state.expression))
         self.feeding.stop()
         self.leave_savings()
         background.start("closing", self.session.close)
+        state = self.session.state
+        if self.session.notebook is not None:  # last: its file may be slow, or another's just now
+            with contextlib.suppress(S2RError, OSError):
+                self.session.notebook.remember((*state.past, state.expression))
 
     @property
     def fault(self) -> Exception | None:

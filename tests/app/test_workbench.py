@@ -508,3 +508,22 @@ async def test_the_key_that_ends_the_tour_does_nothing_else(tiny_store: Path) ->
             assert not app.prompting
             app.action_tour()
             await settle(app, pilot)
+
+
+async def test_the_history_is_kept_last_of_all_and_may_fail(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app, done = app_on(tiny_store), []
+
+    def remember(*_: object) -> None:
+        done.append("remembered")
+        raise OSError("no locks available")
+
+    stop = app.feeding.stop
+    monkeypatch.setattr(app.feeding, "stop", lambda: (done.append("stopped"), stop()))
+    monkeypatch.setattr(app, "leave_savings", lambda: done.append("left"))
+    monkeypatch.setattr(Notebook, "remember", remember)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+    assert done == ["stopped", "left", "remembered"]
+    assert app.fault is None
