@@ -251,6 +251,7 @@ class S2RApp(Brushes, Papers, Savings):
                 loading.give_up(self.session)
                 raise RequestError(message.error)
             loading.arrive(self.session, fresh)
+            self.tell_saved()
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
 
