@@ -85,6 +85,7 @@ class S2RApp(Brushes, Papers, Savings):
         self.files_at = pictures_at or self.access.pictures
         self._size_class: SizeClass = "narrow"
         self._drawn_once = False
+        self._trouble = ""
         self._sized = Size(0, 0)
         self.first_run = False
         self.terminal: Terminal | None = None
@@ -263,12 +264,20 @@ class S2RApp(Brushes, Papers, Savings):
         self.show_message()
 
     def _watch(self) -> None:
+        noticed, trouble, before = False, "", self._trouble
         try:
-            if self.session.notice():
-                self.refresh_views()
-        except S2RError as error:
-            self.session.tell(str(error), is_error=True)
+            noticed = self.session.notice()
+        except (S2RError, OSError) as error:
+            trouble = str(error)
+        if trouble != before:
+            self._trouble, state = trouble, self.session.state
+            if trouble:
+                self.session.tell(trouble, is_error=True)
+            elif state.is_error and state.message == before:
+                self.session.tell("")
             self.show_message()
+        if noticed:
+            self.refresh_views()
 
     # --- actions -----------------------------------------------------------------------------
 
