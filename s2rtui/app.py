@@ -85,6 +85,7 @@ class S2RApp(Brushes, Papers, Savings):
         self.files_at = pictures_at or self.access.pictures
         self._size_class: SizeClass = "narrow"
         self._drawn_once = False
+        self._trouble = ""
         self._sized = Size(0, 0)
         self.first_run = False
         self.terminal: Terminal | None = None
@@ -119,13 +120,13 @@ class S2RApp(Brushes, Papers, Savings):
             self.action_tour()
 
     def on_unmount(self) -> None:
-        state = self.session.state
-        if self.session.notebook is not None:
-            with contextlib.suppress(RequestError):
-                self.session.notebook.remember((*state.past, state.expression))
         self.feeding.stop()
         self.leave_savings()
         background.start("closing", self.session.close)
+        state = self.session.state
+        if self.session.notebook is not None:  # last: its file may be slow, or another's just now
+            with contextlib.suppress(S2RError, OSError):
+                self.session.notebook.remember((*state.past, state.expression))
 
     @property
     def fault(self) -> Exception | None:
@@ -251,6 +252,7 @@ class S2RApp(Brushes, Papers, Savings):
                 loading.give_up(self.session)
                 raise RequestError(message.error)
             loading.arrive(self.session, fresh)
+            self.tell_saved()
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
 
@@ -262,12 +264,20 @@ class S2RApp(Brushes, Papers, Savings):
         self.show_message()
 
     def _watch(self) -> None:
+        noticed, trouble, before = False, "", self._trouble
         try:
-            if self.session.notice():
-                self.refresh_views()
-        except S2RError as error:
-            self.session.tell(str(error), is_error=True)
+            noticed = self.session.notice()
+        except (S2RError, OSError) as error:
+            trouble = str(error)
+        if trouble != before:
+            self._trouble, state = trouble, self.session.state
+            if trouble:
+                self.session.tell(trouble, is_error=True)
+            elif state.is_error and state.message == before:
+                self.session.tell("")
             self.show_message()
+        if noticed:
+            self.refresh_views()
 
     # --- actions -----------------------------------------------------------------------------
 

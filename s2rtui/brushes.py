@@ -13,14 +13,19 @@ from s2rtui.session import brushing, listing, showing
 from s2rtui.session.state import Brush, Operator
 from s2rtui.views import BY_NAME, View
 from s2rtui.widgets import PlotView
-from s2rtui.widgets.plot import Cell
+from s2rtui.widgets.plot import Cell, Stroke
 
 TITLE_ROWS = 1
 _ZOOM = 1 / 0.8
+_MOST_TURNS = 100
+"""Of the wheel at a time; far more than lie between the whole map and the closest view."""
 
 
 class Brushes(Desk):
     """The actions and mouse messages of brushing."""
+
+    _grip: tuple[tuple[str, Cell], Panel] | None = None
+    """Where a stroke began, and its panel."""
 
     def _panels(self, view: View) -> Sequence[Panel]:
         """The panels of a view as it stands on the screen; none where it is hidden."""
@@ -89,6 +94,7 @@ class Brushes(Desk):
         if held is None:
             self._put(None)
             return
+        self.drop_drag()  # the mouse would apply it again where it lets go
         self._apply(*held, cast(Operator, operator) if operator else None)
 
     def action_lasso(self) -> None:
@@ -126,6 +132,7 @@ class Brushes(Desk):
     def drop_drag(self) -> None:
         """End what the mouse has begun, without a mark."""
         begun = [plot for plot in self.query(PlotView) if plot.abandon()]
+        self._grip = None
         if begun:
             self.session.set(replace(self.session.state, brush=None))
 
@@ -146,14 +153,26 @@ class Brushes(Desk):
                 self.session.tell(str(error), is_error=True)
         self.refresh_views()
 
+    def _gripped(self, stroke: Stroke) -> Panel | None:
+        """The panel that a stroke began on, wherever its view has moved it meanwhile."""
+        begun, view = (stroke.view, stroke.start), BY_NAME[stroke.view]
+        if self._grip is None or self._grip[0] != begun:
+            panel = self._under(view, stroke.start)
+        else:
+            held = self._grip[1]
+            panel = next((one for one in self._panels(view) if one.name == held.name), held)
+        self._grip = None if panel is None or stroke.done else (begun, panel)
+        return panel
+
     def on_plot_view_dragged(self, message: PlotView.Dragged) -> None:
         stroke = message.taken()
         if stroke.view not in BY_NAME:
             return
         view = BY_NAME[stroke.view]
-        panel = self._under(view, stroke.start)
-        over = not stroke.done and not self.query_one(f"#{view.name}", PlotView).dragging
-        if panel is None or over:
+        if not stroke.done and not self.query_one(f"#{view.name}", PlotView).dragging:
+            return  # it was dropped
+        panel = self._gripped(stroke)
+        if panel is None:
             return
         showing.activate(self.session, view.name)
         start, *trail = ((x + 0.5, y - TITLE_ROWS + 0.5) for x, y in (stroke.start, *stroke.trail))
@@ -169,13 +188,15 @@ class Brushes(Desk):
             self.refresh_views()
 
     def on_plot_view_wheeled(self, message: PlotView.Wheeled) -> None:
-        if message.view not in BY_NAME:
+        turn = message.taken()
+        if turn.view not in BY_NAME or not turn.steps:
             return
-        view = BY_NAME[message.view]
-        panel = self._under(view, message.cell)
+        view = BY_NAME[turn.view]
+        panel = self._under(view, turn.cell)
         if view.name == "map" and panel is not None:
-            at = panel.to_data(message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5)
-            showing.zoom(self.session, _ZOOM if message.steps > 0 else 1 / _ZOOM, at)
+            at = panel.to_data(turn.cell[0] + 0.5, turn.cell[1] - TITLE_ROWS + 0.5)
+            steps = max(-_MOST_TURNS, min(turn.steps, _MOST_TURNS))
+            showing.zoom(self.session, _ZOOM**steps, at)
         elif view.name == "list":
-            listing.move(self.session, -message.steps)
+            listing.move(self.session, -turn.steps)
         self.refresh_views()

@@ -7,11 +7,9 @@ entries that cannot be read are left as they are.
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +20,7 @@ from s2rstore.language import ExpressionError, Node, parse
 from s2rstore.language.nodes import Ids, Saved, leaves
 from s2rstore.language.text import quoted
 from s2rstore.layout import write_atomic
+from s2rstore.locks import file_lock
 from s2rtui import pages
 from s2rtui.own import own_folder
 from s2rtui.pages import Remark, SavedSelection, Unread, checked
@@ -30,6 +29,8 @@ __all__ = ["Notebook", "Notes", "ReadNotebook", "Remark", "SavedSelection", "che
 
 _MOST_HISTORY = 500
 _MOST_TEXT = 2000
+_PATIENCE = 2.0
+"""Seconds that another session's change is waited for."""
 
 
 @dataclass(frozen=True)
@@ -147,26 +148,14 @@ class Notebook:
             raise RequestError(f"{self.path} holds an unreadable remark on {iid}: mend it there")
 
     def _change(self, change: Callable[[Notes], Notes]) -> None:
-        with self._lock():
-            notes = change(self._read())
-            try:
-                write_atomic(self.path, self._written(notes))
-            except OSError as error:
-                raise RequestError(f"{self.path}: {error.strerror}") from error
-        self.notes = notes
-
-    @contextmanager
-    def _lock(self) -> Iterator[None]:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            descriptor = os.open(self.path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT, 0o600)
+            with file_lock(self.path, _PATIENCE):
+                notes = change(self._read())
+                write_atomic(self.path, self._written(notes))
         except OSError as error:
-            raise RequestError(f"{self.path.parent}: {error.strerror}") from error
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-            yield
-        finally:
-            os.close(descriptor)
+            raise RequestError(f"{self.path}: {error.strerror}") from error
+        self.notes = notes
 
     def _written(self, notes: Notes) -> bytes:
         return pages.written(

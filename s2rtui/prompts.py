@@ -9,7 +9,7 @@ import numpy as np
 from textual.widgets import Input
 
 from s2rstore import selection
-from s2rstore.errors import S2RError
+from s2rstore.errors import RequestError, S2RError
 from s2rstore.language import ExpressionError, complete
 from s2rtui.desk import Desk
 from s2rtui.notebook import Remark, at, checked
@@ -20,6 +20,8 @@ from s2rtui.widgets.selections import SelectionsScreen
 
 Accept = Callable[[str], object]
 _OFFERS = 6
+_MOST_TAGGED = 2000
+"""Instances at a time; each becomes an entry of the notebook."""
 
 
 class Prompts(Desk):
@@ -45,11 +47,17 @@ class Prompts(Desk):
         return complete(text, selection.vocabulary(self.session.store, self.session.notes.nodes))
 
     def close_prompt(self) -> None:
+        self._forget_error()
+        self._end_prompt()
+
+    def _end_prompt(self) -> None:
         self._accept = None
         self._line.close()
+        self.refresh_views()
+
+    def _forget_error(self) -> None:
         if self.session.state.is_error:
             self.session.tell("")
-        self.refresh_views()
 
     def action_edit(self) -> None:
         self._refresh_notes()
@@ -71,11 +79,24 @@ class Prompts(Desk):
 
     def _save(self, name: str) -> None:
         self.session.book.save(name, sharing.present(self.session))
-        self.session.renew()
-        self.session.tell(f"saved as {at(checked(name, 'name'))}")
+        self._tell_kept(f"saved as {at(checked(name, 'name'))}")
+
+    def _tell_kept(self, told: str) -> None:
+        """Tell what is kept, unless the present selection cannot follow, which is told then."""
+        before = self.session.state
+        after = self.session.renew()
+        if after is before or not after.is_error:
+            self.session.tell(told)
+
+    def _cursor(self, what: str) -> int | None:
+        """The present instance; where there is none, that is told."""
+        if (iid := self.session.state.cursor) is None:
+            self.session.tell(f"no instance for a {what}: select some")
+            self.refresh_views()
+        return iid
 
     def action_note(self) -> None:
-        if (iid := self.session.state.cursor) is None:
+        if (iid := self._cursor("note")) is None:
             return
         present = self.session.notes.remarks.get(iid, Remark()).note
         self._ask(partial(self._note, iid), present, f"a note on instance {iid}")
@@ -84,7 +105,7 @@ class Prompts(Desk):
         self.session.book.note(iid, text)
 
     def action_tag(self) -> None:
-        if (iid := self.session.state.cursor) is None:
+        if (iid := self._cursor("tag")) is None:
             return
         hint = f"a tag for instance {iid}; with a * behind it, for the whole selection"
         tags = sorted({t for r in self.session.notes.remarks.values() for t in r.tags})
@@ -92,11 +113,20 @@ class Prompts(Desk):
 
     def _tag(self, iid: int, text: str) -> None:
         everyone = text.rstrip().endswith("*")
-        iids = np.flatnonzero(self.session.state.selected).tolist() if everyone else [iid]
+        iids = self._everyone() if everyone else [iid]
         tagged = self.session.book.toggle_tag(iids, text.rstrip().rstrip("*"))
-        self.session.renew()
         some = f"{len(iids)} instances" if everyone else f"instance {iid}"
-        self.session.tell(f"{'tagged' if tagged else 'tag taken off'}: {some}")
+        self._tell_kept(f"{'tagged' if tagged else 'tag taken off'}: {some}")
+
+    def _everyone(self) -> list[int]:
+        """The selected iids. Raises RequestError for none, or more than a notebook should list."""
+        found = np.flatnonzero(self.session.state.selected)
+        if not found.size:
+            raise RequestError("nothing is selected: there is no instance to tag")
+        if found.size > _MOST_TAGGED:
+            told = f"{found.size} instances are too many to tag (at most {_MOST_TAGGED})"
+            raise RequestError(f"{told}: @ saves the selection by name")
+        return [int(iid) for iid in found]
 
     def action_adjust(self) -> None:
         """Open the panel."""
@@ -157,6 +187,7 @@ class Prompts(Desk):
     def on_input_submitted(self, event: Input.Submitted) -> None:
         if self._accept is None:
             return
+        self._forget_error()
         try:
             self._accept(event.value)
         except ExpressionError as error:
@@ -168,4 +199,4 @@ class Prompts(Desk):
             self.session.tell(str(error), is_error=True)
             self.show_message()
             return
-        self.close_prompt()
+        self._end_prompt()

@@ -12,13 +12,15 @@ from textual.message import Message
 from s2rstore.errors import RequestError, S2RError
 from s2rtui.desk import Desk
 from s2rtui.saving import Progress, Saving
+from s2rtui.session import State
 
 
 class Savings(Desk):
-    """The run that this application is saving."""
+    """The run that this application is saving; the fresh one is saved, and yet to be told of."""
 
     _saved: str | None = None
     _saving: Saving | None = None
+    _fresh: str | None = None
     _left = False
 
     @dataclass
@@ -94,8 +96,26 @@ class Savings(Desk):
         self.refresh_views()
 
     def _saved_as(self, run: str) -> None:
+        self._fresh = run
         try:
             self.session.move_on()
-            self.session.tell(f"run {run} is saved: r turns to it")
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
+        else:
+            self.tell_saved()
+
+    def tell_saved(self) -> None:
+        """How to turn to the run that was saved, once its generation is open."""
+        state, run = self.session.state, self._fresh
+        if run is not None and run in state.runs and state.awaited is None:
+            self._fresh = None
+            self.session.tell(f"run {run} is saved{_turning(state, run)}")
+
+
+def _turning(state: State, run: str) -> str:
+    """What leads from the present run to another one."""
+    steps = (state.runs.index(run) - state.runs.index(state.run)) % len(state.runs)
+    if steps == 0:
+        return ""
+    key = "r" if steps == 1 else "R" if steps == len(state.runs) - 1 else ""
+    return f": {key} turns to it" if key else ": a click on it in the overview turns to it"

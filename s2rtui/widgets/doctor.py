@@ -7,19 +7,19 @@ from typing import ClassVar
 from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import VerticalScroll
-from textual.screen import ModalScreen
 
 from s2rtui import diagnosis
 from s2rtui.canvas import Look
 from s2rtui.plots.testcard import card, card_height
 from s2rtui.terminal import Terminal
+from s2rtui.widgets.leaving import Leaving
 from s2rtui.widgets.plot import PlotView
 
 WIDTH = 96
 """Columns of the screen's panel, as its style says."""
 
 
-class DoctorScreen(ModalScreen[None]):
+class DoctorScreen(Leaving[None]):
     """Any of the closing keys leaves it; up and down scroll."""
 
     BINDINGS: ClassVar[list[BindingType]] = [("escape,q,enter,D", "dismiss", "close")]

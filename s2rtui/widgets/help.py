@@ -7,14 +7,14 @@ from typing import ClassVar
 from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import VerticalScroll
-from textual.screen import ModalScreen
 from textual.widgets import Static
 
 from s2rtui.access import Access
 from s2rtui.actions import help_text
+from s2rtui.widgets.leaving import Leaving
 
 
-class HelpScreen(ModalScreen[None]):
+class HelpScreen(Leaving[None]):
     """Any of the closing keys leaves it; up and down scroll."""
 
     BINDINGS: ClassVar[list[BindingType]] = [

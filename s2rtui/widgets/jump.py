@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from textual import events
 from textual.app import ComposeResult
 from textual.geometry import Offset
-from textual.screen import ModalScreen
 from textual.widgets import Label
+
+from s2rtui.widgets.leaving import Leaving
 
 LETTERS = "asdfghjklqwertyuiopzxcvbnm"
 
@@ -23,7 +24,7 @@ class Target:
     action: str
 
 
-class JumpScreen(ModalScreen[str | None]):
+class JumpScreen(Leaving[str | None]):
     """Gives the action of the letter that was pressed; any other key leaves."""
 
     def __init__(self, targets: Sequence[Target]) -> None:

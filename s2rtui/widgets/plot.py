@@ -63,6 +63,36 @@ class Drag:
         return Stroke(self._view, start, tuple(trail), self._done)
 
 
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """How far the wheel turned over a cell: above 0 away from the user, below towards."""
+
+    view: str
+    cell: Cell
+    steps: int
+
+
+class Wheel:
+    """Turns of the wheel, summed up until somebody takes them; they never queue up."""
+
+    def __init__(self, view: str) -> None:
+        self._view = view
+        self._cell = 0, 0
+        self._steps = 0
+        self._told = False
+
+    def turn(self, cell: Cell, steps: int) -> bool:
+        """Whether a message is due: none is on its way."""
+        self._cell, self._steps = cell, self._steps + steps
+        due, self._told = not self._told, True
+        return due
+
+    def taken(self) -> Turn:
+        turn = Turn(self._view, self._cell, self._steps)
+        self._steps, self._told = 0, False
+        return turn
+
+
 class PlotView(Widget, can_focus=False):
     """Draws what `show` was given; a new drawing sends only the cells that differ."""
 
@@ -84,13 +114,16 @@ class PlotView(Widget, can_focus=False):
             """The stroke as it is now. What comes after it is told by another message."""
             return self._drag.taken()
 
-    @dataclass
     class Wheeled(Message):
-        """The wheel turned over a cell: +1 away from the user, -1 towards."""
+        """The wheel turns; one message for all its turns since."""
 
-        view: str
-        cell: Cell
-        steps: int
+        def __init__(self, wheel: Wheel) -> None:
+            super().__init__()
+            self._wheel = wheel
+
+        def taken(self) -> Turn:
+            """All turns up to now. What comes after them is told by another message."""
+            return self._wheel.taken()
 
     def __init__(self, name: str, look: Look, tolerance: int = 0) -> None:
         super().__init__(id=name)
@@ -103,6 +136,7 @@ class PlotView(Widget, can_focus=False):
         self._canvas: Canvas | None = None
         self._strips: list[Strip] = []
         self._drag: Drag | None = None
+        self._wheel = Wheel(name)
 
     def show(self, draw: Draw, depends: tuple[object, ...] | None = None) -> None:
         """Draw anew by `draw(size, look)`, unless `depends` is what it was."""
@@ -185,10 +219,14 @@ class PlotView(Widget, can_focus=False):
             self.post_message(self.Dragged(drag))
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        self.post_message(self.Wheeled(self._view, (event.x, event.y), 1))
+        self._turn((event.x, event.y), 1)
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
-        self.post_message(self.Wheeled(self._view, (event.x, event.y), -1))
+        self._turn((event.x, event.y), -1)
+
+    def _turn(self, cell: Cell, steps: int) -> None:
+        if self._wheel.turn(cell, steps):
+            self.post_message(self.Wheeled(self._wheel))
 
 
 def changed_regions(before: Canvas, after: Canvas) -> list[Region]:

@@ -43,6 +43,7 @@ class QueryLine(Input):
         self._options: Sequence[tuple[str, str]] = ()
         self._option = -1
         self._rest = ""
+        self._filled: tuple[str, int] | None = None
 
     def on_mount(self) -> None:
         self.can_focus = False
@@ -82,7 +83,7 @@ class QueryLine(Input):
 
     def action_complete(self, steps: int) -> None:
         """The next of what could stand at the cursor, in place of the word that it is in."""
-        if not self._options:
+        if not self._options or self._filled != (self.value, self.cursor_position):
             at = self.cursor_position
             head, rest = self.value[:at], _WORD.sub("", self.value[at:], count=1)
             self._options = tuple(self._complete(head))
@@ -95,6 +96,7 @@ class QueryLine(Input):
             text = self._options[self._option][0]
             self._fill(text + self._rest)
             self.cursor_position = len(text)
+            self._filled = self.value, self.cursor_position
 
     def _fill(self, text: str) -> None:
         self.value = text

@@ -8,20 +8,21 @@ from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import Vertical
 from textual.content import Content
-from textual.screen import ModalScreen
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import S2RError
 from s2rtui.notebook import at
 from s2rtui.session import Session
 from s2rtui.session.anew import where
 from s2rtui.session.sharing import written
+from s2rtui.widgets.leaving import Leaving
 
 _MOST = 100
+_TITLE = "saved selections and history"
 
 
-class SelectionsScreen(ModalScreen[str | None]):
+class SelectionsScreen(Leaving[str | None]):
     """Enter takes a selection, d forgets a saved one, escape leaves."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -36,7 +37,7 @@ class SelectionsScreen(ModalScreen[str | None]):
 
     def compose(self) -> ComposeResult:
         with Vertical(id="selections"):
-            yield Static("saved selections and history", id="selections-title", markup=False)
+            yield Static(_TITLE, id="selections-title", markup=False)
             yield OptionList(id="selections-list", compact=True)
             yield Static("enter takes one   d forgets a saved one   escape leaves", markup=False)
 
@@ -44,7 +45,7 @@ class SelectionsScreen(ModalScreen[str | None]):
         self._fill()
         self.query_one(OptionList).focus()
 
-    def _fill(self) -> None:
+    def _fill(self, at_row: int = 0) -> None:
         notes, state = self._session.notes, self._session.state
         options: list[Option] = []
         self._texts = {}
@@ -59,7 +60,7 @@ class SelectionsScreen(ModalScreen[str | None]):
         listed = self.query_one(OptionList)
         listed.clear_options()
         listed.add_options(options)
-        listed.highlighted = 0 if options else None
+        listed.highlighted = min(at_row, len(options) - 1) if options else None
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         self.dismiss(self._texts[event.option.id or ""])
@@ -68,10 +69,19 @@ class SelectionsScreen(ModalScreen[str | None]):
         listed = self.query_one(OptionList)
         if listed.highlighted is None:
             return
-        chosen = listed.get_option_at_index(listed.highlighted).id or ""
-        if chosen.startswith("@"):
-            try:
-                self._session.book.forget(chosen[1:])
-            except RequestError as error:
-                self.query_one("#selections-title", Static).update(Content(str(error)))
-            self._fill()
+        row = listed.highlighted
+        chosen = listed.get_option_at_index(row).id or ""
+        if not chosen.startswith("@"):
+            self._say("history is not forgotten: only saved selections are")
+            return
+        try:
+            self._session.book.forget(chosen[1:])
+        except (S2RError, OSError) as error:
+            self._say(str(error))
+        else:
+            self._session.renew()
+            self._say(_TITLE)
+        self._fill(row)
+
+    def _say(self, words: str) -> None:
+        self.query_one("#selections-title", Static).update(Content(words))

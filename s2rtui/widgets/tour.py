@@ -8,10 +8,10 @@ from textual import events
 from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import VerticalScroll
-from textual.screen import ModalScreen
 from textual.widgets import Static
 
 from s2rtui.actions import BY_NAME
+from s2rtui.widgets.leaving import Leaving
 
 _STEPS = (
     ("worst_real", "the 15 % that are worst in reality; b the best; W and B in sim"),
@@ -39,7 +39,7 @@ def tour_text() -> str:
     return "\n".join([*lines, "", f"  {help_key}    all keys", "", "any key begins"])
 
 
-class TourScreen(ModalScreen[None]):
+class TourScreen(Leaving[None]):
     """Any key leaves it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [("escape,enter,space,q", "dismiss", "begin")]
@@ -51,5 +51,4 @@ class TourScreen(ModalScreen[None]):
 
     def on_key(self, event: events.Key) -> None:
         event.stop()
-        if self.is_current:
-            self.dismiss()
+        self.dismiss()

@@ -74,3 +74,5 @@ def _wait(descriptor: int, root: Path, what: str, patience: float) -> None:
                     f"{root}: {holder} holds the {what} lock; wait for it, or stop it"
                 ) from None
             time.sleep(0.05)
+        except OSError as error:  # a file system without locks
+            raise RequestError(f"{root}: cannot be locked ({error.strerror})") from error

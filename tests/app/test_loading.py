@@ -18,6 +18,8 @@ from s2rtools.precompute.registry import add_run
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
 from s2rtui.headless import settle, take
+from s2rtui.saving import Progress
+from s2rtui.savings import Savings
 from s2rtui.session import Session, loading
 from tests.support import tiny
 
@@ -27,6 +29,11 @@ RUNS = ("vanilla", "b", "c")
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tiny.build(tmp_path_factory.mktemp("three") / "s.s2r", runs=RUNS)
+
+
+@pytest.fixture(scope="module")
+def four_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tiny.build(tmp_path_factory.mktemp("four") / "s.s2r", runs=(*RUNS, "d"))
 
 
 @pytest.fixture
@@ -148,6 +155,42 @@ async def test_a_newer_generation_is_read_elsewhere(
         assert state.generation == app.session.store.generation == before.generation + 1
         assert (state.run, state.awaited, state.expression) == ("vanilla", None, "worst15")
         assert state.message == f"generation {state.generation}"
+
+
+async def test_a_saved_run_is_told_once_its_generation_is_read(
+    own_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    app = app_on(own_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+        progress = Progress(1.0, "published", "done")
+        app.post_message(Savings.Told("dataaug", progress))
+        await settle(app, pilot)
+        assert app.session.state.generation == app.session.state.newest > 1
+        assert app.session.state.message == "run dataaug is saved: r turns to it"
+
+
+@pytest.mark.parametrize("present", range(4))
+@pytest.mark.parametrize("saved", range(4))
+async def test_what_turns_to_a_saved_run_is_true(four_runs: Path, present: int, saved: int) -> None:
+    app = app_on(four_runs)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        runs = app.session.state.runs
+        app.session.put_run(runs[present])
+        app.post_message(Savings.Told(runs[saved], Progress(1.0, "published", "done")))
+        await settle(app, pilot)
+        told = app.session.state.message
+        assert told.startswith(f"run {runs[saved]} is saved")
+        if ": " not in told:
+            assert present == saved
+        elif "click" in told:
+            assert (saved - present) % 4 == 2
+        else:
+            await press(app, pilot, told.split(": ")[1][0])
+            assert app.session.state.run == runs[saved]
 
 
 def test_brush_and_operator_stay_in_a_newer_generation(own_store: Path) -> None:

@@ -11,9 +11,10 @@ from textual import events
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
 from s2rtui.headless import settle
-from s2rtui.session import Session
+from s2rtui.session import Session, showing
+from s2rtui.views import BY_NAME
 from s2rtui.widgets import PlotView
-from s2rtui.widgets.plot import Drag, Stroke
+from s2rtui.widgets.plot import Drag, Stroke, Turn, Wheel
 
 MOVES = 300
 
@@ -59,3 +60,85 @@ def test_a_stroke_is_told_once_until_it_is_taken() -> None:
     drag.end()
     assert drag.to_tell()
     assert drag.taken().done
+
+
+async def test_a_mark_that_a_key_applied_is_not_applied_again(tiny_store: Path) -> None:
+    app = S2RApp(Session(tiny_store), Look())
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("w")
+        await pilot.mouse_down("#map", offset=(4, 4))
+        await pilot.hover("#map", offset=(40, 30))
+        await pilot.press("ampersand")
+        await settle(app, pilot)
+        joined = app.session.state.expression
+        assert joined.startswith("worst15 & box(")
+        await pilot.hover("#map", offset=(50, 30))
+        await pilot.mouse_up("#map", offset=(50, 30))
+        await settle(app, pilot)
+        assert app.session.state.expression == joined
+        assert app.session.state.brush is None
+
+
+async def test_a_drag_moves_one_slider_though_the_sliders_scroll(tiny_store: Path) -> None:
+    app = S2RApp(Session(tiny_store), Look())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("a")
+        await settle(app, pilot)
+        count = len(app.session.state.adjust.sliders)
+        await pilot.resize_terminal(80, 15)
+        await pilot.press(*["down"] * (count - 1))
+        await settle(app, pilot)
+        panel = app._panels(BY_NAME["adjust"])[0]
+        assert int(panel.name) > 0
+        before = dict(app.session.state.adjust.values)
+        x, y = panel.x + panel.width // 4, panel.y + 1
+        await pilot.mouse_down("#adjust", offset=(x, y))
+        for column in range(x + 1, x + 6):
+            await pilot.hover("#adjust", offset=(column, y))
+            await settle(app, pilot)
+        await pilot.mouse_up("#adjust", offset=(x + 6, y))
+        await settle(app, pilot)
+        after = dict(app.session.state.adjust.values)
+        moved = [key for key in before if before[key] != after[key]]
+        assert moved == [app.session.state.adjust.sliders[int(panel.name)].key]
+
+
+async def test_turns_of_the_wheel_never_queue_up(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turns: list[Turn] = []
+    taken = PlotView.Wheeled.taken
+
+    def slowly(message: PlotView.Wheeled) -> Turn:
+        turns.append(taken(message))
+        time.sleep(0.02)
+        return turns[-1]
+
+    monkeypatch.setattr(PlotView.Wheeled, "taken", slowly)
+    app = S2RApp(Session(tiny_store), Look())
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        plot = app.query_one("#map", PlotView)
+        for _ in range(MOVES):
+            turn = events.MouseScrollUp(plot, 20, 10, 0, -1, 0, False, False, False, 20, 10)
+            plot.post_message(turn.stop())
+        await settle(app, pilot)
+        assert len(turns) < MOVES / 10
+        assert sum(turn.steps for turn in turns) == MOVES
+        view, bounds = app.session.state.viewport, app.session.store.dataset.bounds
+        assert view is not None
+        assert max(view.width / bounds.width, view.height / bounds.height) == pytest.approx(
+            showing.CLOSEST
+        )
+
+
+def test_turns_are_summed_until_they_are_taken() -> None:
+    wheel = Wheel("map")
+    assert wheel.turn((1, 1), 1)
+    assert not wheel.turn((1, 2), 1)
+    assert not wheel.turn((2, 2), -1)
+    assert wheel.taken() == Turn("map", (2, 2), 1)
+    assert wheel.turn((2, 2), -1)
+    assert wheel.taken() == Turn("map", (2, 2), -1)

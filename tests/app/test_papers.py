@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from threading import Event
+from typing import Any
 
 import pytest
 from textual.pilot import Pilot
 
+from s2rstore.errors import RequestError
 from s2rtui.access import Access
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
 from s2rtui.cli import main
+from s2rtui.filing import file, numbered
 from s2rtui.headless import settle
 from s2rtui.notebook import Notebook, SavedSelection
+from s2rtui.rows import formats
 from s2rtui.session import Session
 from s2rtui.widgets.query import QueryLine
 
@@ -95,6 +100,94 @@ async def test_a_file_that_cannot_be_is_refused(
         assert app.session.state.is_error
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["there.csv"]
     assert (tmp_path / "there.csv").read_text() == "kept"
+
+
+@pytest.mark.parametrize("name", ["~nosuchuser/a.csv", "nul\0.csv", "half\ud800.csv"])
+async def test_what_is_no_path_is_refused(tiny_store: Path, tmp_path: Path, name: str) -> None:
+    app = app_on(tiny_store, tmp_path)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        with pytest.raises(RequestError, match="is no path"):
+            app._write_selection(name)
+
+
+async def test_two_writes_at_a_time_are_two_files(
+    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go_on = Event()
+    slow = formats.save
+
+    def slowly(*words: Any) -> None:
+        assert go_on.wait(30)
+        slow(*words)
+
+    monkeypatch.setattr(formats, "save", slowly)
+    app = app_on(tiny_store, tmp_path)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("w", "F", "enter", "b", "F")
+        line = app.query_one(QueryLine)
+        assert line.value == "s2r-selection-002.csv"
+        line.value = "s2r-selection-001.csv"
+        await pilot.press("enter")
+        assert "is being written" in app.session.state.message
+        line.value = "s2r-selection-002.csv"
+        await pilot.press("enter")
+        go_on.set()
+        await settle(app, pilot)
+    first, second = (tmp_path / f"s2r-selection-00{n}.csv" for n in (1, 2))
+    assert "worst15" in first.read_text()
+    assert "best15" in second.read_text()
+    assert len(list(tmp_path.iterdir())) == 2 + (tmp_path / "share").exists()
+
+
+async def test_a_name_that_was_taken_meanwhile_is_not_replaced(
+    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target, slow = tmp_path / "s2r-selection-001.csv", formats.save
+
+    def meanwhile(*words: Any) -> None:
+        target.write_text("another's")
+        slow(*words)
+
+    monkeypatch.setattr(formats, "save", meanwhile)
+    app = app_on(tiny_store, tmp_path)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await press(app, pilot, "w", "F", "enter")
+        assert app.session.state.message == f"{target}: is there already"
+    assert target.read_text() == "another's"
+    assert not list(tmp_path.glob(".*csv"))
+
+
+async def test_a_report_can_be_tried_again_after_a_fault(
+    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fault(*_: object) -> None:
+        raise ZeroDivisionError("oh")
+
+    app = app_on(tiny_store, tmp_path)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        with monkeypatch.context() as patch:
+            patch.setattr("s2rtui.report.report", fault)
+            await press(app, pilot, "E")
+        assert "ZeroDivisionError: oh" in app.session.state.message
+        await press(app, pilot, "E")
+        assert app.session.state.message == f"wrote {tmp_path / 's2r-report-001.html'}"
+
+
+def test_a_numbered_file_takes_the_next_name(tmp_path: Path) -> None:
+    names = numbered(tmp_path, "a", ".txt")
+
+    def fill(path: Path) -> None:
+        (tmp_path / "a-001.txt").write_text("another's")
+        path.write_text("mine")
+
+    assert file(next(names), fill, names)[0] == tmp_path / "a-002.txt"
+    assert (tmp_path / "a-001.txt").read_text() == "another's"
+    assert (tmp_path / "a-002.txt").read_text() == "mine"
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 async def test_a_restricted_session_writes_in_its_own_folder(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from textual import events
 
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
@@ -60,6 +61,27 @@ async def test_completing_again_goes_on_through_the_offers(tiny_store: Path) -> 
             seen.append(line.value)
         assert seen == ['room:"left hall" & all', "room:right & all", 'room:"left hall" & all']
         assert 'room:"left hall" (room)  room:right (room)' in app.session.state.message
+
+
+@pytest.mark.parametrize("change", ["paste", "click"])
+async def test_what_comes_between_two_completions_is_kept(tiny_store: Path, change: str) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("slash")
+        line = app.query_one(QueryLine)
+        line.value, line.cursor_position = "room:", 5
+        await pilot.press("tab")
+        if change == "paste":
+            line.post_message(events.Paste(" & wor"))
+            await pilot.pause()
+            wanted = 'room:"left hall" & worst15'
+        else:
+            line.value, line.cursor_position = 'wor & room:"left hall"', 3
+            wanted = 'worst15 & room:"left hall"'
+        await pilot.press("tab")
+        await pilot.pause()
+        assert line.value == wanted
 
 
 async def test_a_saved_name_is_told_as_it_can_be_typed(tiny_store: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 from textual.events import MouseScrollDown
 from textual.pilot import Pilot
 
+from s2rstore.errors import RequestError
+from s2rtui import prompts
 from s2rtui.actions import ACTIONS
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
@@ -508,3 +511,85 @@ async def test_the_key_that_ends_the_tour_does_nothing_else(tiny_store: Path) ->
             assert not app.prompting
             app.action_tour()
             await settle(app, pilot)
+
+
+async def test_the_history_is_kept_last_of_all_and_may_fail(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app, done = app_on(tiny_store), []
+
+    def remember(*_: object) -> None:
+        done.append("remembered")
+        raise OSError("no locks available")
+
+    stop = app.feeding.stop
+    monkeypatch.setattr(app.feeding, "stop", lambda: (done.append("stopped"), stop()))
+    monkeypatch.setattr(app, "leave_savings", lambda: done.append("left"))
+    monkeypatch.setattr(Notebook, "remember", remember)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+    assert done == ["stopped", "left", "remembered"]
+    assert app.fault is None
+
+
+async def test_a_store_that_is_out_of_reach_is_told_once(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone() -> bool:
+        raise RequestError("the store is out of reach")
+
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        with monkeypatch.context() as patch:
+            patch.setattr(app.session, "notice", gone)
+            app._watch()
+            assert app.session.state.message == "the store is out of reach"
+            app.session.tell("what the user does now")
+            app._watch()
+            assert app.session.state.message == "what the user does now"
+            app.session.tell("the store is out of reach", is_error=True)
+        app._watch()
+        assert (app.session.state.message, app.session.state.is_error) == ("", False)
+
+
+async def test_tagging_everyone_has_its_limits(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "number_sign", *"many*")
+        monkeypatch.setattr(prompts, "_MOST_TAGGED", 39)
+        await press(app, pilot, "enter")
+        assert "40 instances are too many to tag (at most 39): @" in app.session.state.message
+        monkeypatch.setattr(prompts, "_MOST_TAGGED", 40)
+        await press(app, pilot, "enter")
+        assert app.session.state.message == "tagged: 40 instances"
+        app.session.select("none")
+        await press(app, pilot, "number_sign", *"few*", "enter")
+        assert "nothing is selected" in app.session.state.message
+        assert app.prompting
+    assert {tag for r in app.session.notes.remarks.values() for tag in r.tags} == {"many"}
+
+
+async def test_without_an_instance_notes_and_tags_say_so(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        app.session.set(replace(app.session.state, cursor=None))
+        await press(app, pilot, "e")
+        assert app.session.state.message == "no instance for a note: select some"
+        await press(app, pilot, "number_sign")
+        assert app.session.state.message == "no instance for a tag: select some"
+        assert not app.prompting
+
+
+async def test_a_tag_that_ends_the_present_selection_says_so(tiny_store: Path) -> None:
+    app = app_on(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "w", "number_sign", *"one", "enter")
+        app.session.select("@one")
+        await press(app, pilot, "number_sign", *"one", "enter")
+        assert app.session.state.is_error
+        assert "the selection is as it was" in app.session.state.message
+        assert not app.prompting

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from s2rstore.errors import RequestError
+from s2rstore.locks import file_lock
+from s2rtui import notebook
 from s2rtui.notebook import Notebook, SavedSelection
 from s2rtui.session import Session, sharing
 
@@ -177,3 +181,25 @@ def test_a_shared_line_of_another_generation_says_so(session: Session) -> None:
     state = sharing.take(session, line)
     assert "6 on vanilla, generation 2; saved: 6 on vanilla, generation 7" in state.message
     assert len(state.past) == past + 1
+
+
+def test_a_lock_that_is_held_is_not_waited_for_long(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session.book.note(3, "first")
+    monkeypatch.setattr(notebook, "_PATIENCE", 0.1)
+    with file_lock(session.book.path), pytest.raises(RequestError, match="writing lock"):
+        session.book.note(3, "second")
+    session.book.refresh()
+    assert session.notes.remarks[3].note == "first"
+
+
+def test_a_file_system_without_locks_is_told(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_lock(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", no_lock)
+    with pytest.raises(RequestError, match="cannot be locked"):
+        session.book.note(3, "first")

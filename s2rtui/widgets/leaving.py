@@ -1,0 +1,19 @@
+"""Screens above the views that are left once, however many keys arrive at the same time."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from textual.await_complete import AwaitComplete
+from textual.screen import ModalScreen
+
+T = TypeVar("T")
+
+
+class Leaving(ModalScreen[T]):
+    """A modal screen; to leave it when it is left, or below another one, does nothing."""
+
+    def dismiss(self, result: T | None = None) -> AwaitComplete:
+        if self.app.screen_stack[-1:] != [self]:
+            return AwaitComplete()
+        return super().dismiss(result)
