@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 
+import s2rstore
+from s2rstore import selection
 from s2rstore.recent import Recent
 
 
