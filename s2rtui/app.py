@@ -214,6 +214,8 @@ class S2RApp(Brushes, Papers, Savings):
             widget = self.query_one(f"#{view.name}", PlotView)
             if widget.placed:
                 widget.show(*shown(view, scene))
+            else:
+                widget.clear()
 
     def _wanted_places(self) -> tuple[object, ...]:
         state = self.session.state
@@ -264,6 +266,8 @@ class S2RApp(Brushes, Papers, Savings):
         self.show_message()
 
     def _watch(self) -> None:
+        if self.feeding.idle and not self.under_way:
+            self.session.release()
         noticed, trouble, before = False, "", self._trouble
         try:
             noticed = self.session.notice()

@@ -6,11 +6,13 @@ import atexit
 import os
 import sys
 import time
+import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from threading import Condition, Event, Thread
 
 Work = Callable[[], object]
+Tell = Callable[[Exception], object]
 
 _LAST_PATIENCE = 30.0
 _under_way: set[object] = set()
@@ -20,16 +22,30 @@ _used = Event()
 class Lane:
     """A thread that does one thing after another; of what waits only the newest is kept."""
 
-    def __init__(self, name: str) -> None:
-        """The thread starts with the first piece of work."""
-        self._name = name
+    def __init__(self, name: str, tell: Tell = traceback.print_exception) -> None:
+        """The thread starts with the first piece of work; `tell` hears, in it, of one that raises.
+
+        A lane at rest holds nothing of what it has done.
+        """
+        self._name, self._tell = name, tell
         self._changed = Condition()
         self._next: Work | None = None
         self._last: Work | None = None
-        self._started = self._ended = False
+        self._started = self._ended = self._busy = False
+
+    @property
+    def begun(self) -> bool:
+        """Whether anything was ever put."""
+        return self._started
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is under way or waits."""
+        with self._changed:
+            return not self._busy and self._next is None
 
     def put(self, work: Work) -> None:
-        """Do this after what is under way, in place of what waits. It must not raise."""
+        """Do this after what is under way, in place of what waits."""
         with self._changed:
             if self._ended:
                 return
@@ -46,16 +62,28 @@ class Lane:
             self._changed.notify()
 
     def _run(self) -> None:
-        while True:
-            with self._changed:
-                while self._next is None and not self._ended:
-                    self._changed.wait()
-                work, self._next = self._next, None
-                if work is None:
-                    break
-            _do(work)
+        while (work := self._taken()) is not None:
+            self._try(work)
+            del work  # held while the lane waits, it would keep all that it was made with
         if self._last is not None:
-            _do(self._last)
+            self._try(self._last)
+
+    def _taken(self) -> Work | None:
+        """The next work once there is one; None at the end."""
+        with self._changed:
+            self._busy = False
+            while self._next is None and not self._ended:
+                self._changed.wait()
+            work, self._next = self._next, None
+            self._busy = work is not None
+        return work
+
+    def _try(self, work: Work) -> None:
+        """The lane outlives what its work raises."""
+        try:
+            _do(work)
+        except Exception as error:
+            self._tell(error)
 
 
 def start(name: str, work: Work) -> None:

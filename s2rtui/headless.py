@@ -70,7 +70,6 @@ async def settle(app: S2RApp, pilot: Pilot[None]) -> None:
     limit = time.monotonic() + _PATIENCE
     while time.monotonic() < limit:
         await pilot.pause()
-        await app.workers.wait_for_complete()
         if app.settled or not app.is_running:
             break
         await asyncio.sleep(0.005)
@@ -102,8 +101,10 @@ async def _snapshot(
     run: str | None,
     state: State | None = None,
 ) -> Snapshot:
-    session = Session(path, run, ReadNotebook)
-    session.state = state or session.state
+    history = state.history if state is not None else None
+    session = Session(path, run, ReadNotebook, None if history is None else history.path)
+    if state is not None:
+        session.set(state)
     app = S2RApp(session, look)
     app.feeding.rest_seconds = 0.001
     async with app.run_test(size=size) as pilot:

@@ -1,7 +1,7 @@
 """Saving adjustments as a run: registered here, computed by a process of its own in the background.
 
 The process is `s2r precompute`, so the run is the one that the command line makes, and what it has
-finished is taken up by the next one. It ends with the application.
+finished is taken up by the next one. It ends with the application, also where that is killed.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _GROUPS = 3
 """Stages that precompute announces for a run, one more where cameras are moved."""
 
 Chains = Mapping[Side, Sequence[dict[str, Any]]]
-Outcome = Literal["running", "done", "failed", "cancelled"]
+Outcome = Literal["running", "done", "failed", "left"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,12 +75,15 @@ class Saving:
     """A run on its way into the store. Safe to use from any thread."""
 
     def __init__(self, root: Path, run: str, groups: int, trust: bool) -> None:
-        """Starts the process; `groups` is the number of stages that it will announce."""
+        """Starts the process; `groups` is the number of stages that it will announce.
+
+        However this thread ends, the process ends with it (Linux): let it `follow`.
+        """
         self.root, self.run = root, run
         self._groups, self._begun = groups, 0
         self._progress = Progress(0.0, "starting")
         self._changed = threading.Condition()
-        self._cancelled = self._left = False
+        self._left = False
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
         command = [sys.executable, "-P", "-m", "s2rtui", "precompute", str(root.absolute()),
                    "--run", run, "--progress", "json"]  # fmt: skip
@@ -108,18 +111,12 @@ class Saving:
                 shown = self._progress
             yield shown
 
-    def cancel(self) -> None:
-        """Stop it, and take the run out of the store unless it is published already."""
-        self._cancelled = True
-        self._stop()
-
     def leave(self) -> None:
-        """Stop it and leave the run registered, for `s2r precompute` to go on with."""
-        self._left = True
-        self._stop()
+        """End the process and its workers; a unit that is cut short is no harm.
 
-    def _stop(self) -> None:
-        """End the process and its workers; a unit that is cut short is no harm."""
+        The run stays registered, for `s2r precompute` to go on with.
+        """
+        self._left = True
         with contextlib.suppress(OSError):  # it has ended already
             os.killpg(self._process.pid, signal.SIGTERM)
 
@@ -133,19 +130,19 @@ class Saving:
             self._set(self._ended(code))
 
     def _ended(self, code: int) -> Progress:
-        """The outcome; what was not published leaves the store, so that its name is free."""
+        """The outcome; what has failed leaves the store, so that its name is free."""
         if code == 0:
             return Progress(1.0, "done", "done")
         failed = replace(self.progress, outcome="failed", error=self._last_error(code))
         if self._left:
-            return replace(failed, outcome="cancelled", error="")
+            return replace(failed, outcome="left", error="")
         try:
             from s2rtools.precompute.registry import drop_run
 
             drop_run(self.root, self.run)
         except Exception as error:  # whatever it was, somebody waits for the outcome
             return replace(failed, error=f"{failed.error}; {error}")
-        return replace(failed, outcome="cancelled", error="") if self._cancelled else failed
+        return failed
 
     def _last_error(self, code: int) -> str:
         self._errors.seek(0)

@@ -46,10 +46,6 @@ class Access:
     def may_write(self, path: Path) -> bool:
         return not self.restricted or _inside(path, self.own)
 
-    def may_read(self, path: Path) -> bool:
-        """Whether a file that the user names may be read."""
-        return self.may_write(path) or _inside(path, self.store)
-
     @property
     def pictures(self) -> Path:
         """The folder that snapshots and exports without a name go to."""
@@ -59,13 +55,6 @@ class Access:
         """`path`, or RequestError where it may not be written."""
         if not self.may_write(path):
             raise RequestError(f"{path}: a restricted session writes in {self.own} only")
-        return path
-
-    def readable(self, path: Path) -> Path:
-        """`path`, or RequestError where it may not be read."""
-        if not self.may_read(path):
-            told = f"a restricted session reads its store and {self.own} only"
-            raise RequestError(f"{path}: {told}")
         return path
 
 

@@ -16,14 +16,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--backend", default="torch",
                         help="torch (default), torch-bfloat16, openvino, or auto")  # fmt: skip
     parser.add_argument("--progress", choices=STYLES, default="auto",
-                        help="json: one object per line on standard output")  # fmt: skip
+                        help="json: one object per line on standard output, for a program "
+                             "that starts this one; it ends with that program")  # fmt: skip
     parser.add_argument("--trust", action="store_true", help="allow models that execute code")
 
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.errors import RequestError
     from s2rtools.precompute.pipeline import Options, precompute
+    from s2rtui.access.process import end_with_parent
 
+    if options.progress == "json":
+        end_with_parent()
     if options.workers < 1:
         raise RequestError("--workers: at least 1")
     kinds = tuple(options.kinds.split(",")) if options.kinds else None

@@ -31,8 +31,9 @@ class Feed:
     """`wants` gives what the result depends on, None for nothing; `read` fields of `Resources`.
 
     `empty` is shown while nothing is wanted. A feed that `rests` waits until keys are at rest; of
-    one that `follows` parts are shown although something newer is wanted. `leave` is done at last.
-    Each feed is read by one thread, one request at a time.
+    one that `follows` parts are shown although something newer is wanted. `leave` lets go what
+    reading holds: at last, and after a while in which nothing is wanted. Each feed is read by one
+    thread, one request at a time.
     """
 
     name: str

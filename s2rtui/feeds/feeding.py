@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import traceback
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
 
-from textual.app import App
 from textual.timer import Timer
 
 from s2rstore.errors import S2RError
 from s2rstore.reader import Store
-from s2rtui.background import Lane
+from s2rtui.background import Lane, Work
+from s2rtui.desk import Desk
 from s2rtui.feeds import FEEDS, Feed, Fields, Key
-from s2rtui.messages import Fed, Progressed
+from s2rtui.messages import Failed, Fed, Progressed
 from s2rtui.session.state import State
 
 REST_SECONDS = 0.15
+AWAY_SECONDS = 120.0
+"""How long what a feed holds is kept after it was wanted last."""
 
 
 @dataclass
@@ -32,14 +32,20 @@ class Asked:
 class Feeding:
     """The requests under way: per feed the one that is read, and the newest one."""
 
-    def __init__(self, app: App[Any]) -> None:
-        self._app = app
-        self._lanes = {feed.name: Lane(feed.name) for feed in FEEDS}
+    def __init__(self, app: Desk) -> None:
+        self.app = app
+        self._lanes = {feed.name: Lane(feed.name, partial(self._raised, feed)) for feed in FEEDS}
         self._wanted: dict[str, Key | None] = {}
         self._ticket: dict[str, int] = {feed.name: 0 for feed in FEEDS}
         self._answered: dict[str, int] = {feed.name: 0 for feed in FEEDS}
         self._rest: dict[str, Timer] = {}
-        self.rest_seconds = REST_SECONDS
+        self._away: dict[str, Timer] = {}
+        self.rest_seconds, self.away_seconds = REST_SECONDS, AWAY_SECONDS
+
+    @property
+    def idle(self) -> bool:
+        """Whether no thread reads anything, or is about to."""
+        return not self._rest and all(lane.idle for lane in self._lanes.values())
 
     @property
     def settled(self) -> bool:
@@ -56,21 +62,35 @@ class Feeding:
             asked.anew.add(feed.name)
             self._wanted[feed.name] = wanted
             self._ticket[feed.name] += 1
-            if feed.name in self._rest:
-                self._rest[feed.name].stop()
+            for timers in (self._rest, self._away):
+                if feed.name in timers:
+                    timers.pop(feed.name).stop()
             if wanted is None:
                 self._answered[feed.name] = self._ticket[feed.name]
                 asked.emptied.update(dict.fromkeys(feed.empty))
-                continue
-            start = partial(self._start, feed, self._ticket[feed.name], store, state)
-            if feed.rests:
-                self._rest[feed.name] = self._app.set_timer(self.rest_seconds, start)
+                self._let_go(feed)
             else:
-                start()
+                self._start(feed, self._ticket[feed.name], store, state)
         return asked
 
     def _start(self, feed: Feed, ticket: int, store: Store, state: State) -> None:
-        self._lanes[feed.name].put(partial(self._read, feed, ticket, store, state))
+        read = partial(self._read, feed, ticket, store, state)
+        if not feed.rests:
+            self._lanes[feed.name].put(read)
+            return
+
+        def rested() -> None:
+            if self.current(feed.name, ticket):
+                del self._rest[feed.name]  # a timer keeps what it calls, and with it the store
+                self._lanes[feed.name].put(read)
+
+        self._rest[feed.name] = self.app.set_timer(self.rest_seconds, rested)
+
+    def _let_go(self, feed: Feed) -> None:
+        """Have a feed leave after a while in which nothing of it is wanted."""
+        if feed.leave is not None and self._lanes[feed.name].begun:
+            leave = partial(self._lanes[feed.name].put, feed.leave)
+            self._away[feed.name] = self.app.set_timer(self.away_seconds, leave)
 
     def _read(self, feed: Feed, ticket: int, store: Store, state: State) -> None:
         """In the feed's thread."""
@@ -83,19 +103,19 @@ class Feeding:
             empty = dict.fromkeys(feed.empty)
             told = str(error) or type(error).__name__
             if not isinstance(error, S2RError | OSError | ValueError):
-                self._app.log.error(traceback.format_exc())
+                self.app.log.error(traceback.format_exc())
                 told = f"{feed.name}: {told}"
-            self.post(Fed(feed.name, ticket, empty, " ".join(told.split())))
+            self.app.post(Fed(feed.name, ticket, empty, " ".join(told.split())))
             return
-        self.post(Fed(feed.name, ticket, fields))
+        self.app.post(Fed(feed.name, ticket, fields))
+
+    def _raised(self, feed: Feed, error: Exception) -> None:
+        """In the feed's thread: what was done in it beside reading."""
+        self.app.post(Failed(f"{feed.name}: {type(error).__name__}: {error}"))
 
     def current(self, feed: str, ticket: int) -> bool:
         """Whether a ticket is that of the newest request."""
         return ticket == self._ticket[feed]
-
-    def post(self, message: Fed | Progressed) -> None:
-        with suppress(RuntimeError):  # the loop is closed: nobody listens any more
-            self._app.post_message(message)
 
     def stop(self) -> None:
         """Nothing is wanted any more; nobody waits for what is under way."""
@@ -124,9 +144,9 @@ class _Caller:
     def progress(self, share: float) -> bool:
         wanted = self.wanted()
         if wanted and share < 1:
-            self._feeding.post(Progressed(self._feed.name, self._ticket, share))
+            self._feeding.app.post(Progressed(self._feed.name, self._ticket, share))
         return wanted
 
     def bring(self, fields: Fields) -> None:
         if self._feed.follows or self.wanted():
-            self._feeding.post(Fed(self._feed.name, self._ticket, fields, partly=True))
+            self._feeding.app.post(Fed(self._feed.name, self._ticket, fields, partly=True))

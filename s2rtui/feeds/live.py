@@ -101,7 +101,7 @@ def leave() -> None:
 
 def wants_live(store: Store, state: State) -> tuple[Any, ...] | None:
     """The live answer is wanted while the panel is open and nothing is missing."""
-    adjust = state.adjust
+    adjust = state.adjust if state.adjusting else None
     if adjust is None or adjust.missing or state.cursor is None or adjust.run != state.run:
         return None
     return (state.generation, state.run, state.cursor, adjust.values, state.heat)

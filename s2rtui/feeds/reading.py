@@ -75,7 +75,7 @@ def read_lines(store: Store, state: State, caller: Caller) -> Fields:
 
 
 def wants_floor_plan(store: Store, state: State) -> Key | None:
-    return (str(store.floor_plan_path()),) if store.floor_plan_path() else None
+    return (state.generation,) if store.dataset.floor_plan else None
 
 
 def read_floor_plan(store: Store, state: State, caller: Caller) -> Fields:

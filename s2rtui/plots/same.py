@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import weakref
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 from functools import partial, wraps
-from threading import RLock
-from typing import Any, ParamSpec, TypeVar
+from threading import Lock
+from typing import Any, Generic, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,8 @@ class Same:
 
 
 _KNOWN: dict[int, Same] = {}
-_MAKING = RLock()
+_GONE: deque[tuple[int, object]] = deque()
+_MAKING = Lock()
 
 
 def _nothing() -> None:
@@ -54,10 +55,17 @@ def _nothing() -> None:
 
 
 def _forget(number: int, gone: object) -> None:
-    with _MAKING:
-        known = _KNOWN.get(number)
-        if known is not None and known._ref is gone:
-            del _KNOWN[number]
+    """When an array dies, which is at any time, in any thread: so it waits for no lock."""
+    _GONE.append((number, gone))
+    if _MAKING.acquire(blocking=False):
+        try:
+            while _GONE:
+                number, gone = _GONE.popleft()
+                known = _KNOWN.get(number)
+                if known is not None and known._ref is gone:
+                    del _KNOWN[number]
+        finally:
+            _MAKING.release()
 
 
 def identity(value: object) -> object:
@@ -75,35 +83,74 @@ def identity(value: object) -> object:
 def kept(most: int) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Keep a function's last results, each for as long as all arrays among its arguments live.
 
-    Arguments are hashable and by position, arrays as `Same`.
+    A result that holds one of these arrays keeps itself, until newer ones push it out. Arguments
+    are hashable and by position, arrays as `Same`.
     """
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
-        results: OrderedDict[object, tuple[T, list[weakref.ref[Any]]]] = OrderedDict()
-        lock = RLock()
+        results: _Results[T] = _Results(most)
 
         @wraps(function)
         def known(*args: P.args, **none: P.kwargs) -> T:
-            with lock:
-                found = results.get(args)
-                if found is not None:
-                    results.move_to_end(args)
-                    return found[0]
+            found = results.get(args)
+            if found is not None:
+                return found[0]
             result = function(*args, **none)
-
-            def forget(_: object) -> None:
-                with lock:
-                    results.pop(args, None)
-
-            with lock:
-                results[args] = result, [weakref.ref(array, forget) for array in _arrays(args)]
-                if len(results) > most:
-                    results.popitem(last=False)
+            results.put(args, result)
             return result
 
         return known
 
     return decorate
+
+
+class _Results(Generic[T]):
+    """The last results by their arguments.
+
+    What is dropped dies after the lock is let go, and no array that dies waits for it: either may
+    run anything.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._lock = Lock()
+        self._found: OrderedDict[object, tuple[T, list[weakref.ref[Any]]]] = OrderedDict()
+        self._gone: deque[object] = deque()
+
+    def get(self, args: tuple[object, ...]) -> tuple[T, list[weakref.ref[Any]]] | None:
+        self._purge()
+        with self._lock:
+            found = self._found.get(args)
+            if found is not None:
+                self._found.move_to_end(args)
+        return found
+
+    def put(self, args: tuple[object, ...], result: T) -> None:
+        forget = partial(self._forget, args)
+        references = [weakref.ref(array, forget) for array in _arrays(args)]
+        oldest = None
+        with self._lock:
+            before = self._found.pop(args, None)
+            self._found[args] = result, references
+            if len(self._found) > self._most:
+                _, oldest = self._found.popitem(last=False)
+        del before, oldest
+        if any(reference() is None for reference in references):
+            forget(None)
+
+    def _forget(self, args: object, gone: object) -> None:
+        self._gone.append(args)
+        self._purge()
+
+    def _purge(self) -> None:
+        """Drop what goes with arrays that have died, unless the lock is taken: then later."""
+        dropped = []
+        if self._gone and self._lock.acquire(blocking=False):
+            try:
+                while self._gone:
+                    dropped.append(self._found.pop(self._gone.popleft(), None))
+            finally:
+                self._lock.release()
 
 
 def _arrays(args: tuple[object, ...]) -> Iterator[NDArray[np.generic]]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtui.session.session import Session
@@ -49,20 +50,20 @@ def lack(session: Session, package: str) -> State:
 def _fresh(session: Session, found: Sequence[Slider], reason: str) -> Adjust:
     run = session.store.run(session.state.run)
     values = {slider.key: slider.neutral for slider in found}
-    for side in SIDES:
-        for step in run.adjustments(side):
-            values[side, str(step["name"])] = float(step["value"])
-    return Adjust(session.state.run, tuple(values.items()), 0, tuple(found), reason)
+    own = [((s, str(step["name"])), step["value"]) for s in SIDES for step in run.adjustments(s)]
+    values |= {key: float(value) for key, value in own}
+    keys = tuple(key for key, _ in own)
+    return Adjust(session.state.run, tuple(values.items()), 0, tuple(found), reason, own=keys)
 
 
 def follow(session: Session) -> State:
-    """Begin anew where the run has changed since."""
-    adjust = session.state.adjust
-    if adjust is None or adjust.run == session.state.run:
+    """Begin anew where the run has changed since; what is missing is so for every run."""
+    adjust, run = session.state.adjust, session.state.run
+    if adjust is None or adjust.run == run:
         return session.state
-    return session.set(
-        replace(session.state, adjust=_fresh(session, adjust.sliders, adjust.reason))
-    )
+    fresh = _fresh(session, adjust.sliders, adjust.reason)
+    made = replace(adjust, run=run) if adjust.missing else fresh
+    return session.set(replace(session.state, adjust=made))
 
 
 def choose(session: Session, steps: int) -> State:
@@ -103,13 +104,22 @@ def reset(session: Session) -> State:
 
 
 def chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
-    """The chains that the sliders stand for."""
-    from s2rtools.adjust import chain_of
+    """The chains that the sliders stand for, in the order of the run's where that is its own.
 
-    return {
-        side: chain_of(side, {name: value for (own, name), value in adjust.values if own == side})
-        for side in SIDES
-    }
+    Raises RequestError for a run that takes a step twice, which sliders cannot show.
+    """
+    from s2rtools.adjust import ADJUSTMENTS, chain_of
+
+    made: dict[Side, list[dict[str, Any]]] = {}
+    for side in SIDES:
+        own = [name for of, name in adjust.own if of == side]
+        if len(set(own)) < len(own):
+            raise RequestError(f"run {adjust.run}: takes a step twice, which sliders cannot show")
+        chain = chain_of(side, {name: value for (of, name), value in adjust.values if of == side})
+        if own != [name for name in ADJUSTMENTS if name in own]:
+            chain.sort(key=lambda step, own=own: (*own, step["name"]).index(step["name"]))
+        made[side] = chain
+    return made
 
 
 def _put(session: Session, adjust: Adjust) -> State:

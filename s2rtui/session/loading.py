@@ -69,16 +69,21 @@ def expect(session: Session, run: str, generation: int) -> State:
 
 
 def arrive(session: Session, fresh: Store | None = None) -> State:
-    """Turn to the awaited run; `fresh` is the open store of its generation, where that is newer."""
+    """Turn to the awaited run, what is begun going on; `fresh` is the open store of its generation,
+    where that is newer.
+    """
     awaited = session.state.awaited
     session.set(replace(session.state, awaited=None))
     if fresh is not None:
         session.enter(fresh)
-    if awaited is None or awaited.run == session.state.run:
-        return session.state
-    message = session.state.message if fresh is not None else ""
+    before = session.state
+    refused = fresh is not None and session.store is not fresh
+    if awaited is None or refused or awaited.run not in before.runs or awaited.run == before.run:
+        return before
+    message = before.message if fresh is not None else ""
     state = session.turn_to(awaited.run)
-    return session.set(replace(state, message=message or state.message))
+    begun = replace(state, brush=before.brush, operator=before.operator)
+    return session.set(replace(begun, message=message or state.message))
 
 
 def give_up(session: Session) -> State:

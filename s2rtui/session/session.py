@@ -40,16 +40,17 @@ class Session:
     ) -> None:
         """`notebooks` opens a data set's notebook by its hash; without it nothing is kept.
 
-        `nights` is a history of the gap (default: the store's own). `waits` says that somebody
-        reads the columns of awaited runs: see `loading`. Raises RequestError where there is no
-        store, no computed run, or not the history that was named.
+        `nights` is a history of the gap (default: the store's own). `waits` says that workers read
+        the stores, awaited runs among them (see `loading`), and that somebody calls `release`.
+        Raises RequestError where there is no store, no computed run, or not the history that was
+        named.
         """
         if nights is not None and not nights.is_file():
             raise RequestError(f"--history {nights}: no such file; `s2r nightly` writes one")
         self.store: Store = s2rstore.open(path, INDEX_MEMORY)
         self.notebook = notebooks(self.store.dataset.hash) if notebooks else None
         self.waits = False
-        self._retired: Store | None = None
+        self._retired: list[Store] = []
         self._bases: dict[tuple[object, ...], NDArray[np.bool_]] = {}
         self._nights = nights or history.path_in(self.store.path)
         self.state = self._first_state(run)
@@ -68,8 +69,7 @@ class Session:
 
     def close(self) -> None:
         self.store.close()
-        if self._retired is not None:
-            self._retired.close()
+        self.release()
 
     def _first_state(self, run: str | None) -> State:
         chosen = self.store.run(run)
@@ -277,11 +277,10 @@ class Session:
 
     # --- generations ---------------------------------------------------------------------------
 
-    def _retire(self, store: Store) -> None:
-        """Close a store only at the next change: a worker may still be reading it."""
-        if self._retired is not None:
-            self._retired.close()
-        self._retired = store
+    def release(self) -> None:
+        """Close the stores that were moved on from: call it when no worker reads."""
+        while self._retired:
+            self._retired.pop().close()
 
     def notice(self) -> bool:
         """Look for a newer generation and new nights; True where one was not known."""
@@ -312,20 +311,27 @@ class Session:
             fresh_store.close()
             what = "has no computed run" if not runs else "holds another data set"
             return self.tell(f"the newest generation {what}: open it anew", is_error=True)
-        self.store = fresh_store
-        self._bases.clear()
         run = state.run if state.run in runs else runs[0]
         fresh = replace(
             state,
-            generation=self.store.generation,
-            newest=self.store.generation,
+            generation=fresh_store.generation,
+            newest=fresh_store.generation,
             runs=runs,
             run=run,
             other=state.other if state.other in runs else None,
             awaited=None,
         )
-        made = with_heat(self.store, self._kept(fresh))
-        self._retire(old)
+        self.store = fresh_store
+        try:
+            made = with_heat(self.store, self._kept(fresh))
+        except BaseException:
+            self.store = old
+            fresh_store.close()
+            raise
+        self._bases = {key: base for key, base in self._bases.items() if key[0] != old.generation}
+        self._retired.append(old)
+        if not self.waits:
+            self.release()
         if run == state.run:
             made = replace(made, brush=state.brush, operator=state.operator)
         told = (f"generation {self.store.generation}", made.message)

@@ -81,7 +81,8 @@ class Brush:
 class Adjust:
     """Sliders on a run: a value per (side, adjustment), the slider that keys move.
 
-    `reason` says why something cannot be adjusted here; `missing` what has to be installed first.
+    `own` are the steps of the run's chains in their order. `reason` says why something cannot be
+    adjusted here; `missing` what has to be installed first.
     """
 
     run: str
@@ -90,6 +91,7 @@ class Adjust:
     sliders: tuple[Slider, ...] = ()
     reason: str = ""
     missing: str = ""
+    own: tuple[tuple[Side, str], ...] = ()
 
     def value(self, key: tuple[Side, str]) -> float:
         return dict(self.values)[key]

@@ -153,6 +153,11 @@ class PlotView(Widget, can_focus=False):
         if regions:
             self.refresh(*regions)
 
+    def clear(self) -> None:
+        """Hold nothing of what was drawn: not the store either that it was drawn from."""
+        self._draw = self._depends = self._canvas = None
+        self._strips = []
+
     def _render_canvas(self) -> None:
         if self._draw is None:
             return

@@ -100,9 +100,11 @@ class Store:
         self.close()
 
     def close(self) -> None:
-        """Let the index go; what was read stays."""
+        """Let the index go and what is kept of it; arrays that somebody holds stay."""
         with self._lock:
             opened, self._opened = self._opened, None
+        for kept in (self._columns, self.evaluated, self.embeddings):
+            kept.clear()
         if opened is not None:
             with contextlib.suppress(duckdb.Error):  # busy in another thread: closed after that
                 opened.close()

@@ -63,6 +63,10 @@ class Recent:
             for key in [key for key in self._values if unwanted(key)]:
                 self._bytes -= self._values.pop(key).nbytes
 
+    def clear(self) -> None:
+        """Keep nothing."""
+        self.drop(lambda key: True)
+
     def _put(self, key: Hashable, value: Sized) -> None:
         self._values[key] = value
         self._bytes += value.nbytes

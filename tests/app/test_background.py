@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 import threading
 import time
+import weakref
 
 from s2rtui import background
 from s2rtui.background import Lane
@@ -83,3 +85,47 @@ def test_a_process_ends_around_what_is_under_way() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
     assert (done.returncode, done.stdout, done.stderr) == (70, "told\n", "")
     assert time.monotonic() - began < 10
+
+
+class Held:
+    """Something that work is made with."""
+
+    def work(self) -> None:
+        """Nothing."""
+
+
+def test_a_lane_at_rest_holds_nothing_of_what_it_did() -> None:
+    lane, held = Lane("lane"), Held()
+    gone = weakref.ref(held)
+    lane.put(held.work)
+    del held
+    deadline = time.monotonic() + 10
+    while not lane.idle:
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+    gc.collect()
+    assert gone() is None
+    lane.end()
+
+
+def test_a_lane_outlives_what_its_work_raises() -> None:
+    told: list[Exception] = []
+    gate, lane = Gate(), Lane("lane", told.append)
+    fault = ZeroDivisionError("of the work")
+
+    def work() -> None:
+        gate.wait()
+        raise fault
+
+    lane.put(work)
+    assert gate.entered.wait(10)
+    lane.put(lambda: gate.note("after"))
+    assert not lane.idle
+    gate.open.set()
+    deadline = time.monotonic() + 10
+    while not lane.idle:
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+    assert gate.done == ["first", "after"]
+    assert told == [fault]
+    lane.end()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import threading
+import weakref
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +21,11 @@ from s2rtools.precompute.registry import add_run
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
 from s2rtui.headless import settle, take
+from s2rtui.plots.surface import Mark
 from s2rtui.saving import Progress
 from s2rtui.savings import Savings
-from s2rtui.session import Session, loading
+from s2rtui.session import Brush, Session, State, loading
+from s2rtui.session.state import Awaited
 from tests.support import tiny
 
 RUNS = ("vanilla", "b", "c")
@@ -194,19 +199,99 @@ async def test_what_turns_to_a_saved_run_is_true(four_runs: Path, present: int, 
 
 
 def test_brush_and_operator_stay_in_a_newer_generation(own_store: Path) -> None:
-    from dataclasses import replace
-
-    from s2rtui.plots.surface import Mark
-    from s2rtui.session import Brush
-
     session = Session(own_store)
-    brush = Brush("map", Mark("map", ((1.0, 1.0), (3.0, 2.0))))
-    session.expect("union")
-    session.set(replace(session.state, brush=brush))
+    brush, _ = begun(session)
     add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
     state = session.move_on()
     assert state.generation == session.store.generation > 1
     assert (state.brush, state.operator) == (brush, "union")
+    session.close()
+
+
+async def test_a_left_store_is_closed_once_nobody_reads_it(own_store: Path) -> None:
+    app, entered, go_on = app_on(own_store), threading.Event(), threading.Event()
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        before = app.session.store
+        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+        app.feeding._lanes["lines"].put(lambda: (entered.set(), go_on.wait(20)))
+        assert entered.wait(10)
+        await press(app, pilot, "g")
+        app._watch()
+        assert app.session.store is not before
+        assert before.execute("SELECT 1") == [(1,)]
+        go_on.set()
+        await settle(app, pilot)
+        while not app.feeding.idle:
+            await pilot.pause()
+        app._watch()
+        with pytest.raises(s2rstore.errors.RequestError, match="is closed"):
+            before.execute("SELECT 1")
+        assert not before._columns.nbytes
+
+
+async def test_nothing_holds_a_store_that_was_left(own_store: Path) -> None:
+    """Not the lanes, nor their timers, nor the views that are not seen."""
+    app = app_on(own_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        for key in "123456":
+            await press(app, pilot, key)
+            await settle(app, pilot)
+        before = weakref.ref(app.session.store)
+        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+        await press(app, pilot, "g")
+        await settle(app, pilot)
+        while not app.feeding.idle:
+            await pilot.pause()
+        app._watch()
+        await pilot.pause()
+        gc.collect()
+        held = before()
+        assert held is None
+
+
+def begun(session: Session, **fields: object) -> tuple[Brush, State]:
+    """With a brush and an operator."""
+    brush = Brush("map", Mark("map", ((1.0, 1.0), (3.0, 2.0))))
+    state = replace(session.state, brush=brush, operator="union", **fields)
+    return brush, session.set(state)
+
+
+def test_brush_and_operator_stay_as_an_awaited_run_arrives(store: Path) -> None:
+    session = Session(store)
+    brush, before = begun(session, awaited=Awaited("b", session.state.generation))
+    state = loading.arrive(session)
+    assert (state.run, state.awaited) == ("b", None)
+    assert (state.brush, state.operator) == (brush, before.operator)
+    session.close()
+
+
+def test_the_awaited_run_may_be_gone_from_the_newer_generation(own_store: Path) -> None:
+    session = Session(own_store, "vanilla")
+    begun(session, awaited=Awaited("vanilla", session.state.generation + 1))
+    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+    fresh = s2rstore.open(own_store)
+    del fresh.runs["vanilla"]
+    state = loading.arrive(session, fresh)
+    assert session.store is fresh
+    assert (state.run, state.awaited, state.brush) == ("dataaug", None, None)
+    session.close()
+
+
+def test_a_generation_that_cannot_be_entered_changes_nothing(
+    own_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = Session(own_store)
+    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+    store, state, fresh = session.store, session.state, s2rstore.open(own_store)
+    monkeypatch.setattr(type(fresh), "arrays", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        session.enter(fresh)
+    assert (session.store, session.state) == (store, state)
+    assert store.execute("SELECT 1") == [(1,)]
+    with pytest.raises(s2rstore.errors.RequestError, match="is closed"):
+        fresh.execute("SELECT 1")
     session.close()
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import gc
+import threading
 import weakref
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from s2rtui.plots import same
 from s2rtui.plots.same import Same, kept
 
 
@@ -73,3 +76,48 @@ def test_many_threads_ask_while_arrays_go() -> None:
 
     with ThreadPoolExecutor(4) as pool:
         assert all(pool.map(work, range(8)))
+
+
+class Last:
+    """A result that does something when it goes."""
+
+    def __init__(self, last: Callable[[], object]) -> None:
+        self._last = last
+
+    def __del__(self) -> None:
+        self._last()
+
+
+def test_a_result_goes_after_its_lock() -> None:
+    """As it goes, another thread can ask the same function."""
+    asked: list[bool] = []
+
+    @kept(1)
+    def made(values: Same, number: int) -> Last:
+        return Last(elsewhere)
+
+    def elsewhere() -> None:
+        thread = threading.Thread(target=made, args=(Same(other), 1), daemon=True)
+        thread.start()
+        thread.join(5)
+        asked.append(not thread.is_alive())
+
+    array, other = np.ones(3), np.zeros(3)
+    made(Same(other), 1)
+    made(Same(array), 2)
+    del array
+    assert asked
+    assert all(asked)
+
+
+def test_an_array_that_dies_waits_for_no_lock() -> None:
+    """It may die in a thread that must not wait: the lock's owner may wait for that one."""
+    arrays = [np.ones(3)]
+    Same(arrays[0])
+    with same._MAKING:
+        dying = threading.Thread(target=arrays.clear, daemon=True)
+        dying.start()
+        dying.join(5)
+        assert not dying.is_alive()
+    Same(np.ones(3))
+    assert not same._GONE

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -65,18 +68,35 @@ def waited(saving: Saving, stage: str) -> None:
     raise AssertionError(saving.progress)
 
 
-def test_a_cancelled_run_leaves_its_name_free(trained: Path, tmp_path: Path) -> None:
+def test_a_saving_ends_with_a_killed_application(trained: Path, tmp_path: Path) -> None:
     path = copied(trained, tmp_path / "s.s2r")
-    saving = save_run(path, "saved", "vanilla", {"sim": chain_of("sim", {"black": 0.5})})
-    waited(saving, "forward")
-    saving.cancel()
-    last = list(saving.follow())[-1]
-    assert (last.outcome, last.error) == ("cancelled", "")
-    saving.cancel()
-    with s2rstore.open(path) as store:
-        assert list(store.runs) == ["vanilla"]
     add_run(path, "saved", "vanilla", None, None, {"sim": [], "real": []})
-    assert verify(path) == []
+    code = (
+        "import sys; from pathlib import Path; from s2rtui.saving import Saving\n"
+        "saving = Saving(Path(sys.argv[1]), 'saved', 3, False)\n"
+        "shown = saving.follow(); next(shown); next(shown)\n"
+        "print(saving._process.pid, flush=True); list(shown)"
+    )
+    command = [sys.executable, "-c", code, str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as application:
+        assert application.stdout is not None
+        child = int(application.stdout.readline())
+        os.kill(child, signal.SIGSTOP)  # so that it is not done before
+        application.kill()
+        application.wait()
+    os.kill(child, signal.SIGCONT)
+    deadline = time.monotonic() + 30
+    while Path(f"/proc/{child}").exists() and _state(child) != "Z":
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    with s2rstore.open(path) as store:
+        assert store.run("saved").key is None
+
+
+def _state(process: int) -> str:
+    with suppress(OSError):
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    return "Z"
 
 
 def test_a_busy_store_is_refused_at_once(trained: Path, tmp_path: Path) -> None:
@@ -93,7 +113,7 @@ def test_a_run_that_is_left_can_be_gone_on_with(trained: Path, tmp_path: Path) -
     waited(saving, "forward")
     began = time.monotonic()
     saving.leave()
-    assert list(saving.follow())[-1].outcome == "cancelled"
+    assert list(saving.follow())[-1].outcome == "left"
     assert time.monotonic() - began < 1
     with s2rstore.open(path) as store:
         assert store.run("saved").key is None

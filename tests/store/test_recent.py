@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 
+import s2rstore
+from s2rstore import selection
 from s2rstore.recent import Recent
 
 
@@ -37,3 +40,13 @@ def test_many_threads_share_it() -> None:
     with ThreadPoolExecutor(4) as pool:
         assert all(pool.map(work, range(8)))
     assert kept.nbytes <= 50
+
+
+def test_a_closed_store_keeps_nothing(tiny_store: Path) -> None:
+    store = s2rstore.open(tiny_store)
+    error = store.run_columns("vanilla").real.error
+    selection.select(store, "real.error > 0.1", "vanilla")
+    assert store._columns.nbytes and store.evaluated.nbytes
+    store.close()
+    assert not (store._columns.nbytes or store.evaluated.nbytes or store.embeddings.nbytes)
+    assert error.size

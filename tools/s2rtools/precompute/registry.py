@@ -43,6 +43,11 @@ def add_run(
 ) -> str:
     """Publish a run that is not computed yet; gives its name. Raises RequestError."""
     checked_name(name, "run")
+    for side, chain in chains.items():
+        names = [str(step["name"]) for step in chain]
+        twice = next((one for one in names if names.count(one) > 1), None)
+        if twice is not None:
+            raise RequestError(f"--adjust {side}: {twice} twice; name each adjustment once")
     with s2rstore.open(root) as store:
         _unused(name, store.runs, "run", root)
         if model not in store.models:

@@ -1,0 +1,76 @@
+"""Sliders on runs with chains of their own: what is saved is what was shown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.records import Run
+from s2rtools.precompute.registry import add_run
+from s2rtui.session import Session, adjusting
+
+BRIGHT, FLAT = ({"name": name, "value": 0.8} for name in ("brightness", "contrast"))
+
+
+def with_chain(path: Path, *steps: dict[str, object]) -> Session:
+    """A session whose run adjusts its real side so."""
+    session = Session(path)
+    record: Run = session.store.run(session.state.run)
+    record.real_adjustments[:] = steps
+    adjusting.begin(session, *adjusting.sliders(session.store))
+    return session
+
+
+def moved(session: Session, name: str, value: float) -> list[object]:
+    adjust = session.state.adjust
+    assert adjust is not None
+    index = [slider.name for slider in adjust.sliders].index(name)
+    state = adjusting.put(session, index, value)
+    assert state.adjust is not None
+    return [step["name"] for step in adjusting.chains(state.adjust)["real"]]
+
+
+@pytest.mark.parametrize(
+    ("own", "after"),
+    [
+        ((BRIGHT, FLAT), ["brightness", "contrast", "black"]),
+        ((FLAT, BRIGHT), ["contrast", "brightness", "black"]),
+        ((FLAT,), ["contrast", "black"]),
+    ],
+)
+def test_a_run_keeps_the_order_of_its_steps(
+    tiny_store: Path, own: tuple[dict[str, object], ...], after: list[str]
+) -> None:
+    session = with_chain(tiny_store, *own)
+    adjust = session.state.adjust
+    assert adjust is not None
+    assert adjusting.chains(adjust)["real"] == list(own)
+    assert moved(session, "black", 0.5) == after
+    session.close()
+
+
+def test_a_step_taken_twice_is_refused(own_store: Path) -> None:
+    session = with_chain(own_store, BRIGHT, FLAT, BRIGHT)
+    assert session.state.adjust is not None
+    with pytest.raises(RequestError, match="run vanilla: takes a step twice"):
+        adjusting.chains(session.state.adjust)
+    session.close()
+    chains = {"sim": [], "real": [BRIGHT, FLAT, BRIGHT]}
+    with pytest.raises(RequestError, match="--adjust real: brightness twice"):
+        add_run(own_store, "later", "vanilla", None, None, chains)
+    with s2rstore.open(own_store) as store:
+        assert "later" not in store.runs
+
+
+def test_what_is_missing_is_so_for_every_run(tiny_store: Path) -> None:
+    session = Session(tiny_store)
+    adjusting.lack(session, "torch")
+    session.change_run(1)
+    adjust = adjusting.follow(session).adjust
+    assert adjust is not None
+    assert adjust.run == session.state.run != "vanilla"
+    assert "needs torch" in adjust.missing
+    session.close()
