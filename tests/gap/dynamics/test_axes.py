@@ -9,12 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.gap.contract import Anchor, Axis, Evidence, Measured, Settings
-from s2rtools.gap.dynamics import Delay, Dynamics, align, lateness
+from s2rtools.gap.dynamics import Delay, Dynamics
 from s2rtools.gap.dynamics.windows import Plan
 from s2rtools.logs import Drive
 from s2rtools.logs.rigid import Rigid
@@ -241,39 +240,6 @@ def test_opposite_delays_do_not_cancel(evidence) -> None:
     assert measured.details["delay_least"] == pytest.approx(-0.05, abs=2e-3)
     assert measured.details["delay_most"] == pytest.approx(0.05, abs=2e-3)
     assert "delays of both signs" in measured.notes[0]
-
-
-@pytest.mark.parametrize("noise", [0.1, 0.3, 0.6])
-def test_a_delay_on_the_threshold_seldom_passes(noise: float) -> None:
-    rng = np.random.default_rng(3)
-    spread = noise * stats.norm.ppf((np.arange(200) + 0.5) / 200)
-    ends = []
-    for _ in range(2000):
-        late = 1 + noise * rng.standard_normal()
-        found = align.Delay(late, 0.0, 0.0, late + spread, {}, 30.0)
-        value, replicates = lateness.sizes([found], SETTINGS)
-        low, high = np.percentile(replicates, [2.5, 97.5])
-        assert low <= value <= high
-        ends.append((low > 1, high < 1))
-    failed, passed = np.mean(ends, axis=0)
-    assert passed < 0.036
-    assert failed < 0.036
-
-
-def test_a_delay_within_its_noise_is_shrunk_and_a_clear_one_is_not() -> None:
-    rng = np.random.default_rng(0)
-    found = lateness.beyond_noise(np.abs(0.05 + 0.01 * rng.standard_normal(4000)), 0.01)
-    assert found.mean() == pytest.approx(0.05, rel=0.01)
-    assert lateness.beyond_noise(np.array([0.0, 0.007]), 0.01).tolist() == [0.0, 0.0]
-    assert lateness.beyond_noise(np.array(0.02), 0.0) == 0.02
-
-
-@pytest.mark.parametrize("period", [0.05, 0.1, 1 / 30, 1 / 60, 0.02, 0.01, 0.0125, 0.008, 0.25])
-def test_one_period_measured_on_two_nights_is_one_fingerprint(period: float) -> None:
-    told = {lateness.told_apart(period * (1 + off)) for off in (-2e-3, -1e-5, 0.0, 1e-5, 2e-3)}
-    assert len(told) == 1
-    assert told.pop() == pytest.approx(period, rel=0.005)
-    assert lateness.told_apart(1.03 * period) != lateness.told_apart(period)
 
 
 def test_rows_of_both_axes_are_the_same_drives(evidence) -> None:
