@@ -6,11 +6,15 @@ table functions and COPY.
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import duckdb
 
 from s2rstore.errors import RequestError
+
+_locking = threading.Lock()
+"""Connections of one process to one file share a configuration, which can be locked once."""
 
 
 def connect(index: Path, memory: str = "") -> duckdb.DuckDBPyConnection:
@@ -26,11 +30,12 @@ def connect(index: Path, memory: str = "") -> duckdb.DuckDBPyConnection:
             read_only=True,
             config={"enable_external_access": "false", "temp_directory": ""},
         )
-        locked = connection.execute("SELECT current_setting('lock_configuration')").fetchone()
-        if locked != (True,):
-            if memory:
-                connection.execute(f"SET memory_limit = '{memory}'")
-            connection.execute("SET lock_configuration = true")
+        with _locking:
+            locked = connection.execute("SELECT current_setting('lock_configuration')").fetchone()
+            if locked != (True,):
+                if memory:
+                    connection.execute(f"SET memory_limit = '{memory}'")
+                connection.execute("SET lock_configuration = true")
         return connection
     except duckdb.Error as error:
         first_line = str(error).splitlines()[0]
