@@ -14,6 +14,8 @@ from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError
 from s2rtui.notebook import Notebook, SavedSelection
 from s2rtui.session import Session, listing, sharing
+from s2rtui.views import Resources, Scene
+from s2rtui.views.table import ListView
 
 
 @pytest.fixture
@@ -228,3 +230,22 @@ def test_a_wrong_shared_line_changes_nothing(session: Session) -> None:
     with pytest.raises(ExpressionError):
         sharing.take(session, wrong)
     assert session.state is before
+
+
+@pytest.mark.parametrize("name", listing.NAMES)
+def test_names_are_sorted_by_the_alphabet(session: Session, name: str) -> None:
+    session.select("all")
+    truth = session.store.instances
+    codes, names = getattr(truth, name), getattr(truth, f"{name}_names")
+    state = session.set(replace(session.state, sort=name, descending=False))
+    told = [names[codes[iid]] for iid in listing.order(session.store, state) if codes[iid] >= 0]
+    assert len(set(told)) > 1
+    assert told == sorted(told)
+
+
+def test_every_column_of_the_list_but_remarks_can_be_sorted_by(session: Session) -> None:
+    names, _ = ListView().numbers(Scene(session.store, session.state, Resources()))
+    shown = set(names)
+    assert shown == set(listing.COLUMNS)
+    seen = [listing.next_column(session).sort for _ in listing.COLUMNS]
+    assert set(seen) == shown
