@@ -9,7 +9,7 @@ from typing import Literal
 
 from s2rtui.access import Access, Need
 from s2rtui.keys import key_shown
-from s2rtui.session import Session, adjusting, listing, showing
+from s2rtui.session import Session, adjusting, derive, listing, showing
 from s2rtui.session.state import State
 from s2rtui.views import VIEWS
 
@@ -81,6 +81,14 @@ class Action:
 
 def _choose(expression: str) -> Callable[[Session], object]:
     return lambda session: session.choose(expression)
+
+
+def _choose_alike(session: Session) -> object:
+    """The present instance and those that the run sees alike, on the side that is shown."""
+    if session.state.cursor is None:
+        return session.tell("no instance to find others alike: select some")
+    function = "sim.like" if session.state.side == "sim" else "like"
+    return session.choose(f"{function}({session.state.cursor}, {derive.NEIGHBOURS})")
 
 
 _OPERATORS = (
@@ -163,6 +171,8 @@ ACTIONS: tuple[Action, ...] = (
            _choose("best(15%, sim.error)"), when="still"),
     Action("straight", ("i",), "select", "straight driving", _choose("straight"), when="still"),
     Action("curved", ("j",), "select", "curves", _choose("curved"), when="still"),
+    Action("alike", ("l",), "select", "what the model sees like this instance", _choose_alike,
+           when="still"),
     Action("all", ("c",), "select", "select all", lambda s: s.select("all"), "clear",
            when="still"),
     *_OPERATORS,

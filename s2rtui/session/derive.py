@@ -23,7 +23,8 @@ from s2rtui.session.state import HeatChoice, State
 
 Pixels = NDArray[np.uint8]
 Grid = NDArray[np.float32]
-_NEIGHBOURS = 5
+NEIGHBOURS = 5
+"""How many instances are told, and selected, as those that a model sees alike."""
 
 
 def overview_rows(
@@ -165,7 +166,7 @@ def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
     found = []
     for side in SIDES:
         try:
-            near, _ = similarity.neighbours(store, run, side, iid, _NEIGHBOURS)
+            near, _ = similarity.neighbours(store, run, side, iid, NEIGHBOURS)
         except RequestError:
             return []
         listed = " ".join(str(other) for other in near if other != iid)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,9 +17,16 @@ from s2rtui.session.state import State
 COLUMNS = (
     "real.error", "sim.error", "gap", "shift", "real.heading_error", "sim.heading_error",
     "real.outlier", "sim.outlier",
-    "iid", "x", "y", "heading",
+    "real.rank", "sim.rank", "real.loss", "sim.loss", "real.accuracy", "sim.accuracy",
+    "iid", "x", "y", "heading", "curvature", "seq", "room", "trajectory",
 )  # fmt: skip
 """What a list can be sorted by, as the language names it."""
+NAMES = ("room", "trajectory")
+"""Those of them that hold names: sorted by the alphabet."""
+COUNTS = ("iid", "seq", "real.rank", "sim.rank")
+"""Those of whole numbers; below 0, or no rank, there is none."""
+_OF_TRUTH = ("x", "y", "heading", "curvature", "seq")
+_UPWARDS = ("iid", "real.rank", "sim.rank", *_OF_TRUTH, *NAMES)
 _FEW = 6
 """A larger part of all than one in so many is taken from the order of all, which is kept."""
 
@@ -51,22 +59,34 @@ def _sorted(values: NDArray[Any], descending: bool) -> NDArray[np.intp]:
 
 
 def column(store: Store, state: State, name: str) -> NDArray[np.float64]:
-    """(N,) of a column of the list, in the index's units."""
+    """(N,) of a column of the list, in the index's units; of names their place in the alphabet."""
     truth, run = store.instances, store.run_columns(state.run)
     if name == "iid":
         return np.arange(len(truth), dtype=np.float64)
+    if name in NAMES:
+        return _places(getattr(truth, name), getattr(truth, f"{name}_names"))
     side, dot, rest = name.partition(".")
-    owner = run.side("sim" if side == "sim" else "real") if dot else run
-    if name in ("x", "y", "heading"):
-        return np.asarray(getattr(truth, name), dtype=np.float64)
-    return np.asarray(getattr(owner, rest if dot else name), dtype=np.float64)
+    owner: object = run.side("sim" if side == "sim" else "real") if dot else run
+    if name in _OF_TRUTH:
+        owner = truth
+    values = np.asarray(getattr(owner, rest if dot else name), dtype=np.float64)
+    if name in COUNTS:
+        return np.where(values < (rest == "rank"), np.nan, values)
+    return values
+
+
+def _places(codes: NDArray[np.integer[Any]], names: Sequence[str]) -> NDArray[np.float64]:
+    """Where each name stands among all; NaN for none (code -1)."""
+    places = np.full(len(names) + 1, np.nan)
+    places[sorted(range(len(names)), key=lambda code: names[code])] = np.arange(len(names))
+    return places[codes]
 
 
 def next_column(session: Session) -> State:
     """Sort by the next column, the largest first."""
     state = session.state
     name = COLUMNS[(COLUMNS.index(state.sort) + 1) % len(COLUMNS)]
-    made = replace(state, sort=name, descending=name not in ("iid", "x", "y", "heading"))
+    made = replace(state, sort=name, descending=name not in _UPWARDS)
     return session.set(replace(made, message=f"sorted by {name}", is_error=False))
 
 

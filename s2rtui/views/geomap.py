@@ -41,9 +41,15 @@ class MapView(View):
         state, told = scene.state, _TOLD[scene.state.map_mode]
         if state.clip:
             saw = f"what the selection saw{share_told(state)}"
-            loaded = scene.resources.seen_on_map(state) is not None
-            told += f", {saw}" if loaded else f", loading {saw}"
-        return told
+            failed = scene.resources.failed.get("what was seen")
+            if scene.resources.seen_on_map(state) is not None:
+                told += f", {saw}"
+            else:
+                told += f", {saw} is not known: {failed}" if failed else f", loading {saw}"
+        lacks = (
+            feed for feed in ("floor plan", "heat on the map") if feed in scene.resources.failed
+        )
+        return told + "".join(f", no {feed}: {scene.resources.failed[feed]}" for feed in lacks)
 
     def input(self, scene: Scene) -> plots.GeoMapInput:
         state, resources = scene.state, scene.resources

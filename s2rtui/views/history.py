@@ -40,7 +40,8 @@ class HistoryView(View):
         return plots.HistoryInput(_nights(found, scene.state.run, scene.store.dataset.hash))
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
-        return scene.resources.history, scene.state.run, scene.state.history
+        failed = scene.resources.failed.get("history")
+        return scene.resources.history, scene.state.run, scene.state.history, failed
 
     def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
         view = self.input(scene)
@@ -54,8 +55,10 @@ class HistoryView(View):
     def _missing(self, scene: Scene) -> tuple[str, ...]:
         """Why there is nothing to draw, and what to do."""
         found, file = scene.resources.history, scene.state.history
+        if failed := scene.resources.failed.get("history"):
+            return ("the history cannot be read", failed)
         if file is not None and found is None:
-            return ("the history is not read yet", "where it cannot be, a message tells why")
+            return ("the history is not read yet",)
         runs = found.shown_runs(scene.store.dataset.hash) if found is not None else ()
         if runs:
             return (f"no night of run {scene.state.run}", f"there are nights of {', '.join(runs)}")

@@ -26,11 +26,13 @@ class InstanceView(View):
         if state.cursor is None:
             return "none"
         wanted = about(state).told(state)
+        failed = resources.failed.get("pictures")
         if resources.pictures is None or resources.pictures_of is None:
-            failed = resources.failed.get("pictures")
             return f"{wanted}: {failed}" if failed else f"{wanted}, loading"
         present = resources.pictures_of.told(state)
-        return present if present == wanted else f"{present} (loading {wanted})"
+        if present == wanted:
+            return present
+        return f"{present} ({wanted}: {failed})" if failed else f"{present} (loading {wanted})"
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
         shown = scene.resources.pictures

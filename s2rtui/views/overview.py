@@ -27,6 +27,8 @@ class OverviewView(View):
     def told(self, scene: Scene) -> str:
         lines = scene.resources.lines
         told = f", each instance in {lines.side} a line" if lines else ""
+        if failed := scene.resources.failed.get("rows" if not scene.resources.rows else "lines"):
+            told = f": {failed}"
         return f"accuracy, sim and real{told}"
 
     def lines(self, scene: Scene) -> plots.OverviewLines | None:
@@ -39,7 +41,8 @@ class OverviewView(View):
 
     def _rows(self, scene: Scene) -> tuple[plots.OverviewRow, ...]:
         """A row per run; until a worker has brought them, their names."""
-        empty = (plots.OverviewRow(run, None, None, note="reading") for run in scene.state.runs)
+        note = "cannot be read" if "rows" in scene.resources.failed else "reading"
+        empty = (plots.OverviewRow(run, None, None, note=note) for run in scene.state.runs)
         return scene.resources.rows or tuple(empty)
 
     def _arguments(

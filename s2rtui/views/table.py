@@ -46,17 +46,16 @@ class ListView(View):
         return TableInput(rows, columns, state.cursor, state.descending)
 
     def _columns(self, scene: Scene) -> list[_Column]:
-        state, truth = scene.state, scene.store.instances
-        chosen = [state.sort, *(name for name in listing.COLUMNS if name != state.sort)]
-        columns = [_Column("iid", TableColumn("iid", str, 8, sorts=state.sort == "iid"), int)]
-        if state.sort != "iid":
-            columns.append(_numbers(scene, state.sort, True))
-        columns.append(_texts("room", _named(truth.room, truth.room_names), 16))
+        sort = scene.state.sort
+        columns = [_Column("iid", TableColumn("iid", str, 8, sorts=sort == "iid"), int)]
+        if sort != "iid":
+            columns.append(_column(scene, sort, True))
+        if sort != "room":
+            columns.append(_column(scene, "room", False))
         if scene.notes.remarks:
             columns.append(_texts("remark", scene.remark, 24, "tags, note"))
-        columns += [_numbers(scene, name, False) for name in chosen[1:] if name != "iid"]
-        trajectory = _named(truth.trajectory, truth.trajectory_names)
-        return [*columns, _texts("trajectory", trajectory, 12)]
+        others = (name for name in listing.COLUMNS if name not in (sort, "iid", "room"))
+        return [*columns, *(_column(scene, name, False) for name in others)]
 
     def numbers(self, scene: Scene) -> Table:
         columns = self._columns(scene)
@@ -67,7 +66,7 @@ class ListView(View):
     def words(self, scene: Scene) -> str:
         sort = scene.state.sort
         rows = listing.order(scene.store, scene.state)[:_IN_WORDS].tolist()
-        text = _numbers(scene, sort, True).shown.text
+        text = _column(scene, sort, True).shown.text
         told = ", ".join(f"{iid} ({text(iid)})" for iid in rows)
         return f"{scene.state.count} instances by {sort}: {told or 'none'}."
 
@@ -107,6 +106,14 @@ class ListView(View):
         return f"ids({', '.join(str(iid) for iid in np.sort(chosen))})"
 
 
+def _column(scene: Scene, name: str, sorts: bool) -> _Column:
+    if name not in listing.NAMES:
+        return _numbers(scene, name, sorts)
+    truth = scene.store.instances
+    text = _named(getattr(truth, name), getattr(truth, f"{name}_names"))
+    return _texts(name, text, 16 if name == "room" else 12, sorts=sorts)
+
+
 def _numbers(scene: Scene, name: str, sorts: bool) -> _Column:
     scale = 180 / math.pi if name in _UNITS else 1.0
     title = name.replace("heading_error", "turn")
@@ -117,14 +124,18 @@ def _numbers(scene: Scene, name: str, sorts: bool) -> _Column:
 
     def text(iid: int) -> str:
         found = value(iid)
-        return "n/a" if found is None else f"{found:.0f}" if name == "iid" else f"{found:.2f}"
+        return (
+            "n/a" if found is None else f"{found:.0f}" if name in listing.COUNTS else f"{found:.2f}"
+        )
 
     shown = TableColumn(title, text, max(8, len(title) + 1), sorts=sorts)
     return _Column(name, shown, value)
 
 
-def _texts(name: str, text: Callable[[int], str], width: int, title: str = "") -> _Column:
-    shown = TableColumn(title or name, text, width, False)
+def _texts(
+    name: str, text: Callable[[int], str], width: int, title: str = "", sorts: bool = False
+) -> _Column:
+    shown = TableColumn(title or name, text, width, False, sorts)
     return _Column(name, shown, lambda iid: text(iid) or None)
 
 

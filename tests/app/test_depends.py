@@ -192,3 +192,27 @@ def test_a_moving_mark_draws_its_own_view_alone(scenes: dict[str, Scene]) -> Non
     changed = replace(scene, state=replace(scene.state, brush=moved))
     redrawn = {view.name for view in VIEWS if drawn(view, changed)[1] != drawn(view, scene)[1]}
     assert redrawn == {"umap"}
+
+
+@pytest.mark.parametrize(
+    ("name", "feed"),
+    [
+        ("history", "history"), ("map", "what was seen"), ("map", "floor plan"),
+        ("map", "heat on the map"), ("overview", "rows"), ("instance", "pictures"),
+    ],
+)  # fmt: skip
+def test_what_failed_is_not_being_loaded(session: Session, name: str, feed: str) -> None:
+    view = next(view for view in VIEWS if view.name == name)
+    assert feed in view.feeds
+    state = replace(session.state, clip=feed == "what was seen", cursor=4)
+    failed = Resources(failed={feed: "no luck"})
+    keys, texts = [], []
+    for resources in (Resources(), failed):
+        draw, depends = shown(view, Scene(session.store, state, resources))
+        keys.append(depends)
+        texts.append("\n".join("".join(row) for row in draw((160, 20), Look()).char))
+    assert keys[0] != keys[1]
+    assert "no luck" not in texts[0]
+    assert "no luck" in texts[1]
+    assert "loading" not in texts[1]
+    assert "reading" not in texts[1]

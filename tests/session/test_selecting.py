@@ -10,10 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from s2rstore import similarity
 from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError
+from s2rstore.records import Side
+from s2rtui.actions import BY_NAME
 from s2rtui.notebook import Notebook, SavedSelection
-from s2rtui.session import Session, listing, sharing
+from s2rtui.session import Session, derive, listing, sharing
+from s2rtui.views import Resources, Scene
+from s2rtui.views.table import ListView
+from tests.support import embeddings
 
 
 @pytest.fixture
@@ -228,3 +234,43 @@ def test_a_wrong_shared_line_changes_nothing(session: Session) -> None:
     with pytest.raises(ExpressionError):
         sharing.take(session, wrong)
     assert session.state is before
+
+
+@pytest.mark.parametrize("name", listing.NAMES)
+def test_names_are_sorted_by_the_alphabet(session: Session, name: str) -> None:
+    session.select("all")
+    truth = session.store.instances
+    codes, names = getattr(truth, name), getattr(truth, f"{name}_names")
+    state = session.set(replace(session.state, sort=name, descending=False))
+    told = [names[codes[iid]] for iid in listing.order(session.store, state) if codes[iid] >= 0]
+    assert len(set(told)) > 1
+    assert told == sorted(told)
+
+
+def test_every_column_of_the_list_but_remarks_can_be_sorted_by(session: Session) -> None:
+    names, _ = ListView().numbers(Scene(session.store, session.state, Resources()))
+    shown = set(names)
+    assert shown == set(listing.COLUMNS)
+    seen = [listing.next_column(session).sort for _ in listing.COLUMNS]
+    assert set(seen) == shown
+
+
+@pytest.mark.parametrize("side", ["sim", "real"])
+def test_an_instance_leads_to_what_is_seen_alike(own_store: Path, side: Side) -> None:
+    rng = np.random.default_rng(3)
+    points = {side: rng.normal(size=(40, 3)) for side in ("sim", "real")}
+    embeddings.add(own_store, "vanilla", points)
+    session = Session(own_store, "vanilla")
+    session.put_cursor(4)
+    heat = session.state.heat
+    assert heat is not None
+    session.set(replace(session.state, heat=replace(heat, side=side)))
+    change = BY_NAME["alike"].do
+    assert change is not None
+    change(session)
+    near, _ = similarity.neighbours(session.store, session.state.run, side, 4, derive.NEIGHBOURS)
+    assert chosen(session) == set(near.tolist())
+    assert 4 in chosen(session)
+    session.set(replace(session.state, cursor=None))
+    change(session)
+    assert session.state.message == "no instance to find others alike: select some"
