@@ -252,7 +252,7 @@ class S2RApp(Brushes, Papers, Savings):
             if message.error:
                 loading.give_up(self.session)
                 raise RequestError(message.error)
-            loading.arrive(self.session, fresh)
+            sharing.arrive(self.session, fresh)
         except S2RError as error:
             self.session.tell(str(error), is_error=True)
 

@@ -22,7 +22,7 @@ from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
 from s2rtui.headless import settle, take
 from s2rtui.plots.surface import Mark
-from s2rtui.session import Brush, Session, State, loading
+from s2rtui.session import Brush, Session, State, loading, sharing
 from s2rtui.session.state import Awaited
 from tests.support import tiny
 
@@ -84,6 +84,54 @@ async def test_keys_go_on_while_a_run_is_read(store: Path, gate: threading.Event
             )
         assert set(np.flatnonzero(state.selected)) == {iid for (iid,) in worst}
         assert "loading" not in take(app).text.splitlines()[0]
+
+
+async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
+    store: Path, gate: threading.Event
+) -> None:
+    app = app_on(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c")
+        before, own = app.session.state, app.session.store.dataset.hash
+        text = f"worst(3, real.error)  # data set {own}, generation {before.generation}, run b, 3 instances"
+        sharing.take(app.session, text)
+        app.refresh_views()
+        await pilot.pause()
+        state = app.session.state
+        assert (state.run, state.expression, state.message) == ("vanilla", "all", "loading run b")
+        gate.set()
+        await settle(app, pilot)
+        state = app.session.state
+        assert (state.run, state.expression, state.awaited) == ("b", "worst(3, real.error)", None)
+        assert state.past[-1] == "all"
+        errors = app.session.store.run_columns("b").real.error
+        assert set(np.flatnonzero(state.selected)) == set(np.argsort(-errors, kind="stable")[:3])
+
+
+async def test_columns_of_an_expression_are_read_elsewhere(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    whole, here, read = dense._predicted, threading.current_thread(), []
+
+    def watched(index, run, side, name, lacking):
+        read.append((name, threading.current_thread() is here))
+        return whole(index, run, side, name, lacking)
+
+    app = app_on(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        for column in ("real.outlier", "sim.outlier"):
+            side, _, name = column.partition(".")
+            assert app.session.store.has_read("vanilla", side, [name])
+        assert app.session.store.has_read(None, None, ["curvature"])
+        monkeypatch.setattr(dense, "_predicted", watched)
+        await press(app, pilot, "slash", *["backspace"] * 60)
+        await press(app, pilot, *["real.loss > 0"[i] for i in range(13)], "enter")
+        await settle(app, pilot)
+        assert app.session.state.expression == "real.loss > 0"
+        assert app.session.state.selected.all()
+        assert read == [("loss", False)]
 
 
 async def test_the_newest_run_wins(store: Path, gate: threading.Event) -> None:
