@@ -93,7 +93,8 @@ async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
         before, own = app.session.state, app.session.store.dataset.hash
-        text = f"worst(3, real.error)  # data set {own}, generation {before.generation}, run b, 3 instances"
+        facts = f"data set {own}, generation {before.generation}, run b, 3 instances"
+        text = f"worst(3, real.error)  # {facts}"
         sharing.take(app.session, text)
         app.refresh_views()
         await pilot.pause()
