@@ -18,8 +18,10 @@ import s2rstore
 from s2rstore import dense
 from s2rstore.recent import Recent
 from s2rtools.precompute.registry import add_run
+from s2rtui import headless
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
+from s2rtui.feeds import reading
 from s2rtui.headless import settle, take
 from s2rtui.plots.surface import Mark
 from s2rtui.session import Brush, Session, State, loading, sharing
@@ -354,3 +356,29 @@ def test_a_store_is_opened_at_an_earlier_generation(own_store: Path) -> None:
         assert "later" in newest.runs
     with pytest.raises(s2rstore.errors.RequestError, match="cannot be opened"):
         s2rstore.open(own_store, generation=999)
+
+
+def test_keys_look_at_no_file(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a floor plan depends on is asked at every key."""
+    session = Session(store)
+    monkeypatch.setattr(type(session.store), "floor_plan_path", lambda _: 1 / 0)
+    wanted = reading.wants_floor_plan(session.store, session.state)
+    assert (wanted is None) == (session.store.dataset.floor_plan is None)
+    session.close()
+
+
+def test_the_screen_of_a_state_shows_its_nights(
+    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nights = tmp_path / "nights.duckdb"
+    nights.touch()
+    session = Session(store, nights=nights)
+    opened: list[Session] = []
+    monkeypatch.setattr(headless, "S2RApp", lambda made, look: opened.append(made) or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        headless.screen_of(store, session.state, (80, 24), Look())
+    assert opened[0].state is session.state
+    assert opened[0].store.in_use == {session.state.run}
+    assert not opened[0].notice()
+    for each in (session, *opened):
+        each.close()
