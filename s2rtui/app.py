@@ -253,7 +253,7 @@ class S2RApp(Brushes, Papers, Savings):
             if message.error:
                 loading.give_up(self.session)
                 raise RequestError(message.error)
-            loading.arrive(self.session, fresh)
+            sharing.arrive(self.session, fresh)
             self.tell_saved()
         except S2RError as error:
             self.session.tell(str(error), is_error=True)

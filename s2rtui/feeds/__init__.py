@@ -8,6 +8,7 @@ from s2rtui.feeds.contract import Caller, Feed, Fields, Key
 FEEDS: tuple[Feed, ...] = (
     Feed("run", reading.wants_run, reading.read_run, rests=False),
     Feed("other run", reading.wants_other, reading.read_other, rests=False),
+    Feed("columns", reading.wants_columns, reading.read_columns),
     Feed("rows", reading.wants_rows, reading.read_rows, rests=False),
     Feed("lines", reading.wants_lines, reading.read_lines, rests=False),
     Feed(

@@ -10,7 +10,7 @@ from textual.timer import Timer
 
 from s2rstore.errors import S2RError
 from s2rstore.reader import Store
-from s2rtui.background import Lane, Work
+from s2rtui.background import Lane
 from s2rtui.desk import Desk
 from s2rtui.feeds import FEEDS, Feed, Fields, Key
 from s2rtui.messages import Failed, Fed, Progressed

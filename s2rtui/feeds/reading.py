@@ -50,6 +50,16 @@ def read_other(store: Store, state: State, caller: Caller) -> Fields:
     return {}
 
 
+def wants_columns(store: Store, state: State) -> Key:
+    return (state.generation, state.run)
+
+
+def read_columns(store: Store, state: State, caller: Caller) -> Fields:
+    """What views draw of the present run later on, ahead of the keys that ask for it."""
+    loading.read(store, state, state.run, caller.wanted)
+    return {}
+
+
 def wants_rows(store: Store, state: State) -> Key:
     return (state.generation, state.runs)
 

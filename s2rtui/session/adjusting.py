@@ -117,7 +117,8 @@ def chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
             raise RequestError(f"run {adjust.run}: takes a step twice, which sliders cannot show")
         chain = chain_of(side, {name: value for (of, name), value in adjust.values if of == side})
         if own != [name for name in ADJUSTMENTS if name in own]:
-            chain.sort(key=lambda step, own=own: (*own, step["name"]).index(step["name"]))
+            first = [step for name in own for step in chain if step["name"] == name]
+            chain = [*first, *(step for step in chain if step["name"] not in own)]
         made[side] = chain
     return made
 

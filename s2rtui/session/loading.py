@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING
 
 from s2rstore import selection
 from s2rstore.errors import RequestError
-from s2rstore.language import base_population, mask, parse
+from s2rstore.language import Node, base_population, mask, parse
+from s2rstore.language.context import used_fields
+from s2rstore.language.fields import NUMERIC, TEXT
+from s2rstore.language.nodes import Bend, Field, Like, leaves
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.session.comparing import other_run
@@ -20,8 +23,9 @@ if TYPE_CHECKING:
 
 AT_ONCE = 20_000
 """Columns of so many instances are read within a blink of the eye."""
-_OF_SIDE = ("x", "y", "heading", "error", "heading_error", "room", "u", "v")
+_OF_SIDE = ("x", "y", "heading", "error", "heading_error", "room", "u", "v", "outlier")
 _OF_BOTH = ("shift", "valid")
+_OF_TRUTH = ("x", "y", "heading", "seq", "trajectory", "room", "curvature")
 
 
 def is_ready(store: Store, run: str) -> bool:
@@ -32,10 +36,34 @@ def is_ready(store: Store, run: str) -> bool:
     return sides and store.has_read(run, None, _OF_BOTH)
 
 
+def is_at_hand(store: Store, run: str, node: Node) -> bool:
+    """Whether an expanded expression can be evaluated on a run at once."""
+    if len(store.instances) <= AT_ONCE:
+        return True
+    return all(_has_read(store, run, leaf) for leaf in leaves(node))
+
+
+def _has_read(store: Store, run: str, leaf: Node) -> bool:
+    if isinstance(leaf, Like):
+        return False  # compares embeddings
+    if isinstance(leaf, Bend):
+        return store.has_read(None, None, ["curvature"])
+    return all(_has_read_field(store, run, used) for used in used_fields(leaf))
+
+
+def _has_read_field(store: Store, run: str, used: Field) -> bool:
+    path = NUMERIC[used.name].path if used.name in NUMERIC else TEXT[used.name].path
+    owner, _, name = path.rpartition(".")
+    side = next((side for side in SIDES if side == owner), None)
+    of = None if owner == "instances" else used.run or run
+    return path == "iid" or store.has_read(of, side, [name])
+
+
 def read(store: Store, state: State, run: str, wanted: Callable[[], bool]) -> None:
     """Read what views draw of a run, and evaluate the state's expression on it."""
-    columns = store.run_columns(run)
-    for owner, names in ((columns, _OF_BOTH), *((columns.side(s), _OF_SIDE) for s in SIDES)):
+    columns, truth = store.run_columns(run), store.instances
+    sides = ((columns.side(side), _OF_SIDE) for side in SIDES)
+    for owner, names in ((truth, _OF_TRUTH), (columns, _OF_BOTH), *sides):
         for name in names:
             if not wanted():
                 return
@@ -43,7 +71,8 @@ def read(store: Store, state: State, run: str, wanted: Callable[[], bool]) -> No
     with suppress(RequestError):  # a saved name, or no meaning here: told once it is turned to
         context = selection.context(store, run, state.trajectories)
         base_population(context)
-        mask(parse(state.expression), context)
+        awaited = state.awaited.node if state.awaited else None
+        mask(awaited or parse(state.expression), context)
 
 
 def in_use(state: State) -> frozenset[str]:
@@ -59,12 +88,14 @@ def lacking(store: Store, state: State) -> str | None:
     return other if other is not None and not is_ready(store, other) else None
 
 
-def expect(session: Session, run: str, generation: int) -> State:
-    """Await a run; the newest request wins."""
-    told = f"loading run {run}"
+def expect(
+    session: Session, run: str, generation: int, text: str = "", node: Node | None = None
+) -> State:
+    """Await a run, and what is to be selected there; the newest request wins."""
+    told = f"loading run {run}" if run != session.state.run else f"loading {text}"
     if generation != session.state.generation:
-        told += f" of generation {generation}"
-    awaited = Awaited(run, generation)
+        told = f"loading run {run} of generation {generation}"
+    awaited = Awaited(run, generation, text, node)
     return session.set(replace(session.state, awaited=awaited, message=told, is_error=False))
 
 

@@ -6,9 +6,13 @@ import json
 import re
 from dataclasses import dataclass, replace
 
+from s2rstore import selection
 from s2rstore.errors import RequestError
+from s2rstore.language import parse
+from s2rstore.language.context import expand
+from s2rstore.reader import Store
 from s2rtui.notebook import SavedSelection
-from s2rtui.session import anew
+from s2rtui.session import anew, loading
 from s2rtui.session.session import HISTORY, Session
 from s2rtui.session.state import State
 
@@ -71,17 +75,39 @@ def read(text: str) -> Shared:
 def take(session: Session, text: str) -> State:
     """Select what was typed or pasted, on its run and trajectories where they exist here.
 
-    Tells where it means something else here. Raises RequestError for a selection of another data
-    set.
+    Where a worker has to read columns for that, it is awaited. Tells where it means something else
+    here. Raises RequestError for a selection of another data set, and for an expression that means
+    nothing.
     """
-    shared = read(text)
-    if shared.saved is None:
-        return session.select(shared.expression)
-    own = session.store.dataset.hash
+    shared, own = read(text), session.store.dataset.hash
     if not own.startswith(shared.dataset):
         raise RequestError(
             f"this was selected on data set {shared.dataset}; here is {own[:_HASH_LENGTH]}"
         )
+    state = session.state
+    run = shared.saved.run if shared.saved and shared.saved.run in state.runs else state.run
+    if session.waits:
+        words = selection.vocabulary(session.store, session.notes.nodes)
+        node = expand(parse(shared.expression), words)
+        ready = run == state.run or loading.is_ready(session.store, run)
+        if not (ready and loading.is_at_hand(session.store, run, node)):
+            newest = state.awaited.generation if state.awaited else state.generation
+            return loading.expect(session, run, newest, text, node)
+    return _taken(session, shared)
+
+
+def arrive(session: Session, fresh: Store | None = None) -> State:
+    """Turn to the awaited run (see `loading.arrive`), and take what was to be selected there."""
+    awaited = session.state.awaited
+    state = loading.arrive(session, fresh)
+    if awaited is None or not awaited.text or state.run != awaited.run:
+        return state
+    return _taken(session, read(awaited.text))
+
+
+def _taken(session: Session, shared: Shared) -> State:
+    if shared.saved is None:
+        return session.select(shared.expression)
     before, known = session.state, session.store.instances.trajectory_names
     saved = shared.saved
     try:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.history import Stamp
+from s2rstore.language import Node
 from s2rstore.records import Bounds, Side
 from s2rtui.plots.inputs import MapMode
 from s2rtui.plots.surface import Mark
@@ -99,10 +100,16 @@ class Adjust:
 
 @dataclass(frozen=True, slots=True)
 class Awaited:
-    """A run on its way, of a generation that may be newer than the present one."""
+    """A run on its way, of a generation that may be newer than the present one.
+
+    `text` is what to select once it is there, as it was typed or pasted; `node` what that stands
+    for.
+    """
 
     run: str
     generation: int
+    text: str = ""
+    node: Node | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -134,9 +134,10 @@ def forget(index: Index, run: str) -> None:
     index.kept.drop(lambda key: isinstance(key, tuple) and key[:2] == _key(run))
 
 
-def has_read(index: Index, run: str, side: Side | None, names: Iterable[str]) -> bool:
-    """Whether columns of a run are kept; side None are those of both."""
-    return all((*_key(run), side, name) in index.kept for name in names)
+def has_read(index: Index, run: str | None, side: Side | None, names: Iterable[str]) -> bool:
+    """Whether columns of a run are kept; side None are those of both, run None the truth's."""
+    of = ("instance",) if run is None else (*_key(run), side)
+    return all((*of, name) in index.kept for name in names)
 
 
 def _key(run: str) -> tuple[str, str]:

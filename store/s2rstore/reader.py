@@ -230,8 +230,8 @@ class Store:
         if run not in self.in_use:
             dense.forget(self._dense, run)
 
-    def has_read(self, run: str, side: Side | None, names: Iterable[str]) -> bool:
-        """Whether columns of a run are at hand; side None are those of both."""
+    def has_read(self, run: str | None, side: Side | None, names: Iterable[str]) -> bool:
+        """Whether columns are at hand; side None are those of both, run None the truth's."""
         return dense.has_read(self._dense, run, side, names)
 
     def lacking(self, table: str) -> frozenset[str]:

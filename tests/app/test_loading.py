@@ -18,13 +18,15 @@ import s2rstore
 from s2rstore import dense
 from s2rstore.recent import Recent
 from s2rtools.precompute.registry import add_run
+from s2rtui import headless
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
+from s2rtui.feeds import reading
 from s2rtui.headless import settle, take
 from s2rtui.plots.surface import Mark
 from s2rtui.saving import Progress
 from s2rtui.savings import Savings
-from s2rtui.session import Brush, Session, State, loading
+from s2rtui.session import Brush, Session, State, loading, sharing
 from s2rtui.session.state import Awaited
 from tests.support import tiny
 
@@ -91,6 +93,55 @@ async def test_keys_go_on_while_a_run_is_read(store: Path, gate: threading.Event
             )
         assert set(np.flatnonzero(state.selected)) == {iid for (iid,) in worst}
         assert "loading" not in take(app).text.splitlines()[0]
+
+
+async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
+    store: Path, gate: threading.Event
+) -> None:
+    app = app_on(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c")
+        before, own = app.session.state, app.session.store.dataset.hash
+        facts = f"data set {own}, generation {before.generation}, run b, 3 instances"
+        text = f"worst(3, real.error)  # {facts}"
+        sharing.take(app.session, text)
+        app.refresh_views()
+        await pilot.pause()
+        state = app.session.state
+        assert (state.run, state.expression, state.message) == ("vanilla", "all", "loading run b")
+        gate.set()
+        await settle(app, pilot)
+        state = app.session.state
+        assert (state.run, state.expression, state.awaited) == ("b", "worst(3, real.error)", None)
+        assert state.past[-1] == "all"
+        errors = app.session.store.run_columns("b").real.error
+        assert set(np.flatnonzero(state.selected)) == set(np.argsort(-errors, kind="stable")[:3])
+
+
+async def test_columns_of_an_expression_are_read_elsewhere(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    whole, here, read = dense._predicted, threading.current_thread(), []
+
+    def watched(index, run, side, name, lacking):
+        read.append((name, threading.current_thread() is here))
+        return whole(index, run, side, name, lacking)
+
+    app = app_on(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        for column in ("real.outlier", "sim.outlier"):
+            side, _, name = column.partition(".")
+            assert app.session.store.has_read("vanilla", side, [name])
+        assert app.session.store.has_read(None, None, ["curvature"])
+        monkeypatch.setattr(dense, "_predicted", watched)
+        await press(app, pilot, "slash", *["backspace"] * 60)
+        await press(app, pilot, *["real.loss > 0"[i] for i in range(13)], "enter")
+        await settle(app, pilot)
+        assert app.session.state.expression == "real.loss > 0"
+        assert app.session.state.selected.all()
+        assert read == [("loss", False)]
 
 
 async def test_the_newest_run_wins(store: Path, gate: threading.Event) -> None:
@@ -348,3 +399,29 @@ def test_a_store_is_opened_at_an_earlier_generation(own_store: Path) -> None:
         assert "later" in newest.runs
     with pytest.raises(s2rstore.errors.RequestError, match="cannot be opened"):
         s2rstore.open(own_store, generation=999)
+
+
+def test_keys_look_at_no_file(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a floor plan depends on is asked at every key."""
+    session = Session(store)
+    monkeypatch.setattr(type(session.store), "floor_plan_path", lambda _: 1 / 0)
+    wanted = reading.wants_floor_plan(session.store, session.state)
+    assert (wanted is None) == (session.store.dataset.floor_plan is None)
+    session.close()
+
+
+def test_the_screen_of_a_state_shows_its_nights(
+    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nights = tmp_path / "nights.duckdb"
+    nights.touch()
+    session = Session(store, nights=nights)
+    opened: list[Session] = []
+    monkeypatch.setattr(headless, "S2RApp", lambda made, look: opened.append(made) or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        headless.screen_of(store, session.state, (80, 24), Look())
+    assert opened[0].state is session.state
+    assert opened[0].store.in_use == {session.state.run}
+    assert not opened[0].notice()
+    for each in (session, *opened):
+        each.close()

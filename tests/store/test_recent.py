@@ -46,7 +46,8 @@ def test_a_closed_store_keeps_nothing(tiny_store: Path) -> None:
     store = s2rstore.open(tiny_store)
     error = store.run_columns("vanilla").real.error
     selection.select(store, "real.error > 0.1", "vanilla")
-    assert store._columns.nbytes and store.evaluated.nbytes
+    kept = store._columns, store.evaluated, store.embeddings
+    assert [recent.nbytes > 0 for recent in kept] == [True, True, False]
     store.close()
-    assert not (store._columns.nbytes or store.evaluated.nbytes or store.embeddings.nbytes)
+    assert [recent.nbytes for recent in kept] == [0, 0, 0]
     assert error.size
