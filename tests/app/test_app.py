@@ -32,7 +32,7 @@ RIGHT_ERRORS = (
     "has no pca",
     "missing; add the model again",
 )
-"""What the store of these tests cannot do: its models were never trained."""
+"""What the store of these tests cannot do: its models were never trained, and embed nothing."""
 
 
 async def sound(app: S2RApp, pilot: Pilot[None], key: str) -> None:
