@@ -17,6 +17,7 @@ from s2rtui.cli import main
 from s2rtui.notebook import Notebook, SavedSelection
 from s2rtui.offstage import Wanted, staged
 from s2rtui.views import BY_NAME, STORED, VIEWS
+from tests.support import nights
 
 HEAT = ["--heat", "feature_distance"]
 GATHERED = ["--heat", "occlusion:rgb", "--on", "selection"]
@@ -29,7 +30,7 @@ def export(store: Path, folder: Path, view: str, *words: str, end: str = ".png")
     return out.read_bytes()
 
 
-@pytest.mark.parametrize("view", [*STORED, "workbench"])
+@pytest.mark.parametrize("view", [*(name for name in STORED if name != "history"), "workbench"])
 def test_every_view_is_drawn_light_and_dark_at_the_size_asked_for(
     tiny_store: Path, tmp_path: Path, view: str
 ) -> None:
@@ -156,3 +157,16 @@ def test_a_wrong_request_is_one_line(
     assert said.count("\n") == 1
     assert told in said
     assert not list(tmp_path.glob("a.*"))
+
+
+def test_nights_are_drawn_and_none_are_told(
+    own_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["export", str(own_store), "--view", "history", "--out", str(tmp_path / "gap.png")]
+    assert main(words) == 2
+    assert "no nights yet" in capsys.readouterr().err
+    (tmp_path / "drives").mkdir()
+    week = nights.Week(nights.written(tmp_path, own_store), {}, from_day=9)
+    week.night(1)
+    assert main([*words, "--size", "615x433"]) == 0
+    assert Image.open(tmp_path / "gap.png").size == (615, 433)
