@@ -95,10 +95,12 @@ def joint_umap(
 
 
 def _fit(points: NDArray[np.float32], settings: ProjectionSettings) -> tuple[Any, Any]:
+    from s2rtools.compiled import cached
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        import umap
-
+        with cached():
+            import umap
         reducer = umap.UMAP(
             n_neighbors=settings.neighbours,
             min_dist=settings.min_distance,

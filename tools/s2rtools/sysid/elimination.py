@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from s2rtools.compiled import njit
 from s2rtools.sysid.simulators.contract import Floats, Integers
-from s2rtools.world.compiled import njit
 
 
 @njit(cache=True)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.world.compiled import njit, prange
+from s2rtools.compiled import njit, prange
 from s2rtools.world.materials import noise, textured
 
 _FAR = 1e9

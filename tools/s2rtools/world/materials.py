@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from enum import IntEnum
 
-from s2rtools.world.compiled import njit
+from s2rtools.compiled import njit
 
 
 class Material(IntEnum):

@@ -1,0 +1,28 @@
+"""Compiled functions of libraries are kept between processes."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import numba
+import pytest
+
+from s2rtools.compiled import cached
+
+
+def test_a_library_imported_inside_keeps_its_functions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = "import numba\n@numba.njit\ndef twice(x):\n    return 2 * x\n"
+    for name in ("kept_library", "plain_library"):
+        (tmp_path / f"{name}.py").write_text(code)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+    with cached():
+        kept = importlib.import_module("kept_library")
+    plain = importlib.import_module("plain_library")
+    assert (kept.twice(2), plain.twice(2)) == (4, 4)
+    files = [path.name for path in (tmp_path / "cache").rglob("*.nbc")]
+    assert files
+    assert all("kept_library" in name for name in files)
