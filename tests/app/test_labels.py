@@ -68,7 +68,7 @@ async def test_pictures_keep_their_name_until_others_are_there(
         assert other(after) in coming
         assert f"3 instance  {before}"[:30] in take(app).text
         app.feeding.rest_seconds = 0.001
-        await press(app, pilot, "n")
+        await press(app, pilot, key)
         assert "loading" not in told(app, "instance")
 
 

@@ -360,7 +360,7 @@ async def test_a_long_lasso_by_mouse_is_simplified(tiny_store: Path) -> None:
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "2", "L")
         panel = panels(app, "map")[0]
-        turn = np.linspace(0, 2 * np.pi, 240)
+        turn = np.linspace(0, 2 * np.pi, 80)
         column = panel.x + panel.width / 2 + panel.width / 3 * np.cos(turn)
         row = panel.y + 1 + panel.height / 2 + panel.height / 3 * np.sin(turn)
         cells = [(int(c), int(r)) for c, r in zip(column, row, strict=True)]
@@ -505,12 +505,12 @@ async def test_the_key_that_ends_the_tour_does_nothing_else(tiny_store: Path) ->
         before = app.session.state
         for key in (key for action in ACTIONS for key in action.keys):
             assert isinstance(app.screen, TourScreen)
-            await press(app, pilot, key)
+            await pilot.press(key)
             assert app.screen is app.default_screen
             assert app.session.state is before
             assert not app.prompting
             app.action_tour()
-            await settle(app, pilot)
+            await pilot.pause()
 
 
 async def test_the_history_is_kept_last_of_all_and_may_fail(

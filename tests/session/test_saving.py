@@ -117,7 +117,8 @@ def test_a_run_that_is_left_can_be_gone_on_with(trained: Path, tmp_path: Path) -
     assert time.monotonic() - began < 1
     with s2rstore.open(path) as store:
         assert store.run("saved").key is None
-    assert main(["precompute", str(path), "--run", "saved"]) == 0
+    words = ["--run", "saved", "--kinds", "activation"]
+    assert main(["precompute", str(path), *words]) == 0
     with s2rstore.open(path) as store:
         assert store.run("saved").key is not None
     assert verify(path) == []
