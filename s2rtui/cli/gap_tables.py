@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from s2rstore.stats import LEVEL_TOLD
 from s2rtui.cli import output
 from s2rtui.cli.gap_details import bounds, details
 
@@ -21,17 +22,18 @@ def _lines(found: dict[str, Any], with_details: bool) -> Iterator[str]:
     )
     rows = [
         (
-            each["axis"], each["measure"], bounds(each, "value"), bounds(each, "floor"),
-            each["unit"], each["n"], bounds(each, "gap", 1),
+            each["axis"], each["measure"], bounds(each, "value"), _floor(each), each["unit"],
+            each["n"], bounds(each, "gap", 1),
         )
         for each in found["axes"]
     ]  # fmt: skip
-    names = ("axis", "m", "value (95 %)", "floor", "unit", "n", "G (95 %)")
+    level = f"({LEVEL_TOLD})"
+    names = ("axis", "m", f"value {level}", "floor", "unit", "n", f"G {level}")
     yield output.table(names, rows)
     for each in found["axes"]:
-        yield from (f"  {each['axis']}: {note}" for note in each["notes"])
+        yield from _said(each)
     for each in found["axes"] if with_details else ():
-        yield f"\n{each['axis'].upper()}"
+        yield f"\n{each['axis'].upper()}\nfloor {each['floor_is']}"
         yield from details(each)
     for axis, why in (found["absent"] | found["inconclusive"]).items():
         yield f"  {axis}: not measured: {why}"
@@ -52,7 +54,28 @@ def _lines(found: dict[str, Any], with_details: bool) -> Iterator[str]:
             + (f"; {golden['missing']} of it are not here" if golden["missing"] else "")
             + (f"; {golden['reason']}" if golden["reason"] else "")
         )
+    scale = found["reference"]
+    if scale:
+        told = (f"{name} {scale['made_from'].get(name, '?')}" for name in ("dataset", "run"))
+        yield f"  the scale was frozen of {', '.join(told)}"
     yield _verdict(found["verdict"])
+
+
+def _floor(axis: dict[str, Any]) -> str:
+    """Without an interval where nothing about it was measured."""
+    if axis["floor_low"] == axis["floor"] == axis["floor_high"]:
+        return f"{axis['floor']:g}"
+    return bounds(axis, "floor")
+
+
+def _said(axis: dict[str, Any]) -> Iterator[str]:
+    """What 100 is, and the notes."""
+    if "anchor" in axis:
+        yield (
+            f"  {axis['axis']}: G 100 is {bounds(axis, 'anchor')} {axis['unit']}: "
+            f"{axis['anchor_state']}"
+        )
+    yield from (f"  {axis['axis']}: {note}" for note in axis["notes"])
 
 
 def _verdict(verdict: dict[str, Any]) -> str:

@@ -27,7 +27,7 @@ def evidence(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Evidence]:
 
 
 def test_the_same_state_is_no_worse(evidence: Evidence, tmp_path: Path) -> None:
-    golden.write(tmp_path / "g.json", golden.take(evidence))
+    (tmp_path / "g.json").write_text(golden.text(golden.take(evidence)))
     found = golden.compare(evidence, golden.read(tmp_path / "g.json"), SETTINGS)
     assert found.outcome == "PASS"
     assert found.change.value == found.change.low == found.change.high == 0

@@ -9,20 +9,20 @@ is larger than any one of them.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rstore.stats import Interval
-from s2rtools.gap.contract import Floats, Measured, Settings, interval
+from s2rstore.outcomes import Outcome, outcome_of
+from s2rstore.stats import Interval, interval
+from s2rtools.gap import defaults
+from s2rtools.gap.contract import Floats, Measured, Settings
 from s2rtools.gap.measure import Measurement
 from s2rtools.gap.reference import Frozen, Reference
 
-Outcome = Literal["PASS", "FAIL", "INCONCLUSIVE"]
-EXIT_CODES: dict[Outcome, int] = {"PASS": 0, "FAIL": 1, "INCONCLUSIVE": 3}
-THRESHOLD = 15.0
+_HASH = re.compile("[0-9a-f]{64}")
 NOTHING = Interval(np.nan, np.nan, np.nan)
 _REASONS: dict[Outcome, str] = {
     "PASS": "the whole interval is under the threshold of {:g}",
@@ -53,7 +53,10 @@ class Verdict:
 
 
 def judge(
-    found: Measurement, reference: Reference, settings: Settings, threshold: float = THRESHOLD
+    found: Measurement,
+    reference: Reference,
+    settings: Settings,
+    threshold: float = defaults.THRESHOLD,
 ) -> Verdict:
     """PASS where the interval is under the threshold, FAIL where it is over it.
 
@@ -103,18 +106,17 @@ def axis_gap(measured: Measured, frozen: Frozen, level: float) -> AxisGap:
     return AxisGap(measured.axis, interval(value, replicates, level), replicates)
 
 
-def outcome_of(gap: Interval, threshold: float) -> Outcome:
-    """The word for an interval; bounds that are not finite decide nothing."""
-    if gap.high < threshold:
-        return "PASS"
-    return "FAIL" if gap.low > threshold else "INCONCLUSIVE"
-
-
 def _check_fits(measured: Measured, frozen: Frozen, source: str) -> None:
     for key in sorted({*measured.fingerprint, *frozen.fingerprint}):
         here, there = measured.fingerprint.get(key), frozen.fingerprint.get(key)
         if here != there:
             raise RequestError(
-                f"{source}: does not fit: {measured.axis}'s {key} is {here} here "
-                f"and {there} in the reference"
+                f"{source}: does not fit: {measured.axis}'s {key} is {_short(here)} here and "
+                f"{_short(there)} in the reference; freeze one for what is measured here"
             )
+
+
+def _short(value: object) -> str:
+    """As much of a hash as people compare."""
+    text = str(value)
+    return text[:12] if _HASH.fullmatch(text) else text

@@ -11,7 +11,7 @@ from pathlib import Path
 from s2rstore import history
 from s2rstore.errors import RequestError
 from s2rstore.history import History, Night
-from s2rtools.gap.files import write_atomically
+from s2rtools.gap.files import write_all
 from s2rtools.nightly.config import Config
 from s2rtools.nightly.content import content
 from s2rtools.nightly.junit import junit
@@ -83,7 +83,7 @@ def _write(path: Path, content: str | bytes) -> bool:
     with suppress(FileNotFoundError):
         if path.read_bytes() == data:
             return False
-    write_atomically(path, data)
+    write_all({path: data})
     return True
 
 
