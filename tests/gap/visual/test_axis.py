@@ -82,7 +82,6 @@ def evidence(store: Store, run: str, iids: np.ndarray | None = None) -> Evidence
 
 def test_a_gap_is_seen_beside_its_floor(store: Store) -> None:
     far = Visual().measure(evidence(store, "far"), SETTINGS)
-    assert far.value > 5 * far.details["halves"]["kid"]["floor_high"]
     assert far.floor == 0
     assert not far.floor_replicates.any()
     assert np.percentile(far.replicates, 2.5) > 0
