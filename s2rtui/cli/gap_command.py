@@ -88,7 +88,9 @@ def execute(options: argparse.Namespace) -> int:
         found = report(evidence, request.settings, judged)
     froze = tuple(made)
     text = json.dumps(found, indent=1, sort_keys=True, allow_nan=False) + "\n"
-    files.write_all(made | ({options.out: text} if options.out else {}))
+    if options.out:
+        made[options.out] = text
+    files.write_all({path: content.encode() for path, content in made.items()})
     if options.json:
         sys.stdout.write(text)
     else:

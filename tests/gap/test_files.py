@@ -18,8 +18,8 @@ def names(folder: Path) -> list[str]:
 
 def test_all_files_are_replaced(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("old")
-    write_all({tmp_path / "a": "new", tmp_path / "b": b"bytes"})
-    assert (tmp_path / "a").read_text() == "new"
+    write_all({tmp_path / "a": b"new", tmp_path / "b": b"bytes"})
+    assert (tmp_path / "a").read_bytes() == b"new"
     assert (tmp_path / "b").read_bytes() == b"bytes"
     assert names(tmp_path) == ["a", "b"]
 
@@ -28,7 +28,7 @@ def test_where_one_cannot_be_written_none_is(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("old")
     missing = tmp_path / "nowhere" / "b"
     with pytest.raises(RequestError, match=r"nowhere/b: No such file or directory"):
-        write_all({tmp_path / "a": "new", missing: "new"})
+        write_all({tmp_path / "a": b"new", missing: b"new"})
     assert (tmp_path / "a").read_text() == "old"
     assert names(tmp_path) == ["a"]
 
@@ -42,7 +42,7 @@ def test_a_disk_that_is_full_leaves_what_was_there(
     (tmp_path / "a").write_text("old")
     monkeypatch.setattr(layout.os, "fsync", full)
     with pytest.raises(RequestError, match=r"a: No space left on device"):
-        write_all({tmp_path / "a": "new"})
+        write_all({tmp_path / "a": b"new"})
     assert (tmp_path / "a").read_text() == "old"
     assert names(tmp_path) == ["a"]
 

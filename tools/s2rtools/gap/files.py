@@ -31,14 +31,13 @@ def check_writable(asked: Mapping[str, Path | None], read: Mapping[str, Path | N
             raise RequestError(f"{option} {path}: is the file of {other}, too; name another")
 
 
-def write_all(contents: Mapping[Path, str | bytes]) -> None:
+def write_all(contents: Mapping[Path, bytes]) -> None:
     """All files or none: their places change when all are on the disk. Raises RequestError."""
     written: dict[Path, Path] = {}
     path = Path()
     try:
         for path, content in contents.items():
-            data = content.encode() if isinstance(content, str) else content
-            written[path] = layout.write_beside(path, data)
+            written[path] = layout.write_beside(path, content)
         for path, beside in written.items():
             beside.replace(path)
             layout.sync_folder(path.parent)

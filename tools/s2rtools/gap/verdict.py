@@ -63,20 +63,7 @@ def judge(
     An axis with too little evidence leaves the verdict INCONCLUSIVE, unless another fails. Raises
     RequestError where the reference does not fit what was measured.
     """
-    gaps = []
-    unsure = []
-    for axis, frozen in reference.axes.items():
-        if axis in found.inconclusive:
-            unsure.append(f"{axis}: {found.inconclusive[axis]}")
-            continue
-        if axis not in found.measured:
-            lacking = found.absent.get(axis, "it was not asked for")
-            raise RequestError(
-                f"{reference.source}: judges {axis}, which cannot be measured here ({lacking}); "
-                "give it, or freeze a reference without it"
-            )
-        _check_fits(found.measured[axis], frozen, reference.source)
-        gaps.append(axis_gap(found.measured[axis], frozen, settings.level))
+    gaps, unsure = _gaps(found, reference, settings.level)
     if not gaps:
         return Verdict("INCONCLUSIVE", threshold, None, NOTHING, (), "; ".join(unsure))
     worst = max(gaps, key=lambda each: each.gap.value)
@@ -90,6 +77,27 @@ def judge(
     if unsure and outcome == "PASS":
         outcome, reason = "INCONCLUSIVE", "; ".join(unsure)
     return Verdict(outcome, threshold, worst.axis, gap, tuple(gaps), reason)
+
+
+def _gaps(
+    found: Measurement, reference: Reference, level: float
+) -> tuple[list[AxisGap], list[str]]:
+    """G of all that the reference judges, and what there is too little evidence for."""
+    gaps: list[AxisGap] = []
+    unsure: list[str] = []
+    for axis, frozen in reference.axes.items():
+        if axis in found.inconclusive:
+            unsure.append(f"{axis}: {found.inconclusive[axis]}")
+            continue
+        if axis not in found.measured:
+            lacking = found.absent.get(axis, "it was not asked for")
+            raise RequestError(
+                f"{reference.source}: judges {axis}, which cannot be measured here ({lacking}); "
+                "give it, or freeze a reference without it"
+            )
+        _check_fits(found.measured[axis], frozen, reference.source)
+        gaps.append(axis_gap(found.measured[axis], frozen, level))
+    return gaps, unsure
 
 
 def unjudged(threshold: float) -> Verdict:

@@ -177,9 +177,7 @@ def read(path: Path) -> Config:
         threshold=float(given.number("threshold", defaults.THRESHOLD, 0, math.inf, over=True)),
         margin=float(given.number("margin", defaults.MARGIN, 0, math.inf, over=True)),
         seed=given.number("seed", defaults.SEED, 0, defaults.MOST_SEED),
-        replicates=given.number(
-            "replicates", defaults.REPLICATES, defaults.FEWEST_REPLICATES, defaults.MOST_REPLICATES
-        ),
+        replicates=_replicates(given),
         features=given.file("features"),
         drives=_drives(given, store),
         rate=_rate(given),
@@ -205,6 +203,11 @@ def _axes(given: _Reader) -> tuple[str, ...]:
 def _drives(given: _Reader, store: Path) -> str | None:
     own = store / layout.DRIVES
     return given.drives("folder", "drives") or (str(own) if own.is_dir() else None)
+
+
+def _replicates(given: _Reader) -> int:
+    bounds = defaults.FEWEST_REPLICATES, defaults.MOST_REPLICATES
+    return int(given.number("replicates", defaults.REPLICATES, *bounds))
 
 
 def _rate(given: _Reader) -> float | None:
