@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rtools.gap.dynamics import noise
 from s2rtools.logs import Commands, Drive, Log
 from s2rtools.sysid.simulators.contract import Floats, Integers, Replays, Simulator, pack
 
@@ -76,11 +77,11 @@ def cut(drives: Sequence[Drive], simulator: Simulator, seconds: float) -> Window
             stretches.append((number, drive.real.time[a:b]))
             poses.append(whole[a:b])
             starts.append(state_at(drive.real.time, whole, a))
-    noise = np.sqrt(np.mean([_jitter(drive.real) ** 2 for drive in drives], axis=0))
+    jitter = np.sqrt(np.mean([_jitter(drive.real) ** 2 for drive in drives], axis=0))
     names = tuple(drive.name for drive in drives)
     channels = simulator.channels(told[0])
     return Windows(names, pack(told, stretches, channels), np.concatenate(poses),
-                   np.stack(starts), np.maximum(noise, _QUIETEST))  # fmt: skip
+                   np.stack(starts), np.maximum(jitter, _QUIETEST))  # fmt: skip
 
 
 def _commands(drive: Drive, simulator: Simulator) -> Commands:
@@ -135,10 +136,7 @@ def state_at(time: Floats, poses: Floats, i: int) -> Floats:
 
 
 def _jitter(log: Log) -> Floats:
-    """Standard deviation of white noise that gives the poses' third differences, x and y pooled."""
-    third = np.diff(_poses(log), 3, axis=0)
-    if not len(third):
-        return _QUIETEST
-    variance = (third**2).mean(axis=0) / 20.0
-    place = np.sqrt(variance[:2].mean())
-    return np.array([place, place, np.sqrt(variance[2])])
+    """Standard deviation of the poses' white noise, x and y pooled."""
+    found = noise.of(log)
+    place = found.position / np.sqrt(2)
+    return np.array([place, place, found.heading])
