@@ -17,8 +17,10 @@ from s2rstore.reader import Store
 from s2rstore.writer import edit
 from s2rtools.gap import blocks
 from s2rtools.gap.contract import Evidence, Settings
+from s2rtools.gap.report import plain
 from s2rtools.gap.task.axis import Task, heading_sectors
 from s2rtools.gap.task.groups import Errors, grouped, mean_replicates, swap_interval
+from s2rtui.cli.gap_details import details as shown
 from tests.support import tiny
 from tests.support.copies import copied
 
@@ -54,7 +56,7 @@ def test_m_is_the_mean_paired_gap_of_what_the_model_was_not_trained_on(store: St
     low, high = np.percentile(found.replicates, [2.5, 97.5])
     assert 0 < low < found.value < high
     assert found.details["no_gap_interval"][1] < found.value
-    assert "96 instances" in found.notes[0]
+    assert "96 instances" in found.notes[1]
     json.dumps([found.details, dict(found.fingerprint)], allow_nan=False)
 
 
@@ -79,6 +81,20 @@ def test_the_details_break_the_gap_down(store: Store) -> None:
         held_out
     ]
     assert details["baseline"] == pytest.approx(away.mean())
+    iids, sector = np.flatnonzero(held_out), heading_sectors(truth.heading[held_out])
+    groupings = {
+        "runs": (np.zeros(iids.size, int), ["vanilla"]),
+        "rooms": (truth.room[iids], truth.room_names),
+        "headings": sector,
+        "trajectories": (truth.trajectory[iids], truth.trajectory_names),
+    }
+    for kind, (codes, names) in groupings.items():
+        for name, part in details[kind].items():
+            inside = codes == list(names).index("vanilla" if kind == "runs" else name)
+            assert part["baseline"] == pytest.approx(away[inside].mean())
+    assert "intervals by bootstrap over" in found.notes[0]
+    printed = "\n".join(shown({"axis": "task", "details": plain(details)}))
+    assert printed.count("constant m") == 4
 
 
 def test_the_anchor_is_the_constant_prediction(store: Store) -> None:
