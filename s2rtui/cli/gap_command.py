@@ -41,6 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="of the golden run, in metres (default 0.05)")  # fmt: skip
     parser.add_argument("--seed", type=int, default=1, help="of the bootstraps (default 1)")
     parser.add_argument("--replicates", type=int, default=1000, help="bootstrap (default 1000)")
+    parser.add_argument(
+        "--pca", type=int, default=3, metavar="N",
+        help="principal components of the features' divergence (default 3)",
+    )  # fmt: skip
     parser.add_argument("--details", action="store_true", help="all figures of every axis")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--out", type=Path, help="write the report as JSON to this file, too")
@@ -90,11 +94,13 @@ def _request(options: argparse.Namespace) -> Any:
         raise RequestError(f"--replicates: 100 .. 100000, not {options.replicates}")
     if not 0 <= options.seed < 2**31:
         raise RequestError(f"--seed: 0 .. 2147483647, not {options.seed}")
+    if not 1 <= options.pca <= 50:
+        raise RequestError(f"--pca: 1 .. 50, not {options.pca}")
     return Request(
         options.run, options.select, tuple(options.axis), options.drives, options.rate,
         options.features, options.anchor_run, options.topic, options.reference, options.golden,
         options.threshold, options.margin,
-        Settings(options.replicates, options.seed),
+        Settings(options.replicates, options.seed, pca=options.pca),
     )  # fmt: skip
 
 

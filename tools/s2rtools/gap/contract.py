@@ -19,11 +19,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """`replicates` of every bootstrap, from `seed`; intervals at `level`."""
+    """`replicates` of every bootstrap, from `seed`; intervals at `level`.
+
+    `pca` is the number of principal components whose divergence the visual axis tells.
+    """
 
     replicates: int = 1000
     seed: int = 1
     level: float = 0.95
+    pca: int = 3
 
 
 @dataclass(frozen=True, slots=True)

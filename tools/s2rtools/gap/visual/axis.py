@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -14,10 +15,12 @@ from s2rstore.records import Run
 from s2rtools.gap import blocks, population
 from s2rtools.gap.blocks import Blocks
 from s2rtools.gap.contract import Anchor, Axis, Evidence, Measured, Settings
+from s2rtools.gap.visual.divergence import bias
 from s2rtools.gap.visual.features import Source, source
 from s2rtools.gap.visual.figures import figures
 from s2rtools.gap.visual.kernel import KERNEL
 from s2rtools.gap.visual.paired import Paired, paired
+from s2rtools.gap.visual.points import Points, predicted, principal
 
 Floats = NDArray[np.float64]
 
@@ -73,7 +76,10 @@ class Visual(Axis):
         sample = _sample(evidence)
         pair = paired(sample.sim, sample.real, sample.blocks)
         none = paired(sample.real, sample.real, sample.blocks)
-        counts = blocks.draws(sample.blocks.count, settings.replicates, settings.seed)
+        counts = blocks.draws(sample.blocks, settings.replicates, settings.seed)
+        components = principal(sample.sim, sample.real, settings.pca)
+        points = {"pca": components, **predicted(evidence.store, evidence.run, sample.iids)}
+        told = bias(components.periods.size)
         return Measured(
             axis=self.name,
             value=pair.value(),
@@ -82,8 +88,13 @@ class Visual(Axis):
             replicates=pair.replicates(counts),
             floor_replicates=none.replicates(counts),
             fingerprint=_fingerprint(evidence, sample),
-            details=_details(sample, pair, settings),
-            notes=(*sample.notes, _RAW_FID),
+            details=_details(sample, pair, points, settings),
+            notes=(
+                *sample.notes,
+                sample.blocks.told,
+                _RAW_FID,
+                *([f"PCA: {told}"] if told else []),
+            ),
         )
 
     def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
@@ -98,7 +109,7 @@ class Visual(Axis):
             state = f"the sim images before {_steps(run)} (run {raw.run})"
         sample = _sample(replace(evidence, run=raw.run), iids=_iids(evidence))
         pair = paired(sample.sim, sample.real, sample.blocks)
-        counts = blocks.draws(sample.blocks.count, settings.replicates, settings.seed)
+        counts = blocks.draws(sample.blocks, settings.replicates, settings.seed)
         return Anchor(pair.value(), pair.replicates(counts), state)
 
 
@@ -174,10 +185,12 @@ def _fingerprint(evidence: Evidence, sample: _Sample) -> dict[str, str | int | f
     }
 
 
-def _details(sample: _Sample, pair: Paired, settings: Settings) -> dict[str, Any]:
+def _details(
+    sample: _Sample, pair: Paired, points: Mapping[str, Points], settings: Settings
+) -> dict[str, Any]:
     return {
         "blocks": pair.blocks,
         "kid_p": pair.swap_p(_PERMUTATIONS, settings.seed),
         "permutations": _PERMUTATIONS,
-        "halves": figures(sample.sim, sample.real, sample.blocks, settings.seed),
+        "halves": figures(sample.sim, sample.real, sample.blocks, settings.seed, points),
     }
