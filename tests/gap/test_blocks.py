@@ -43,7 +43,13 @@ def test_very_unequal_trajectories_have_figures(sizes: list[int]) -> None:
 
 @pytest.mark.parametrize(
     ("sizes", "whole"),
-    [([20] * 6, True), ([20] * 5, False), ([100, 10, 10, 10, 10, 10], False), ([9] * 40, True)],
+    [
+        ([20] * 6, True),
+        ([20] * 5, False),
+        ([100, 10, 10, 10, 10, 10], False),
+        ([9] * 40, True),
+        ([30, 10, 20, 25, 15, 20], True),
+    ],
 )
 def test_whole_trajectories_are_drawn_where_there_are_enough(sizes: list[int], whole: bool) -> None:
     cut = recorded(sizes)
@@ -65,7 +71,7 @@ def test_a_part_keeps_its_trajectories() -> None:
 
 def test_pairs_inside_a_trajectory_come_with_each_of_its_copies() -> None:
     rng = np.random.default_rng(1)
-    cut = recorded([12] * 6)
+    cut = blocks.cut(np.repeat(np.arange(6), 12).astype(np.int32), 4)
     pair = paired(rng.normal(1, 1, size=(72, 3)), rng.normal(size=(72, 3)), cut)
     drawn = [0, 0, 0, 2, 4, 4]
     made = [(copy, b) for copy, t in enumerate(drawn) for b in np.flatnonzero(cut.trajectory == t)]

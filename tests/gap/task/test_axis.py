@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.reader import Store
 from s2rstore.writer import edit
-from s2rtools.gap import blocks
+from s2rtools.gap import blocks, gate
 from s2rtools.gap.contract import Evidence, Settings
 from s2rtools.gap.report import plain
 from s2rtools.gap.task.axis import Task, heading_sectors
@@ -150,6 +151,25 @@ def test_rows_without_an_error_leave_the_figures(path: Path, tmp_path: Path) -> 
         found = Task().measure(evidence(store), SETTINGS)
         assert found.n == N // 5 - 1
         assert np.isfinite(found.replicates).all()
+
+
+def test_a_run_without_predictions_is_refused(path: Path, tmp_path: Path) -> None:
+    root = copied(path, tmp_path / "s.s2r")
+    with edit(root) as draft:
+        draft.delete("prediction", run="vanilla")
+    with s2rstore.open(root) as store, pytest.raises(RequestError, match="both sides predicted"):
+        gate.evidence(store, gate.Request(run="vanilla"))
+
+
+def test_trajectories_keep_their_intervals_where_whole_ones_are_drawn() -> None:
+    rng = np.random.default_rng(4)
+    codes = np.repeat(np.arange(6), 40).astype(np.int32)
+    made = Errors(*rng.gamma(2, 1, size=(3, 240)), blocks.cut(codes, 8))
+    names = [f"t{k}" for k in range(6)]
+    assert made.blocks.by_trajectory
+    assert grouped(made, codes, names, SETTINGS)["t1"]["gap"]["low"] is None
+    apart = grouped(replace(made, blocks=made.blocks.apart()), codes, names, SETTINGS)
+    assert all(part["gap"]["low"] < part["gap"]["high"] for part in apart.values())
 
 
 def errors(rng: np.random.Generator, n: int) -> Errors:

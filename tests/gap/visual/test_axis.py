@@ -16,6 +16,7 @@ from s2rstore import schema
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.reader import Store
 from s2rstore.writer import edit
+from s2rtools.gap import gate
 from s2rtools.gap.contract import Evidence, Settings
 from s2rtools.gap.report import plain
 from s2rtools.gap.visual import axis
@@ -211,7 +212,9 @@ def test_rows_that_are_not_finite_are_refused(path: Path, tmp_path: Path) -> Non
     sim[[4, 9, 14], 3] = np.nan
     embeddings.add(root, "run", {"sim": sim, "real": look(1, 0.0)}, "embedding")
     with s2rstore.open(root) as store:
-        with pytest.raises(RequestError, match="sim features of instance 4 and 2 more"):
+        with pytest.raises(
+            RequestError, match=r"sim features of instances 4, 9, 14 .* - ids\(4, 9, 14\)"
+        ):
             Visual().measure(evidence(store, "run"), SETTINGS)
         rest = np.setdiff1d(np.arange(N), [4, 9, 14])
         assert Visual().measure(evidence(store, "run", rest), SETTINGS).n == N // 5 - 3
@@ -223,6 +226,10 @@ def test_what_is_missing_is_said(tiny_store: Path, store: Store) -> None:
         told = Visual().missing(Evidence(bare, "vanilla", np.arange(40)))
         assert told is not None
         assert "no embeddings" in told
+        asked = gate.Request(axes=("visual",))
+        found = gate.judged(Evidence(bare, "vanilla", np.arange(40)), asked).found
+        with pytest.raises(RequestError, match=r"no axis could be measured \(visual: .*no embed"):
+            gate.freeze(Path("ref.json"), evidence(bare, "vanilla"), asked, found)
         with pytest.raises(RequestError, match="run 'nobody'"):
             Visual().missing(Evidence(bare, "nobody", np.arange(40)))
 

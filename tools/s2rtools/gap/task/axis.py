@@ -74,7 +74,7 @@ def _errors(evidence: Evidence) -> tuple[NDArray[np.int64], Errors]:
     cut = blocks.cut(truth.trajectory[iids])
     if iids.size < LEAST_INSTANCES or cut.count < LEAST_BLOCKS:
         raise InconclusiveError(
-            f"task: {iids.size} usable instances of {evidence.expression!r} in {cut.count} "
+            f"{iids.size} usable instances of {evidence.expression!r} in {cut.count} "
             f"blocks; at least {LEAST_INSTANCES} in {LEAST_BLOCKS} are needed"
         )
     every = headlines.held_out(store, evidence.run)

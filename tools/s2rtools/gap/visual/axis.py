@@ -127,7 +127,7 @@ def _sample(evidence: Evidence, iids: NDArray[np.int64] | None = None) -> _Sampl
     cut = blocks.cut(store.instances.trajectory[iids])
     if iids.size < LEAST_INSTANCES or cut.count < LEAST_BLOCKS:
         raise InconclusiveError(
-            f"visual: {iids.size} usable instances of {evidence.expression!r} in {cut.count} "
+            f"{iids.size} usable instances of {evidence.expression!r} in {cut.count} "
             f"blocks; at least {LEAST_INSTANCES} in {LEAST_BLOCKS} are needed"
         )
     notes: tuple[str, ...] = ()
