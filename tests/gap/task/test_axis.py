@@ -98,6 +98,17 @@ def test_the_details_break_the_gap_down(store: Store) -> None:
     assert printed.count("constant m") == 4
 
 
+def test_a_trajectory_is_told_by_its_blocks_where_whole_ones_are_drawn(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(blocks, "LEAST_TRAJECTORIES", 2)
+    monkeypatch.setattr(blocks, "MOST_OF_ONE", 1)
+    found = Task().measure(evidence(store), SETTINGS)
+    assert "2 whole trajectories" in found.notes[0]
+    assert found.details["trajectories"]["a"]["gap"]["low"] is not None
+    assert found.details["rooms"]["right"]["gap"]["low"] is None
+
+
 def test_the_anchor_is_the_constant_prediction(store: Store) -> None:
     measured = Task().measure(evidence(store), SETTINGS)
     anchor = Task().anchor(evidence(store), SETTINGS)

@@ -37,7 +37,7 @@ class Task(Axis):
     def measure(self, evidence: Evidence, settings: Settings) -> Measured:
         iids, errors = _errors(evidence)
         left_out = population.selected(evidence).size - iids.size
-        notes = (errors.blocks.told,)
+        notes: tuple[str, ...] = (errors.blocks.told,)
         if left_out:
             notes += (f"{left_out} instances not predicted or trained on are left out",)
         return Measured(

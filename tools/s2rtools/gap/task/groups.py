@@ -80,12 +80,12 @@ def grouped(
     return found
 
 
-def _touched(per_block: Floats, units: NDArray[np.int64]) -> NDArray[np.int64]:
+def _touched(per_block: Floats, units: NDArray[np.int64]) -> Floats:
     """In how many units (B,) of the bootstrap each column of (B, groups) is; too few count as 0."""
     per_unit = np.zeros((int(units.max()) + 1, per_block.shape[1]))
     np.add.at(per_unit, units, per_block)
-    found = (per_unit > 0).sum(axis=0)
-    return np.where(found < _LEAST_UNITS, 0, found)
+    found = (per_unit > 0).sum(axis=0).astype(np.float64)
+    return np.where(found < _LEAST_UNITS, 0.0, found)
 
 
 def swap_interval(errors: Errors, settings: Settings) -> list[float]:

@@ -70,7 +70,7 @@ def _of_features(sim: Floats, real: Floats) -> dict[str, float]:
 
 def _apart(name: str, points: Points, splits: Splits) -> dict[str, dict[str, float | None]]:
     """Divergences both ways, of the rows that both sides know; none where these are too few."""
-    known = np.isfinite(points.sim).all(axis=1) & np.isfinite(points.real).all(axis=1)
+    known = np.isfinite(np.concatenate([points.sim, points.real], axis=1)).all(axis=1)
     chosen = [(a[known[a]], b[known[b]]) for a, b in splits]
     least = min(half.size for pair in chosen for half in pair)
     if least <= NEIGHBOURS:
