@@ -34,7 +34,7 @@ def between(value: float | None, low: float | None, high: float | None, digits: 
 def _visual(found: Details) -> Iterator[str]:
     halves = found["halves"]
     rows = [
-        (name, row["value"], between(row["floor"], row["floor_low"], row["floor_high"], 3))
+        (name, row["value"], _floor(row))
         for name, row in halves.items()
         if isinstance(row, dict) and "floor_low" in row
     ]
@@ -51,6 +51,15 @@ def _visual(found: Details) -> Iterator[str]:
             [(dimension, value, floor) for value, floor, dimension in largest],
         )
     )
+
+
+def _floor(row: Details) -> str:
+    """Four digits of each, because features may be of any size."""
+    value, low, high = (
+        "-" if row[key] is None else f"{row[key]:.4g}"
+        for key in ("floor", "floor_low", "floor_high")
+    )
+    return f"{value} ({low} .. {high})"
 
 
 def _task(found: Details) -> Iterator[str]:
