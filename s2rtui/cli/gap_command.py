@@ -6,22 +6,34 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-_AXES = ("visual", "task", "dynamics", "delay")
+if TYPE_CHECKING:
+    from s2rtools.gap.gate import Request
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path)
+    _add_evidence(parser)
+    _add_judges(parser)
+    parser.add_argument("--details", action="store_true", help="all figures of every axis")
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--out", type=Path, help="write the report as JSON to this file, too")
+
+
+def _add_evidence(parser: argparse.ArgumentParser) -> None:
+    from s2rtools.gap import defaults
+    from s2rtools.gap.axes import AXES
+
     parser.add_argument("--run", help="default: the first")
     parser.add_argument("--select", default="all", metavar="EXPR", help="only these instances")
     parser.add_argument(
-        "--axis", action="append", default=[], choices=_AXES, help="only this (repeat)"
+        "--axis", action="append", default=[], choices=AXES, help="only this (repeat)"
     )
     parser.add_argument(
         "--drives", metavar="DIR",
-        help="folder of drives (NAME/real.csv, sim.csv, untuned.csv, commands.csv), or `odometry` "
-             "(default: those in the store)",
+        help="folder of drives (NAME/real.csv, sim.csv, untuned.csv, commands.csv), or "
+             f"`{defaults.ODOMETRY}` (default: those in the store)",
     )  # fmt: skip
     parser.add_argument("--rate", type=float, metavar="HZ",
                         help="of odometry that was stored without times")  # fmt: skip
@@ -32,57 +44,81 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--anchor-run", metavar="R",
                         help="its sim images are the visual axis' bad state")  # fmt: skip
     parser.add_argument("--topic", help="of the poses in ROS bags")
+
+
+def _add_judges(parser: argparse.ArgumentParser) -> None:
+    from s2rtools.gap import defaults
+
     parser.add_argument("--freeze", type=Path, metavar="REF", help="write the scale to judge by")
     parser.add_argument("--reference", type=Path, metavar="REF", help="judge by this scale")
-    parser.add_argument("--threshold", type=float, default=15.0, help="of G (default 15)")
+    parser.add_argument(
+        "--threshold", type=float, default=defaults.THRESHOLD, help="of G (default %(default)g)"
+    )
     parser.add_argument("--freeze-golden", type=Path, metavar="FILE", help="accept today's errors")
     parser.add_argument("--golden", type=Path, metavar="FILE", help="no worse than these errors")
-    parser.add_argument("--margin", type=float, default=0.05,
-                        help="of the golden run, in metres (default 0.05)")  # fmt: skip
-    parser.add_argument("--seed", type=int, default=1, help="of the bootstraps (default 1)")
-    parser.add_argument("--replicates", type=int, default=1000, help="bootstrap (default 1000)")
+    parser.add_argument("--margin", type=float, default=defaults.MARGIN,
+                        help="of the golden run, in metres (default %(default)g)")  # fmt: skip
+    parser.add_argument(
+        "--seed", type=int, default=defaults.SEED, help="of the bootstraps (default %(default)s)"
+    )
+    parser.add_argument(
+        "--replicates",
+        type=int,
+        default=defaults.REPLICATES,
+        help="of the bootstraps (default %(default)s)",
+    )
     parser.add_argument(
         "--pca", type=int, default=3, metavar="N",
         help="principal components of the features' divergence (default 3)",
     )  # fmt: skip
-    parser.add_argument("--details", action="store_true", help="all figures of every axis")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--out", type=Path, help="write the report as JSON to this file, too")
 
 
 def execute(options: argparse.Namespace) -> int:
     import s2rstore
-    from s2rtools.gap import gate, golden
-    from s2rtools.gap.files import write_atomically
+    from s2rstore.outcomes import EXIT_CODES, of_report
+    from s2rtools.gap import files, gate, golden
     from s2rtools.gap.report import report
 
     request = _request(options)
+    _check_places(options)
+    made: dict[Path, str] = {}
     with s2rstore.open(options.store) as store:
         evidence = gate.evidence(store, request)
-        accepted = golden.take(evidence) if options.freeze_golden else None
+        if options.freeze_golden:
+            made[options.freeze_golden] = golden.text(golden.take(evidence))
         judged = gate.judged(evidence, request)
         if options.freeze:
-            gate.freeze(options.freeze, evidence, request, judged.found)
-        if accepted:
-            golden.write(options.freeze_golden, accepted)
+            made[options.freeze] = gate.scale(evidence, request, judged.found)
         found = report(evidence, request.settings, judged)
+    froze = tuple(made)
     text = json.dumps(found, indent=1, sort_keys=True, allow_nan=False) + "\n"
     if options.out:
-        write_atomically(options.out, text)
+        made[options.out] = text
+    files.write_all({path: content.encode() for path, content in made.items()})
     if options.json:
         sys.stdout.write(text)
     else:
         from s2rtui.cli.gap_tables import tables
 
         print(tables(found, options.details))
-    for path in (options.freeze, options.freeze_golden):
-        if path:
-            print(f"wrote {path}", file=sys.stderr)
-    return _exit_code(found, froze=bool(options.freeze or options.freeze_golden))
+    for path in froze:
+        print(f"wrote {path}", file=sys.stderr)
+    return EXIT_CODES[of_report(found) or ("PASS" if froze else "INCONCLUSIVE")]
 
 
-def _request(options: argparse.Namespace) -> Any:
+def _check_places(options: argparse.Namespace) -> None:
+    from s2rtools.gap import files
+
+    written = {"--freeze": options.freeze, "--freeze-golden": options.freeze_golden,
+               "--out": options.out}  # fmt: skip
+    read = {"--reference": options.reference, "--golden": options.golden,
+            "--features": options.features}  # fmt: skip
+    files.check_writable(written, read)
+
+
+def _request(options: argparse.Namespace) -> Request:
     from s2rstore.errors import RequestError
+    from s2rtools.gap import defaults
     from s2rtools.gap.contract import Settings
     from s2rtools.gap.gate import Request
 
@@ -90,26 +126,25 @@ def _request(options: argparse.Namespace) -> Any:
         raise RequestError("--freeze and --reference: one writes the scale, the other uses it")
     if options.freeze_golden and options.golden:
         raise RequestError("--freeze-golden and --golden: one writes, the other uses it")
-    if not 100 <= options.replicates <= 100_000:
-        raise RequestError(f"--replicates: 100 .. 100000, not {options.replicates}")
-    if not 0 <= options.seed < 2**31:
-        raise RequestError(f"--seed: 0 .. 2147483647, not {options.seed}")
-    if not 1 <= options.pca <= 50:
-        raise RequestError(f"--pca: 1 .. 50, not {options.pca}")
+    for name, fewest, most in (
+        ("replicates", defaults.FEWEST_REPLICATES, defaults.MOST_REPLICATES),
+        ("seed", 0, defaults.MOST_SEED),
+        ("pca", 1, 50),
+    ):
+        if not fewest <= getattr(options, name) <= most:
+            raise RequestError(f"--{name}: {fewest} .. {most}, not {getattr(options, name)}")
     return Request(
-        options.run, options.select, tuple(options.axis), options.drives, options.rate,
-        options.features, options.anchor_run, options.topic, options.reference, options.golden,
-        options.threshold, options.margin,
-        Settings(options.replicates, options.seed, pca=options.pca),
-    )  # fmt: skip
-
-
-def _exit_code(found: dict[str, Any], froze: bool) -> int:
-    """The worst of what was judged; freezing is done when it is written."""
-    from s2rtools.gap.verdict import EXIT_CODES
-
-    outcomes = [found["golden"]["outcome"]] if found["golden"] else []
-    if found["reference"] or not (outcomes or froze):
-        outcomes.append(found["verdict"]["outcome"])
-    codes = {EXIT_CODES[outcome] for outcome in outcomes}
-    return next((code for code in (1, 3) if code in codes), 0)
+        run=options.run,
+        expression=options.select,
+        axes=tuple(options.axis),
+        drives=options.drives,
+        rate=options.rate,
+        features=options.features,
+        anchor_run=options.anchor_run,
+        topic=options.topic,
+        reference=options.reference,
+        golden=options.golden,
+        threshold=options.threshold,
+        margin=options.margin,
+        settings=Settings(options.replicates, options.seed, pca=options.pca),
+    )

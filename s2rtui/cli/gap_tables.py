@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from s2rstore.stats import LEVEL_TOLD
 from s2rtui.cli import output
 from s2rtui.cli.gap_details import bounds, details
 
@@ -19,40 +20,70 @@ def _lines(found: dict[str, Any], with_details: bool) -> Iterator[str]:
         f"run {found['run']}, model {found['model']}, {found['selected']} instances "
         f"({found['expression']})\n"
     )
-    rows = [
-        (
-            each["axis"], each["measure"], bounds(each, "value"), bounds(each, "floor"),
-            each["unit"], each["n"], bounds(each, "gap", 1),
-        )
-        for each in found["axes"]
-    ]  # fmt: skip
-    names = ("axis", "m", "value (95 %)", "floor", "unit", "n", "G (95 %)")
-    yield output.table(names, rows)
+    yield _axes(found["axes"])
     for each in found["axes"]:
-        yield from (f"  {each['axis']}: {note}" for note in each["notes"])
+        yield from _said(each)
     for each in found["axes"] if with_details else ():
-        yield f"\n{each['axis'].upper()}"
+        yield f"\n{each['axis'].upper()}\nfloor {each['floor_is']}"
         yield from details(each)
     for axis, why in (found["absent"] | found["inconclusive"]).items():
         yield f"  {axis}: not measured: {why}"
-    across = found["across"] or {}
+    if found["across"]:
+        yield from _across(found["across"])
+    if found["golden"]:
+        yield _golden(found["golden"])
+    if found["reference"]:
+        made = found["reference"]["made_from"]
+        told = (f"{name} {made.get(name, '?')}" for name in ("dataset", "run", "expression"))
+        yield f"  the scale was frozen of {', '.join(told)}"
+    yield _verdict(found["verdict"])
+
+
+def _axes(axes: list[dict[str, Any]]) -> str:
+    level = f"({LEVEL_TOLD})"
+    names = ("axis", "m", f"value {level}", "floor", "unit", "n", f"G {level}")
+    rows = [
+        (
+            each["axis"], each["measure"], bounds(each, "value"), _floor(each), each["unit"],
+            each["n"], bounds(each, "gap", 1),
+        )
+        for each in axes
+    ]  # fmt: skip
+    return output.table(names, rows)
+
+
+def _floor(axis: dict[str, Any]) -> str:
+    """Without an interval where nothing about it was measured."""
+    if axis["floor_low"] == axis["floor"] == axis["floor_high"]:
+        return f"{axis['floor']:g}"
+    return bounds(axis, "floor")
+
+
+def _said(axis: dict[str, Any]) -> Iterator[str]:
+    """What 100 is, and the notes."""
+    if "anchor" in axis:
+        yield (
+            f"  {axis['axis']}: G 100 is {bounds(axis, 'anchor')} {axis['unit']}: "
+            f"{axis['anchor_state']}"
+        )
+    yield from (f"  {axis['axis']}: {note}" for note in axis["notes"])
+
+
+def _across(across: dict[str, Any]) -> Iterator[str]:
     if "refused" in across:
         yield f"  across runs: {across['refused']}"
-    elif across:
-        yield "".join(
-            f"  across {len(across['runs'])} runs: {name} {bounds(across, key, 2)}\n"
-            for name, key in (("Sim-vs-Real correlation", "srcc"), ("MMRV", "mmrv"))
-        ).rstrip()
-    golden = found["golden"]
-    if golden:
-        yield (
-            f"golden run: {golden['outcome']}: mean real error changed by "
-            f"{bounds(golden, 'change')} m over {golden['n']} instances, "
-            f"margin {golden['margin']:g} m"
-            + (f"; {golden['missing']} of it are not here" if golden["missing"] else "")
-            + (f"; {golden['reason']}" if golden["reason"] else "")
-        )
-    yield _verdict(found["verdict"])
+        return
+    for name, key in (("Sim-vs-Real correlation", "srcc"), ("MMRV", "mmrv")):
+        yield f"  across {len(across['runs'])} runs: {name} {bounds(across, key, 2)}"
+
+
+def _golden(golden: dict[str, Any]) -> str:
+    missing = f"{golden['missing']} of it are not here" if golden["missing"] else ""
+    told = (
+        f"golden run: {golden['outcome']}: mean real error changed by {bounds(golden, 'change')} m "
+        f"over {golden['n']} instances, margin {golden['margin']:g} m"
+    )
+    return "; ".join(part for part in (told, missing, golden["reason"]) if part)
 
 
 def _verdict(verdict: dict[str, Any]) -> str:

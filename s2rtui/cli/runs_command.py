@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from s2rstore.stats import LEVEL_TOLD
 from s2rtui.cli import output
 
 if TYPE_CHECKING:
     from s2rstore.headlines import Headline
 
 _NAMES = (
-    "run", "model", "sim", "real", "n", "trained on", "sim accuracy %", "sim 95 %",
-    "sim median m", "real accuracy %", "real 95 %", "real median m", "baseline %", "note",
+    "run", "model", "sim", "real", "n", "trained on", "sim accuracy %", f"sim {LEVEL_TOLD}",
+    "sim median m", "real accuracy %", f"real {LEVEL_TOLD}", "real median m", "baseline %", "note",
 )  # fmt: skip
 
 

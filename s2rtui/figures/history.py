@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from s2rstore.history import Word
+from s2rstore.outcomes import Word
 from s2rtui.canvas.colour import LIGHT, Theme
 from s2rtui.figures.style import Page, Pixels, dress, heading, new_figure, page_of, unit, written
 from s2rtui.plots.history import ink

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rstore.history import Word
+from s2rstore.outcomes import Word
 from s2rtui.canvas.colour import Rgb, Theme
 from s2rtui.canvas.grid import Canvas, Size
 from s2rtui.canvas.look import Look

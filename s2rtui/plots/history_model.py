@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.history import AxisFigures, Night, Word, known_word, word_of
+from s2rstore.history import AxisFigures, Night
+from s2rstore.outcomes import Word, known_word, word_of
 from s2rstore.stats import Interval
 
 HEADLINE = "headline"

@@ -52,7 +52,9 @@ def compared(store: Store, runs: Sequence[str], members: Members | None, caption
              percent(headlines.baseline(store, run, members)),
              number(sim.median_error, 2, "m"), number(real.median_error, 2, "m"), str(sim.n))
         )  # fmt: skip
-    note = f"Accuracy with its 95 % block bootstrap interval. {BASELINE} {_left_out()}"
+    note = (
+        f"Accuracy with its {stats.LEVEL_TOLD} block bootstrap interval. {BASELINE} {_left_out()}"
+    )
     return Table(caption, names, rows, note)
 
 

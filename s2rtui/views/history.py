@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 from s2rstore.errors import RequestError
-from s2rstore.history import History, Night, known_word, word_of
+from s2rstore.history import History, Night
+from s2rstore.outcomes import known_word, word_of
 from s2rstore.stats import Interval
 from s2rtui import plots
 from s2rtui.canvas import Canvas, Look, Size, Theme

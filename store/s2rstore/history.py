@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import datetime
-import math
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
 import duckdb
 
@@ -20,7 +19,6 @@ from s2rstore.stats import Interval
 _CONFIG: dict[str, Any] = {"threads": 1, "memory_limit": "64MB", "temp_directory": ""}
 Stamp = tuple[int, int, int]
 Row = dict[str, Any]
-Word = Literal["PASS", "FAIL", "INCONCLUSIVE", "SKIPPED"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,20 +113,6 @@ class History:
         """The runs of a data set that have nights."""
         runs = (n.run for n in self.nights if n.dataset_hash == dataset_hash)
         return tuple(dict.fromkeys(runs))
-
-
-def word_of(gap: Interval, threshold: float) -> Word:
-    """The word for one axis' G; SKIPPED where it was not judged."""
-    if math.isnan(gap.value):
-        return "SKIPPED"
-    if gap.high < threshold:
-        return "PASS"
-    return "FAIL" if gap.low > threshold else "INCONCLUSIVE"
-
-
-def known_word(text: str) -> Word:
-    """A stored word; SKIPPED for what is none."""
-    return next((word for word in get_args(Word) if word == text), "SKIPPED")
 
 
 def path_in(store: Path) -> Path:

@@ -5,13 +5,22 @@ SQL NULL stands for what is missing, never NaN.
 
 from __future__ import annotations
 
+from s2rstore.outcomes import CODES_TOLD
 from s2rstore.schema import Column, Table, statements_of
+from s2rstore.stats import LEVEL_TOLD
 
-_BOUNDS = (("", ""), ("_low", ", lower 95 % bound"), ("_high", ", upper 95 % bound"))
+BOUNDS = {
+    "": "",
+    "_low": f", lower {LEVEL_TOLD} bound",
+    "_high": f", upper {LEVEL_TOLD} bound",
+}
+"""How the columns of a figure and of its interval end, and what is said of each."""
 
 
 def _bounds(name: str, comment: str) -> tuple[Column, ...]:
-    return tuple(Column(f"{name}{end}", "DOUBLE", f"{comment}{told}") for end, told in _BOUNDS)
+    return tuple(
+        Column(f"{name}{end}", "DOUBLE", f"{comment}{told}") for end, told in BOUNDS.items()
+    )
 
 
 TABLES: tuple[Table, ...] = (
@@ -37,7 +46,7 @@ TABLES: tuple[Table, ...] = (
                 "PASS, FAIL or INCONCLUSIVE: headline, golden run and age of the evidence; "
                 "ERROR = the request does not fit what is there",
             ),
-            Column("exit_code", "INTEGER", "0 PASS, 1 FAIL, 2 ERROR, 3 INCONCLUSIVE"),
+            Column("exit_code", "INTEGER", CODES_TOLD),
             Column("headline", "VARCHAR", "PASS, FAIL or INCONCLUSIVE: the worst axis"),
             *_bounds("gap", "G of the worst axis; 0 = no gap, 100 = the declared bad state"),
             Column("worst", "VARCHAR", "the worst axis; NULL = none was judged"),

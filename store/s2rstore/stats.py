@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from s2rstore import angles
 
 LOSS_GAMMA = 0.3
+LEVEL = 0.95
+"""Of every interval that is shown."""
+LEVEL_TOLD = f"{100 * LEVEL:g} %"
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +22,7 @@ class Bootstrap:
     block_length: int = 0
     replicates: int = 1000
     seed: int = 20210101
-    level: float = 0.95
+    level: float = LEVEL
 
 
 BOOTSTRAP = Bootstrap()
@@ -32,6 +35,20 @@ class Interval:
     value: float
     low: float
     high: float
+
+
+def bounds(replicates: NDArray[np.float64], level: float = LEVEL) -> tuple[float, float]:
+    """The percentile interval of replicates (R,); NaN where there is none, or one is NaN."""
+    if not replicates.size:
+        return np.nan, np.nan
+    tail = 50 * (1 - level)
+    low, high = np.percentile(replicates, [tail, 100 - tail])
+    return float(low), float(high)
+
+
+def interval(value: float, replicates: NDArray[np.float64], level: float = LEVEL) -> Interval:
+    """An estimate with the percentile interval of its replicates (R,)."""
+    return Interval(float(value), *bounds(replicates, level))
 
 
 def position_error(
@@ -97,6 +114,4 @@ def bootstrap_mean(values: NDArray[np.float64], settings: Bootstrap = BOOTSTRAP)
     starts = rng.integers(0, n, size=(settings.replicates, blocks))
     means = sums[starts].sum(axis=1) / (blocks * length)
     means = mean + (means - mean) * np.sqrt(blocks / (blocks - 1))
-    tail = 50 * (1 - settings.level)
-    low, high = np.percentile(means, [tail, 100 - tail])
-    return Interval(mean, float(low), float(high))
+    return interval(mean, means, settings.level)

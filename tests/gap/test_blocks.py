@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from s2rtools.gap import blocks
 from s2rtools.gap.contract import Settings
+from s2rtools.gap.intervals import widened
 from s2rtools.gap.task.groups import mean_replicates
 from s2rtools.gap.visual.figures import figures
 from s2rtools.gap.visual.paired import paired
@@ -83,7 +84,7 @@ def test_pairs_inside_a_trajectory_come_with_each_of_its_copies() -> None:
                 count += pair.pairs[a, b]
     counts = np.bincount(drawn, minlength=6)[cut.trajectory].astype(float)
     found = pair.replicates(counts[None, :])
-    wanted = blocks.widened(np.array([total / count]), pair.value(), 6)
+    wanted = widened(np.array([total / count]), pair.value(), 6)
     assert found == pytest.approx(wanted)
 
 

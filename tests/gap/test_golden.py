@@ -14,20 +14,18 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.headlines import held_out
 from s2rtools.gap import golden
 from s2rtools.gap.contract import Evidence, Settings
-from tests.support import tiny
 
 SETTINGS = Settings(replicates=300)
 
 
 @pytest.fixture(scope="module")
-def evidence(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Evidence]:
-    path = tiny.build(tmp_path_factory.mktemp("golden") / "s.s2r", n=200)
-    with s2rstore.open(path) as store:
+def evidence(store_of_200: Path) -> Iterator[Evidence]:
+    with s2rstore.open(store_of_200) as store:
         yield Evidence(store, "vanilla", np.arange(200))
 
 
 def test_the_same_state_is_no_worse(evidence: Evidence, tmp_path: Path) -> None:
-    golden.write(tmp_path / "g.json", golden.take(evidence))
+    (tmp_path / "g.json").write_text(golden.text(golden.take(evidence)))
     found = golden.compare(evidence, golden.read(tmp_path / "g.json"), SETTINGS)
     assert found.outcome == "PASS"
     assert found.change.value == found.change.low == found.change.high == 0

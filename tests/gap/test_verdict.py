@@ -12,11 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
+from s2rstore.outcomes import outcome_of
 from s2rstore.stats import Interval
 from s2rtools.gap import reference
 from s2rtools.gap.contract import Anchor, Measured, Settings
 from s2rtools.gap.measure import Measurement
-from s2rtools.gap.verdict import judge, outcome_of
+from s2rtools.gap.verdict import judge
 
 SETTINGS = Settings(replicates=400)
 
@@ -35,7 +36,7 @@ def found(*axes: Measured) -> Measurement:
 
 def scale(*axes: str, anchor: float = 1.1, floor: float = 0.1) -> reference.Reference:
     frozen = {
-        axis: reference.Frozen(anchor, anchor, anchor, floor, "m", "bad", 50,
+        axis: reference.Frozen(anchor, anchor, anchor, floor, "bad",
                                {"features": "f", "n": 50})
         for axis in axes
     }  # fmt: skip
@@ -129,7 +130,7 @@ def test_a_reference_survives_its_file(tmp_path: Path) -> None:
     calm = measured("task", 0.1)
     frozen = reference.freeze(calm, Anchor(1.1, calm.replicates + 1.0, "bad"), "m", SETTINGS)
     path = tmp_path / "ref.json"
-    reference.write(path, {"task": frozen}, {"run": "vanilla"})
+    path.write_text(reference.text({"task": frozen}, {"run": "vanilla"}))
     read = reference.read(path)
     assert read.axes == {"task": frozen}
     assert read.made_from == {"run": "vanilla"}
@@ -149,13 +150,13 @@ def test_a_file_that_is_no_reference_is_refused(tmp_path: Path, content: str) ->
         reference.read(path)
 
 
-@pytest.mark.parametrize("key", ["anchor", "floor", "n"])
+@pytest.mark.parametrize("key", ["anchor", "anchor_low", "anchor_high", "floor"])
 @pytest.mark.parametrize("value", [None, "1", True, float("inf")])
 def test_a_scale_must_be_of_numbers(tmp_path: Path, key: str, value: object) -> None:
     calm = measured("task", 0.1)
     frozen = reference.freeze(calm, Anchor(1.1, calm.replicates + 1.0, "bad"), "m", SETTINGS)
     path = tmp_path / "ref.json"
-    reference.write(path, {"task": frozen}, {})
+    path.write_text(reference.text({"task": frozen}, {}))
     content = json.loads(path.read_text())
     content["axes"]["task"][key] = value
     path.write_text(json.dumps(content))

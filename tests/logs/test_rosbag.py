@@ -1,9 +1,8 @@
-"""ROS bags of both generations, written here and read back."""
+"""ROS bags of both generations, written and read back."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,57 +11,7 @@ from s2rstore import angles
 from s2rstore.errors import RequestError
 from s2rtools.logs import Log, read
 from tests.support import robot
-
-rosbag1 = pytest.importorskip("rosbags.rosbag1")
-rosbag2 = pytest.importorskip("rosbags.rosbag2")
-typesys = pytest.importorskip("rosbags.typesys")
-
-Topics = dict[str, str]
-ODOMETRY = "nav_msgs/msg/Odometry"
-POSE = "geometry_msgs/msg/PoseStamped"
-
-
-def message(store: Any, kind: str, log: Log, i: int, ros1: bool, stamped: bool = True) -> Any:
-    types = store.types
-    ns = round(log.time[i] * 1e9) if stamped else 0
-    stamp = types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9)
-    extra = {"seq": i} if ros1 else {}
-    header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="odom", **extra)
-    at = types["geometry_msgs/msg/Point"](x=log.x[i], y=log.y[i], z=0.0)
-    z, w = np.sin(log.heading[i] / 2), np.cos(log.heading[i] / 2)
-    turn = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=z, w=w)
-    pose = types["geometry_msgs/msg/Pose"](position=at, orientation=turn)
-    if kind == POSE:
-        return types[POSE](header=header, pose=pose)
-    zero = types["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
-    twist = types["geometry_msgs/msg/Twist"](linear=zero, angular=zero)
-    none = np.zeros(36)
-    return types[ODOMETRY](
-        header=header,
-        child_frame_id="base",
-        pose=types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=none),
-        twist=types["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=none),
-    )
-
-
-def write(path: Path, log: Log, topics: Topics, stamped: bool = True) -> Path:
-    """A ROS 1 bag where the name ends so, else a ROS 2 folder (MCAP where the name has it)."""
-    ros1 = path.suffix == ".bag"
-    stores = typesys.Stores
-    store = typesys.get_typestore(stores.ROS1_NOETIC if ros1 else stores.ROS2_HUMBLE)
-    if ros1:
-        writer = rosbag1.Writer(path)
-    else:
-        plugin = rosbag2.StoragePlugin["MCAP" if "mcap" in path.name else "SQLITE3"]
-        writer = rosbag2.Writer(path, version=9, storage_plugin=plugin)
-    serialize = store.serialize_ros1 if ros1 else store.serialize_cdr
-    with writer as bag:
-        for topic, kind in topics.items():
-            connection = bag.add_connection(topic, kind, typestore=store)
-            for i in range(log.time.size):
-                told = message(store, kind, log, i, ros1, stamped)
-                bag.write(connection, round(log.time[i] * 1e9) + 5_000_000, serialize(told, kind))
-    return path
+from tests.support.bags import ODOMETRY, POSE, write
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +24,7 @@ def log() -> Log:
 def test_poses_come_back_at_the_times_of_their_headers(
     tmp_path: Path, log: Log, name: str, kind: str
 ) -> None:
-    again = read(write(tmp_path / name, log, {"/odom": kind}))
+    again = read(write(tmp_path / name, {"/odom": (kind, log)}))
     assert again.time == pytest.approx(log.time, abs=1e-8)
     assert again.x == pytest.approx(log.x)
     assert angles.distance(again.heading, log.heading).max() < 1e-9
@@ -83,18 +32,18 @@ def test_poses_come_back_at_the_times_of_their_headers(
 
 @pytest.mark.parametrize("suffix", ["db3", "mcap"])
 def test_the_file_inside_a_folder_is_a_log_too(tmp_path: Path, log: Log, suffix: str) -> None:
-    folder = write(tmp_path / f"{suffix}_folder", log, {"/odom": ODOMETRY})
+    folder = write(tmp_path / f"{suffix}_folder", {"/odom": (ODOMETRY, log)})
     (inside,) = folder.glob(f"*.{suffix}")
     assert read(inside).y == pytest.approx(log.y)
 
 
 def test_without_stamps_the_times_are_those_of_the_recording(tmp_path: Path, log: Log) -> None:
-    again = read(write(tmp_path / "a.bag", log, {"/odom": ODOMETRY}, stamped=False))
+    again = read(write(tmp_path / "a.bag", {"/odom": (ODOMETRY, log)}, stamped=False))
     assert again.time == pytest.approx(log.time + 0.005, abs=1e-8)
 
 
 def test_one_of_several_topics_is_named(tmp_path: Path, log: Log) -> None:
-    path = write(tmp_path / "bag", log, {"/odom": ODOMETRY, "/truth": POSE})
+    path = write(tmp_path / "bag", {"/odom": (ODOMETRY, log), "/truth": (POSE, log)})
     with pytest.raises(RequestError, match=r"name one of /odom, /truth"):
         read(path)
     assert read(path, "/truth").x == pytest.approx(log.x)
@@ -112,14 +61,14 @@ def test_faults_name_topic_and_message(tmp_path: Path, log: Log) -> None:
     x, time = log.x.copy(), log.time.copy()
     x[4] = np.nan
     time[7] = time[5]
-    path = write(tmp_path / "nan.bag", bent(log, x=x), {"/odom": ODOMETRY})
+    path = write(tmp_path / "nan.bag", {"/odom": (ODOMETRY, bent(log, x=x))})
     with pytest.raises(RequestError, match=r"nan\.bag: topic /odom, message 5: not a finite"):
         read(path)
-    path = write(tmp_path / "clock", bent(log, time=time), {"/odom": ODOMETRY})
+    path = write(tmp_path / "clock", {"/odom": (ODOMETRY, bent(log, time=time))})
     with pytest.raises(RequestError, match=r"clock: topic /odom, message .: the clock"):
         read(path)
     empty = bent(log, **{n: np.zeros(0) for n in ("time", "x", "y", "heading")})
-    path = write(tmp_path / "empty", empty, {"/odom": ODOMETRY})
+    path = write(tmp_path / "empty", {"/odom": (ODOMETRY, empty)})
     with pytest.raises(RequestError, match="topic /odom has no messages"):
         read(path)
 
@@ -135,7 +84,7 @@ def test_damaged_bags_are_one_line(tmp_path: Path, name: str, content: bytes) ->
 
 
 def test_a_cut_bag_a_plain_folder_and_no_bag(tmp_path: Path, log: Log) -> None:
-    whole = write(tmp_path / "a.bag", log, {"/odom": ODOMETRY}).read_bytes()
+    whole = write(tmp_path / "a.bag", {"/odom": (ODOMETRY, log)}).read_bytes()
     (tmp_path / "cut.bag").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(RequestError, match=r"cut\.bag"):
         read(tmp_path / "cut.bag")

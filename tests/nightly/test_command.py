@@ -94,7 +94,7 @@ def test_the_gate_is_asked_what_the_configuration_says(
     assert given == {
         "run": "vanilla", "expression": "worst15", "axes": ("task",), "rate": None,
         "drives": str(config.source.parent / "drives"), "features": None, "reference": None,
-        "golden": None, "threshold": 20.0, "margin": 0.1,
+        "topic": None, "golden": None, "threshold": 20.0, "margin": 0.1,
     }  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from s2rstore import history
+from s2rtools.gap.axes import AXES
 from s2rtools.nightly import config
 from s2rtools.nightly.metrics import metrics
 from s2rtui.cli import _parser
@@ -35,7 +36,7 @@ def test_the_sample_configuration_is_read(tmp_path: Path) -> None:
     path.write_text(text)
     found = config.read(path)
     assert found.name == "lab"
-    assert found.axes == config.AXES
+    assert found.axes == tuple(AXES)
     assert found.metrics == (tmp_path / "metrics/s2r_gap.prom").resolve()
     path.write_text(re.sub(r"^# (?=[\[a-z])", "", text.partition("\n")[2], flags=re.M))
     everything = config.read(path)

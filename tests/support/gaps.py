@@ -7,7 +7,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from s2rstore.history import AxisFigures, History, Night, word_of
+from s2rstore.history import AxisFigures, History, Night
+from s2rstore.outcomes import EXIT_CODES, word_of
 from s2rstore.stats import Interval
 
 FIRST = datetime.date(2026, 11, 16)
@@ -30,7 +31,7 @@ def night(number: int, gaps: Mapping[str, float], half: float = 2.0, **changes: 
         "key": f"{number:064d}", "evidence": f"{number:064d}", "measured": number,
         "dataset": "tiny", "dataset_hash": "0" * 64, "run": "vanilla", "run_key": "key0",
         "model": "vanilla", "expression": "all", "outcome": word,
-        "exit_code": {"PASS": 0, "FAIL": 1, "INCONCLUSIVE": 3}[word], "headline": word,
+        "exit_code": EXIT_CODES[word], "headline": word,
         "gap": gap, "worst": worst.axis if worst else None, "threshold": 15.0,
         "reason": "because", "golden": None, "golden_change": NOTHING, "golden_margin": math.nan,
         "evidence_since": FIRST, "evidence_age": 0, "stale_after": 2.0,

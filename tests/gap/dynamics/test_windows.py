@@ -11,7 +11,7 @@ from s2rstore import angles
 from s2rstore.errors import RequestError
 from s2rtools.gap.contract import Settings
 from s2rtools.gap.dynamics import errors, noise, repeats
-from s2rtools.gap.dynamics.bootstrap import Blocks
+from s2rtools.gap.dynamics.bootstrap import Resamples
 from s2rtools.gap.dynamics.windows import Plan, windows
 from s2rtools.logs import Drive, Log
 from s2rtools.logs.rigid import Rigid
@@ -133,7 +133,7 @@ def test_resamples_of_everything_are_the_same_resamples() -> None:
     rng = np.random.default_rng(0)
     values = [rng.random((2, 40)), rng.random((2, 30))]
     values[0][1, 35:] = np.nan
-    blocks = Blocks([40, 30], 5, Settings(replicates=50))
+    blocks = Resamples([40, 30], 5, Settings(replicates=50))
     mean, draws = blocks.means(values)
     assert mean == pytest.approx(np.nanmean(np.concatenate(values, axis=1), axis=1))
     _, doubled = blocks.means([2 * v for v in values])
@@ -147,7 +147,7 @@ def test_intervals_of_one_drives_mean_hold() -> None:
     for seed in range(200):
         rng = np.random.default_rng(seed)
         wave = np.convolve(rng.standard_normal(419), np.ones(20) / 20, mode="valid")[None]
-        blocks = Blocks([400], 20, Settings(replicates=300, seed=seed))
+        blocks = Resamples([400], 20, Settings(replicates=300, seed=seed))
         mean, draws = blocks.means([wave + 5])
         low, high = np.percentile(blocks.widened(mean, draws)[0], [2.5, 97.5])
         held += low <= 5 <= high
@@ -160,7 +160,7 @@ def test_intervals_of_drives_that_differ_hold(count: int) -> None:
     held = 0
     for seed in range(300):
         each = rng.normal(1.0, 0.3, count)
-        blocks = Blocks([20] * count, 5, Settings(replicates=300, seed=seed))
+        blocks = Resamples([20] * count, 5, Settings(replicates=300, seed=seed))
         mean, draws = blocks.means([np.full((1, 20), size) for size in each])
         low, high = np.percentile(blocks.widened(mean, draws)[0], [2.5, 97.5])
         held += low <= 1 <= high

@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
-from s2rtools.gap.contract import Axis
-from s2rtools.gap.dynamics.axis import Dynamics
-from s2rtools.gap.dynamics.lateness import Delay
-from s2rtools.gap.task.axis import Task
-from s2rtools.gap.visual.axis import Visual
+import importlib
+from typing import TYPE_CHECKING
 
-AXES: dict[str, Axis] = {axis.name: axis for axis in (Visual(), Task(), Dynamics(), Delay())}
+if TYPE_CHECKING:
+    from s2rtools.gap.contract import Axis
+
+AXES: dict[str, str] = {
+    "visual": "visual.axis:Visual",
+    "task": "task.axis:Task",
+    "dynamics": "dynamics.axis:Dynamics",
+    "delay": "dynamics.lateness:Delay",
+}
+"""Where each is; imported when it is measured."""
+
+
+def axis(name: str) -> Axis:
+    """The axis of a name in `AXES`."""
+    module, _, kind = AXES[name].partition(":")
+    found: Axis = getattr(importlib.import_module(f"s2rtools.gap.{module}"), kind)()
+    return found

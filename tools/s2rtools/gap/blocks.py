@@ -16,14 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri, stdtrit
 
 Floats = NDArray[np.float64]
 
 LEAST_TRAJECTORIES = 6
 MOST_OF_ONE = 1 / 3
 """A trajectory that holds more than this share of the rows leaves too few others to draw."""
-_TAIL = 0.975
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,18 +119,6 @@ def draws(blocks: Blocks, replicates: int, seed: int) -> Floats:
     counts = rng.multinomial(count, np.full(count, 1 / count), size=replicates).astype(np.float64)
     counts[(counts > 0).sum(axis=1) < 2] = 1.0  # one unit alone has no pair
     return counts[:, units]
-
-
-def widened(replicates: Floats, value: float | Floats, blocks: int | Floats) -> Floats:
-    """Replicates (R, ...) about `value`, drawn apart as far as few blocks are uncertain.
-
-    By sqrt(b / (b - 1)), because b blocks know no more than b values, times Student's quantile at
-    b - 1 degrees of freedom over the normal one, at 97.5 %. NaN below 2 blocks.
-    """
-    b = np.asarray(blocks, dtype=np.float64)
-    known = np.maximum(b, 2)
-    factor = np.sqrt(known / (known - 1)) * stdtrit(known - 1, _TAIL) / ndtri(_TAIL)
-    return np.asarray(value + (replicates - value) * np.where(b > 1, factor, np.nan))
 
 
 def halves(

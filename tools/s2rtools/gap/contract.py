@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
-from s2rstore.stats import Interval
+from s2rstore.stats import LEVEL
+from s2rtools.gap import defaults
 from s2rtools.logs import Drive
 
 Floats = NDArray[np.float64]
@@ -24,9 +25,9 @@ class Settings:
     `pca` is the number of principal components whose divergence the visual axis tells.
     """
 
-    replicates: int = 1000
-    seed: int = 1
-    level: float = 0.95
+    replicates: int = defaults.REPLICATES
+    seed: int = defaults.SEED
+    level: float = LEVEL
     pca: int = 3
 
 
@@ -79,12 +80,14 @@ class Anchor:
 
 
 class Axis:
-    """One axis of the gap: a file of its own and a line in `AXES`."""
+    """One axis of the gap: a file of its own and a line in `axes`."""
 
     name: ClassVar[str]
     unit: ClassVar[str]
     measure_is: ClassVar[str]
     """What m is, in a few words."""
+    floor_is: ClassVar[str]
+    """What the floor is, in a few words; all four are 0, for a reason of their own each."""
     reason: ClassVar[str]
     """Why this m, this floor and this anchor."""
 
@@ -99,10 +102,3 @@ class Axis:
     def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
         """The declared bad state on the same evidence; raises RequestError where there is none."""
         raise NotImplementedError
-
-
-def interval(value: float, replicates: Floats, level: float) -> Interval:
-    """An estimate with the percentiles of its replicates (R,)."""
-    tail = 50 * (1 - level)
-    low, high = np.percentile(replicates, [tail, 100 - tail])
-    return Interval(float(value), float(low), float(high))

@@ -10,19 +10,16 @@ import numpy as np
 from s2rstore import layout, selection
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.reader import Store
-from s2rtools.gap import golden, reference
+from s2rtools.gap import axes, defaults, golden, reference
 from s2rtools.gap.axes import AXES
 from s2rtools.gap.contract import Axis, Evidence, Settings
-from s2rtools.gap.golden import MARGIN
 from s2rtools.gap.measure import Measurement, frozen, measure
 from s2rtools.gap.report import Judged, Report, across_report, report
 from s2rtools.gap.task.across import across
-from s2rtools.gap.verdict import THRESHOLD, judge, unjudged
+from s2rtools.gap.verdict import judge, unjudged
 from s2rtools.logs import Drive
 from s2rtools.logs.drives import read_drives
 from s2rtools.logs.odometry import odometry
-
-ODOMETRY = "odometry"
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +41,8 @@ class Request:
     topic: str | None = None
     reference: Path | None = None
     golden: Path | None = None
-    threshold: float = THRESHOLD
-    margin: float = MARGIN
+    threshold: float = defaults.THRESHOLD
+    margin: float = defaults.MARGIN
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:
@@ -61,7 +58,7 @@ class Request:
 
     @property
     def wanted(self) -> dict[str, Axis]:
-        return {name: axis for name, axis in AXES.items() if name in (self.axes or AXES)}
+        return {name: axes.axis(name) for name in AXES if name in (self.axes or AXES)}
 
 
 def evidence(store: Store, request: Request) -> Evidence:
@@ -85,17 +82,18 @@ def evidence(store: Store, request: Request) -> Evidence:
 
 def judged(found_on: Evidence, request: Request) -> Judged:
     """Measure, and judge by the reference and the golden run where there are some."""
-    scale = reference.read(request.reference) if request.reference else None
+    frozen_scale = reference.read(request.reference) if request.reference else None
     accepted = golden.read(request.golden) if request.golden else None
     found = measure(found_on, request.settings, request.wanted)
-    if scale is None:
+    if frozen_scale is None:
         verdict = unjudged(request.threshold)
     else:
-        verdict = judge(found, scale, request.settings, request.threshold)
+        verdict = judge(found, frozen_scale, request.settings, request.threshold)
     compared = None
     if accepted is not None:
         compared = golden.compare(found_on, accepted, request.settings, request.margin)
-    return Judged(found, verdict, request.wanted, scale, compared, _across(found_on, request))
+    ranked = _across(found_on, request)
+    return Judged(found, verdict, request.wanted, frozen_scale, compared, ranked)
 
 
 def measured_report(found_on: Evidence, request: Request) -> Report:
@@ -103,8 +101,8 @@ def measured_report(found_on: Evidence, request: Request) -> Report:
     return report(found_on, request.settings, judged(found_on, request))
 
 
-def freeze(path: Path, found_on: Evidence, request: Request, found: Measurement) -> None:
-    """Write what was measured as the scale to judge by; the axes without evidence are left out.
+def scale(found_on: Evidence, request: Request, found: Measurement) -> str:
+    """What was measured as the file of a reference; the axes without evidence are left out.
 
     Raises InconclusiveError where an axis has too little evidence, RequestError where one has no
     usable anchor: a reference judges all that was asked for, or is not written.
@@ -117,13 +115,14 @@ def freeze(path: Path, found_on: Evidence, request: Request, found: Measurement)
         raise RequestError(f"--freeze: no axis could be measured ({why})")
     store, run = found_on.store, found_on.store.run(found_on.run)
     made_from = {
-        "dataset": store.dataset.hash,
+        "dataset": store.dataset.name,
+        "dataset_hash": store.dataset.hash,
         "run": run.run,
         "run_key": run.key,
         "model_sha256": store.models[run.model].sha256,
         "expression": found_on.expression,
     }
-    reference.write(path, frozen(found, found_on, request.settings, request.wanted), made_from)
+    return reference.text(frozen(found, found_on, request.settings, request.wanted), made_from)
 
 
 def _across(found_on: Evidence, request: Request) -> dict[str, object] | None:
@@ -140,6 +139,6 @@ def _drives(store: Store, request: Request) -> tuple[Drive, ...]:
     if wanted is None:
         own = store.path / layout.DRIVES
         return tuple(read_drives(own, request.topic)) if own.is_dir() else ()
-    if wanted == ODOMETRY:
+    if wanted == defaults.ODOMETRY:
         return tuple(odometry(store, request.rate))
     return tuple(read_drives(Path(wanted), request.topic))

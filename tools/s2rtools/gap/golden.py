@@ -6,7 +6,6 @@ day it was stored. Paired differences are far surer than two separate means.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -17,17 +16,14 @@ from typing import Any
 import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rstore.reader import Store
-from s2rstore.stats import Interval
-from s2rtools.gap import blocks, population
-from s2rtools.gap.contract import Evidence, Settings, interval
-from s2rtools.gap.files import write_atomically
+from s2rstore.outcomes import Outcome, outcome_of
+from s2rstore.stats import Interval, interval
+from s2rtools.gap import blocks, defaults, population
+from s2rtools.gap.contract import Evidence, Settings
 from s2rtools.gap.task.groups import mean_replicates
-from s2rtools.gap.verdict import NOTHING, Outcome, outcome_of
+from s2rtools.gap.verdict import NOTHING
 
 FORMAT = 1
-MARGIN = 0.05
-"""Metres by which the mean real error may have grown, as an upper bound."""
 _FEWEST = 20
 _FEWEST_BLOCKS = 4
 _MOST_MISSING = 0.1
@@ -36,7 +32,7 @@ _MOST_MISSING = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Golden:
-    """The real errors (m) of an accepted run, by iid; `poses` is the hash of what iids mean.
+    """The real errors (m) of an accepted run, by iid; `poses` is `population.poses`.
 
     Other images of the same poses, such as a newer simulator's, are compared.
     """
@@ -69,12 +65,12 @@ def take(evidence: Evidence) -> Golden:
         raise InconclusiveError(
             f"a golden run needs {_FEWEST} held-out instances, not {len(errors)}"
         )
-    return Golden(_poses(evidence.store), evidence.run, evidence.expression, errors)
+    return Golden(population.poses(evidence.store), evidence.run, evidence.expression, errors)
 
 
-def write(path: Path, golden: Golden) -> None:
-    """Write a golden run, whole or not at all."""
-    write_atomically(path, json.dumps({"format": FORMAT, **asdict(golden)}, sort_keys=True) + "\n")
+def text(golden: Golden) -> str:
+    """The file of a golden run."""
+    return json.dumps({"format": FORMAT, **asdict(golden)}, sort_keys=True) + "\n"
 
 
 def read(path: Path) -> Golden:
@@ -99,14 +95,14 @@ def read(path: Path) -> Golden:
 
 
 def compare(
-    evidence: Evidence, golden: Golden, settings: Settings, margin: float = MARGIN
+    evidence: Evidence, golden: Golden, settings: Settings, margin: float = defaults.MARGIN
 ) -> Compared:
     """PASS where the change's interval is under the margin, FAIL where it is over it.
 
     INCONCLUSIVE where too few of the golden run's instances are left, for example because a newer
     model was trained on them. Raises RequestError for other poses or another selection.
     """
-    if golden.poses != _poses(evidence.store):
+    if golden.poses != population.poses(evidence.store):
         raise RequestError(
             f"{evidence.store.path}: holds other poses than the golden run; "
             "`s2r gap --freeze-golden` accepts a new one"
@@ -130,14 +126,6 @@ def compare(
     if outcome == "PASS" and missing > _MOST_MISSING * len(golden.errors):
         outcome, reason = "INCONCLUSIVE", f"{missing} of {len(golden.errors)} are not comparable"
     return Compared(outcome, change, shared.size, margin, missing, reason)
-
-
-def _poses(store: Store) -> str:
-    truth = store.instances
-    digest = hashlib.sha256("\n".join(truth.trajectory_names).encode())
-    for column in (truth.trajectory, truth.seq, truth.x, truth.y, truth.heading):
-        digest.update(np.ascontiguousarray(column).tobytes())
-    return digest.hexdigest()
 
 
 def _errors(evidence: Evidence) -> dict[int, float]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore import headlines
 from s2rstore.errors import RequestError
+from s2rstore.reader import Store
 from s2rtools.gap.contract import Evidence
 
 Iids = NDArray[np.int64]
@@ -25,6 +28,15 @@ def held_out(evidence: Evidence) -> Iids:
     """Those of the selected that both sides predicted and the model was not trained on."""
     iids = selected(evidence)
     return iids[headlines.held_out(evidence.store, evidence.run)[iids]]
+
+
+def poses(store: Store) -> str:
+    """SHA-256 of what the iids mean: equal for other images and other models of the same poses."""
+    truth = store.instances
+    digest = hashlib.sha256("\n".join(truth.trajectory_names).encode())
+    for column in (truth.trajectory, truth.seq, truth.x, truth.y, truth.heading):
+        digest.update(np.ascontiguousarray(column).tobytes())
+    return digest.hexdigest()
 
 
 def uncomputed(evidence: Evidence) -> str | None:

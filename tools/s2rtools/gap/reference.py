@@ -6,18 +6,15 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from s2rstore.errors import RequestError
+from s2rstore.stats import bounds
 from s2rtools.gap.contract import Anchor, Measured, Settings
-from s2rtools.gap.files import write_atomically
 
-FORMAT = 1
-_KEYS = {"anchor", "anchor_low", "anchor_high", "floor", "unit", "state", "n", "fingerprint"}
+FORMAT = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,15 +25,20 @@ class Frozen:
     anchor_low: float
     anchor_high: float
     floor: float
-    unit: str
     state: str
-    n: int
     fingerprint: Mapping[str, str | int | float]
+
+
+_KEYS = {each.name for each in fields(Frozen)}
+_NUMBERS = ("anchor", "anchor_low", "anchor_high", "floor")
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """A reference file; `source` names it in messages, `sha256` is its content's."""
+    """A reference file; `source` names it in messages, `sha256` is its content's.
+
+    `made_from` tells data set, run, model and selection, for people.
+    """
 
     axes: Mapping[str, Frozen]
     made_from: Mapping[str, Any]
@@ -49,29 +51,27 @@ def freeze(measured: Measured, anchor: Anchor, unit: str, settings: Settings) ->
 
     The noise is that of their difference, because a resample moves both.
     """
-    tail = 50 * (1 - settings.level)
     span = anchor.value - measured.floor
-    low = float(np.percentile(anchor.replicates - measured.floor_replicates, tail))
+    low, _ = bounds(anchor.replicates - measured.floor_replicates, settings.level)
     if not (math.isfinite(span) and span > 0 and low > 0):
         raise RequestError(
             f"{measured.axis}: the anchor ({anchor.state}: {anchor.value:.3g} {unit}) is within "
             f"noise of the floor ({measured.floor:.3g} {unit}), so it is no scale"
         )
-    bounds = np.percentile(anchor.replicates, [tail, 100 - tail])
+    least, most = bounds(anchor.replicates, settings.level)
     return Frozen(
-        anchor.value, float(bounds[0]), float(bounds[1]), measured.floor, unit, anchor.state,
-        measured.n, dict(measured.fingerprint),
-    )  # fmt: skip
+        anchor.value, least, most, measured.floor, anchor.state, dict(measured.fingerprint)
+    )
 
 
-def write(path: Path, axes: Mapping[str, Frozen], made_from: Mapping[str, Any]) -> None:
-    """Write a reference, whole or not at all."""
+def text(axes: Mapping[str, Frozen], made_from: Mapping[str, Any]) -> str:
+    """The file of a reference."""
     content = {
         "format": FORMAT,
         "made_from": dict(made_from),
         "axes": {axis: asdict(frozen) for axis, frozen in axes.items()},
     }
-    write_atomically(path, json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n")
+    return json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 
 def read(path: Path) -> Reference:
@@ -86,20 +86,23 @@ def read(path: Path) -> Reference:
     if not isinstance(content, dict) or not isinstance(content.get("axes"), dict):
         raise RequestError(f"{path}: no reference of a gap; `s2r gap --freeze` writes one")
     if content.get("format") != FORMAT:
-        raise RequestError(f"{path}: format {content.get('format')}, this version reads {FORMAT}")
+        told = f"format {content.get('format')}, this version reads {FORMAT}"
+        raise RequestError(f"{path}: {told}; freeze it anew")
     if not content["axes"]:
         raise RequestError(f"{path}: no axis to judge by; freeze it anew")
     axes = {axis: _frozen(path, axis, found) for axis, found in content["axes"].items()}
-    digest = hashlib.sha256(raw).hexdigest()
-    return Reference(axes, content.get("made_from", {}), str(path), digest)
+    made_from = content.get("made_from")
+    if not isinstance(made_from, dict):
+        raise RequestError(f"{path}: made_from must be an object; freeze it anew")
+    return Reference(axes, made_from, str(path), hashlib.sha256(raw).hexdigest())
 
 
 def _frozen(path: Path, axis: str, found: object) -> Frozen:
     if not isinstance(found, dict) or set(found) != _KEYS:
         told = sorted(_KEYS ^ set(found)) if isinstance(found, dict) else "no object"
         raise RequestError(f"{path}: {axis}: {told}; freeze the reference anew")
-    if not all(_is_number(found[key]) for key in ("anchor", "floor", "n")):
-        raise RequestError(f"{path}: {axis}: anchor, floor and n must be finite numbers")
+    if not all(_is_number(found[key]) for key in _NUMBERS):
+        raise RequestError(f"{path}: {axis}: {', '.join(_NUMBERS)} must be finite numbers")
     if not found["anchor"] > found["floor"]:
         raise RequestError(f"{path}: {axis}: the anchor must be over the floor")
     if not isinstance(found["fingerprint"], dict):

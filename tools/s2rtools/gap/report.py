@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore.stats import Interval
-from s2rtools.gap.contract import Axis, Evidence, Measured, Settings, interval
+from s2rstore.stats import Interval, interval
+from s2rtools.gap.contract import Axis, Evidence, Measured, Settings
 from s2rtools.gap.golden import Compared
 from s2rtools.gap.measure import Measurement
 from s2rtools.gap.reference import Frozen, Reference
 from s2rtools.gap.task.across import Across
-from s2rtools.gap.verdict import AxisGap, Verdict
+from s2rtools.gap.verdict import NOTHING, AxisGap, Verdict
 
 Report = dict[str, Any]
 
@@ -52,7 +52,7 @@ def report(evidence: Evidence, settings: Settings, judged: Judged) -> Report:
         "inconclusive": dict(judged.found.inconclusive),
         "across": judged.across,
         "golden": None if judged.golden is None else _golden(judged.golden),
-        "reference": judged.reference and {"sha256": judged.reference.sha256},
+        "reference": _reference(judged.reference),
         "verdict": {
             "outcome": verdict.outcome,
             "threshold": verdict.threshold,
@@ -74,6 +74,7 @@ def _axis(found: Measured, settings: Settings, judged: Judged) -> dict[str, Any]
         "unit": axis.unit,
         **_bounds("value", interval(found.value, found.replicates, settings.level)),
         **_bounds("floor", interval(found.floor, found.floor_replicates, settings.level)),
+        "floor_is": axis.floor_is,
         "n": found.n,
         **_scaled(gaps.get(found.axis), frozen),
         "fingerprint": dict(found.fingerprint),
@@ -83,9 +84,17 @@ def _axis(found: Measured, settings: Settings, judged: Judged) -> dict[str, Any]
 
 
 def _scaled(gap: AxisGap | None, frozen: Frozen | None) -> dict[str, Any]:
-    bounds = _bounds("gap", gap.gap if gap else Interval(math.nan, math.nan, math.nan))
-    anchor = {"anchor": frozen.anchor, "anchor_state": frozen.state} if frozen else {}
-    return {**bounds, **anchor}
+    bounds = _bounds("gap", gap.gap if gap else NOTHING)
+    if frozen is None:
+        return bounds
+    anchor = Interval(frozen.anchor, frozen.anchor_low, frozen.anchor_high)
+    return {**bounds, **_bounds("anchor", anchor), "anchor_state": frozen.state}
+
+
+def _reference(found: Reference | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {"sha256": found.sha256, "made_from": dict(found.made_from)}
 
 
 def _golden(found: Compared) -> dict[str, Any]:

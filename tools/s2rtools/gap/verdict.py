@@ -9,20 +9,20 @@ is larger than any one of them.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rstore.stats import Interval
-from s2rtools.gap.contract import Floats, Measured, Settings, interval
+from s2rstore.outcomes import Outcome, outcome_of
+from s2rstore.stats import Interval, interval
+from s2rtools.gap import defaults
+from s2rtools.gap.contract import Floats, Measured, Settings
 from s2rtools.gap.measure import Measurement
 from s2rtools.gap.reference import Frozen, Reference
 
-Outcome = Literal["PASS", "FAIL", "INCONCLUSIVE"]
-EXIT_CODES: dict[Outcome, int] = {"PASS": 0, "FAIL": 1, "INCONCLUSIVE": 3}
-THRESHOLD = 15.0
+_HASH = re.compile("[0-9a-f]{64}")
 NOTHING = Interval(np.nan, np.nan, np.nan)
 _REASONS: dict[Outcome, str] = {
     "PASS": "the whole interval is under the threshold of {:g}",
@@ -53,27 +53,17 @@ class Verdict:
 
 
 def judge(
-    found: Measurement, reference: Reference, settings: Settings, threshold: float = THRESHOLD
+    found: Measurement,
+    reference: Reference,
+    settings: Settings,
+    threshold: float = defaults.THRESHOLD,
 ) -> Verdict:
     """PASS where the interval is under the threshold, FAIL where it is over it.
 
     An axis with too little evidence leaves the verdict INCONCLUSIVE, unless another fails. Raises
     RequestError where the reference does not fit what was measured.
     """
-    gaps = []
-    unsure = []
-    for axis, frozen in reference.axes.items():
-        if axis in found.inconclusive:
-            unsure.append(f"{axis}: {found.inconclusive[axis]}")
-            continue
-        if axis not in found.measured:
-            lacking = found.absent.get(axis, "it was not asked for")
-            raise RequestError(
-                f"{reference.source}: judges {axis}, which cannot be measured here ({lacking}); "
-                "give it, or freeze a reference without it"
-            )
-        _check_fits(found.measured[axis], frozen, reference.source)
-        gaps.append(axis_gap(found.measured[axis], frozen, settings.level))
+    gaps, unsure = _gaps(found, reference, settings.level)
     if not gaps:
         return Verdict("INCONCLUSIVE", threshold, None, NOTHING, (), "; ".join(unsure))
     worst = max(gaps, key=lambda each: each.gap.value)
@@ -87,6 +77,27 @@ def judge(
     if unsure and outcome == "PASS":
         outcome, reason = "INCONCLUSIVE", "; ".join(unsure)
     return Verdict(outcome, threshold, worst.axis, gap, tuple(gaps), reason)
+
+
+def _gaps(
+    found: Measurement, reference: Reference, level: float
+) -> tuple[list[AxisGap], list[str]]:
+    """G of all that the reference judges, and what there is too little evidence for."""
+    gaps: list[AxisGap] = []
+    unsure: list[str] = []
+    for axis, frozen in reference.axes.items():
+        if axis in found.inconclusive:
+            unsure.append(f"{axis}: {found.inconclusive[axis]}")
+            continue
+        if axis not in found.measured:
+            lacking = found.absent.get(axis, "it was not asked for")
+            raise RequestError(
+                f"{reference.source}: judges {axis}, which cannot be measured here ({lacking}); "
+                "give it, or freeze a reference without it"
+            )
+        _check_fits(found.measured[axis], frozen, reference.source)
+        gaps.append(axis_gap(found.measured[axis], frozen, level))
+    return gaps, unsure
 
 
 def unjudged(threshold: float) -> Verdict:
@@ -103,18 +114,17 @@ def axis_gap(measured: Measured, frozen: Frozen, level: float) -> AxisGap:
     return AxisGap(measured.axis, interval(value, replicates, level), replicates)
 
 
-def outcome_of(gap: Interval, threshold: float) -> Outcome:
-    """The word for an interval; bounds that are not finite decide nothing."""
-    if gap.high < threshold:
-        return "PASS"
-    return "FAIL" if gap.low > threshold else "INCONCLUSIVE"
-
-
 def _check_fits(measured: Measured, frozen: Frozen, source: str) -> None:
     for key in sorted({*measured.fingerprint, *frozen.fingerprint}):
         here, there = measured.fingerprint.get(key), frozen.fingerprint.get(key)
         if here != there:
             raise RequestError(
-                f"{source}: does not fit: {measured.axis}'s {key} is {here} here "
-                f"and {there} in the reference"
+                f"{source}: does not fit: {measured.axis}'s {key} is {_short(here)} here and "
+                f"{_short(there)} in the reference; freeze one for what is measured here"
             )
+
+
+def _short(value: object) -> str:
+    """As much of a hash as people compare."""
+    text = str(value)
+    return text[:12] if _HASH.fullmatch(text) else text

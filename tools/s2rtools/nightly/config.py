@@ -12,10 +12,11 @@ from typing import Any
 
 from s2rstore import history, layout
 from s2rstore.errors import RequestError
+from s2rtools.gap import defaults
+from s2rtools.gap.axes import AXES
+from s2rtools.gap.defaults import ODOMETRY
 from s2rtools.nightly import simulation
 
-AXES = ("visual", "task", "dynamics", "delay")
-ODOMETRY = "odometry"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}\Z")
 _SECTIONS: dict[str, dict[str, type | tuple[type, ...]]] = {
     "": {
@@ -173,10 +174,10 @@ def read(path: Path) -> Config:
         axes=_axes(given),
         reference=given.file("reference"),
         golden=given.file("golden"),
-        threshold=float(given.number("threshold", 15.0, 0, math.inf, over=True)),
-        margin=float(given.number("margin", 0.05, 0, math.inf, over=True)),
-        seed=given.number("seed", 1, 0, 2**31 - 1),
-        replicates=given.number("replicates", 1000, 100, 100_000),
+        threshold=float(given.number("threshold", defaults.THRESHOLD, 0, math.inf, over=True)),
+        margin=float(given.number("margin", defaults.MARGIN, 0, math.inf, over=True)),
+        seed=given.number("seed", defaults.SEED, 0, defaults.MOST_SEED),
+        replicates=_replicates(given),
         features=given.file("features"),
         drives=_drives(given, store),
         rate=_rate(given),
@@ -204,6 +205,11 @@ def _drives(given: _Reader, store: Path) -> str | None:
     return given.drives("folder", "drives") or (str(own) if own.is_dir() else None)
 
 
+def _replicates(given: _Reader) -> int:
+    bounds = defaults.FEWEST_REPLICATES, defaults.MOST_REPLICATES
+    return int(given.number("replicates", defaults.REPLICATES, *bounds))
+
+
 def _rate(given: _Reader) -> float | None:
     if given.get("rate", "drives") is None:
         return None
@@ -223,7 +229,7 @@ def _sysid(given: _Reader, store: Path) -> Sysid:
         given.get("simulator", "sysid", "planar"),
         None if names is None else tuple(names),
         given.get("fix", "sysid", {}),
-        given.number("seed", 1, 0, 2**31 - 1, "sysid"),
+        given.number("seed", 1, 0, defaults.MOST_SEED, "sysid"),
         given.number("seeds", 3, 1, 100, "sysid"),
         evaluations,
         given.get("range", "sysid", {}),

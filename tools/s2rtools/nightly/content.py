@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from s2rstore.history import AxisFigures, History, Night
+from s2rstore.stats import LEVEL_TOLD
 from s2rtools.nightly.outcome import Check, bounds, checks
 
 MOST_NIGHTS = 90
@@ -57,8 +58,8 @@ def facts(night: Night) -> list[tuple[str, str]]:
 
 
 CHECKS = ("check", "result", "what was found")
-PAST = ("night", "result", "G (95 %)", "worst axis", "evidence, days")
-ESTIMATES = ("parameter", "estimate (95 %)", "unit", "note")
+PAST = ("night", "result", f"G ({LEVEL_TOLD})", "worst axis", "evidence, days")
+ESTIMATES = ("parameter", f"estimate ({LEVEL_TOLD})", "unit", "note")
 
 
 def check_rows(told: Content) -> list[tuple[str, ...]]:

@@ -17,10 +17,11 @@ import duckdb
 from s2rstore import history, history_schema, layout, schema
 from s2rstore.errors import RequestError
 from s2rstore.history import History, Night
+from s2rstore.outcomes import EXIT_CODES
 from s2rtools.nightly.config import Config
 from s2rtools.nightly.key import Inputs, version
 from s2rtools.nightly.measuring import Estimates, Report
-from s2rtools.nightly.outcome import EXIT_CODES, outcome
+from s2rtools.nightly.outcome import outcome
 
 Rows = dict[str, list[dict[str, Any]]]
 _FIGURES = ("value", "floor", "gap")

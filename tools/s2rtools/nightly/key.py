@@ -15,7 +15,8 @@ import s2rstore
 from s2rstore import layout
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
-from s2rtools.nightly.config import ODOMETRY, Config
+from s2rtools.gap.defaults import ODOMETRY
+from s2rtools.nightly.config import Config
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,14 +26,13 @@ def measured(store: Store, config: Config) -> Report:
     from s2rtools.gap import gate
     from s2rtools.gap.contract import Settings
 
-    topic: dict[str, Any] = {} if config.topic is None else {"topic": config.topic}
     request = gate.Request(
-        **topic,
         run=config.run,
         expression=config.select,
         axes=config.axes,
         drives=config.drives,
         rate=config.rate,
+        topic=config.topic,
         features=config.features,
         reference=config.reference,
         golden=config.golden,

@@ -17,8 +17,10 @@ from prometheus_client.openmetrics.exposition import generate_latest
 from prometheus_client.registry import Collector
 
 from s2rstore.history import Night
+from s2rstore.history_schema import BOUNDS
+from s2rstore.outcomes import CODES_TOLD, EXIT_CODES
 from s2rstore.stats import Interval
-from s2rtools.nightly.outcome import EXIT_CODES, axis_check
+from s2rtools.nightly.outcome import axis_check
 
 HEADLINE = "headline"
 Labels = tuple[str, ...]
@@ -26,7 +28,6 @@ Found = Mapping[Any, Interval]
 """By the values of labels."""
 _OF = ("nightly", "dataset", "run")
 _ENDS = {"": "value", "_low": "low", "_high": "high"}
-_BOUND = {"": "", "_low": ", lower 95 % bound", "_high": ", upper 95 % bound"}
 
 
 def metrics(night: Night) -> bytes:
@@ -88,7 +89,7 @@ class _Families(Collector):
         return family
 
     def _codes(self, words: dict[str, str]) -> GaugeMetricFamily:
-        family = GaugeMetricFamily("s2r_gap_exit_code", "0 PASS, 1 FAIL, 2 ERROR, 3 INCONCLUSIVE",
+        family = GaugeMetricFamily("s2r_gap_exit_code", CODES_TOLD,
                                    labels=(*_OF, "axis"))  # fmt: skip
         for axis, word in words.items():
             if word in EXIT_CODES:
@@ -100,7 +101,7 @@ class _Families(Collector):
     ) -> Iterator[GaugeMetricFamily]:
         """Three gauges: the estimate and its bounds."""
         for end, part in _ENDS.items():
-            family = GaugeMetricFamily(f"{name}{end}", f"{told}{_BOUND[end]}",
+            family = GaugeMetricFamily(f"{name}{end}", f"{told}{BOUNDS[end]}",
                                        labels=(*_OF, *labels))  # fmt: skip
             for label, interval in found.items():
                 value = getattr(interval, part)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
-from s2rstore.history import AxisFigures, Night, Word, known_word, word_of
+from s2rstore.history import AxisFigures, Night
+from s2rstore.outcomes import Told, Word, known_word, of_report, word_of, worst
 from s2rstore.stats import Interval
-
-EXIT_CODES = {"PASS": 0, "FAIL": 1, "INCONCLUSIVE": 3, "ERROR": 2}
-Told = Word | Literal["ERROR"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,16 +21,11 @@ class Check:
 
 
 def outcome(report: dict[str, Any], stale: bool) -> str:
-    """The worst of the headline, where it was judged, and the golden run; stale evidence passes
-    nothing. A refused report says it itself.
-    """
+    """The report's; what was not judged and stale evidence pass nothing."""
     if report.get("refused"):
         return str(report["refused"]["outcome"])
-    words = [report["golden"]["outcome"]] if report["golden"] else []
-    if report["reference"] or not words:
-        words.append(report["verdict"]["outcome"])
-    words += ["INCONCLUSIVE"] if stale else []
-    return next((word for word in ("FAIL", "INCONCLUSIVE") if word in words), "PASS")
+    judged = of_report(report) or "INCONCLUSIVE"
+    return worst([judged, "INCONCLUSIVE"]) if stale else judged
 
 
 def checks(night: Night) -> list[Check]:

@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from io import BytesIO
 from typing import TYPE_CHECKING
 
-from s2rstore.history import Night, word_of
+from s2rstore.history import Night
+from s2rstore.outcomes import word_of
 from s2rstore.stats import Interval
 from s2rtools.nightly.content import Content, axes_of, figures_of
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from s2rstore import history
 from s2rstore.errors import RequestError
 from s2rstore.history import History, Night
-from s2rtools.gap.files import write_atomically
+from s2rtools.gap.files import write_all
 from s2rtools.nightly.config import Config
 from s2rtools.nightly.content import content
 from s2rtools.nightly.junit import junit
@@ -24,13 +24,19 @@ LATEST = "latest"
 
 
 def publish(config: Config, found: History, night: Night) -> list[Path]:
-    """Write this night's reports, and what tells of the newest night; gives what was written."""
+    """Write this night's reports, and what tells of the newest night; gives what was written.
+
+    All files or none, and those that differ only.
+    """
     folder = config.reports / str(night.night)
-    written = [path for path, text in _files(config, found, night, folder) if _write(path, text)]
     newest = found.counting(config.name)[-1]
+    files = _files(config, found, night, folder)
     if config.metrics is not None:
         _folder(config.metrics.parent)
-        written += [config.metrics] if _write(config.metrics, metrics(newest)) else []
+        files[config.metrics] = metrics(newest)
+    changed = {path: data for path, data in files.items() if not _is_so(path, data)}
+    write_all(changed)
+    written = list(changed)
     if _point(config.reports / LATEST, str(newest.night)):
         written.append(config.reports / LATEST)
     return written
@@ -54,20 +60,18 @@ def check_own(config: Config) -> None:
             )
 
 
-def _files(
-    config: Config, found: History, night: Night, folder: Path
-) -> list[tuple[Path, str | bytes]]:
+def _files(config: Config, found: History, night: Night, folder: Path) -> dict[Path, bytes]:
     told = content(found, night)
     drawn = picture(told)
     report = history.report_text(config.history, night.measured)
     _folder(folder)
-    return [
-        (folder / "history.png", drawn),
-        (folder / "report.json", f"{report}\n"),
-        (folder / "report.md", markdown(told)),
-        (folder / "report.html", page(told, drawn)),
-        (folder / "junit.xml", junit(told)),
-    ]
+    return {
+        folder / "history.png": drawn,
+        folder / "report.json": f"{report}\n".encode(),
+        folder / "report.md": markdown(told).encode(),
+        folder / "report.html": page(told, drawn).encode(),
+        folder / "junit.xml": junit(told),
+    }
 
 
 def _folder(path: Path) -> None:
@@ -77,14 +81,10 @@ def _folder(path: Path) -> None:
         raise RequestError(f"{path}: {error.strerror or error}") from error
 
 
-def _write(path: Path, content: str | bytes) -> bool:
-    """Whether the file was not so already."""
-    data = content.encode() if isinstance(content, str) else content
+def _is_so(path: Path, data: bytes) -> bool:
     with suppress(FileNotFoundError):
-        if path.read_bytes() == data:
-            return False
-    write_atomically(path, data)
-    return True
+        return path.read_bytes() == data
+    return False
 
 
 def _point(link: Path, target: str) -> bool:

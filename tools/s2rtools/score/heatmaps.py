@@ -191,11 +191,7 @@ def _smoothed(total: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray
 
 
 def _interval(value: float, replicates: list[float]) -> stats.Interval:
-    known = [r for r in replicates if np.isfinite(r)]
-    if not known:
-        return stats.Interval(value, float("nan"), float("nan"))
-    low, high = np.percentile(known, [2.5, 97.5])
-    return stats.Interval(value, float(low), float(high))
+    return stats.interval(value, np.array([r for r in replicates if np.isfinite(r)]))
 
 
 def _mean(values: NDArray[np.float64]) -> stats.Interval:

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from s2rstore.stats import LEVEL, bounds
 from s2rtools.sysid.intervals import interval
 from s2rtools.sysid.problem import Problem
 from s2rtools.sysid.simulators.contract import Floats, Integers
 
-_LEVEL = 0.95
 _FEW = 6
 """Drives, from which on drawing them alone varies enough."""
 _WORSE = 1.02
@@ -71,9 +71,9 @@ def compared(before: Floats, after: Floats, drives: Integers, count: int,
     groups = [gain[drives == drive] for drive in np.unique(drives)]
     drawn = drawn_means(groups, count, rng)
     if len(groups) < _FEW:
-        low, high = np.quantile(drawn, [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2])
+        low, high = bounds(drawn)
     else:
-        low, high = interval(drawn, _LEVEL, len(groups))
+        low, high = interval(drawn, LEVEL, len(groups))
     whole = [tuple(np.sqrt((table**2).mean(axis=0)).tolist()) for table in (before, after)]
     return HeldOut(len(groups), len(gain), whole[0], whole[1], float(gain.mean()), float(low),
                    float(high))  # fmt: skip

@@ -11,7 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
+from s2rtools.gap.intervals import small_sample
 from s2rtools.sysid.problem import Problem
 from s2rtools.sysid.simulators.contract import Floats
 
@@ -51,8 +53,5 @@ def replicates(normal: Normal, cube: Floats, count: int, rng: np.random.Generato
 
 def interval(values: Floats, level: float, drives: int) -> Floats:
     """Expanded percentile limits (2, p) of replicates (r, p) over so many drives."""
-    from scipy.stats import norm, t
-
-    reach = np.sqrt(drives / (drives - 1)) * t.ppf((1 - level) / 2, drives - 1)
-    tail = float(norm.cdf(reach))
+    tail = float(ndtr(small_sample(drives, level) * ndtri((1 - level) / 2)))
     return np.quantile(values, [tail, 1 - tail], axis=0)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from s2rstore.errors import RequestError
+from s2rstore.stats import LEVEL
 from s2rtools.sysid.ranges import Range
 
 
@@ -24,7 +25,7 @@ class Settings:
     window: float = 3.0
     evaluations: int | None = None
     replicates: int = 2000
-    level: float = 0.95
+    level: float = LEVEL
     seed: int = 1
     ranges: Mapping[str, Range] = field(default_factory=dict)
 

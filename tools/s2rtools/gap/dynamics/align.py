@@ -17,8 +17,9 @@ from scipy import ndimage, optimize
 from scipy.interpolate import CubicSpline
 
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.stats import bounds
 from s2rtools.gap.contract import Settings
-from s2rtools.gap.dynamics.bootstrap import bounds, small_sample
+from s2rtools.gap.intervals import small_sample
 from s2rtools.logs.contract import Floats, Log
 from s2rtools.logs.resample import poses_at
 

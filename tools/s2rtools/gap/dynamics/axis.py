@@ -9,9 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.stats import bounds
 from s2rtools.gap.contract import Anchor, Axis, Evidence, Measured, Settings
 from s2rtools.gap.dynamics import align, errors, evident, noise, repeats
-from s2rtools.gap.dynamics.bootstrap import Blocks, bounds
+from s2rtools.gap.dynamics.bootstrap import Resamples
 from s2rtools.gap.dynamics.windows import DEFAULT, Plan, Windows, windows
 from s2rtools.logs.contract import Drive, Floats, Log
 
@@ -52,7 +53,7 @@ class _Found:
     compared: list[_Compared]
     kinds: list[str]
     counts: Floats
-    blocks: Blocks
+    blocks: Resamples
     scales: _Scales
     ends: tuple[Floats, Floats]
     floors: tuple[Floats, Floats]
@@ -76,6 +77,7 @@ class Dynamics(Axis):
     measure_is: ClassVar[str] = (
         "windowed NRMSE of position beyond reality's own, the delay taken out"
     )
+    floor_is: ClassVar[str] = "0: what reality differs by from itself is taken out of m"
     reason: ClassVar[str] = (
         "Windows restarted from real states keep one early slip from spoiling a whole drive, and "
         "the delay is an axis of its own. What is seen without a gap is taken off in squares, so "
@@ -145,7 +147,7 @@ class Dynamics(Axis):
         moved = align.without(sim, late.seconds)
         return _Compared(drive, moved, late, windows(drive.real, moved, self.plan))
 
-    def _scales(self, drives: Sequence[Drive], blocks: Blocks) -> _Scales:
+    def _scales(self, drives: Sequence[Drive], blocks: Resamples) -> _Scales:
         """The mean over the drives by their length, and that of every resample of drives."""
         scale = errors.scale_of(self.scale)
         seconds = np.array([drive.real.time[-1] - drive.real.time[0] for drive in drives])
@@ -165,14 +167,14 @@ class Dynamics(Axis):
                 )
         return np.asarray(counts)
 
-    def _blocks(self, ends: Sequence[Floats], settings: Settings) -> Blocks:
+    def _blocks(self, ends: Sequence[Floats], settings: Settings) -> Resamples:
         longest = int(np.ceil(self.plan.longest / self.plan.stride))
         short = [end.shape[1] for end in ends]
         if min(short) < 2:
             raise InconclusiveError(
                 f"dynamics: a drive is shorter than two windows of {self.plan.horizons[0]:g} s"
             )
-        return Blocks(short, longest, settings)
+        return Resamples(short, longest, settings)
 
     def _floors(
         self, drives: Sequence[Drive], compared: Sequence[_Compared], settings: Settings
@@ -239,7 +241,7 @@ def _root(squares: Floats) -> Floats:
 
 
 def _bounded(
-    name: str, value: float, draws: Floats, blocks: Blocks, settings: Settings
+    name: str, value: float, draws: Floats, blocks: Resamples, settings: Settings
 ) -> dict[str, float]:
     spread = np.maximum(blocks.widened(np.array(value), draws), 0.0)
     low, high = bounds(spread, settings.level)

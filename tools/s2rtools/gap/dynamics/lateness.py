@@ -9,10 +9,12 @@ import numpy as np
 from scipy import stats
 
 from s2rstore.errors import RequestError
+from s2rstore.stats import bounds
 from s2rtools.gap.contract import Anchor, Axis, Evidence, Measured, Settings
 from s2rtools.gap.dynamics import align
 from s2rtools.gap.dynamics.axis import untuned_of
-from s2rtools.gap.dynamics.bootstrap import bounds, drawn_drives, small_sample
+from s2rtools.gap.dynamics.bootstrap import drawn_drives
+from s2rtools.gap.intervals import widened
 from s2rtools.logs.contract import Drive, Floats, Log
 
 BadState = Literal["untuned", "period"]
@@ -29,6 +31,7 @@ class Delay(Axis):
     name: ClassVar[str] = "delay"
     unit: ClassVar[str] = "control periods"
     measure_is: ClassVar[str] = "absolute delay of reality behind the simulator"
+    floor_is: ClassVar[str] = "0: what noise adds to a delay's size is taken out of m"
     reason: ClassVar[str] = (
         "A controller feels a delay in its own periods, early or late: drives are judged by the "
         "size of their own delays, so that opposite ones do not cancel. What the estimate's noise "
@@ -183,7 +186,7 @@ def _pooled(found: Sequence[align.Delay], each: Floats, settings: Settings) -> t
     mean = float(np.average(each, weights=overlap))
     weights = drawn_drives(len(found), settings) * overlap
     means = weights @ each / weights.sum(axis=1)
-    return mean, np.asarray(mean + (means - mean) * small_sample(len(found), settings.level))
+    return mean, widened(means, mean, len(found), settings.level)
 
 
 def _notes(drives: Sequence[Drive], found: Sequence[align.Delay]) -> tuple[str, ...]:

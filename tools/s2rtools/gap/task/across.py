@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from s2rstore import headlines
 from s2rstore.errors import InconclusiveError
 from s2rstore.reader import Store
-from s2rstore.stats import Interval
+from s2rstore.stats import Interval, interval
 from s2rtools.gap import blocks
 from s2rtools.gap.contract import Settings
+from s2rtools.gap.intervals import widened
 
 Floats = NDArray[np.float64]
 
@@ -102,13 +103,11 @@ def _means(errors: Floats, cut: blocks.Blocks, settings: Settings) -> tuple[Floa
     counts = blocks.draws(cut, settings.replicates, settings.seed)
     means = counts @ cut.sums(errors) / (counts @ cut.sizes)[:, None]
     value = errors.mean(axis=0)
-    return value[None, :], blocks.widened(means, value, cut.drawn)
+    return value[None, :], widened(means, value, cut.drawn, settings.level)
 
 
 def _interval(value: Floats, replicates: Floats, level: float) -> Interval:
     known = replicates[np.isfinite(replicates)]
     if not np.isfinite(value[0]) or not known.size:
         return Interval(float("nan"), float("nan"), float("nan"))
-    tail = 50 * (1 - level)
-    low, high = np.percentile(known, [tail, 100 - tail])
-    return Interval(float(value[0]), float(low), float(high))
+    return interval(value[0], known, level)

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.gap.blocks import Blocks, draws, widened
+from s2rstore import stats
+from s2rtools.gap.blocks import Blocks, draws
 from s2rtools.gap.contract import Settings
+from s2rtools.gap.intervals import widened
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +40,7 @@ def mean_replicates(values: Floats, blocks: Blocks, settings: Settings) -> Float
     """Bootstrap replicates (R,) of the mean of `values` (n,)."""
     counts = draws(blocks, settings.replicates, settings.seed)
     means = counts @ blocks.sums(values) / (counts @ blocks.sizes)
-    return widened(means, float(values.mean()), blocks.drawn)
+    return widened(means, float(values.mean()), blocks.drawn, settings.level)
 
 
 def grouped(
@@ -65,8 +67,8 @@ def grouped(
     with np.errstate(divide="ignore", invalid="ignore"):
         gap = (real - sim).sum(axis=0) / n
         drop = (real - sim).sum(axis=0) / sim.sum(axis=0)
-        gaps = widened(counts @ (real - sim) / (counts @ per_block), gap, touched)
-        drops = widened(counts @ (real - sim) / (counts @ sim), drop, touched)
+        gaps = widened(counts @ (real - sim) / (counts @ per_block), gap, touched, settings.level)
+        drops = widened(counts @ (real - sim) / (counts @ sim), drop, touched, settings.level)
     found = {}
     for index in np.flatnonzero(n).tolist():
         found[names[index]] = {
@@ -93,13 +95,10 @@ def swap_interval(errors: Errors, settings: Settings) -> list[float]:
     rng, units = np.random.default_rng(settings.seed), errors.blocks.units
     signs = rng.choice([-1.0, 1.0], (settings.replicates, errors.blocks.drawn))[:, units]
     means = signs @ errors.blocks.sums(errors.gap) / errors.gap.size
-    tail = 50 * (1 - settings.level)
-    return [float(bound) for bound in np.percentile(means, [tail, 100 - tail])]
+    return list(stats.bounds(means, settings.level))
 
 
 def _bounded(value: float, replicates: Floats, level: float) -> dict[str, float | None]:
-    known = replicates[np.isfinite(replicates)]
-    tail = 50 * (1 - level)
-    low, high = np.percentile(known, [tail, 100 - tail]) if known.size else (None, None)
-    plain = [None if v is None or not np.isfinite(v) else float(v) for v in (value, low, high)]
+    low, high = stats.bounds(replicates[np.isfinite(replicates)], level)
+    plain = [float(v) if np.isfinite(v) else None for v in (value, low, high)]
     return dict(zip(("value", "low", "high"), plain, strict=True))

@@ -1,13 +1,13 @@
 """The kernel distance of sim and real images of the same poses.
 
 Instances are split in two halves of whole blocks, A and B, which see different poses: m is the
-unbiased MMD^2 of the sim images of B and the real ones of A, the floor that of the real images of B
-and of A, both averaged over all splits. Pairs of two images of one block are left out throughout:
-neighbours are alike, which a distance of independent samples would count as a gap, and bright sim
-images as a larger one than dark ones. That average has a closed form, a sum over pairs of blocks:
-m = d' (SS + RR - 2 SR) d / d' N d with S, R the block sums of the kernel, N the numbers of pairs
-and d all ones. Where sim and real images are identical m equals the floor to the bit. Bootstrap
-replicates and permutations only change d, in common for the blocks that are drawn as one.
+unbiased MMD^2 of the sim images of B and the real ones of A, averaged over all splits. Pairs of two
+images of one block are left out throughout: neighbours are alike, which a distance of independent
+samples would count as a gap, and bright sim images as a larger one than dark ones. That average has
+a closed form, a sum over pairs of blocks: m = d' (SS + RR - 2 SR) d / d' N d with S, R the block
+sums of the kernel, N the numbers of pairs and d all ones. Where sim and real images are identical,
+as for the floor, every term of it is 0. Bootstrap replicates and permutations only change d, in
+common for the blocks that are drawn as one.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.gap.blocks import Blocks, widened
+from s2rstore.stats import LEVEL
+from s2rtools.gap.blocks import Blocks
+from s2rtools.gap.intervals import widened
 from s2rtools.gap.visual.kernel import polynomial_gram
 
 Floats = NDArray[np.float64]
@@ -45,7 +47,7 @@ class Paired:
         total = self.pairs.sum()
         return float(self.excess.sum() / total) if total else float("nan")
 
-    def replicates(self, counts: Floats) -> Floats:
+    def replicates(self, counts: Floats, level: float = LEVEL) -> Floats:
         """Of bootstrap samples that hold block b `counts` (R, B) times, shape (R,).
 
         Copies of a unit make no pair with each other: the pair of an instance and itself would
@@ -53,7 +55,7 @@ class Paired:
         of its copies.
         """
         drawn = self._drawn(counts, self.excess) / self._drawn(counts, self.pairs)
-        return widened(drawn, self.value(), self._count)
+        return widened(drawn, self.value(), self._count, level)
 
     def _drawn(self, counts: Floats, matrix: Floats) -> Floats:
         inside = np.where(self.units[:, None] == self.units, matrix, 0.0)

@@ -1,0 +1,112 @@
+"""`s2r gap` on a small store: what it writes, what it compares, what it refuses."""
+
+from __future__ import annotations
+
+import errno
+import json
+from pathlib import Path
+
+import pytest
+
+from s2rstore import layout
+from s2rstore.writer import edit
+from s2rtools.gap import gate
+from s2rtools.gap.axes import AXES, axis
+from s2rtui.cli import main
+from tests.support.copies import copied
+
+
+@pytest.fixture
+def store(store_of_200: Path) -> Path:
+    return store_of_200
+
+
+def gap(store: Path, *words: str) -> int:
+    return main(["gap", str(store), "--axis", "task", "--replicates", "100", *words])
+
+
+def test_every_axis_is_what_the_registry_says() -> None:
+    for name in AXES:
+        found = axis(name)
+        assert found.name == name
+        assert found.unit
+        assert found.measure_is
+        assert found.floor_is.startswith("0")
+        assert found.reason
+
+
+def test_all_that_is_asked_for_is_written(store: Path, tmp_path: Path, capsys) -> None:
+    ref, golden, out = (tmp_path / name for name in ("ref.json", "golden.json", "out.json"))
+    words = ["--freeze", str(ref), "--freeze-golden", str(golden), "--out", str(out)]
+    assert gap(store, *words) == 0
+    assert capsys.readouterr().err == f"wrote {golden}\nwrote {ref}\n"
+    assert gap(store, "--reference", str(ref), "--golden", str(golden)) in (1, 3)
+    printed = capsys.readouterr().out
+    frozen = json.loads(ref.read_text())["axes"]["task"]
+    low, high = (f"{frozen[f'anchor_{end}']:.3f}" for end in ("low", "high"))
+    assert f"task: G 100 is {frozen['anchor']:.3f} ({low} .. {high}) m: the constant" in printed
+    assert "the scale was frozen of dataset tiny, run vanilla, expression all" in printed
+    assert json.loads(out.read_text())["axes"][0]["floor"] == 0
+
+
+@pytest.mark.parametrize("option", ["--freeze", "--freeze-golden", "--out"])
+def test_a_place_that_cannot_be_is_refused_before_anything_is_measured(
+    store: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch, option: str
+) -> None:
+    monkeypatch.setattr(gate, "judged", None)
+    assert gap(store, option, str(tmp_path / "nowhere" / "f.json")) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"s2r: {option} ")
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_refuses_one_file_gets_none(
+    store: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write, seen = layout.write_beside, []
+
+    def refusing(path: Path, content: bytes) -> Path:
+        seen.append(path)
+        if len(seen) == 3:
+            raise OSError(errno.EDQUOT, "Disk quota exceeded")
+        return write(path, content)
+
+    monkeypatch.setattr(layout, "write_beside", refusing)
+    words = [("--freeze", "ref"), ("--freeze-golden", "golden"), ("--out", "out")]
+    assert gap(store, *(w for o, n in words for w in (o, str(tmp_path / n)))) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err == f"s2r: {tmp_path / 'out'}: Disk quota exceeded\n"
+    assert len(seen) == 3
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_data_sets_of_one_name_are_never_compared(store: Path, tmp_path: Path, capsys) -> None:
+    ref = tmp_path / "ref.json"
+    gap(store, "--freeze", str(ref))
+    capsys.readouterr()
+    other = copied(store, tmp_path / "other.s2r")
+    with edit(other) as draft:
+        draft.update("instance", {"iid": "7"}, {"x": 1.0})
+    assert gap(other, "--reference", str(ref)) == 2
+    err = capsys.readouterr().err
+    assert "ref.json: does not fit: task's poses is " in err
+    assert len(err) < 250
+
+
+def test_a_scale_of_the_task_outlives_another_split(store: Path, tmp_path: Path, capsys) -> None:
+    """A newer model learned from other instances of the same data set."""
+    ref = tmp_path / "ref.json"
+    gap(store, "--freeze", str(ref))
+    other = copied(store, tmp_path / "other.s2r")
+    with edit(other) as draft:
+        for iid in range(0, 60, 5):
+            key = {"run": "vanilla", "side": "sim", "iid": str(iid)}
+            draft.update("prediction", key, {"split": "test"})
+    capsys.readouterr()
+    assert gap(other, "--reference", str(ref), "--json") in (0, 1, 3)
+    (found,) = json.loads(capsys.readouterr().out)["axes"]
+    assert found["n"] == 200 // 5 + 12
+    assert found["anchor"] == pytest.approx(json.loads(ref.read_text())["axes"]["task"]["anchor"])
+    assert found["gap"] == pytest.approx(100 * found["value"] / found["anchor"])

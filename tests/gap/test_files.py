@@ -1,0 +1,66 @@
+"""Results are written whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+from pathlib import Path
+
+import pytest
+
+from s2rstore import layout
+from s2rstore.errors import RequestError
+from s2rtools.gap.files import check_writable, write_all
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_all_files_are_replaced(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("old")
+    write_all({tmp_path / "a": b"new", tmp_path / "b": b"bytes"})
+    assert (tmp_path / "a").read_bytes() == b"new"
+    assert (tmp_path / "b").read_bytes() == b"bytes"
+    assert names(tmp_path) == ["a", "b"]
+
+
+def test_where_one_cannot_be_written_none_is(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("old")
+    missing = tmp_path / "nowhere" / "b"
+    with pytest.raises(RequestError, match=r"nowhere/b: No such file or directory"):
+        write_all({tmp_path / "a": b"new", missing: b"new"})
+    assert (tmp_path / "a").read_text() == "old"
+    assert names(tmp_path) == ["a"]
+
+
+def test_a_disk_that_is_full_leaves_what_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    (tmp_path / "a").write_text("old")
+    monkeypatch.setattr(layout.os, "fsync", full)
+    with pytest.raises(RequestError, match=r"a: No space left on device"):
+        write_all({tmp_path / "a": b"new"})
+    assert (tmp_path / "a").read_text() == "old"
+    assert names(tmp_path) == ["a"]
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [("nowhere/f", "--out .*nowhere/f: no such folder as"), ("", "a folder; name a file"),
+     ("file/f", "no such folder"), ("ref.json", "is the file of --reference, too")],
+)  # fmt: skip
+def test_places_are_checked_before(tmp_path: Path, name: str, told: str) -> None:
+    (tmp_path / "file").touch()
+    read = {"--reference": tmp_path / "ref.json", "--golden": None}
+    check_writable({"--out": tmp_path / "out.json", "--freeze": None}, read)
+    with pytest.raises(RequestError, match=told):
+        check_writable({"--out": tmp_path / name}, read)
+
+
+def test_two_results_need_two_files(tmp_path: Path) -> None:
+    twice = {"--freeze": tmp_path / "f", "--out": tmp_path / "." / "f"}
+    with pytest.raises(RequestError, match=r"--out .*is the file of --freeze, too"):
+        check_writable(twice, {})

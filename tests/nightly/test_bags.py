@@ -1,0 +1,61 @@
+"""A night on ROS bags that hold several topics."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from s2rtools.logs import csvlog
+from s2rtools.nightly.config import Config
+from s2rtui.cli import main
+from tests.support import robot
+from tests.support.bags import ODOMETRY, POSE, write
+
+
+@pytest.fixture
+def bags(config: Config) -> Path:
+    """A drive whose bags hold its poses as /truth, and as /odom those of a robot that stands."""
+    told = robot.commands(8.0, np.random.default_rng(3))
+    real = robot.sampled(robot.drive(told, delay=0.1), 10.0)
+    sim = robot.sampled(robot.drive(told), 10.0)
+    folder = config.source.parent / "bags" / "one"
+    folder.mkdir(parents=True)
+    csvlog.write_commands(told, folder / "commands.csv")
+    for role, log in (("real", real), ("sim", sim)):
+        still = replace(log, x=0 * log.x, y=0 * log.y, heading=0 * log.heading)
+        write(folder / f"{role}.bag", {"/truth": (POSE, log), "/odom": (ODOMETRY, still)})
+    return folder.parent
+
+
+def night(config: Config, drives: str) -> int:
+    """Of the delay axis and the identification."""
+    config.source.write_text(
+        f'store = "{config.store}"\naxes = ["delay"]\nreplicates = 100\n[drives]\n{drives}\n'
+        '[sysid]\nseeds = 1\n[output]\nreports = "reports"\n'
+    )
+    return main(["nightly", str(config.source), "--night", "2026-11-21"])
+
+
+def test_the_topic_that_is_named_is_measured(config: Config, bags: Path) -> None:
+    assert night(config, f'folder = "{bags}"\ntopic = "/truth"') == 3
+    folder = config.reports / "2026-11-21"
+    (delay,) = json.loads((folder / "report.json").read_text())["axes"]
+    assert delay["details"]["delay"] == pytest.approx(0.1, abs=0.02)
+    assert "not identified: 1 drive" in (folder / "report.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("topic", "told", "code"),
+    [("", "name one of /odom, /truth", 2), ('topic = "/pose"', "no topic /pose (has: /odom", 2),
+     ('topic = "/odom"', "the motion never changes", 3)],
+)  # fmt: skip
+def test_another_topic_is_told(
+    config: Config, bags: Path, capsys: pytest.CaptureFixture[str], topic: str, told: str, code: int
+) -> None:
+    assert night(config, f'folder = "{bags}"\n{topic}') == code
+    captured = capsys.readouterr()
+    assert told in captured.out + captured.err
