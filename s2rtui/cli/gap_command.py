@@ -67,6 +67,10 @@ def _add_judges(parser: argparse.ArgumentParser) -> None:
         default=defaults.REPLICATES,
         help="of the bootstraps (default %(default)s)",
     )
+    parser.add_argument(
+        "--pca", type=int, default=3, metavar="N",
+        help="principal components of the features' divergence (default 3)",
+    )  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -125,6 +129,7 @@ def _request(options: argparse.Namespace) -> Request:
     for name, fewest, most in (
         ("replicates", defaults.FEWEST_REPLICATES, defaults.MOST_REPLICATES),
         ("seed", 0, defaults.MOST_SEED),
+        ("pca", 1, 50),
     ):
         if not fewest <= getattr(options, name) <= most:
             raise RequestError(f"--{name}: {fewest} .. {most}, not {getattr(options, name)}")
@@ -141,5 +146,5 @@ def _request(options: argparse.Namespace) -> Request:
         golden=options.golden,
         threshold=options.threshold,
         margin=options.margin,
-        settings=Settings(options.replicates, options.seed),
+        settings=Settings(options.replicates, options.seed, pca=options.pca),
     )

@@ -8,6 +8,7 @@ from typing import Any
 from s2rtui.cli import output
 
 Details = dict[str, Any]
+_DIMENSIONS = 3
 
 
 def details(axis: dict[str, Any]) -> Iterator[str]:
@@ -33,13 +34,32 @@ def between(value: float | None, low: float | None, high: float | None, digits: 
 def _visual(found: Details) -> Iterator[str]:
     halves = found["halves"]
     rows = [
-        (name, row["value"], between(row["floor"], row["floor_low"], row["floor_high"], 3))
+        (name, row["value"], _floor(row))
         for name, row in halves.items()
-        if isinstance(row, dict)
+        if isinstance(row, dict) and "floor_low" in row
     ]
     yield f"permutation p of the kernel distance: {found['kid_p']:.3g}"
     names = ("figure", "sim and real", "real and real")
     yield f"of halves, n = {halves['n']}:\n" + output.table(names, rows)
+    columns = halves["wasserstein_by_dimension"]
+    largest = sorted(
+        zip(columns["value"], columns["floor"], columns["dimension"], strict=True), reverse=True
+    )[:_DIMENSIONS]
+    yield f"Wasserstein-1 of single features, the largest of {len(columns['value'])}:\n" + (
+        output.table(
+            ("dimension", "sim and real", "real and real"),
+            [(dimension, value, floor) for value, floor, dimension in largest],
+        )
+    )
+
+
+def _floor(row: Details) -> str:
+    """Four digits of each, because features may be of any size."""
+    value, low, high = (
+        "-" if row[key] is None else f"{row[key]:.4g}"
+        for key in ("floor", "floor_low", "floor_high")
+    )
+    return f"{value} ({low} .. {high})"
 
 
 def _task(found: Details) -> Iterator[str]:
@@ -55,10 +75,12 @@ def _task(found: Details) -> Iterator[str]:
             continue
         by_gap = sorted(groups, key=lambda item: -item[1]["gap"]["value"])
         rows = [
-            (name, row["n"], row["sim"], row["real"], between(*_three(row["gap"]), 2))
+            (name, row["n"], row["sim"], row["real"], row["baseline"],
+             between(*_three(row["gap"]), 2), between(*_three(row["relative_drop"]), 2))
             for name, row in by_gap
-        ]
-        yield output.table((kind, "n", "sim m", "real m", "gap m"), rows)
+        ]  # fmt: skip
+        names = (kind, "n", "sim m", "real m", "constant m", "gap m", "relative drop")
+        yield output.table(names, rows)
 
 
 def _dynamics(found: Details) -> Iterator[str]:

@@ -164,6 +164,7 @@ def test_a_store_of_one_axis_is_refused_by_a_reference_of_four(
         (["--threshold", "nan"], 2, "--threshold"),
         (["--margin", "-1"], 2, "--margin"),
         (["--replicates", "5"], 2, "--replicates"),
+        (["--pca", "0"], 2, "--pca"),
         (["--drives", "/nowhere"], 2, "/nowhere"),
         (["--features", "/nowhere.toml"], 2, "/nowhere.toml"),
         (["--golden", "/nowhere.json"], 2, "/nowhere.json"),

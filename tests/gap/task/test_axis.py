@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,12 @@ import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.reader import Store
 from s2rstore.writer import edit
-from s2rtools.gap import blocks
+from s2rtools.gap import blocks, gate
 from s2rtools.gap.contract import Evidence, Settings
+from s2rtools.gap.report import plain
 from s2rtools.gap.task.axis import Task, heading_sectors
 from s2rtools.gap.task.groups import Errors, grouped, mean_replicates, swap_interval
+from s2rtui.cli.gap_details import details as shown
 from tests.support import tiny
 from tests.support.copies import copied
 
@@ -54,7 +57,7 @@ def test_m_is_the_mean_paired_gap_of_what_the_model_was_not_trained_on(store: St
     low, high = np.percentile(found.replicates, [2.5, 97.5])
     assert 0 < low < found.value < high
     assert found.details["no_gap_interval"][1] < found.value
-    assert "96 instances" in found.notes[0]
+    assert "96 instances" in found.notes[1]
     json.dumps([found.details, dict(found.fingerprint)], allow_nan=False)
 
 
@@ -79,6 +82,31 @@ def test_the_details_break_the_gap_down(store: Store) -> None:
         held_out
     ]
     assert details["baseline"] == pytest.approx(away.mean())
+    iids, sector = np.flatnonzero(held_out), heading_sectors(truth.heading[held_out])
+    groupings = {
+        "runs": (np.zeros(iids.size, int), ["vanilla"]),
+        "rooms": (truth.room[iids], truth.room_names),
+        "headings": sector,
+        "trajectories": (truth.trajectory[iids], truth.trajectory_names),
+    }
+    for kind, (codes, names) in groupings.items():
+        for name, part in details[kind].items():
+            inside = codes == list(names).index("vanilla" if kind == "runs" else name)
+            assert part["baseline"] == pytest.approx(away[inside].mean())
+    assert "intervals by bootstrap over" in found.notes[0]
+    printed = "\n".join(shown({"axis": "task", "details": plain(details)}))
+    assert printed.count("constant m") == 4
+
+
+def test_a_trajectory_is_told_by_its_blocks_where_whole_ones_are_drawn(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(blocks, "LEAST_TRAJECTORIES", 2)
+    monkeypatch.setattr(blocks, "MOST_OF_ONE", 1)
+    found = Task().measure(evidence(store), SETTINGS)
+    assert "2 whole trajectories" in found.notes[0]
+    assert found.details["trajectories"]["a"]["gap"]["low"] is not None
+    assert found.details["rooms"]["right"]["gap"]["low"] is None
 
 
 def test_the_anchor_is_the_constant_prediction(store: Store) -> None:
@@ -134,6 +162,25 @@ def test_rows_without_an_error_leave_the_figures(path: Path, tmp_path: Path) -> 
         found = Task().measure(evidence(store), SETTINGS)
         assert found.n == N // 5 - 1
         assert np.isfinite(found.replicates).all()
+
+
+def test_a_run_without_predictions_is_refused(path: Path, tmp_path: Path) -> None:
+    root = copied(path, tmp_path / "s.s2r")
+    with edit(root) as draft:
+        draft.delete("prediction", run="vanilla")
+    with s2rstore.open(root) as store, pytest.raises(RequestError, match="both sides predicted"):
+        gate.evidence(store, gate.Request(run="vanilla"))
+
+
+def test_trajectories_keep_their_intervals_where_whole_ones_are_drawn() -> None:
+    rng = np.random.default_rng(4)
+    codes = np.repeat(np.arange(6), 40).astype(np.int32)
+    made = Errors(*rng.gamma(2, 1, size=(3, 240)), blocks.cut(codes, 8))
+    names = [f"t{k}" for k in range(6)]
+    assert made.blocks.by_trajectory
+    assert grouped(made, codes, names, SETTINGS)["t1"]["gap"]["low"] is None
+    apart = grouped(replace(made, blocks=made.blocks.apart()), codes, names, SETTINGS)
+    assert all(part["gap"]["low"] < part["gap"]["high"] for part in apart.values())
 
 
 def errors(rng: np.random.Generator, n: int) -> Errors:

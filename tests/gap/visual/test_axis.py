@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +16,20 @@ from s2rstore import schema
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.reader import Store
 from s2rstore.writer import edit
+from s2rtools.gap import gate
 from s2rtools.gap.contract import Evidence, Settings
+from s2rtools.gap.report import plain
 from s2rtools.gap.visual import axis
 from s2rtools.gap.visual.axis import LEAST_INSTANCES, Visual
 from s2rtools.gap.visual.inception import FidInception
+from s2rtui.cli.gap_details import details
 from tests.support import embeddings, tiny
 from tests.support.copies import copied
 from tests.support.networks import lively
 
 N = 250
 SETTINGS = Settings(replicates=200, seed=3)
+_PREDICTED = ("kl_poses", "kl_error")
 
 
 def look(seed: int, shift: float) -> np.ndarray:
@@ -90,10 +95,41 @@ def test_a_gap_is_seen_beside_its_floor(store: Store) -> None:
     halves = far.details["halves"]
     real = f"{halves['kid']['floor']:.3f} ({halves['kid']['floor_low']:.3f} .."
     assert any(f"n = {halves['n']}: KID" in note and real in note for note in far.notes)
-    for name in ("fid", "kid", "sliced_wasserstein", "kl_sim_real"):
+    for name in ("fid", "kid", "sliced_wasserstein", "wasserstein", "kl_pca_sim_real"):
         assert halves[name]["value"] > halves[name]["floor"]
+    for name in ("kl_poses_sim_real", "kl_poses_real_sim", "kl_errors_real_sim"):
+        assert np.isfinite([halves[name]["value"], halves[name]["floor"]]).all()
     assert halves["coverage"]["value"] < halves["coverage"]["floor"]
     json.dumps([far.details, dict(far.fingerprint)], allow_nan=False)
+
+
+def test_errors_that_differ_are_told_by_their_divergence(store: Store) -> None:
+    halves = Visual().measure(evidence(store, "far"), SETTINGS).details["halves"]
+    assert halves["kl_errors_sim_real"]["value"] > halves["kl_errors_sim_real"]["floor_high"]
+    assert halves["kl_errors_real_sim"]["value"] > halves["kl_errors_real_sim"]["floor_high"]
+
+
+def test_every_dimension_is_told_and_the_largest_are_printed(store: Store) -> None:
+    found = Visual().measure(evidence(store, "far"), SETTINGS)
+    columns = found.details["halves"]["wasserstein_by_dimension"]
+    assert columns["dimension"] == list(range(24))
+    mean = found.details["halves"]["wasserstein"]
+    assert np.mean(columns["value"]) == pytest.approx(mean["value"])
+    assert np.mean(columns["floor"]) == pytest.approx(mean["floor"])
+    printed = list(details({"axis": "visual", "details": plain(found.details)}))
+    rows = printed[-1].strip().splitlines()[-3:]
+    largest = np.argsort(columns["value"])[::-1][:3]
+    assert [int(row.split()[0]) for row in rows] == largest.tolist()
+
+
+def test_more_components_than_three_are_warned_of(store: Store) -> None:
+    calm = Visual().measure(evidence(store, "far"), SETTINGS)
+    assert not any("biased" in note for note in calm.notes)
+    bold = Visual().measure(evidence(store, "far"), replace(SETTINGS, pca=5))
+    assert any("5 dimensions is strongly biased" in note for note in bold.notes)
+    kl = "kl_pca_sim_real"
+    assert bold.details["halves"][kl] != calm.details["halves"][kl]
+    assert bold.value == calm.value
 
 
 def test_only_what_the_model_was_not_trained_on_counts(store: Store) -> None:
@@ -109,7 +145,9 @@ def test_identical_images_are_at_the_floor_to_the_bit(store: Store) -> None:
     assert np.array_equal(same.replicates, same.floor_replicates)
     assert same.details["kid_p"] == 1.0
     halves = same.details["halves"]
-    assert all(f["value"] == f["floor"] for f in halves.values() if isinstance(f, dict))
+    seen = {k: f for k, f in halves.items() if isinstance(f, dict) and k[:8] not in _PREDICTED}
+    assert len(seen) == 11
+    assert all(f["value"] == f["floor"] for f in seen.values())
 
 
 def test_the_same_seed_gives_the_same_figures(store: Store) -> None:
@@ -165,6 +203,7 @@ def test_more_images_than_needed_are_sampled_by_blocks(
     monkeypatch.setattr(axis, "MOST_INSTANCES", 44)
     found = Visual().measure(evidence(store, "far"), SETTINGS)
     assert 36 <= found.n == found.fingerprint["n"] <= 44
+    assert any("bootstrap over" in note for note in found.notes)
     assert found.notes[0] == f"{found.n} of 50 instances, as seeded whole blocks"
     assert Visual().measure(evidence(store, "far"), SETTINGS).value == found.value
 
@@ -176,7 +215,9 @@ def test_rows_that_are_not_finite_are_refused(path: Path, tmp_path: Path) -> Non
     sim[[4, 9, 14], 3] = np.nan
     embeddings.add(root, "run", {"sim": sim, "real": look(1, 0.0)}, "embedding")
     with s2rstore.open(root) as store:
-        with pytest.raises(RequestError, match="sim features of instance 4 and 2 more"):
+        with pytest.raises(
+            RequestError, match=r"sim features of instances 4, 9, 14 .* - ids\(4, 9, 14\)"
+        ):
             Visual().measure(evidence(store, "run"), SETTINGS)
         rest = np.setdiff1d(np.arange(N), [4, 9, 14])
         assert Visual().measure(evidence(store, "run", rest), SETTINGS).n == N // 5 - 3
@@ -188,6 +229,10 @@ def test_what_is_missing_is_said(tiny_store: Path, store: Store) -> None:
         told = Visual().missing(Evidence(bare, "vanilla", np.arange(40)))
         assert told is not None
         assert "no embeddings" in told
+        asked = gate.Request(axes=("visual",))
+        found = gate.judged(Evidence(bare, "vanilla", np.arange(40)), asked).found
+        with pytest.raises(RequestError, match=r"no axis could be measured \(visual: .*no embed"):
+            gate.scale(evidence(bare, "vanilla"), asked, found)
         with pytest.raises(RequestError, match="run 'nobody'"):
             Visual().missing(Evidence(bare, "nobody", np.arange(40)))
 

@@ -91,6 +91,47 @@ def test_features_are_those_of_the_network_on_prepared_images(folder: Path) -> N
     assert np.allclose(found, wanted, rtol=1e-3, atol=1e-3 * np.abs(wanted).max())
 
 
+def bilinear(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """Of (H, W, 3): pixel centres at halves, edges repeated, no smoothing before."""
+
+    def along(values: np.ndarray, count: int) -> np.ndarray:
+        at = (np.arange(count) + 0.5) * len(values) / count - 0.5
+        low = np.floor(at).astype(int)
+        share = (at - low)[:, None, None]
+        first, second = (np.clip(k, 0, len(values) - 1) for k in (low, low + 1))
+        return (1 - share) * values[first] + share * values[second]
+
+    return along(along(image, rows).swapaxes(0, 1), columns).swapaxes(0, 1)
+
+
+@pytest.mark.parametrize("shape", [(40, 60), (200, 150), (75, 90)])
+def test_images_are_resized_as_the_usual_features_want_them(shape: tuple[int, int]) -> None:
+    rgb = np.random.default_rng(1).integers(0, 256, (2, *shape, 3)).astype(np.uint8)
+    prepare = network.Preprocessing((75, 90), "bilinear", (0.5, 0.4, 0.3), (0.5, 0.25, 0.2))
+    wanted = np.stack([bilinear(image / 255, 75, 90) for image in rgb])
+    wanted = (wanted - [0.5, 0.4, 0.3]) / [0.5, 0.25, 0.2]
+    found = prepare(rgb)
+    assert found.shape == (2, 3, 75, 90)
+    assert np.allclose(np.moveaxis(found, 1, -1), wanted, atol=2e-5)
+
+
+@pytest.mark.parametrize(("name", "mode"), [("bicubic", "bicubic"), ("nearest", "nearest")])
+def test_the_other_filters_are_those_of_torch(name: str, mode: str) -> None:
+    rgb = np.random.default_rng(2).integers(0, 256, (1, 150, 180, 3)).astype(np.uint8)
+    prepare = network.Preprocessing((75, 120), name, (0.0,) * 3, (1.0,) * 3)
+    x = torch.from_numpy(rgb).permute(0, 3, 1, 2) / 255
+    corners = {} if mode == "nearest" else {"align_corners": False}
+    wanted = torch.nn.functional.interpolate(x, (75, 120), mode=mode, **corners).numpy()
+    assert np.allclose(prepare(rgb), wanted, atol=2e-5)
+
+
+def test_the_area_filter_averages_whole_pixels() -> None:
+    rgb = np.random.default_rng(3).integers(0, 256, (1, 150, 225, 3)).astype(np.uint8)
+    prepare = network.Preprocessing((75, 75), "area", (0.0,) * 3, (1.0,) * 3)
+    wanted = (rgb[0] / 255).reshape(75, 2, 75, 3, 3).mean(axis=(1, 3))
+    assert np.allclose(prepare(rgb)[0], np.moveaxis(wanted, -1, 0), atol=2e-5)
+
+
 def test_a_fingerprint_names_weights_and_preprocessing(folder: Path) -> None:
     one = network.read_network(described(folder)).identity
     assert one["weights_sha256"] == hashlib.sha256((folder / "w.pth").read_bytes()).hexdigest()
@@ -112,6 +153,8 @@ def test_a_fingerprint_names_weights_and_preprocessing(folder: Path) -> None:
     [
         ("w.pth", "gone.pth", "gone.pth: cannot be read"),
         ("w.pth", "junk.pth", "junk.pth: "),
+        ("w.pth", "half.pth", "half.pth: "),
+        ("w.pth", "half.safetensors", "half.safetensors: "),
         ("w.pth", "other.pth", "no Conv2d_1a_3x3"),
         ("w.pth", "broken.pth", "not finite"),
         ("inception_v3_fid", "vgg", "architecture must be one of"),
@@ -130,6 +173,9 @@ def test_what_is_wrong_with_a_description_is_said_in_one_line(
     folder: Path, old: str, new: str, told: str
 ) -> None:
     (folder / "junk.pth").write_bytes(b"junk")
+    for suffix in ("pth", "safetensors"):
+        whole = (folder / f"w.{suffix}").read_bytes()
+        (folder / f"half.{suffix}").write_bytes(whole[: len(whole) // 2])
     torch.save({"a": torch.zeros(3)}, folder / "other.pth")
     state = torch.load(folder / "w.pth", weights_only=True)
     state["Mixed_7c.branch1x1.bn.bias"][0] = float("nan")

@@ -48,7 +48,7 @@ def test_it_is_the_mean_over_all_splits_into_halves(seed: int, count: int, lengt
 def test_identical_images_give_the_floor_to_the_bit() -> None:
     real = np.random.default_rng(0).normal(size=(60, 8))
     cut = one_trajectory(60)
-    counts = blocks.draws(cut.count, 50, 1)
+    counts = blocks.draws(cut, 50, 1)
     same, floor = paired(real.copy(), real, cut), paired(real, real, cut)
     assert same.value() == floor.value() == 0.0
     assert np.array_equal(same.replicates(counts), floor.replicates(counts))
@@ -78,7 +78,7 @@ def test_it_is_unbiased_where_neighbours_are_alike_and_its_intervals_hold_the_tr
         cut = one_trajectory(80)
         pair = paired(look(rng, places, 0.3), look(rng, places, 0.0), cut)
         values.append(pair.value())
-        low, high = np.percentile(pair.replicates(blocks.draws(cut.count, 300, seed)), [2.5, 97.5])
+        low, high = np.percentile(pair.replicates(blocks.draws(cut, 300, seed)), [2.5, 97.5])
         held += low <= truth <= high
     assert np.mean(values) == pytest.approx(truth, rel=0.1)
     assert held / 150 >= 0.87
@@ -109,7 +109,7 @@ def test_blocks_respect_trajectories_and_halves_are_disjoint_and_equal() -> None
         assert a.size == b.size > 10
         assert not set(a) & set(b)
         assert len(set(label[a]) & set(label[b])) == 0
-    drawn = blocks.draws(cut.count, 20, 3)
+    drawn = blocks.draws(cut, 20, 3)
     assert (drawn.sum(axis=1) == cut.count).all()
-    assert np.array_equal(drawn, blocks.draws(cut.count, 20, 3))
+    assert np.array_equal(drawn, blocks.draws(cut, 20, 3))
     assert blocks.cut(np.zeros(0, np.int32)).count == 0

@@ -20,11 +20,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """`replicates` of every bootstrap, from `seed`; intervals at `level`."""
+    """`replicates` of every bootstrap, from `seed`; intervals at `level`.
+
+    `pca` is the number of principal components whose divergence the visual axis tells.
+    """
 
     replicates: int = defaults.REPLICATES
     seed: int = defaults.SEED
     level: float = LEVEL
+    pca: int = 3
 
 
 @dataclass(frozen=True, slots=True)

@@ -67,6 +67,11 @@ def evidence(store: Store, request: Request) -> Evidence:
     if not run.key:
         raise RequestError(f"{store.path}: run {run.run} is not computed; run `s2r precompute`")
     chosen = selection.select(store, request.expression, run.run)
+    if not store.run_columns(run.run).valid.any():
+        raise RequestError(
+            f"{store.path}: run {run.run} has no instance that both sides predicted; "
+            "run `s2r precompute`, or `s2r verify`"
+        )
     if not chosen.any():
         raise RequestError(f"--select {request.expression!r}: no instance of run {run.run}")
     iids = np.flatnonzero(chosen).astype(np.int64)
@@ -106,7 +111,8 @@ def scale(found_on: Evidence, request: Request, found: Measurement) -> str:
         others = " ".join(f"--axis {name}" for name in request.wanted if name != axis)
         raise InconclusiveError(f"{axis}: {why}; without it: {others}")
     if not found.measured:
-        raise RequestError("no axis could be measured, so there is nothing to freeze")
+        why = "; ".join(f"{axis}: {lacking}" for axis, lacking in found.absent.items())
+        raise RequestError(f"--freeze: no axis could be measured ({why})")
     store, run = found_on.store, found_on.store.run(found_on.run)
     made_from = {
         "dataset": store.dataset.name,

@@ -100,10 +100,10 @@ def rank_violation(sim: Floats, real: Floats) -> Floats:
 
 def _means(errors: Floats, cut: blocks.Blocks, settings: Settings) -> tuple[Floats, Floats]:
     """Mean errors (1, runs) of (n, runs), and their replicates (R, runs)."""
-    counts = blocks.draws(cut.count, settings.replicates, settings.seed)
+    counts = blocks.draws(cut, settings.replicates, settings.seed)
     means = counts @ cut.sums(errors) / (counts @ cut.sizes)[:, None]
     value = errors.mean(axis=0)
-    return value[None, :], widened(means, value, cut.count, settings.level)
+    return value[None, :], widened(means, value, cut.drawn, settings.level)
 
 
 def _interval(value: Floats, replicates: Floats, level: float) -> Interval:

@@ -47,7 +47,9 @@ class Task(Axis):
     def measure(self, evidence: Evidence, settings: Settings) -> Measured:
         iids, errors = _errors(evidence)
         left_out = population.selected(evidence).size - iids.size
-        notes = (f"{left_out} instances not predicted or trained on are left out",)
+        notes: tuple[str, ...] = (errors.blocks.told,)
+        if left_out:
+            notes += (f"{left_out} instances not predicted or trained on are left out",)
         return Measured(
             axis=self.name,
             value=float(errors.gap.mean()),
@@ -61,7 +63,7 @@ class Task(Axis):
                 "error": "distance to the ground truth, m",
             },
             details=_details(evidence, iids, errors, settings),
-            notes=notes if left_out else (),
+            notes=notes,
         )
 
     def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
@@ -81,7 +83,7 @@ def _errors(evidence: Evidence) -> tuple[NDArray[np.int64], Errors]:
     cut = blocks.cut(truth.trajectory[iids])
     if iids.size < LEAST_INSTANCES or cut.count < LEAST_BLOCKS:
         raise InconclusiveError(
-            f"task: {iids.size} usable instances of {evidence.expression!r} in {cut.count} "
+            f"{iids.size} usable instances of {evidence.expression!r} in {cut.count} "
             f"blocks; at least {LEAST_INSTANCES} in {LEAST_BLOCKS} are needed"
         )
     every = headlines.held_out(store, evidence.run)
@@ -96,16 +98,16 @@ def _details(
 ) -> dict[str, Any]:
     truth = evidence.store.instances
     whole = grouped(errors, np.zeros(iids.size, np.int32), ["all"], settings)["all"]
+    apart = replace(errors, blocks=errors.blocks.apart())
     sector, sector_names = heading_sectors(truth.heading[iids])
     return {
         **whole,
         "blocks": errors.blocks.count,
-        "baseline": float(errors.constant.mean()),
         "no_gap_interval": swap_interval(errors, settings),
         "runs": _runs(evidence, settings),
         "rooms": grouped(errors, truth.room[iids], truth.room_names, settings),
         "headings": grouped(errors, sector, sector_names, settings),
-        "trajectories": grouped(errors, truth.trajectory[iids], truth.trajectory_names, settings),
+        "trajectories": grouped(apart, truth.trajectory[iids], truth.trajectory_names, settings),
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -14,10 +15,12 @@ from s2rstore.records import Run
 from s2rtools.gap import blocks, population
 from s2rtools.gap.blocks import Blocks
 from s2rtools.gap.contract import Anchor, Axis, Evidence, Measured, Settings
+from s2rtools.gap.visual.divergence import bias
 from s2rtools.gap.visual.features import Source, source
 from s2rtools.gap.visual.figures import figures
 from s2rtools.gap.visual.kernel import KERNEL
 from s2rtools.gap.visual.paired import Paired, paired
+from s2rtools.gap.visual.points import Points, predicted, principal
 
 Floats = NDArray[np.float64]
 
@@ -77,8 +80,11 @@ class Visual(Axis):
     def measure(self, evidence: Evidence, settings: Settings) -> Measured:
         sample = _sample(evidence)
         pair = paired(sample.sim, sample.real, sample.blocks)
-        counts = blocks.draws(sample.blocks.count, settings.replicates, settings.seed)
-        details = _details(sample, pair, settings)
+        counts = blocks.draws(sample.blocks, settings.replicates, settings.seed)
+        components = principal(sample.sim, sample.real, settings.pca)
+        points = {"pca": components, **predicted(evidence.store, evidence.run, sample.iids)}
+        told = bias(components.periods.size)
+        details = _details(sample, pair, points, settings)
         return Measured(
             axis=self.name,
             value=pair.value(),
@@ -88,7 +94,13 @@ class Visual(Axis):
             floor_replicates=np.zeros(settings.replicates),
             fingerprint=_fingerprint(evidence, sample),
             details=details,
-            notes=(*sample.notes, _beside(details["halves"]), _RAW_FID),
+            notes=(
+                *sample.notes,
+                _beside(details["halves"]),
+                sample.blocks.told,
+                _RAW_FID,
+                *([f"PCA: {told}"] if told else []),
+            ),
         )
 
     def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
@@ -103,7 +115,7 @@ class Visual(Axis):
             state = f"the sim images before {_steps(run)} (run {raw.run})"
         sample = _sample(replace(evidence, run=raw.run), iids=_iids(evidence))
         pair = paired(sample.sim, sample.real, sample.blocks)
-        counts = blocks.draws(sample.blocks.count, settings.replicates, settings.seed)
+        counts = blocks.draws(sample.blocks, settings.replicates, settings.seed)
         return Anchor(pair.value(), pair.replicates(counts, settings.level), state)
 
 
@@ -121,7 +133,7 @@ def _sample(evidence: Evidence, iids: NDArray[np.int64] | None = None) -> _Sampl
     cut = blocks.cut(store.instances.trajectory[iids])
     if iids.size < LEAST_INSTANCES or cut.count < LEAST_BLOCKS:
         raise InconclusiveError(
-            f"visual: {iids.size} usable instances of {evidence.expression!r} in {cut.count} "
+            f"{iids.size} usable instances of {evidence.expression!r} in {cut.count} "
             f"blocks; at least {LEAST_INSTANCES} in {LEAST_BLOCKS} are needed"
         )
     notes: tuple[str, ...] = ()
@@ -179,12 +191,14 @@ def _fingerprint(evidence: Evidence, sample: _Sample) -> dict[str, str | int | f
     }
 
 
-def _details(sample: _Sample, pair: Paired, settings: Settings) -> dict[str, Any]:
+def _details(
+    sample: _Sample, pair: Paired, points: Mapping[str, Points], settings: Settings
+) -> dict[str, Any]:
     return {
         "blocks": pair.blocks,
         "kid_p": pair.swap_p(_PERMUTATIONS, settings.seed),
         "permutations": _PERMUTATIONS,
-        "halves": figures(sample.sim, sample.real, sample.blocks, settings.seed),
+        "halves": figures(sample.sim, sample.real, sample.blocks, settings.seed, points),
     }
 
 

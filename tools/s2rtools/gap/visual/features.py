@@ -25,6 +25,7 @@ Iids = NDArray[np.int64]
 Reader = Callable[[Side, Iids], Floats]
 
 _SPAN = 64
+_NAMED = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,9 +97,10 @@ def _spans(iids: Iids) -> Iterator[tuple[int, int, NDArray[Any]]]:
 def _finite(values: Floats, iids: Iids, run: str, side: Side) -> Floats:
     broken = iids[~np.isfinite(values).all(axis=1)]
     if broken.size:
-        more = f" and {broken.size - 1} more" if broken.size > 1 else ""
+        named = ", ".join(map(str, broken[:_NAMED]))
+        more = f" and {broken.size - _NAMED} more" if broken.size > _NAMED else ""
         raise RequestError(
-            f"run {run!r}: {side} features of instance {broken[0]}{more} are not finite; "
-            f"leave them out (- ids({broken[0]})), or run `s2r verify`"
+            f"run {run!r}: {side} features of instances {named}{more} are not finite; "
+            f"leave them out (--select '... - ids({named})'), or run `s2r verify`"
         )
     return values

@@ -6,40 +6,53 @@ real of the same two; both are means over seeded splits.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rtools.gap.blocks import Blocks, halves
-from s2rtools.gap.visual.divergence import divergences
+from s2rtools.gap.visual.divergence import NEIGHBOURS, BiasWarning, divergences
 from s2rtools.gap.visual.frechet import frechet_distance
 from s2rtools.gap.visual.kernel import kernel_distance
 from s2rtools.gap.visual.manifold import support
+from s2rtools.gap.visual.points import Points
 from s2rtools.gap.visual.wasserstein import sliced_wasserstein, wasserstein_by_dimension
 
 Floats = NDArray[np.float64]
-Figures = Callable[[Floats, Floats], Mapping[str, float]]
+Splits = list[tuple[NDArray[np.int64], NDArray[np.int64]]]
 
 SPLITS = 8
-COMPONENTS = 3
 
 
-def figures(sim: Floats, real: Floats, blocks: Blocks, seed: int) -> dict[str, Any]:
-    """By name: value, floor and, for the floor, its least and largest over the splits."""
+def figures(
+    sim: Floats, real: Floats, blocks: Blocks, seed: int, points: Mapping[str, Points]
+) -> dict[str, Any]:
+    """By name: value, floor and, for the floor, its least and largest over the splits.
+
+    Of features (n, d), and the divergences of `points`; `wasserstein_by_dimension` lists value and
+    floor of every dimension.
+    """
     splits = halves(blocks, SPLITS, seed)
-    planes = _principal(np.concatenate([real, sim]), COMPONENTS)
-    sources: list[tuple[Figures, Floats, Floats]] = [
-        (_of_features, sim, real),
-        (_of_components, planes[len(real) :], planes[: len(real)]),
-    ]
-    found: dict[str, Any] = {}
-    for measure, s, r in sources:
-        measured = [measure(s[b], r[a]) for a, b in splits]
-        floors = [measure(r[b], r[a]) for a, b in splits]
-        found |= {name: _beside(name, measured, floors) for name in measured[0]}
-    return {"n": int(splits[0][0].size), "splits": SPLITS, **found}
+    moved, still = (
+        np.array([wasserstein_by_dimension(side[b], real[a]) for a, b in splits])
+        for side in (sim, real)
+    )
+    measured = [_of_features(sim[b], real[a]) for a, b in splits]
+    floors = [_of_features(real[b], real[a]) for a, b in splits]
+    found = {name: _beside(_column(measured, name), _column(floors, name)) for name in measured[0]}
+    found["wasserstein"] = _beside(moved.mean(axis=1), still.mean(axis=1))
+    for name, each in points.items():
+        found |= _apart(name, each, splits)
+    by_dimension = {
+        "dimension": list(range(sim.shape[1])),
+        "value": moved.mean(axis=0).tolist(),
+        "floor": still.mean(axis=0).tolist(),
+    }
+    sizes = {"n": int(splits[0][0].size), "splits": SPLITS}
+    return {**sizes, **found, "wasserstein_by_dimension": by_dimension}
 
 
 def _of_features(sim: Floats, real: Floats) -> dict[str, float]:
@@ -47,24 +60,41 @@ def _of_features(sim: Floats, real: Floats) -> dict[str, float]:
     return {
         "fid": frechet_distance(sim, real),
         "kid": kernel_distance(sim, real),
-        "sliced_wasserstein": sliced_wasserstein(sim, real),
-        "wasserstein": float(wasserstein_by_dimension(sim, real).mean()),
         "precision": share.precision,
         "recall": share.recall,
         "density": share.density,
         "coverage": share.coverage,
+        "sliced_wasserstein": sliced_wasserstein(sim, real),
     }
 
 
-def _of_components(sim: Floats, real: Floats) -> dict[str, float]:
-    both = divergences(sim, real)
-    return {"kl_sim_real": both.forward, "kl_real_sim": both.backward}
+def _apart(name: str, points: Points, splits: Splits) -> dict[str, dict[str, float | None]]:
+    """Divergences both ways, of the rows that both sides know; none where these are too few."""
+    known = np.isfinite(np.concatenate([points.sim, points.real], axis=1)).all(axis=1)
+    chosen = [(a[known[a]], b[known[b]]) for a, b in splits]
+    least = min(half.size for pair in chosen for half in pair)
+    if least <= NEIGHBOURS:
+        return {}
+    measured, floors = (
+        np.array([_both_ways(side[b[:least]], points.real[a[:least]], points) for a, b in chosen])
+        for side in (points.sim, points.real)
+    )
+    names = f"kl_{name}_sim_real", f"kl_{name}_real_sim"
+    return {key: _beside(measured[:, k], floors[:, k]) for k, key in enumerate(names)}
 
 
-def _beside(
-    name: str, measured: list[Mapping[str, float]], floors: list[Mapping[str, float]]
-) -> dict[str, float | None]:
-    values, floor = (np.array([one[name] for one in many]) for many in (measured, floors))
+def _both_ways(sim: Floats, real: Floats, points: Points) -> tuple[float, float]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", BiasWarning)
+        found = divergences(sim, real, periods=points.periods)
+    return found.forward, found.backward
+
+
+def _column(rows: list[dict[str, float]], name: str) -> Floats:
+    return np.array([row[name] for row in rows])
+
+
+def _beside(values: Floats, floor: Floats) -> dict[str, float | None]:
     return {
         "value": _plain(values.mean()),
         "floor": _plain(floor.mean()),
@@ -76,13 +106,3 @@ def _beside(
 def _plain(value: float) -> float | None:
     """JSON knows no infinity."""
     return float(value) if np.isfinite(value) else None
-
-
-def _principal(points: Floats, count: int) -> Floats:
-    """Coordinates along the directions of most variance, (n, count or less)."""
-    centred = points - points.mean(axis=0)
-    if len(points) < points.shape[1]:
-        values, vectors = np.linalg.eigh(centred @ centred.T)
-        return np.asarray(vectors[:, ::-1] * np.sqrt(np.maximum(values[::-1], 0)))[:, :count]
-    _, directions = np.linalg.eigh(centred.T @ centred)
-    return np.asarray(centred @ directions[:, ::-1][:, :count])

@@ -6,7 +6,8 @@ images of one block are left out throughout: neighbours are alike, which a dista
 samples would count as a gap, and bright sim images as a larger one than dark ones. That average has
 a closed form, a sum over pairs of blocks: m = d' (SS + RR - 2 SR) d / d' N d with S, R the block
 sums of the kernel, N the numbers of pairs and d all ones. Where sim and real images are identical,
-as for the floor, every term of it is 0. Bootstrap replicates and permutations only change d.
+as for the floor, every term of it is 0. Bootstrap replicates and permutations only change d, in
+common for the blocks that are drawn as one.
 """
 
 from __future__ import annotations
@@ -28,10 +29,14 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Paired:
-    """`excess` (B, B): block sums SS + RR - 2 SR, `pairs` (B, B): their numbers; diagonals 0."""
+    """`excess` (B, B): block sums SS + RR - 2 SR, `pairs` (B, B): their numbers; diagonals 0.
+
+    `units` (B,) are codes 0, 1, ... of what is drawn as one.
+    """
 
     excess: Floats
     pairs: Floats
+    units: NDArray[np.int64]
 
     @property
     def blocks(self) -> int:
@@ -45,31 +50,37 @@ class Paired:
     def replicates(self, counts: Floats, level: float = LEVEL) -> Floats:
         """Of bootstrap samples that hold block b `counts` (R, B) times, shape (R,).
 
-        Copies of a block make no pair with each other: the pair of an instance and itself would
-        bias the distance, as would that of a block and itself.
+        Copies of a unit make no pair with each other: the pair of an instance and itself would
+        bias the distance, as would that of a block and itself. Pairs inside a unit come with each
+        of its copies.
         """
-        drawn = _quadratic(counts, self.excess) / _quadratic(counts, self.pairs)
-        return widened(drawn, self.value(), self.blocks, level)
+        drawn = self._drawn(counts, self.excess) / self._drawn(counts, self.pairs)
+        return widened(drawn, self.value(), self._count, level)
+
+    def _drawn(self, counts: Floats, matrix: Floats) -> Floats:
+        inside = np.where(self.units[:, None] == self.units, matrix, 0.0)
+        return np.asarray(_quadratic(counts, matrix - inside) + counts @ inside.sum(axis=1))
 
     def swap_p(self, permutations: int, seed: int) -> float:
-        """Permutation p-value: sim and real images of whole blocks change places.
+        """Permutation p-value: sim and real images of whole units change places.
 
         Exact for pairs where only neighbours depend on each other; d then holds signs. Where they
-        are no more than `permutations`, all are tried once; 2^(1 - B) is the least that can be.
+        are no more than `permutations`, all are tried once; 2^(1 - units) is the least there is.
         """
-        signs = _all_signs(self.blocks) if 2 ** (self.blocks - 1) <= permutations else None
-        if signs is None:
+        count = self._count
+        if 2 ** (count - 1) <= permutations:
+            signs = _all_signs(count)
+        else:
             draw = np.random.default_rng(seed).choice
-            signs = np.concatenate(
-                [self._ones, draw([-1.0, 1.0], (permutations, self.blocks))], axis=0
-            )
+            drawn = draw([-1.0, 1.0], (permutations, count))
+            signs = np.concatenate([np.ones((1, count)), drawn], axis=0)
         observed = float(self.excess.sum())
         slack = 1e-9 * float(np.abs(self.excess).sum())
-        return float((_quadratic(signs, self.excess) >= observed - slack).mean())
+        return float((_quadratic(signs[:, self.units], self.excess) >= observed - slack).mean())
 
     @property
-    def _ones(self) -> Floats:
-        return np.ones((1, self.blocks))
+    def _count(self) -> int:
+        return int(self.units.max()) + 1
 
 
 def _all_signs(count: int) -> Floats:
@@ -88,7 +99,7 @@ def paired(sim: Floats, real: Floats, blocks: Blocks) -> Paired:
     excess[np.abs(excess) < _ROUNDING * np.abs(own)] = 0.0
     pairs = np.outer(blocks.sizes, blocks.sizes)
     np.fill_diagonal(pairs, 0.0)
-    return Paired(excess, pairs)
+    return Paired(excess, pairs, blocks.units)
 
 
 def _block_sums(x: Floats, y: Floats, blocks: Blocks) -> Floats:

@@ -1,0 +1,102 @@
+"""What a bootstrap draws, and how instances are split in halves, for all shapes of recordings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rtools.gap import blocks
+from s2rtools.gap.contract import Settings
+from s2rtools.gap.intervals import widened
+from s2rtools.gap.task.groups import mean_replicates
+from s2rtools.gap.visual.figures import figures
+from s2rtools.gap.visual.paired import paired
+from s2rtools.gap.visual.points import principal
+
+
+def recorded(sizes: list[int]) -> blocks.Blocks:
+    """Trajectories of these lengths."""
+    return blocks.cut(np.repeat(np.arange(len(sizes)), sizes).astype(np.int32))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.integers(1, 120), min_size=1, max_size=40), st.integers(0, 1000))
+def test_halves_are_disjoint_and_of_one_size_for_all_recordings(
+    sizes: list[int], seed: int
+) -> None:
+    cut = recorded(sizes)
+    label = np.repeat(np.arange(cut.count), cut.sizes.astype(int))
+    for a, b in blocks.halves(cut, 3, seed):
+        assert a.size == b.size >= (sum(sizes) - cut.sizes.max()) / 2
+        assert not set(label[a]) & set(label[b])
+
+
+@pytest.mark.parametrize("sizes", [[300, 3], [35, 1, 1, 1, 1, 1], [1] * 40, [40], [3, 300, 2]])
+def test_very_unequal_trajectories_have_figures(sizes: list[int]) -> None:
+    n = sum(sizes)
+    sim, real = np.random.default_rng(0).normal(size=(2, n, 4)) + np.array([[[1.0]], [[0.0]]])
+    found = figures(sim, real, recorded(sizes), 1, {"pca": principal(sim, real, 2)})
+    assert found["n"] >= 15
+    assert found["kid"]["value"] > found["kid"]["floor"]
+
+
+@pytest.mark.parametrize(
+    ("sizes", "whole"),
+    [
+        ([20] * 6, True),
+        ([20] * 5, False),
+        ([100, 10, 10, 10, 10, 10], False),
+        ([9] * 40, True),
+        ([30, 10, 20, 25, 15, 20], True),
+    ],
+)
+def test_whole_trajectories_are_drawn_where_there_are_enough(sizes: list[int], whole: bool) -> None:
+    cut = recorded(sizes)
+    counts = blocks.draws(cut, 50, 1)
+    assert cut.by_trajectory == whole
+    assert cut.drawn == (len(sizes) if whole else cut.count)
+    assert ("whole trajectories" in cut.told) == whole
+    alike = [len(np.unique(counts[:, cut.trajectory == t], axis=1).T) for t in range(len(sizes))]
+    assert (alike == [1] * len(sizes)) == whole
+    assert cut.apart().drawn == cut.count
+
+
+def test_a_part_keeps_its_trajectories() -> None:
+    cut = recorded([20] * 8)
+    rows, part = cut.part(100, 3)
+    assert rows.size == part.start[-1] <= 100
+    assert np.array_equal(rows[part.start[:-1]] // 20, part.trajectory)
+
+
+def test_pairs_inside_a_trajectory_come_with_each_of_its_copies() -> None:
+    rng = np.random.default_rng(1)
+    cut = blocks.cut(np.repeat(np.arange(6), 12).astype(np.int32), 4)
+    pair = paired(rng.normal(1, 1, size=(72, 3)), rng.normal(size=(72, 3)), cut)
+    drawn = [0, 0, 0, 2, 4, 4]
+    made = [(copy, b) for copy, t in enumerate(drawn) for b in np.flatnonzero(cut.trajectory == t)]
+    total, count = 0.0, 0.0
+    for copy, a in made:
+        for other, b in made:
+            if copy == other or drawn[copy] != drawn[other]:
+                total += pair.excess[a, b]
+                count += pair.pairs[a, b]
+    counts = np.bincount(drawn, minlength=6)[cut.trajectory].astype(float)
+    found = pair.replicates(counts[None, :])
+    wanted = widened(np.array([total / count]), pair.value(), 6)
+    assert found == pytest.approx(wanted)
+
+
+def test_intervals_hold_the_truth_where_each_trajectory_has_a_level_of_its_own() -> None:
+    rng = np.random.default_rng(2)
+    held = {"trajectories": 0, "blocks": 0}
+    cut = recorded([30] * 8)
+    for seed in range(200):
+        values = np.repeat(rng.normal(size=8), 30) + rng.normal(size=240)
+        for name, each in (("trajectories", cut), ("blocks", cut.apart())):
+            drawn = mean_replicates(values, each, Settings(200, seed))
+            low, high = np.percentile(drawn, [2.5, 97.5])
+            held[name] += low <= 0 <= high
+    assert held["trajectories"] / 200 >= 0.9
+    assert held["blocks"] < held["trajectories"]

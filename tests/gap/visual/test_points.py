@@ -1,0 +1,74 @@
+"""What a run predicted as points: scaled, on the circle where it is one, unknown where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.reader import Store
+from s2rstore.writer import edit
+from s2rtools.gap import blocks
+from s2rtools.gap.visual.figures import figures
+from s2rtools.gap.visual.points import predicted, principal
+from tests.support.copies import copied
+
+N = 40
+
+
+@pytest.fixture
+def path(tiny_store: Path, tmp_path: Path) -> Path:
+    return copied(tiny_store, tmp_path / "s.s2r")
+
+
+@pytest.fixture
+def store(path: Path) -> Iterator[Store]:
+    with s2rstore.open(path) as opened:
+        yield opened
+
+
+def test_poses_and_errors_are_in_units_of_their_spread(store: Store) -> None:
+    found = predicted(store, "vanilla", np.arange(N))
+    columns = store.run_columns("vanilla")
+    poses, errors = found["poses"], found["errors"]
+    assert poses.sim.shape == (N, 3)
+    assert errors.real.shape == (N, 2)
+    scale = columns.sim.x[1] / poses.sim[1, 0]
+    assert np.allclose(poses.real[:, 1] * scale, columns.real.y)
+    assert np.concatenate([poses.sim, poses.real])[:, :2].var(axis=0).mean() == pytest.approx(1)
+    assert np.concatenate([errors.sim, errors.real]).std(axis=0) == pytest.approx(1)
+    turn = poses.periods[2] / (2 * np.pi)
+    assert poses.periods[:2].tolist() == [0, 0]
+    assert np.allclose(poses.real[:, 2], columns.real.heading * turn)
+    assert not errors.periods.any()
+
+
+def test_headings_that_nobody_predicted_are_left_out(path: Path) -> None:
+    with edit(path) as draft:
+        draft.update(
+            "prediction", {"run": "vanilla", "side": "sim"},
+            {"heading": None, "heading_error": None},
+        )  # fmt: skip
+        draft.update("run", {"run": "dataaug"}, {"key": None})
+    with s2rstore.open(path) as store:
+        found = predicted(store, "vanilla", np.arange(N))
+        assert [found[name].sim.shape[1] for name in ("poses", "errors")] == [2, 1]
+        assert predicted(store, "dataaug", np.arange(N)) == {}
+
+
+def test_unknown_rows_leave_the_divergence_and_too_few_leave_none(store: Store) -> None:
+    rng = np.random.default_rng(0)
+    sim, real = rng.normal(size=(2, N, 6))
+    cut = blocks.cut(np.zeros(N, np.int32))
+    points = principal(sim, real, 2)
+    assert points.sim.shape == points.real.shape == (N, 2)
+    points.sim[::4] = np.nan
+    found = figures(sim, real, cut, 1, {"some": points})
+    assert np.isfinite(
+        [found["kl_some_sim_real"]["value"], found["kl_some_sim_real"]["floor"]]
+    ).all()
+    points.sim[5:] = np.nan
+    assert "kl_some_sim_real" not in figures(sim, real, cut, 1, {"some": points})
