@@ -32,6 +32,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--anchor-run", metavar="R",
                         help="its sim images are the visual axis' bad state")  # fmt: skip
     parser.add_argument("--topic", help="of the poses in ROS bags")
+    parser.add_argument("--dynamics", action="append", default=[], metavar="NAME=VALUE",
+                        help="of the axes of motion (repeat): horizons=0.5,1,2 (s); "
+                        "nrmse=travel|extent|deviation; align=rigid+reflection+scale, rpe=1s or "
+                        "poses, of APE and RPE; reach=1 (s), bad=untuned|period, period=0.05 of "
+                        "the delay; noise=0.002,0.003 (m, rad) of the real poses")  # fmt: skip
     parser.add_argument("--freeze", type=Path, metavar="REF", help="write the scale to judge by")
     parser.add_argument("--reference", type=Path, metavar="REF", help="judge by this scale")
     parser.add_argument("--threshold", type=float, default=15.0, help="of G (default 15)")
@@ -93,7 +98,7 @@ def _request(options: argparse.Namespace) -> Any:
     return Request(
         options.run, options.select, tuple(options.axis), options.drives, options.rate,
         options.features, options.anchor_run, options.topic, options.reference, options.golden,
-        options.threshold, options.margin,
+        options.threshold, options.margin, tuple(options.dynamics),
         Settings(options.replicates, options.seed),
     )  # fmt: skip
 

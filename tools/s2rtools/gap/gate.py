@@ -13,6 +13,7 @@ from s2rstore.reader import Store
 from s2rtools.gap import golden, reference
 from s2rtools.gap.axes import AXES
 from s2rtools.gap.contract import Axis, Evidence, Settings
+from s2rtools.gap.dynamics import options
 from s2rtools.gap.golden import MARGIN
 from s2rtools.gap.measure import Measurement, frozen, measure
 from s2rtools.gap.report import Judged, Report, across_report, report
@@ -30,7 +31,8 @@ class Request:
     """What to measure and what to judge it by.
 
     `drives` is a folder, `odometry`, or None for those in the store; `rate` (Hz) is that of
-    odometry that was stored without times, `topic` names the poses of ROS bags. `anchor_run` is
+    odometry that was stored without times, `topic` names the poses of ROS bags, `dynamics` are
+    words NAME=VALUE of `options`. `anchor_run` is
     the run whose sim images are the visual axis' bad state.
     """
 
@@ -46,6 +48,7 @@ class Request:
     golden: Path | None = None
     threshold: float = THRESHOLD
     margin: float = MARGIN
+    dynamics: tuple[str, ...] = ()
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:
@@ -58,10 +61,12 @@ class Request:
         for name in self.axes:
             if name not in AXES:
                 raise RequestError(f"--axis {name}: one of {', '.join(AXES)}")
+        options.axes(self.dynamics)
 
     @property
     def wanted(self) -> dict[str, Axis]:
-        return {name: axis for name, axis in AXES.items() if name in (self.axes or AXES)}
+        known = AXES | options.axes(self.dynamics)
+        return {name: axis for name, axis in known.items() if name in (self.axes or AXES)}
 
 
 def evidence(store: Store, request: Request) -> Evidence:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from s2rtools.logs.rigid import Rigid
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +46,8 @@ class Commands:
 class Drive:
     """One command sequence driven in reality and in simulation.
 
-    `untuned` is the simulator before any identification, the declared bad state.
+    `untuned` is the simulator before any identification, the declared bad state. `odometry` is what
+    moved a robot's odometry, that stands for the simulator, onto the ground truth.
     """
 
     name: str
@@ -50,3 +55,4 @@ class Drive:
     sim: Log
     untuned: Log | None = None
     commands: Commands | None = None
+    odometry: Rigid | None = None

@@ -1,12 +1,13 @@
-"""What logs must show before windows of them say anything."""
+"""What drives must show, and have, before they say anything."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from s2rstore.errors import InconclusiveError
-from s2rtools.gap.dynamics import errors, noise
-from s2rtools.logs.contract import Log
+from s2rstore.errors import InconclusiveError, RequestError
+from s2rtools.gap.dynamics import errors
+from s2rtools.gap.dynamics.noise import Noise
+from s2rtools.logs.contract import Drive, Log
 
 MIN_STEPS = 4
 """Steps between poses that a window of the shortest horizon must span."""
@@ -24,22 +25,36 @@ def demand_fine(log: Log, horizon: float) -> None:
     longest = horizon / MIN_STEPS
     if step > longest * (1 + 1e-6):
         raise InconclusiveError(
-            f"dynamics: {log.source}: poses every {step:.3g} s are too coarse for windows of "
-            f"{horizon:g} s; record one every {longest:.3g} s or oftener"
+            f"{log.source}: poses every {step:.3g} s are too coarse for windows of "
+            f"{horizon:g} s; record one every {longest:.3g} s or oftener, or ask for horizons from "
+            f"{MIN_STEPS * step:.3g} s on (--dynamics horizons=...)"
         )
 
 
-def demand_motion(real: Log, horizon: float) -> None:
+def demand_motion(real: Log, horizon: float, measured: Noise) -> None:
     """Raises InconclusiveError where a robot goes nowhere, or its motion looks like noise."""
     covered = errors.travel(real, horizon)
-    measured = noise.of(real)
     if covered < max(MIN_TRAVEL, CLEAR * measured.position):
         raise InconclusiveError(
-            f"dynamics: {real.source}: the robot turns or stands ({covered:.2g} m in "
+            f"{real.source}: the robot turns or stands ({covered:.2g} m in "
             f"{horizon:g} s, noise {measured.position:.2g} m); leave this drive out"
         )
     if measured.motion > max(MAX_MOTION * covered, 0.5 * measured.position):
         raise InconclusiveError(
-            f"dynamics: {real.source}: noise cannot be told from motion ({measured.motion:.2g} m "
-            "may be either); record poses oftener"
+            f"{real.source}: noise cannot be told from motion ({measured.motion:.2g} m "
+            "may be either); record poses oftener, or declare their noise (--dynamics noise=...)"
         )
+
+
+def untuned_of(drive: Drive, axis: str) -> Log:
+    """Raises RequestError where the drive has no untuned log."""
+    if drive.odometry is not None:
+        raise RequestError(
+            f"{axis}: drive {drive.name} compares odometry with its ground truth; odometry has no "
+            "untuned simulator for a bad state, so it is measured and cannot be frozen"
+        )
+    if drive.untuned is None:
+        raise RequestError(
+            f"{axis}: drive {drive.name} has no untuned.*, the declared bad state; record one"
+        )
+    return drive.untuned
