@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 class Log:
     """Poses over time: `time` (n,) in s, strictly increasing; `x`, `y` (n,) in m; `heading` (n,) in
     rad, forward = (cos, sin); all finite. `source` names it in messages, `sha256` is its content's.
+    `doubts` are sentences about what may be wrong with it.
     """
 
     time: Floats
@@ -27,6 +28,7 @@ class Log:
     heading: Floats
     source: str
     sha256: str
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,3 +58,9 @@ class Drive:
     untuned: Log | None = None
     commands: Commands | None = None
     odometry: Rigid | None = None
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Those of its logs."""
+        logs = (self.real, self.sim, self.untuned)
+        return tuple(doubt for log in logs if log is not None for doubt in log.doubts)

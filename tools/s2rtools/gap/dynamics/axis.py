@@ -285,6 +285,7 @@ def _notes(compared: Sequence[_Compared], kind: str) -> tuple[str, ...]:
         for c in compared
         if c.drive.odometry is not None
     )
+    notes.extend(doubt for c in compared for doubt in evident.doubts(c.drive))
     if len(compared) == 1:
         notes.append("one drive: the interval says nothing of how drives differ")
     if kind in (_NOISE, "mixed"):

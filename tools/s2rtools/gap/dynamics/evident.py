@@ -18,6 +18,9 @@ CLEAR = 3.0
 MAX_MOTION = 0.01
 """Share of that travel in what may be noise as well as motion, where it is no small part of it."""
 
+UNLIKE = 20.0
+"""Times as fast, from which on one log is hardly of the same drive in the same units."""
+
 
 def demand_fine(log: Log, horizon: float) -> None:
     """Raises InconclusiveError where poses are too far apart for windows of `horizon` s."""
@@ -44,6 +47,18 @@ def demand_motion(real: Log, horizon: float, measured: Noise) -> None:
             f"{real.source}: noise cannot be told from motion ({measured.motion:.2g} m "
             "may be either); record poses oftener, or declare their noise (--dynamics noise=...)"
         )
+
+
+def doubts(drive: Drive) -> tuple[str, ...]:
+    """What may be wrong with a drive's logs, as sentences."""
+    real, sim = (errors.travel(log, 1.0) for log in (drive.real, drive.sim))
+    if sim * UNLIKE >= real and real * UNLIKE >= sim:
+        return drive.doubts
+    told = (
+        f"drive {drive.name}: the real robot drives {real:.3g} m in a second, the simulated one "
+        f"{sim:.3g} m; are both logs in metres and seconds?"
+    )
+    return (*drive.doubts, told)
 
 
 def untuned_of(drive: Drive, axis: str) -> Log:
