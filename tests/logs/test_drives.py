@@ -141,8 +141,8 @@ def test_the_real_datas_odometry_is_off_by_half_a_metre_in_a_mirrored_frame(
         evidence = Evidence(store, "none", np.arange(3), drives=[drive])
         axis = options.axes(["horizons=5,10,20", "noise=0,0"])["dynamics"]
         (told,) = axis.measure(evidence, Settings(replicates=100)).details["drives"]
-    assert told["ape_rmse_recorded"] == pytest.approx(without_reflection(odom, truth, False))
-    assert without_reflection(odom, truth, True) > 5
+    assert told["ape_rmse_recorded"] == pytest.approx(nearest(odom, truth, reflection=True))
+    assert nearest(odom, truth, reflection=False) > 5
     off = np.hypot(drive.sim.x - drive.real.x, drive.sim.y - drive.real.y)
     assert np.sqrt((off**2).mean()) == pytest.approx(0.51, abs=0.005)
     assert np.degrees(angles.distance(drive.sim.heading, drive.real.heading)).mean() < 5
@@ -153,11 +153,11 @@ def test_the_real_datas_odometry_is_off_by_half_a_metre_in_a_mirrored_frame(
     assert fit_error(source, target, reflection=False, scale=False) > 5
 
 
-def without_reflection(odom: np.ndarray, truth: np.ndarray, wanted: bool) -> float:
-    """Root mean square distance after the best rigid motion, by Kabsch's way."""
+def nearest(odom: np.ndarray, truth: np.ndarray, reflection: bool) -> float:
+    """Root mean square distance after the best rigid motion, by the way of Kabsch."""
     a, b = (p[:2] - p[:2].mean(axis=1, keepdims=True) for p in (odom, truth))
     u, _, v = np.linalg.svd(b @ a.T)
-    sign = np.linalg.det(u @ v) if wanted else 1.0
+    sign = 1.0 if reflection else np.linalg.det(u @ v)
     turn = u @ np.diag([1.0, sign]) @ v
     return float(np.sqrt(((turn @ a - b) ** 2).sum(axis=0).mean()))
 

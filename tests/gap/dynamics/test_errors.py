@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rstore import angles
@@ -76,6 +76,7 @@ def test_rpe_is_evos(step: Step, poses: int, alignment: Alignment, evo_align: di
         assert mine == pytest.approx(theirs.error, abs=1e-7)
 
 
+@settings(deadline=None)
 @given(
     st.floats(-np.pi, 3.14), st.booleans(), st.floats(0.2, 5), st.floats(-1e3, 1e3),
     st.floats(-1e3, 1e3), st.booleans(),
@@ -108,6 +109,7 @@ def test_by_default_nothing_is_aligned() -> None:
     assert errors.rpe(DRIVE.real, far, Step(poses=5)).position.max() < 1e-9
 
 
+@settings(deadline=None)
 @given(st.floats(-20, 20), st.floats(-20, 20))
 def test_heading_errors_go_the_short_way(a: float, b: float) -> None:
     time, still = np.arange(2.0), np.zeros(2)

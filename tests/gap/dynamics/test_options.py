@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from s2rtools.gap.dynamics.noise import Noise
 from s2rtools.logs.rigid import Rigid
 from s2rtui.cli import main
 from tests.support import robot
+from tests.support.copies import copied
 
 SETTINGS = Settings(replicates=100)
 
@@ -136,8 +136,7 @@ def test_a_delay_beyond_the_reach_is_inconclusive(evidence) -> None:
 @pytest.fixture
 def walked(tiny_store: Path, tmp_path: Path) -> Path:
     """A store whose trajectory a has odometry in a mirrored frame."""
-    own = tmp_path / "walked.s2r"
-    shutil.copytree(tiny_store, own)
+    own = copied(tiny_store, tmp_path / "walked.s2r")
     with edit(own) as draft:
         draft.rows(
             "UPDATE instance SET odom_x = 3 + 0.9 * y, odom_y = x - 2, odom_heading = "
