@@ -34,6 +34,7 @@ def measured(store: Store, config: Config) -> Report:
         axes=config.axes,
         drives=config.drives,
         rate=config.rate,
+        dynamics=config.dynamics,
         features=config.features,
         reference=config.reference,
         golden=config.golden,

@@ -136,8 +136,8 @@ def _split(drives: Sequence[Drive], settings: Settings) -> tuple[list[Drive], li
     count = settings.held_out or max(1, round(len(drives) / 4))
     if len(drives) - count < LEAST_FITTED:
         raise InconclusiveError(
-            f"drives: {len(drives)}, of which {count} held out; identification needs "
-            f"{LEAST_FITTED} to fit and 1 to hold out: record more, or see --held-out"
+            f"{len(drives)} drives, {count} of them held out: identification needs "
+            f"{LEAST_FITTED} to fit and 1 to hold out; record more"
         )
     places = {round((i + 0.5) * len(drives) / count - 0.5) for i in range(count)}
     fitted = [drive for i, drive in enumerate(drives) if i not in places]
