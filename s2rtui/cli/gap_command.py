@@ -44,6 +44,11 @@ def _add_evidence(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--anchor-run", metavar="R",
                         help="its sim images are the visual axis' bad state")  # fmt: skip
     parser.add_argument("--topic", help="of the poses in ROS bags")
+    parser.add_argument("--dynamics", action="append", default=[], metavar="NAME=VALUE",
+                        help="of the axes of motion (repeat): horizons=0.5,1,2 (s); "
+                        "nrmse=travel|extent|deviation; align=rigid+reflection+scale, rpe=1s or "
+                        "poses, of APE and RPE; reach=1 (s), bad=untuned|period, period=0.05 of "
+                        "the delay; noise=0.002,0.003 (m, rad) of the real poses")  # fmt: skip
 
 
 def _add_judges(parser: argparse.ArgumentParser) -> None:
@@ -146,5 +151,6 @@ def _request(options: argparse.Namespace) -> Request:
         golden=options.golden,
         threshold=options.threshold,
         margin=options.margin,
+        dynamics=tuple(options.dynamics),
         settings=Settings(options.replicates, options.seed, pca=options.pca),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -9,6 +10,11 @@ from s2rtui.cli import output
 
 Details = dict[str, Any]
 _DIMENSIONS = 3
+_SCALES = {
+    "travel": "the distance driven in the horizon, on average",
+    "extent": "the diagonal of the path's box",
+    "deviation": "the standard deviation of the places",
+}
 
 
 def details(axis: dict[str, Any]) -> Iterator[str]:
@@ -86,10 +92,33 @@ def _task(found: Details) -> Iterator[str]:
 def _dynamics(found: Details) -> Iterator[str]:
     rows = [
         (f"{row['horizon']:g} s", row["windows"], bounds(row, "rmse"), bounds(row, "nrmse"),
-         bounds(row, "heading_rmse"))
+         _degrees(row, "heading_rmse"))
         for row in found["horizons"]
     ]  # fmt: skip
-    yield output.table(("horizon", "windows", "RMSE m", "NRMSE", "heading rad"), rows)
+    yield f"NRMSE is RMSE over {_SCALES[found['scale']]}"
+    yield output.table(("horizon", "windows", "RMSE m", "NRMSE", "heading degrees"), rows)
+    yield (
+        f"whole drives, the delay (searched within {found['reach']:g} s) taken out; alignment "
+        f"before APE and RPE: {found['alignment']}; RPE over {found['rpe_step']}"
+    )
+    drives = [
+        (row["drive"], 1000 * row["delay"], row["ape_rmse"], row["ape_rmse_recorded"],
+         _turned(row["heading_rmse"]), row["rpe_rmse"],
+         _turned(row["rpe_heading_rmse"]))
+        for row in found["drives"]
+    ]  # fmt: skip
+    names = ("drive", "delay ms", "APE m", "APE as recorded m", "heading degrees", "RPE m",
+             "RPE heading degrees")  # fmt: skip
+    yield output.table(names, drives)
+
+
+def _degrees(row: Details, name: str) -> str:
+    value, low, high = (_turned(row[f"{name}{end}"]) for end in ("", "_low", "_high"))
+    return between(value, low, high, 2)
+
+
+def _turned(radians: float | None) -> float | None:
+    return None if radians is None else math.degrees(radians)
 
 
 def _delay(found: Details) -> Iterator[str]:

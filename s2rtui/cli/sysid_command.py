@@ -80,16 +80,16 @@ def _judge(drives: str, found: Identification) -> None:
             f"{drives}: {', '.join(found.at_ends)} at the end of the range; "
             "give another with --range, or --fix what is known"
         )
-    if found.unsettled:
-        raise InconclusiveError(
-            f"{drives}: the search has not settled ({', '.join(found.unsettled)} outside "
-            "its interval); give more --evaluations or --seeds"
-        )
-    if not found.conclusive:
+    if found.identifiability.open_names:
         names_open = ", ".join(found.identifiability.open_names)
         raise InconclusiveError(
             f"{drives}: these drives do not determine {names_open}; "
             "record more varied drives, or --fix what is known"
+        )
+    if found.unsettled:
+        raise InconclusiveError(
+            f"{drives}: the search has not settled ({', '.join(found.unsettled)} outside "
+            "its interval); give more --evaluations or --seeds"
         )
 
 

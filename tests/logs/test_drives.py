@@ -11,6 +11,8 @@ import s2rstore
 from s2rstore import angles
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.writer import edit
+from s2rtools.gap.contract import Evidence, Settings
+from s2rtools.gap.dynamics import options
 from s2rtools.ingest import IMPORTERS
 from s2rtools.ingest.scan import ScanOptions
 from s2rtools.logs import csvlog, read_drives
@@ -136,6 +138,11 @@ def test_the_real_datas_odometry_is_off_by_half_a_metre_in_a_mirrored_frame(
     path = store_of(tmp_path / "s.s2r", columns, ["traj1"] * len(sightings))
     with s2rstore.open(path) as store:
         (drive,) = odometry(store, rate=1.0)
+        evidence = Evidence(store, "none", np.arange(3), drives=[drive])
+        axis = options.axes(["horizons=5,10,20", "noise=0,0"])["dynamics"]
+        (told,) = axis.measure(evidence, Settings(replicates=100)).details["drives"]
+    assert told["ape_rmse_recorded"] == pytest.approx(nearest(odom, truth, reflection=True))
+    assert nearest(odom, truth, reflection=False) > 5
     off = np.hypot(drive.sim.x - drive.real.x, drive.sim.y - drive.real.y)
     assert np.sqrt((off**2).mean()) == pytest.approx(0.51, abs=0.005)
     assert np.degrees(angles.distance(drive.sim.heading, drive.real.heading)).mean() < 5
@@ -144,6 +151,15 @@ def test_the_real_datas_odometry_is_off_by_half_a_metre_in_a_mirrored_frame(
     off = fit_error(source, target, reflection=True, scale=True)
     assert off == pytest.approx(0.33, abs=0.005)
     assert fit_error(source, target, reflection=False, scale=False) > 5
+
+
+def nearest(odom: np.ndarray, truth: np.ndarray, reflection: bool) -> float:
+    """Root mean square distance after the best rigid motion, by the way of Kabsch."""
+    a, b = (p[:2] - p[:2].mean(axis=1, keepdims=True) for p in (odom, truth))
+    u, _, v = np.linalg.svd(b @ a.T)
+    sign = 1.0 if reflection else np.linalg.det(u @ v)
+    turn = u @ np.diag([1.0, sign]) @ v
+    return float(np.sqrt(((turn @ a - b) ** 2).sum(axis=0).mean()))
 
 
 def fit_error(source, target, **allowed: bool) -> float:

@@ -84,7 +84,7 @@ def test_the_gate_is_asked_what_the_configuration_says(
 ) -> None:
     text = config.source.read_text().replace(
         "[drives]", 'run = "vanilla"\nselect = "worst15"\naxes = ["task"]\nthreshold = 20\n'
-        "margin = 0.1\nseed = 4\nreplicates = 200\n[drives]", 1,
+        "margin = 0.1\nseed = 4\nreplicates = 200\n[drives]\ndynamics = [\"reach=2\"]", 1,
     )  # fmt: skip
     config.source.write_text(text)
     command(config)
@@ -95,6 +95,7 @@ def test_the_gate_is_asked_what_the_configuration_says(
         "run": "vanilla", "expression": "worst15", "axes": ("task",), "rate": None,
         "drives": str(config.source.parent / "drives"), "features": None, "reference": None,
         "topic": None, "golden": None, "threshold": 20.0, "margin": 0.1,
+        "dynamics": ("reach=2",),
     }  # fmt: skip
 
 

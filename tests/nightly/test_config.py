@@ -59,6 +59,7 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         [drives]
         folder = "drives"
         topic = "/odom"
+        dynamics = ["horizons=1,2", "align=rigid"]
         [sysid]
         simulator = "mujoco"
         parameters = ["mass", "damping"]
@@ -83,6 +84,7 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         {"latency": "0..0.5", "mass": "5..30:log"}, "/odom",
     )  # fmt: skip
     assert found.topic == "/odom"
+    assert found.dynamics == ("horizons=1,2", "align=rigid")
     assert (found.history, found.reports, found.metrics) == (
         here / "h.duckdb", here / "r", here / "m.prom",
     )  # fmt: skip
@@ -129,6 +131,7 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         (f'{SYSID}range = {{ mas = "1..2" }}', "sysid: mas: no parameter"),
         (f'{SYSID}range = {{ track = "1..2" }}', "sysid: track: not searched"),
         (f'{SYSID}seeds = 0', "sysid.seeds: 1"),
+        ('store = "s.s2r"\n[drives]\ndynamics = ["reach=x"]', "drives.dynamics: reach=x: give sec"),
         ('store = "s.s2r"\n[drives]\ntopic = 3', "drives.topic: must be text"),
         ('store = "s.s2r"\n[drives]\nrate = 0', "drives.rate: over 0"),
         ('store = "s.s2r"\n[stale]\nafter_days = -1', "stale.after_days: 0"),

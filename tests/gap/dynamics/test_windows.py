@@ -44,7 +44,7 @@ def test_windows_are_relative_pose_errors() -> None:
     drive = robot.pair(4, gain=0.9, seconds=10.0)
     made = windows(drive.real, drive.sim, Plan((1.0,), stride=0.02, scatter=0.0))
     real, sim = errors.together(drive.real, drive.sim)
-    off = errors.rpe(real, sim, 50)
+    off = errors.rpe(real, sim, errors.Step(poses=50))
     n = min(off.position.size, np.isfinite(made.end[0]).sum())
     assert made.end[0][:n] == pytest.approx(off.position[:n], abs=1e-6)
     assert made.heading[0][:n] == pytest.approx(off.heading[:n], abs=1e-6)
@@ -125,7 +125,7 @@ def test_the_floor_is_what_noise_gives_in_these_windows() -> None:
         real = robot.sampled(shifted, 50.0, 0.004, 0.01, rng)
         made = windows(real, sim, plan)
         found.append(np.nanmean(made.end**2, axis=1))
-        told.append(np.nanmean(noise.squares(real, made), axis=1))
+        told.append(np.nanmean(noise.squares(real, made, noise.of(real)), axis=1))
     assert np.mean(told, axis=0) == pytest.approx(np.mean(found, axis=0), rel=0.08)
 
 

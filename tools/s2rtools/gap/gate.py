@@ -13,6 +13,7 @@ from s2rstore.reader import Store
 from s2rtools.gap import axes, defaults, golden, reference
 from s2rtools.gap.axes import AXES
 from s2rtools.gap.contract import Axis, Evidence, Settings
+from s2rtools.gap.dynamics import options
 from s2rtools.gap.measure import Measurement, frozen, measure
 from s2rtools.gap.report import Judged, Report, across_report, report
 from s2rtools.gap.task.across import across
@@ -27,7 +28,8 @@ class Request:
     """What to measure and what to judge it by.
 
     `drives` is a folder, `odometry`, or None for those in the store; `rate` (Hz) is that of
-    odometry that was stored without times, `topic` names the poses of ROS bags. `anchor_run` is
+    odometry that was stored without times, `topic` names the poses of ROS bags, `dynamics` are
+    words NAME=VALUE of `options`. `anchor_run` is
     the run whose sim images are the visual axis' bad state.
     """
 
@@ -43,6 +45,7 @@ class Request:
     golden: Path | None = None
     threshold: float = defaults.THRESHOLD
     margin: float = defaults.MARGIN
+    dynamics: tuple[str, ...] = ()
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:
@@ -55,10 +58,13 @@ class Request:
         for name in self.axes:
             if name not in AXES:
                 raise RequestError(f"--axis {name}: one of {', '.join(AXES)}")
+        options.axes(self.dynamics)
 
     @property
     def wanted(self) -> dict[str, Axis]:
-        return {name: axes.axis(name) for name in AXES if name in (self.axes or AXES)}
+        asked = options.axes(self.dynamics)
+        names = [name for name in AXES if name in (self.axes or AXES)]
+        return {name: asked.get(name) or axes.axis(name) for name in names}
 
 
 def evidence(store: Store, request: Request) -> Evidence:

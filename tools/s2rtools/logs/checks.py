@@ -75,4 +75,15 @@ def log(poses: NDArray[np.float64], path: Path, place: Place) -> Log:
         raise RequestError(f"{path}: {len(poses)} poses; a log needs at least 2")
     check_clock(poses[:, 0], place)
     time, x, y, heading = (np.ascontiguousarray(column) for column in poses.T)
-    return Log(time, x, y, angles.wrap(heading), str(path), digest(path))
+    return Log(time, x, y, angles.wrap(heading), str(path), digest(path), _doubts(heading, place))
+
+
+def _doubts(heading: Floats, place: Place) -> tuple[str, ...]:
+    beyond = np.flatnonzero(np.abs(heading) > 2 * np.pi * (1 + 1e-6))
+    if not beyond.size:
+        return ()
+    i = int(beyond[0])
+    return (
+        f"{place(i)}: heading {heading[i]:.6g} rad is over a whole turn; if these are degrees, "
+        "name the column heading_deg",
+    )

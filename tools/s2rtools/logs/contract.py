@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from s2rtools.logs.rigid import Rigid
 
 Floats = NDArray[np.float64]
 
@@ -15,6 +19,7 @@ Floats = NDArray[np.float64]
 class Log:
     """Poses over time: `time` (n,) in s, strictly increasing; `x`, `y` (n,) in m; `heading` (n,) in
     rad, forward = (cos, sin); all finite. `source` names it in messages, `sha256` is its content's.
+    `doubts` are sentences about what may be wrong with it.
     """
 
     time: Floats
@@ -23,6 +28,7 @@ class Log:
     heading: Floats
     source: str
     sha256: str
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +48,8 @@ class Commands:
 class Drive:
     """One command sequence driven in reality and in simulation.
 
-    `untuned` is the simulator before any identification, the declared bad state.
+    `untuned` is the simulator before any identification, the declared bad state. `odometry` is what
+    moved a robot's odometry, that stands for the simulator, onto the ground truth.
     """
 
     name: str
@@ -50,3 +57,10 @@ class Drive:
     sim: Log
     untuned: Log | None = None
     commands: Commands | None = None
+    odometry: Rigid | None = None
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Those of its logs."""
+        logs = (self.real, self.sim, self.untuned)
+        return tuple(doubt for log in logs if log is not None for doubt in log.doubts)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore import angles
 from s2rstore.errors import RequestError
 from s2rtools.logs import checks
 from s2rtools.logs.contract import Commands, Log
@@ -34,7 +35,7 @@ def read(path: Path) -> Log:
             raise RequestError(f"{path}: no column {wanted} (has: {', '.join(names)})")
     poses = _numbers(path, names, rows, lines, columns)
     if degrees:
-        poses[:, 3] = np.radians(poses[:, 3])
+        poses[:, 3] = angles.wrap(np.radians(poses[:, 3]))
     return checks.log(poses, path, lambda i: f"{path}:{lines[i]}")
 
 

@@ -31,9 +31,10 @@ def odometry(store: Store, rate: float | None = None, aligned: bool = True) -> t
         time = _time(truth.timestamp[at], truth.seq[at].astype(np.float64), rate, where)
         real = _log(time, truth.x[at], truth.y[at], truth.heading[at], f"{where}, ground truth")
         sim = _log(time, ox, oy, turned, f"{where}, odometry")
+        moved = rigid.Rigid()
         if aligned:
-            sim = rigid.fit((sim.x, sim.y), (real.x, real.y), reflection=True)(sim)
-        drives.append(Drive(name, real, sim))
+            moved = rigid.fit((sim.x, sim.y), (real.x, real.y), reflection=True)
+        drives.append(Drive(name, real, moved(sim), odometry=moved))
     if not drives:
         raise RequestError(f"{store.path}: no trajectory has odometry throughout")
     return tuple(drives)

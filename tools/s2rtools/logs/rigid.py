@@ -22,6 +22,15 @@ class Rigid:
     x: float = 0.0
     y: float = 0.0
 
+    def __str__(self) -> str:
+        parts = [
+            "mirrored" if self.reflected else "",
+            f"turned by {np.degrees(self.angle):.1f} degrees",
+            f"scaled by {self.scale:.4g}" if self.scale != 1 else "",
+            f"moved by ({self.x:.2f}, {self.y:.2f}) m",
+        ]
+        return ", ".join(part for part in parts if part)
+
     def __call__(self, log: Log) -> Log:
         """The log as seen from the other frame."""
         cos, sin = np.cos(self.angle), np.sin(self.angle)

@@ -40,7 +40,9 @@ def read(path: Path, topic: str | None = None) -> Log:
         raise
     except Exception as error:  # a damaged bag fails in every layer below the reader
         told = " ".join(str(error).split()) or type(error).__name__
-        raise RequestError(f"{path}: cannot be read as a ROS bag ({told})") from error
+        raise RequestError(
+            f"{path}: cannot be read as a ROS bag ({told}); copy it anew, or reindex it"
+        ) from error
     if not rows:
         raise RequestError(f"{path}: topic {topic} has no messages")
 
@@ -89,5 +91,7 @@ def _topic(path: Path, connections: list[Any], topic: str | None) -> str:
     if not usable:
         raise RequestError(f"{path}: no topic with poses (Odometry or PoseStamped)")
     if len(usable) > 1:
-        raise RequestError(f"{path}: several topics have poses; name one of {', '.join(usable)}")
+        raise RequestError(
+            f"{path}: several topics have poses; name one of {', '.join(usable)} (--topic)"
+        )
     return usable[0]

@@ -24,7 +24,7 @@ _SECTIONS: dict[str, dict[str, type | tuple[type, ...]]] = {
         "golden": str, "threshold": (int, float), "margin": (int, float), "seed": int,
         "replicates": int, "features": str,
     },
-    "drives": {"folder": str, "rate": (int, float), "topic": str},
+    "drives": {"folder": str, "rate": (int, float), "topic": str, "dynamics": list},
     "sysid": {
         "simulator": str, "parameters": list, "fix": dict, "range": dict, "drives": str,
         "seed": int, "seeds": int, "evaluations": int,
@@ -66,7 +66,8 @@ class Config:
     """One nightly gate; all paths are resolved.
 
     `drives` is a folder (by default the one in the store), or `odometry`, whose `rate` (Hz) is
-    needed where it was stored without times; `topic` is that of poses in ROS bags.
+    needed where it was stored without times; `topic` is that of poses in ROS bags,
+    `dynamics` what is asked of the axes of motion, as `s2r gap --dynamics` words.
     """
 
     source: Path
@@ -85,6 +86,7 @@ class Config:
     drives: str | None
     rate: float | None
     topic: str | None
+    dynamics: tuple[str, ...]
     sysid: Sysid | None
     history: Path
     reports: Path
@@ -182,6 +184,7 @@ def read(path: Path) -> Config:
         drives=_drives(given, store),
         rate=_rate(given),
         topic=given.get("topic", "drives"),
+        dynamics=_dynamics(given),
         sysid=_sysid(given, store) if "sysid" in content else None,
         history=given.place(kept) if kept else history.path_in(store),
         reports=given.place(given.get("reports", "output", f"reports/{name}")),
@@ -208,6 +211,19 @@ def _drives(given: _Reader, store: Path) -> str | None:
 def _replicates(given: _Reader) -> int:
     bounds = defaults.FEWEST_REPLICATES, defaults.MOST_REPLICATES
     return int(given.number("replicates", defaults.REPLICATES, *bounds))
+
+
+def _dynamics(given: _Reader) -> tuple[str, ...]:
+    words = tuple(given.get("dynamics", "drives", []))
+    if words:
+        from s2rtools.gap.dynamics import options
+
+        try:
+            options.axes(words)
+        except RequestError as error:
+            told = str(error).removeprefix("--dynamics ")
+            raise given.refuse("drives.dynamics", told) from error
+    return words
 
 
 def _rate(given: _Reader) -> float | None:

@@ -67,7 +67,7 @@ def inputs(config: Config, store: Store, current: layout.Current) -> Inputs:
         "seed": config.seed,
         "replicates": config.replicates,
         "stale_after": config.stale_after,
-        "drives": [config.drives == ODOMETRY, config.rate, config.topic, drives],
+        "drives": [config.drives == ODOMETRY, config.rate, config.topic, config.dynamics, drives],
         "sysid": sysid,
         **{name: _hash(getattr(config, name)) for name in ("reference", "golden")},
         "features": _network(config.features),

@@ -33,6 +33,7 @@ def measured(store: Store, config: Config) -> Report:
         drives=config.drives,
         rate=config.rate,
         topic=config.topic,
+        dynamics=config.dynamics,
         features=config.features,
         reference=config.reference,
         golden=config.golden,

@@ -12,6 +12,8 @@ _INK, _GRID, _COLOURS = (
     "#d9dde2",
     ("#1f6fb2", "#c0392b", "#6f8f1f", "#8a5aa8", "#c77f17"),
 )
+_NESTED = 3
+"""Searches whose ends stay apart where they are equal, one diamond inside the other."""
 
 
 def convergence_figure(courses: Sequence[Course], title: str) -> bytes:
@@ -27,11 +29,14 @@ def convergence_figure(courses: Sequence[Course], title: str) -> bytes:
         style = ("-", "--", ":", "-.")[course.seed % 4]
         axes.plot(course.evaluations, course.costs, style, color=colour, linewidth=1.6,
                   label=f"search {course.seed + 1}")  # fmt: skip
-        axes.plot(course.evaluations[-1:], [course.cost], "D", color=colour, markersize=5)
-    axes.plot([], [], "D", color=_INK, markersize=5, linestyle="none", label="after least squares")
+        inside = min(course.seed, _NESTED)
+        axes.plot(course.evaluations[-1:], [course.cost], "D", color=colour, fillstyle="none",
+                  markersize=4 + 3 * (_NESTED - inside), markeredgewidth=1.4)  # fmt: skip
+    axes.plot([], [], "D", color=_INK, fillstyle="none", markersize=7, linestyle="none",
+              label="after least squares")  # fmt: skip
     axes.axhline(1.0, color=_INK, linewidth=0.8, linestyle=(0, (1, 2)))
-    axes.annotate("noise of the sensors", (0.99, 1.0), (0, 3), xycoords=("axes fraction", "data"),
-                  textcoords="offset points", ha="right", fontsize=8, color=_INK)  # fmt: skip
+    axes.annotate("noise of the sensors", (0.01, 1.0), (0, 3), xycoords=("axes fraction", "data"),
+                  textcoords="offset points", ha="left", fontsize=8, color=_INK)  # fmt: skip
     axes.set_yscale("log")
     axes.set_xlim(left=0)
     axes.set_xlabel("evaluations of the objective", color=_INK)

@@ -112,7 +112,8 @@ def identify(drives: Sequence[Drive], settings: Settings, reporter: Reporter) ->
         settings, space, cube, _estimates(space, cube, limits, (*known_well.open_names, *ends)),
         tuple(drive.name for drive in fitted), tuple(drive.name for drive in held),
         found.courses, problem, everything, error, known_well, shape,
-        ends, (*_warnings(space, known_well, shape), *_end_warnings(space, cube, ends)),
+        ends,
+        (*_doubts(drives), *_warnings(space, known_well, shape), *_end_warnings(space, cube, ends)),
     )  # fmt: skip
 
 
@@ -136,7 +137,7 @@ def _split(drives: Sequence[Drive], settings: Settings) -> tuple[list[Drive], li
     if len(drives) - count < LEAST_FITTED:
         raise InconclusiveError(
             f"{len(drives)} drives, {count} of them held out: identification needs "
-            f"{LEAST_FITTED} drives to fit and 1 to hold out"
+            f"{LEAST_FITTED} to fit and 1 to hold out; record more"
         )
     places = {round((i + 0.5) * len(drives) / count - 0.5) for i in range(count)}
     fitted = [drive for i, drive in enumerate(drives) if i not in places]
@@ -166,6 +167,10 @@ def _estimates(space: Space, cube: Floats, limits: Floats,
         found.append(Estimate(one.name, one.unit, one.meaning, one.default, float(natural[i]),
                               *bounds, free))  # fmt: skip
     return tuple(found)
+
+
+def _doubts(drives: Sequence[Drive]) -> tuple[str, ...]:
+    return tuple(doubt for drive in drives for doubt in drive.real.doubts)
 
 
 def _end_warnings(space: Space, cube: Floats, names: tuple[str, ...]) -> tuple[str, ...]:

@@ -49,7 +49,9 @@ class Candidate:
 
     @property
     def differs(self) -> bool:
-        return not self.low <= self.nominal <= self.high
+        """Where the drives know too little of it, the interval leaves out the estimate itself."""
+        known = self.low <= self.estimate <= self.high
+        return known and not self.low <= self.nominal <= self.high
 
 
 @dataclass(frozen=True, slots=True)

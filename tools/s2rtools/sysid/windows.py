@@ -112,8 +112,9 @@ def _ranges(drive: Drive, commands: Commands, seconds: float) -> list[tuple[int,
         a = max(b, a + 1)
     if not found:
         raise InconclusiveError(
-            f"{drive.name}: no window of {seconds:g} s with poses and commands; "
-            "give a longer log or a shorter --window"
+            f"{drive.name}: no window of {seconds:g} s with {_LEAST} poses and commands (poses "
+            f"from {time[0]:.6g} to {time[-1]:.6g} s, commands from {begin:.6g} to {end:.6g} s); "
+            "use one clock, give a longer log or a shorter --window"
         )
     return found
 

@@ -87,8 +87,8 @@ def delay(
     overlap = _overlap(real, sim)
     step = 1.0 / rate
     origin = max(real.time[0], sim.time[0])
-    slower = max(float(np.median(np.diff(log.time))) for log in (real, sim))
-    width = max(SMOOTHING, SAMPLES * slower)
+    width = max(SMOOTHING, SAMPLES * max(_step(real), _step(sim)))
+    _demand_fine(real, sim, width)
     a, b = (_rates(log, origin, step, width) for log in (real, sim))
     whole = _whole_lag(a, b, round(furthest * rate), f"{real.source} and {sim.source}", step)
     score, matched = _matched(a, b, whole)
@@ -110,6 +110,12 @@ def delay(
 
 
 def _overlap(real: Log, sim: Log) -> float:
+    for log in (real, sim):
+        if _seconds(log) < MIN_OVERLAP:
+            raise RequestError(
+                f"{log.source}: {log.time.size} poses in {_seconds(log):.3g} s; a delay needs "
+                f"{MIN_OVERLAP:g} s of both logs"
+            )
     overlap = float(min(real.time[-1], sim.time[-1]) - max(real.time[0], sim.time[0]))
     if overlap < MIN_OVERLAP:
         spans = " and ".join(
@@ -117,6 +123,26 @@ def _overlap(real: Log, sim: Log) -> float:
         )
         raise RequestError(f"{spans} overlap by less than {MIN_OVERLAP:g} s; use one clock")
     return overlap
+
+
+def _demand_fine(real: Log, sim: Log, width: float) -> None:
+    """Raises RequestError where a log ends before its rates, smoothed by `width` s, are known."""
+    shorter = min(real, sim, key=_seconds)
+    if _seconds(shorter) <= 2 * _REACH * width:
+        slower = max(real, sim, key=_step)
+        raise RequestError(
+            f"{slower.source}: a pose every {_step(slower):.3g} s is too few to find a delay by in "
+            f"the {_seconds(shorter):.3g} s of {shorter.source}; are both clocks in seconds?"
+        )
+
+
+def _seconds(log: Log) -> float:
+    return float(log.time[-1] - log.time[0])
+
+
+def _step(log: Log) -> float:
+    """The median, s."""
+    return float(np.median(np.diff(log.time)))
 
 
 def _rates(log: Log, origin: float, step: float, width: float) -> _Rates:
@@ -138,8 +164,8 @@ def _rates(log: Log, origin: float, step: float, width: float) -> _Rates:
     edge = int(np.ceil(_REACH * sigma))
     if values.shape[0] <= 2 * edge + 4:
         raise RequestError(
-            f"{log.source}: {log.time[-1] - log.time[0]:.3g} s of poses every "
-            f"{np.median(np.diff(log.time)):.3g} s are too few to find a delay by"
+            f"{log.source}: {_seconds(log):.3g} s of poses every {_step(log):.3g} s are too few "
+            "to find a delay by"
         )
     values = values[edge:-edge]
     if values.std(axis=0).max() < STILL:

@@ -8,11 +8,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.errors import InconclusiveError
 from s2rstore.stats import bounds
 from s2rtools.gap.contract import Anchor, Axis, Evidence, Measured, Settings
 from s2rtools.gap.dynamics import align, errors, evident, noise, repeats
 from s2rtools.gap.dynamics.bootstrap import Resamples
+from s2rtools.gap.dynamics.noise import Noise
+from s2rtools.gap.dynamics.whole import WHOLE, Whole
 from s2rtools.gap.dynamics.windows import DEFAULT, Plan, Windows, windows
 from s2rtools.logs.contract import Drive, Floats, Log
 
@@ -20,6 +22,7 @@ MIN_WINDOWS = 8
 """Per horizon, over all drives."""
 MIRRORED = -0.5
 """Correlation of the yaw rates below which the logs turn opposite ways."""
+_NOISE = "noise of the poses"
 _QUICK = 20
 """Replicates of delays whose interval nobody asks for."""
 
@@ -86,10 +89,23 @@ class Dynamics(Axis):
         "state is the simulator before identification, in the same windows."
     )
 
-    def __init__(self, plan: Plan = DEFAULT, scale: str = "travel") -> None:
-        """`scale` is one of `errors.SCALES`."""
+    def __init__(
+        self,
+        plan: Plan = DEFAULT,
+        scale: str = "travel",
+        whole: Whole = WHOLE,
+        noise: Noise | None = None,
+        furthest: float = 1.0,
+    ) -> None:
+        """`scale` is one of `errors.SCALES`; `furthest` (s) bounds the search for delays.
+
+        `noise` of the real poses None: measured. `whole` changes nothing of m.
+        """
         self.plan = plan
         self.scale = scale
+        self.whole = whole
+        self.noise = noise
+        self.furthest = furthest
         errors.scale_of(scale)
 
     def missing(self, evidence: Evidence) -> str | None:
@@ -117,13 +133,18 @@ class Dynamics(Axis):
                 "floor_nrmse": floor,
                 "floor_from": kind,
                 "horizons": self._per_horizon(found, settings),
-                "drives": [_told(c, k) for c, k in zip(found.compared, found.kinds, strict=True)],
+                "alignment": str(self.whole.alignment),
+                "rpe_step": str(self.whole.step),
+                "reach": self.furthest,
+                "drives": [
+                    self._told(c, k) for c, k in zip(found.compared, found.kinds, strict=True)
+                ],
             },
             notes=_notes(found.compared, kind),
         )
 
     def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
-        untuned = [untuned_of(drive, self.name) for drive in evidence.drives]
+        untuned = [evident.untuned_of(drive, self.name) for drive in evidence.drives]
         found = self._found(evidence.drives, untuned, settings)
         return Anchor(*found.beyond_floor(), "the untuned simulator")
 
@@ -141,11 +162,14 @@ class Dynamics(Axis):
     def _compare(self, drive: Drive, sim: Log, settings: Settings) -> _Compared:
         for log in (drive.real, sim):
             evident.demand_fine(log, self.plan.horizons[0])
-        evident.demand_motion(drive.real, self.plan.horizons[0])
+        evident.demand_motion(drive.real, self.plan.horizons[0], self._noise(drive.real))
         quick = replace(settings, replicates=_QUICK)
-        late = align.delay(drive.real, sim, quick, self.plan.rate)
+        late = align.delay(drive.real, sim, quick, self.plan.rate, self.furthest)
         moved = align.without(sim, late.seconds)
         return _Compared(drive, moved, late, windows(drive.real, moved, self.plan))
+
+    def _noise(self, real: Log) -> Noise:
+        return self.noise or noise.of(real)
 
     def _scales(self, drives: Sequence[Drive], blocks: Resamples) -> _Scales:
         """The mean over the drives by their length, and that of every resample of drives."""
@@ -162,8 +186,8 @@ class Dynamics(Axis):
         for horizon, count in zip(self.plan.horizons, counts, strict=True):
             if count < MIN_WINDOWS:
                 raise InconclusiveError(
-                    f"dynamics: {count} windows of {horizon:g} s in the drives, {MIN_WINDOWS} are "
-                    "needed; drive longer, or declare shorter horizons"
+                    f"{count} windows of {horizon:g} s in the drives, {MIN_WINDOWS} are "
+                    "needed; drive longer, or ask for shorter ones (--dynamics horizons=...)"
                 )
         return np.asarray(counts)
 
@@ -172,7 +196,7 @@ class Dynamics(Axis):
         short = [end.shape[1] for end in ends]
         if min(short) < 2:
             raise InconclusiveError(
-                f"dynamics: a drive is shorter than two windows of {self.plan.horizons[0]:g} s"
+                f"a drive is shorter than two windows of {self.plan.horizons[0]:g} s"
             )
         return Resamples(short, longest, settings)
 
@@ -184,11 +208,12 @@ class Dynamics(Axis):
         for others, c in zip(repeats.partners(drives), compared, strict=True):
             if others:
                 same = [drives[j] for j in others]
-                floors.append(repeats.squares(c.drive, same, self.plan, settings))
+                floors.append(repeats.squares(c.drive, same, self.plan, settings, self.furthest))
                 kinds.append("repeated real drives")
             else:
-                floors.append(noise.squares(c.drive.real, c.made))
-                kinds.append("noise of the poses")
+                real = c.drive.real
+                floors.append(noise.squares(real, c.made, self._noise(real)))
+                kinds.append(_NOISE if self.noise is None else f"declared noise {self.noise}")
         return floors, kinds
 
     def _fingerprint(self, floor: str) -> dict[str, str | int | float]:
@@ -198,6 +223,7 @@ class Dynamics(Axis):
             "rate": self.plan.rate,
             "scatter": self.plan.scatter,
             "scale": self.scale,
+            "furthest": self.furthest,
             "floor_from": floor,
         }
 
@@ -225,14 +251,16 @@ class Dynamics(Axis):
                     row |= _bounded("nrmse", share, root / scales.draws[i], blocks, settings)
         return rows
 
-
-def untuned_of(drive: Drive, axis: str) -> Log:
-    """Raises RequestError where the drive has no untuned log."""
-    if drive.untuned is None:
-        raise RequestError(
-            f"{axis}: drive {drive.name} has no untuned.*, the declared bad state; record one"
-        )
-    return drive.untuned
+    def _told(self, compared: _Compared, kind: str) -> dict[str, Any]:
+        measured = self._noise(compared.drive.real)
+        return {
+            "drive": compared.drive.name,
+            "delay": compared.late.seconds,
+            **self.whole.figures(compared.drive, compared.sim),
+            "noise_position": measured.position,
+            "noise_heading": measured.heading,
+            "floor_from": kind,
+        }
 
 
 def _root(squares: Floats) -> Floats:
@@ -248,29 +276,21 @@ def _bounded(
     return {name: value, f"{name}_low": low, f"{name}_high": high}
 
 
-def _told(compared: _Compared, kind: str) -> dict[str, Any]:
-    found = errors.ape(compared.drive.real, compared.sim)
-    measured = noise.of(compared.drive.real)
-    return {
-        "drive": compared.drive.name,
-        "delay": compared.late.seconds,
-        "ape_rmse": errors.rmse(found.position),
-        "heading_rmse": errors.rmse(found.heading),
-        "noise_position": measured.position,
-        "noise_heading": measured.heading,
-        "floor_from": kind,
-    }
-
-
 def _notes(compared: Sequence[_Compared], kind: str) -> tuple[str, ...]:
     notes = [
         f"drive {c.drive.name}: the yaw rates are opposed; is one log in a mirrored frame?"
         for c in compared
         if c.late.correlation["yaw rate"] < MIRRORED
     ]
+    notes.extend(
+        f"drive {c.drive.name}: odometry, {c.drive.odometry} onto the ground truth before all else"
+        for c in compared
+        if c.drive.odometry is not None
+    )
+    notes.extend(doubt for c in compared for doubt in evident.doubts(c.drive))
     if len(compared) == 1:
         notes.append("one drive: the interval says nothing of how drives differ")
-    if kind != "repeated real drives":
+    if kind in (_NOISE, "mixed"):
         notes.append(
             "only noise of the real poses is taken off; repeat real drives to know reality's own"
         )

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore import angles
 from s2rstore.errors import RequestError
@@ -30,8 +31,41 @@ class Alignment:
             return Rigid()
         return fit((sim.x, sim.y), (real.x, real.y), self.reflection, self.scale)
 
+    def __str__(self) -> str:
+        parts = ("rigid", "reflection", "scale")
+        return "+".join(part for part in parts if getattr(self, part)) or "none"
+
 
 NONE = Alignment()
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """How far apart two poses are whose motion is compared: so many `poses`, or else `seconds`."""
+
+    seconds: float = 1.0
+    poses: int | None = None
+
+    def __str__(self) -> str:
+        return f"{self.seconds:g} s" if self.poses is None else f"{self.poses} poses"
+
+    def pairs(self, time: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """First and second of all pairs (k,), within half a median step of `seconds`; maybe none"""
+        first = np.arange(time.size)
+        if self.poses is not None:
+            kept = first[: max(time.size - self.poses, 0)]
+            return kept, kept + self.poses
+        tolerance = 0.5 * float(np.median(np.diff(time)))
+        after = np.searchsorted(time, time + self.seconds)
+        before = np.clip(after - 1, 0, time.size - 1)
+        after = np.minimum(after, time.size - 1)
+        off = [np.abs(time[at] - time - self.seconds) for at in (before, after)]
+        second = np.where(off[0] < off[1], before, after)
+        near = (second > first) & (np.minimum(*off) <= tolerance * (1 + 1e-6))
+        return first[near], second[near]
+
+
+DEFAULT_STEP = Step()
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,17 +100,17 @@ def ape(real: Log, sim: Log, alignment: Alignment = NONE) -> Errors:
     return Errors(position, angles.distance(sim.heading, real.heading))
 
 
-def rpe(real: Log, sim: Log, poses: int = 1, alignment: Alignment = NONE) -> Errors:
-    """Relative pose error over every stretch of `poses` poses of the real log.
+def rpe(real: Log, sim: Log, step: Step = DEFAULT_STEP, alignment: Alignment = NONE) -> Errors:
+    """Relative pose error over every pair of poses of the real log that are a `step` apart.
 
-    The motion from each pose to the one `poses` later, seen from the earlier one, is compared.
-    Without scale and reflection an alignment changes nothing.
+    The motion from the first to the second, seen from the first, is compared. Without scale and
+    reflection an alignment changes nothing. Raises RequestError where no two are a step apart.
     """
     real, sim = together(real, sim)
-    if not 1 <= poses < real.time.size:
-        raise RequestError(f"stretch of {poses} poses: {real.source} has {real.time.size}")
+    start, end = step.pairs(real.time)
+    if not start.size:
+        raise RequestError(f"{real.source}: no two poses are {step} apart; give another step")
     sim = alignment.fitted(real, sim)(sim)
-    start, end = slice(None, -poses), slice(poses, None)
     (ax, ay, at), (bx, by, bt) = (
         moved(*(column[start] for column in columns), *(column[end] for column in columns))
         for columns in ((log.x, log.y, log.heading) for log in (real, sim))
@@ -114,8 +148,13 @@ def travel(log: Log, horizon: float) -> float:
     return float(length / (log.time[-1] - log.time[0]) * horizon)
 
 
+def deviation(log: Log, horizon: float) -> float:
+    """Standard deviation of the places about their mean, m, whatever the horizon."""
+    return float(np.hypot(np.std(log.x), np.std(log.y)))
+
+
 Scale = Callable[[Log, float], float]
-SCALES: dict[str, Scale] = {"extent": extent, "travel": travel}
+SCALES: dict[str, Scale] = {"travel": travel, "extent": extent, "deviation": deviation}
 """What an error in m may be divided by, by the name that is stored beside the figure."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from scipy import stats
@@ -12,12 +12,13 @@ from s2rstore.errors import RequestError
 from s2rstore.stats import bounds
 from s2rtools.gap.contract import Anchor, Axis, Evidence, Measured, Settings
 from s2rtools.gap.dynamics import align
-from s2rtools.gap.dynamics.axis import untuned_of
 from s2rtools.gap.dynamics.bootstrap import drawn_drives
+from s2rtools.gap.dynamics.evident import untuned_of
 from s2rtools.gap.intervals import widened
 from s2rtools.logs.contract import Drive, Floats, Log
 
 BadState = Literal["untuned", "period"]
+BAD_STATES = get_args(BadState)
 _SAME_PERIOD = 0.01
 _STEPS = 53
 """Per octave, of the periods that are told apart."""

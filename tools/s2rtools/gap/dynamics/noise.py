@@ -38,6 +38,9 @@ class Noise:
     heading: float
     motion: float = 0.0
 
+    def __str__(self) -> str:
+        return f"{self.position:g} m, {self.heading:g} rad"
+
 
 def of(log: Log) -> Noise:
     """White measurement noise of a log; 0 where it has fewer than 18 poses."""
@@ -52,13 +55,13 @@ def of(log: Log) -> Noise:
     return Noise(float(np.sqrt(x + y)), float(np.sqrt(heading)), float(np.sqrt(motion[:2].sum())))
 
 
-def squares(real: Log, made: Windows) -> Floats:
+def squares(real: Log, made: Windows, noise: Noise) -> Floats:
     """Mean square (H, K), m^2, of the windows' end errors if nothing but noise were in them.
 
-    `made` are windows of `real`; what the simulator's poses shake by is a gap. For noise n of the
-    poses and v of the heading: sum of n^2 + 2 D^2 (1 - exp(-v^2 / 2)), D the distance covered.
+    `made` are windows of `real`, whose poses have this `noise`; what the simulator's poses shake by
+    is a gap. For noise n of the poses and v of the heading: sum of n^2
+    + 2 D^2 (1 - exp(-v^2 / 2)), D the distance covered.
     """
-    noise = of(real)
     start = _share(real, made.starts)
     found = noise.position**2 * (start + _share(real, made.starts + made.lengths))
     found += 2 * made.distance**2 * -np.expm1(-(noise.heading**2) * start / 2)

@@ -42,7 +42,9 @@ def partners(drives: Sequence[Drive]) -> list[list[int]]:
     ]
 
 
-def squares(drive: Drive, others: Sequence[Drive], plan: Plan, settings: Settings) -> Floats:
+def squares(
+    drive: Drive, others: Sequence[Drive], plan: Plan, settings: Settings, furthest: float = 1.0
+) -> Floats:
     """Half the mean square (H, K), m^2, between the windows of a drive and of each other.
 
     Real against real carries reality's variation twice, real against simulated once.
@@ -54,7 +56,7 @@ def squares(drive: Drive, others: Sequence[Drive], plan: Plan, settings: Setting
         shift = float(drive.commands.time[0] - other.commands.time[0])
         moved = replace(other.real, time=other.real.time + shift)
         quick = replace(settings, replicates=_QUICK)
-        late = align.delay(drive.real, moved, quick, plan.rate).seconds
+        late = align.delay(drive.real, moved, quick, plan.rate, furthest).seconds
         found.append(windows(drive.real, align.without(moved, late), plan).end ** 2)
     stacked = np.stack(found)
     known = np.isfinite(stacked)

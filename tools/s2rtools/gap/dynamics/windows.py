@@ -19,7 +19,8 @@ from s2rtools.logs.resample import poses_at
 
 HOLE = 5.0
 """Median steps between two poses beyond which nothing is known between them."""
-_CHUNK = 2048
+_CELLS = 700_000
+"""Steps of all windows that are looked at together."""
 _TOLERANCE = 1e-9
 _SEED = 3
 """Of the scattered starts and lengths: the same for every log."""
@@ -97,8 +98,9 @@ def windows(real: Log, sim: Log, plan: Plan = DEFAULT) -> Windows:
     starts = plan.starts(real)
     steps = plan.steps(starts.size)
     made = Windows(starts, steps / plan.rate, *(np.full(steps.shape, np.nan) for _ in range(4)))
-    for first in range(0, starts.size, _CHUNK):
-        part = slice(first, first + _CHUNK)
+    together = max(_CELLS // int(steps.max(initial=1)), 1)
+    for first in range(0, starts.size, together):
+        part = slice(first, first + together)
         _fill(made, part, real, sim, steps[:, part], plan.rate)
     return made
 

@@ -1,0 +1,197 @@
+"""What may be asked of the axes of motion, and a store's odometry judged by them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.writer import edit
+from s2rtools.gap.contract import Evidence, Settings
+from s2rtools.gap.dynamics import Delay, Dynamics, options
+from s2rtools.gap.dynamics.errors import Alignment, Step
+from s2rtools.gap.dynamics.noise import Noise
+from s2rtools.logs.rigid import Rigid
+from s2rtui.cli import main
+from tests.support import robot
+from tests.support.copies import copied
+
+SETTINGS = Settings(replicates=100)
+
+
+@pytest.fixture(scope="module")
+def evidence(tiny_store: Path):
+    with s2rstore.open(tiny_store) as store:
+        yield lambda *drives: Evidence(store, "vanilla", np.arange(3), drives=drives)
+
+
+def asked(*words: str) -> tuple[Dynamics, Delay]:
+    both = options.axes(words)
+    dynamics, delay = both["dynamics"], both["delay"]
+    assert isinstance(dynamics, Dynamics)
+    assert isinstance(delay, Delay)
+    return dynamics, delay
+
+
+def test_every_option_reaches_its_axis() -> None:
+    dynamics, delay = asked(
+        "horizons=1,2", "nrmse=deviation", "align=rigid+scale", "rpe=25", "reach=0.5",
+        "bad=period", "period=0.1", "noise=0.002,0.003",
+    )  # fmt: skip
+    assert dynamics.plan.horizons == (1.0, 2.0)
+    assert dynamics.plan.stride == 0.5
+    assert dynamics.scale == "deviation"
+    assert dynamics.whole.alignment == Alignment(rigid=True, scale=True)
+    assert dynamics.whole.step == Step(poses=25)
+    assert dynamics.noise == Noise(0.002, 0.003)
+    assert (dynamics.furthest, delay.furthest) == (0.5, 0.5)
+    assert (delay.bad_state, delay.period) == ("period", 0.1)
+
+
+def test_nothing_asked_is_the_defaults() -> None:
+    dynamics, delay = asked()
+    for axis, default in ((dynamics, Dynamics()), (delay, Delay())):
+        assert vars(axis) == vars(default)
+    assert vars(asked("align=none", "noise=measured", "rpe=1s")[0]) == vars(Dynamics())
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["horizon=1"], "--dynamics horizon=1: give NAME=VALUE of horizons, nrmse"),
+        (["horizons"], "--dynamics horizons: give NAME=VALUE"),
+        (["horizons=1", "horizons=2"], "horizons stands twice"),
+        (["horizons=1,x"], "--dynamics horizons=1,x: give seconds"),
+        (["horizons=2,1"], "give rising positive seconds"),
+        (["horizons=0"], "give seconds over 0"),
+        (["nrmse=metres"], "--dynamics nrmse=metres: give one of travel, extent, deviation"),
+        (["align=scale"], "give none, rigid, or rigid with"),
+        (["align=rigid+rigid"], "give none, rigid"),
+        (["rpe=1.5"], "give seconds, as 1s, or poses"),
+        (["rpe=-1s"], "give seconds, as 1s"),
+        (["reach=inf"], "give seconds up to 60"),
+        (["bad=today"], "give one of untuned, period"),
+        (["period=0"], "give seconds, as 0.05"),
+        (["noise=0.1"], "give measured, or metres and radians"),
+        (["noise=-1,0"], "give measured, or metres and radians"),
+    ],
+)
+def test_wrong_words_are_told_before_anything_is_opened(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], told: str
+) -> None:
+    given = [part for word in words for part in ("--dynamics", word)]
+    assert main(["gap", str(tmp_path / "no.s2r"), *given]) == 2
+    error = capsys.readouterr().err.strip()
+    assert told in error
+    assert "\n" not in error
+
+
+def test_what_changes_m_is_in_the_fingerprint_and_what_does_not_is_not(evidence) -> None:
+    some = evidence(robot.pair(1, seconds=12.0, gain=0.9))
+    plain = asked("horizons=0.5,1")[0].measure(some, SETTINGS)
+    for word in ("nrmse=extent", "nrmse=deviation", "noise=0.01,0.01", "reach=0.5"):
+        other = asked("horizons=0.5,1", word)[0].measure(some, SETTINGS)
+        assert other.fingerprint != plain.fingerprint
+        assert (other.value == plain.value) == word.startswith("reach")
+    for word in ("align=rigid+reflection+scale", "rpe=2s"):
+        other = asked("horizons=0.5,1", word)[0].measure(some, SETTINGS)
+        assert (other.value, other.fingerprint) == (plain.value, plain.fingerprint)
+        assert other.details["drives"] != plain.details["drives"]
+
+
+def test_alignment_is_taken_out_of_the_whole_drive_on_request(evidence) -> None:
+    drive = robot.pair(1, seconds=12.0, delay=0.0, noise=0.0, turn_noise=0.0)
+    moved = Rigid(1.0, reflected=True, scale=1.2, x=4.0)(drive.sim)
+    some = evidence(type(drive)("moved", drive.real, moved))
+    rows = [
+        asked("horizons=0.5,1", *words)[0].measure(some, SETTINGS).details["drives"][0]
+        for words in ((), ["align=rigid"], ["align=rigid+reflection+scale"])
+    ]
+    far, turned, onto = (row["ape_rmse"] for row in rows)
+    assert far > turned > 0.1
+    assert onto < 1e-3
+    assert rows[2]["rpe_rmse"] < 1e-3 < rows[0]["rpe_rmse"]
+    assert rows[2]["heading_rmse"] < 1e-2
+
+
+def test_no_two_poses_a_step_apart_is_unknown_and_no_fault(evidence) -> None:
+    some = evidence(robot.pair(1, seconds=12.0))
+    row = asked("horizons=0.5,1", "rpe=99s")[0].measure(some, SETTINGS).details["drives"][0]
+    assert row["rpe_rmse"] is None
+    assert row["ape_rmse"] > 0
+
+
+def test_a_delay_beyond_the_reach_is_inconclusive(evidence) -> None:
+    late = evidence(robot.pair(1, seconds=12.0, delay=0.3))
+    with pytest.raises(InconclusiveError, match="the end of the search"):
+        asked("reach=0.2")[1].measure(late, SETTINGS)
+    found = asked("reach=0.4")[1].measure(late, SETTINGS)
+    assert found.details["delay"] == pytest.approx(0.3, abs=0.01)
+
+
+@pytest.fixture
+def walked(tiny_store: Path, tmp_path: Path) -> Path:
+    """A store whose trajectory a has odometry in a mirrored frame."""
+    own = copied(tiny_store, tmp_path / "walked.s2r")
+    with edit(own) as draft:
+        draft.rows(
+            "UPDATE instance SET odom_x = 3 + 0.9 * y, odom_y = x - 2, odom_heading = "
+            "pi() / 2 - heading WHERE trajectory = 'a' RETURNING iid"
+        )
+    return own
+
+
+ODOMETRY = ["--drives", "odometry", "--rate", "1", "--axis", "dynamics", "--replicates", "100",
+            "--dynamics", "horizons=4", "--dynamics", "noise=0,0"]  # fmt: skip
+
+
+def test_odometry_is_measured_and_cannot_be_frozen(
+    walked: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["gap", str(walked), *ODOMETRY, "--json"]) == 3
+    (axis,) = json.loads(capsys.readouterr().out)["axes"]
+    assert axis["details"]["drives"][0]["ape_rmse_recorded"] == pytest.approx(
+        nearest(walked), rel=1e-6
+    )
+    assert axis["details"]["floor_from"] == "declared noise 0 m, 0 rad"
+    assert any("odometry, mirrored, turned by" in note for note in axis["notes"])
+    assert main(["gap", str(walked), *ODOMETRY, "--freeze", str(tmp_path / "ref.json")]) == 2
+    error = capsys.readouterr().err.strip()
+    assert "odometry has no untuned simulator for a bad state" in error
+    assert "\n" not in error
+    assert not (tmp_path / "ref.json").exists()
+
+
+def test_details_tell_whole_drives_and_how_they_were_compared(
+    walked: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["gap", str(walked), *ODOMETRY, "--details", "--dynamics", "rpe=2"]) == 3
+    out = capsys.readouterr().out
+    assert "alignment before APE and RPE: none; RPE over 2 poses" in out
+    assert "APE as recorded m" in out
+    assert "heading degrees" in out
+
+
+def nearest(store: Path) -> float:
+    """Root mean square distance of odometry and truth after the best rigid motion or reflection."""
+    with s2rstore.open(store) as opened:
+        truth = opened.instances
+        have = np.isfinite(truth.odom_x)
+        a, b = (
+            np.stack([x[have], y[have]]) for x, y in
+            ((truth.odom_x, truth.odom_y), (truth.x, truth.y))
+        )  # fmt: skip
+    a, b = (points - points.mean(axis=1, keepdims=True) for points in (a, b))
+    u, _, v = np.linalg.svd(b @ a.T)
+    return float(np.sqrt(((u @ v @ a - b) ** 2).sum(axis=0).mean()))
+
+
+def test_a_wrong_option_of_a_request_names_itself() -> None:
+    from s2rtools.gap.gate import Request
+
+    with pytest.raises(RequestError, match="--dynamics reach=0"):
+        Request(dynamics=("reach=0",))
