@@ -8,7 +8,7 @@ from functools import partial
 from s2rstore.reader import Store
 from s2rtui.canvas import Canvas, Look
 from s2rtui.session.state import SIGNS, State
-from s2rtui.views import Scene, View
+from s2rtui.views import Resources, Scene, View
 
 StatusLine = tuple[str, str, str]
 Draw = Callable[[tuple[int, int], Look], Canvas]
@@ -54,6 +54,16 @@ def _parts(store: Store, state: State) -> tuple[dict[str, str], dict[str, str]]:
     if state.newest == state.generation:
         return before, {"newest": f"gen {state.generation}"}
     return before, {"newer": f"gen {state.generation} ({state.newest} is there: g)"}
+
+
+def message(state: State, resources: Resources) -> str:
+    """What is told at the foot: the last step's words, else what goes on, else what is new."""
+    text = state.message or resources.saving
+    if not state.is_error:
+        text = resources.told_of(text)
+    if not text and state.newest != state.generation:
+        return f"generation {state.newest} is there: g moves on to it"
+    return text
 
 
 def cut(text: str, width: int, look: Look) -> str:
