@@ -13,7 +13,8 @@ from s2rstore.language.context import expand
 from s2rstore.reader import Store
 from s2rtui.notebook import SavedSelection
 from s2rtui.session import anew, loading
-from s2rtui.session.session import HISTORY, Session
+from s2rtui.session.selecting import HISTORY
+from s2rtui.session.session import Session
 from s2rtui.session.state import State
 
 _NAME = r'"(?:\\.|[^"\\])*"'
