@@ -15,6 +15,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError, Node, parse
 from s2rstore.language.nodes import Ids, Saved, leaves
@@ -57,6 +60,15 @@ class Notes:
             with suppress(ExpressionError):
                 nodes[name] = parse(saved.expression)
         return nodes
+
+    @cached_property
+    def places(self) -> NDArray[np.intp]:
+        """(n, 2) of the iids with a remark, ascending, and its place in the alphabet."""
+        iids = sorted(self.remarks)
+        words = [self.remarks[iid].text.casefold() for iid in iids]
+        place = {text: at for at, text in enumerate(sorted(set(words)))}
+        found = [(iid, place[text]) for iid, text in zip(iids, words, strict=True)]
+        return np.array(found, dtype=np.intp).reshape(-1, 2)
 
 
 class Notebook:

@@ -196,7 +196,7 @@ def test_a_shared_line_turns_to_its_run(session: Session) -> None:
 def test_the_list_is_in_order(session: Session, name: str, descending: bool) -> None:
     session.select("all")
     state = replace(session.state, sort=name, descending=descending)
-    rows = listing.order(session.store, state)
+    rows = listing.order(session.store, state, session.notes)
     values = listing.column(session.store, state, name)[rows]
     steps = np.diff(values)
     assert (steps <= 0).all() if descending else (steps >= 0).all()
@@ -205,7 +205,7 @@ def test_the_list_is_in_order(session: Session, name: str, descending: bool) -> 
 
 def test_moving_through_the_list_stays_inside(session: Session) -> None:
     session.select("worst15")
-    rows = listing.order(session.store, session.state)
+    rows = listing.order(session.store, session.state, session.notes)
     session.put_cursor(int(rows[0]))
     assert listing.move(session, -1).cursor == rows[0]
     assert listing.move(session, 2).cursor == rows[2]
@@ -242,17 +242,36 @@ def test_names_are_sorted_by_the_alphabet(session: Session, name: str) -> None:
     truth = session.store.instances
     codes, names = getattr(truth, name), getattr(truth, f"{name}_names")
     state = session.set(replace(session.state, sort=name, descending=False))
-    told = [names[codes[iid]] for iid in listing.order(session.store, state) if codes[iid] >= 0]
+    told = [
+        names[codes[iid]]
+        for iid in listing.order(session.store, state, session.notes)
+        if codes[iid] >= 0
+    ]
     assert len(set(told)) > 1
     assert told == sorted(told)
 
 
-def test_every_column_of_the_list_but_remarks_can_be_sorted_by(session: Session) -> None:
+def test_every_column_of_the_list_can_be_sorted_by(session: Session) -> None:
     names, _ = ListView().numbers(Scene(session.store, session.state, Resources()))
     shown = set(names)
     assert shown == set(listing.COLUMNS)
     seen = [listing.next_column(session).sort for _ in listing.COLUMNS]
     assert set(seen) == shown
+
+
+@pytest.mark.parametrize("descending", [True, False])
+def test_remarks_are_sorted_by_the_alphabet(session: Session, descending: bool) -> None:
+    session.select("all - ids(9)")
+    for iid, text in ((30, "beta"), (2, "Gamma"), (9, "aside"), (7, "alpha"), (20, "beta")):
+        session.book.note(iid, text)
+    state = replace(session.state, sort="remark", descending=descending)
+    rows = listing.order(session.store, state, session.notes).tolist()
+    assert rows[:4] == ([2, 20, 30, 7] if descending else [7, 20, 30, 2])
+    assert rows[4:] == [iid for iid in range(40) if iid not in (2, 7, 9, 20, 30)]
+    session.set(state)
+    assert listing.next_column(session).sort == listing.COLUMNS[0]
+    session.set(replace(state, sort=listing.COLUMNS[-1]))
+    assert listing.next_column(session).sort == "remark"
 
 
 @pytest.mark.parametrize("side", ["sim", "real"])
