@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
+from s2rstore import similarity
 from s2rtui.access import Access, Need
 from s2rtui.keys import key_shown
 from s2rtui.session import Session, adjusting, derive, listing, showing
@@ -85,10 +86,14 @@ def _choose(expression: str) -> Callable[[Session], object]:
 
 def _choose_alike(session: Session) -> object:
     """The present instance and those that the run sees alike, on the side that is shown."""
-    if session.state.cursor is None:
+    state = session.state
+    if state.cursor is None:
         return session.tell("no instance to find others alike: select some")
-    function = "sim.like" if session.state.side == "sim" else "like"
-    return session.choose(f"{function}({session.state.cursor}, {derive.NEIGHBOURS})")
+    if not similarity.can_compare(session.store, state.run):
+        told = f"run {state.run} has no embeddings to compare; `s2r precompute` makes them"
+        return session.tell(told)
+    function = "sim.like" if state.side == "sim" else "like"
+    return session.choose(f"{function}({state.cursor}, {derive.NEIGHBOURS})")
 
 
 _OPERATORS = (
