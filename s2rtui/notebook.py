@@ -74,11 +74,21 @@ class Notes:
 class Notebook:
     """The notebook of one data set; `notes` is what was read last."""
 
-    def __init__(self, dataset_hash: str, folder: Path | None = None) -> None:
-        """Raises RequestError where the file is damaged or cannot be read."""
+    def __init__(
+        self, dataset_hash: str, folder: Path | None = None, patient: bool = False
+    ) -> None:
+        """A damaged file raises RequestError; the `patient` notebook is empty until it is mended,
+        and `trouble` says so.
+        """
         self._hash = dataset_hash
         self.path = (folder or own_folder()) / f"{dataset_hash[:16]}.json"
-        self.notes = self._read()
+        self.notes, self.trouble = Notes(), ""
+        try:
+            self.notes = self._read()
+        except RequestError as error:
+            if not patient:
+                raise
+            self.trouble = f"{error}; until then nothing is saved or noted"
 
     def refresh(self) -> None:
         """Read what other sessions have written. Raises RequestError for a damaged file."""
@@ -179,8 +189,12 @@ class Notebook:
             content = json.loads(self.path.read_text(encoding="utf-8"))
         except FileNotFoundError:
             return Notes()
-        except (OSError, ValueError) as error:
-            raise RequestError(f"{self.path}: cannot be read; move it away ({error})") from error
+        except OSError as error:
+            told = f"{self.path}: cannot be read ({error.strerror}); move it away"
+            raise RequestError(told) from error
+        except (ValueError, RecursionError) as error:
+            told = f"{self.path}: is no JSON ({error}); mend it, or move it away"
+            raise RequestError(told) from error
         if not pages.is_notebook(content, self._hash):
             raise RequestError(f"{self.path}: is no notebook of this data set; move it away")
         return Notes(*pages.read(content))

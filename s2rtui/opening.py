@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from functools import partial
 from pathlib import Path
 
 from s2rstore.errors import S2RError
@@ -28,7 +29,7 @@ def run_app(
     fault of the program.
     """
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
-    app = S2RApp(Session(path, run, Notebook, nights), look, access=access)
+    app = S2RApp(Session(path, run, partial(Notebook, patient=True), nights), look, access=access)
     app.first_run, app.terminal = notebook.first_run(), terminal
     accept_any_bytes()
     app.run(mouse=terminal.mode is not ColourMode.NONE)

@@ -13,7 +13,7 @@ from s2rstore.extremes import largest
 from s2rstore.language import MaskContext, Node, base_population, mask, parse, to_text
 from s2rstore.reader import Store
 from s2rtui.notebook import Notes
-from s2rtui.session import anew
+from s2rtui.session import anew, loading
 from s2rtui.session.state import State
 
 HISTORY = 100
@@ -43,6 +43,7 @@ class Selecting:
             base=self._base(store, state, context),
             past=past,
             future=future,
+            awaited=loading.superseded(state),
             operator="replace",
             brush=None,
             message="; ".join(part for part in told if part),

@@ -11,7 +11,7 @@ import numpy as np
 import s2rstore
 from s2rstore import history
 from s2rstore.errors import RequestError
-from s2rstore.language import Node, parse
+from s2rstore.language import Node, parse, to_text
 from s2rstore.language.nodes import Not
 from s2rstore.reader import Store
 from s2rtui.notebook import Notebook, Notes
@@ -52,7 +52,8 @@ class Session:
         self.state = begin.empty(self.store, run, self._history())
         first, told = begin.finding(self.store, self.state.run)
         begun = with_heat(self.store, self.selected(self.state, first))
-        self.state = replace(begun, past=(), message=told)
+        trouble = self.notebook.trouble if self.notebook else ""
+        self.state = replace(begun, past=(), message=trouble or told, is_error=bool(trouble))
 
     @property
     def notes(self) -> Notes:
@@ -91,11 +92,16 @@ class Session:
     def choose(self, expression: str | Node) -> State:
         """Join a selection to the present one by the pending operator, which is then used up.
 
-        Raises ExpressionError; the state stays as it was.
+        Awaited where a worker has to read for it. Raises ExpressionError; the state stays as it
+        was.
         """
         node = parse(expression) if isinstance(expression, str) else expression
         current = parse(self.state.expression)
-        return self.set(self.selected(self.state, begin.joined(current, self.state.operator, node)))
+        made = begin.joined(current, self.state.operator, node)
+        if (lacking := loading.lacks(self, self.state.run, made)) is not None:
+            newest = loading.newest(self)
+            return loading.expect(self, self.state.run, newest, to_text(made), lacking)
+        return self.set(self.selected(self.state, made))
 
     def renew(self) -> State:
         """The present expression evaluated anew, after saved names have changed their meaning."""

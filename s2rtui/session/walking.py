@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
-from s2rtui.session.state import State
+from s2rtui.session import loading
+from s2rtui.session.state import State, Step
 
 if TYPE_CHECKING:
     from s2rtui.session.session import Session
 
 
-def walk(session: Session, what: Literal["undo", "redo"]) -> State:
-    """To the nearest expression that still means something here; the rest is told."""
+def walk(session: Session, what: Step, at_once: bool = False) -> State:
+    """To the nearest expression that still means something here; the rest is told.
+
+    Awaited where a worker has to read for it, unless it is wanted `at_once`.
+    """
     before = session.state
     left, lost = list(before.past if what == "undo" else before.future), [""]
     while left:
         text = left.pop()
         try:
+            node = None if at_once else loading.lacks(session, before.run, text)
+            if node is not None:
+                newest = loading.newest(session)
+                return loading.expect(session, before.run, newest, text, node, what)
             made = session.selected(before, text)
         except RequestError as error:
             lost.append(f"left out: {text} ({error})")

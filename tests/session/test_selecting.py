@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -170,6 +171,24 @@ def test_a_damaged_notebook_is_refused_and_left_alone(
     assert path.read_text() == content
 
 
+def test_a_patient_notebook_is_empty_until_its_file_is_mended(
+    tiny_store: Path, own_things: Path
+) -> None:
+    path = Session(tiny_store, notebooks=Notebook).book.path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("{damaged")
+    session = Session(tiny_store, notebooks=partial(Notebook, patient=True))
+    assert session.state.is_error
+    assert session.state.message.startswith(f"{path}: is no JSON (")
+    assert "mend it, or move it away" in session.state.message
+    with pytest.raises(RequestError, match="is no JSON"):
+        session.book.note(3, "dark")
+    assert path.read_text() == "{damaged"
+    path.unlink()
+    session.book.note(3, "dark")
+    assert session.notes.remarks[3].note == "dark"
+
+
 def test_a_shared_line_selects_the_same_or_says_what_differs(session: Session) -> None:
     session.select("worst15")
     line = sharing.shared_text(session)
@@ -272,6 +291,15 @@ def test_remarks_are_sorted_by_the_alphabet(session: Session, descending: bool) 
     assert listing.next_column(session).sort == listing.COLUMNS[0]
     session.set(replace(state, sort=listing.COLUMNS[-1]))
     assert listing.next_column(session).sort == "remark"
+
+
+def test_a_run_without_embeddings_knows_nothing_alike(session: Session) -> None:
+    before = session.state
+    BY_NAME["alike"].do(session)
+    assert session.state.message == (
+        "run vanilla has no embeddings to compare; `s2r precompute` makes them"
+    )
+    assert (session.state.is_error, session.state.selected) == (False, before.selected)
 
 
 @pytest.mark.parametrize("side", ["sim", "real"])
