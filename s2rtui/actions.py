@@ -124,9 +124,11 @@ _BRUSHING = (
     Action("brush_apply('union')", ("vertical_line",), "brush", "... in addition",
            short="or", shown="|", when="brushing"),
     Action("brush_apply('subtract')", ("minus",), "brush", "... taken out",
-           short="without", shown="-", when="brushing"),
+           short="less", shown="-", when="brushing"),
     Action("brush_move(-1, 0)", ("left",), "brush", "move the mark", shown="arrows",
            short="move", when="brushing"),
+    Action("leave", ("escape",), "brush", "leave a mark, an operator, a line",
+           short="leave", when="begun"),
     Action("brush_move(1, 0)", ("right",), "brush", "", when="brushing"),
     Action("brush_move(0, -1)", ("up",), "brush", "", when="brushing"),
     Action("brush_move(0, 1)", ("down",), "brush", "", when="brushing"),
@@ -140,8 +142,6 @@ _BRUSHING = (
     Action("brush_corner", ("space",), "brush", "a corner of the lasso", when="brushing"),
     Action("brush_panel", ("tab",), "brush", "the view's next panel", short="panel",
            when="brushing"),
-    Action("leave", ("escape",), "brush", "leave a mark, an operator, a line",
-           short="leave", when="begun"),
     Action("lasso", ("L",), "brush", "brush with a lasso or a box"),
 )  # fmt: skip
 

@@ -10,6 +10,7 @@ from s2rtui.prompts import Prompts
 from s2rtui.titles import StatusLine, message, shown, status_line
 from s2rtui.views import VIEWS
 from s2rtui.widgets import Bar, PlotView
+from s2rtui.widgets.query import QueryLine
 
 
 class Drawing:
@@ -52,6 +53,8 @@ class Drawing:
     def _keys(self) -> None:
         app = self._app
         pairs = footer(app.size.width - 2, app.session.state, app.access)
+        if app.prompting:
+            pairs = app.query_one(QueryLine).keys
         self._bar("keys").say("  ".join(f"[b]{_safe(key)}[/b] {word}" for key, word in pairs))
 
     def _views(self) -> None:
