@@ -103,7 +103,7 @@ def moves(session: Session, turn: int) -> list[tuple[str, Step]]:
 
     def sort() -> None:
         listing.next_column(session)
-        listing.order(session.store, session.state)
+        listing.order(session.store, session.state, session.notes)
 
     return [
         ("box moved on the map", mark("map", "map", False)),

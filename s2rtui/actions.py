@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
+from s2rstore import similarity
 from s2rtui.access import Access, Need
 from s2rtui.keys import key_shown
 from s2rtui.session import Session, adjusting, derive, listing, showing
@@ -85,10 +86,14 @@ def _choose(expression: str) -> Callable[[Session], object]:
 
 def _choose_alike(session: Session) -> object:
     """The present instance and those that the run sees alike, on the side that is shown."""
-    if session.state.cursor is None:
+    state = session.state
+    if state.cursor is None:
         return session.tell("no instance to find others alike: select some")
-    function = "sim.like" if session.state.side == "sim" else "like"
-    return session.choose(f"{function}({session.state.cursor}, {derive.NEIGHBOURS})")
+    if not similarity.can_compare(session.store, state.run):
+        told = f"run {state.run} has no embeddings to compare; `s2r precompute` makes them"
+        return session.tell(told)
+    function = "sim.like" if state.side == "sim" else "like"
+    return session.choose(f"{function}({state.cursor}, {derive.NEIGHBOURS})")
 
 
 _OPERATORS = (
@@ -119,9 +124,11 @@ _BRUSHING = (
     Action("brush_apply('union')", ("vertical_line",), "brush", "... in addition",
            short="or", shown="|", when="brushing"),
     Action("brush_apply('subtract')", ("minus",), "brush", "... taken out",
-           short="without", shown="-", when="brushing"),
+           short="less", shown="-", when="brushing"),
     Action("brush_move(-1, 0)", ("left",), "brush", "move the mark", shown="arrows",
            short="move", when="brushing"),
+    Action("leave", ("escape",), "brush", "leave a mark, an operator, a line",
+           short="leave", when="begun"),
     Action("brush_move(1, 0)", ("right",), "brush", "", when="brushing"),
     Action("brush_move(0, -1)", ("up",), "brush", "", when="brushing"),
     Action("brush_move(0, 1)", ("down",), "brush", "", when="brushing"),
@@ -135,8 +142,6 @@ _BRUSHING = (
     Action("brush_corner", ("space",), "brush", "a corner of the lasso", when="brushing"),
     Action("brush_panel", ("tab",), "brush", "the view's next panel", short="panel",
            when="brushing"),
-    Action("leave", ("escape",), "brush", "leave a mark, an operator, a line",
-           short="leave", when="begun"),
     Action("lasso", ("L",), "brush", "brush with a lasso or a box"),
 )  # fmt: skip
 

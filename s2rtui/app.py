@@ -5,9 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
-import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
@@ -15,40 +13,36 @@ from typing import ClassVar
 from textual import events
 from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
-from textual.content import Content
 from textual.geometry import Size
 from textual.screen import Screen
 
-from s2rstore.errors import RequestError, S2RError
-from s2rstore.reader import Store
-from s2rtui import arrangement, background, notebook
+from s2rstore.errors import S2RError
+from s2rtui import arrangement, background, going
 from s2rtui.access import Access
-from s2rtui.actions import ACTIONS, BY_NAME, footer, named, offered
+from s2rtui.actions import ACTIONS, BY_NAME, named, offered
 from s2rtui.arrangement import Place, SizeClass
+from s2rtui.arrivals import Arrivals
 from s2rtui.brushes import Brushes
 from s2rtui.canvas import ColourMode, Look
+from s2rtui.drawing import Drawing
 from s2rtui.feeds.feeding import Feeding
 from s2rtui.messages import Fed, Progressed
-from s2rtui.notebook import Notebook
 from s2rtui.papers import Papers
 from s2rtui.savings import Savings
-from s2rtui.session import Session, State, adjusting, loading, sharing, showing
-from s2rtui.terminal import Terminal, accept_any_bytes
+from s2rtui.session import Session, adjusting, sharing, showing
+from s2rtui.terminal import Terminal
 from s2rtui.themes import textual_theme
-from s2rtui.titles import StatusLine, shown, status_line
 from s2rtui.views import BY_NAME as VIEW_BY_NAME
 from s2rtui.views import VIEWS, Resources
 from s2rtui.widgets import Bar, PlotView
 from s2rtui.widgets.doctor import DoctorScreen
 from s2rtui.widgets.help import HelpScreen
-from s2rtui.widgets.jump import JumpScreen, Target
+from s2rtui.widgets.jump import JumpScreen
 from s2rtui.widgets.panes import Panes
 from s2rtui.widgets.query import QueryLine
 from s2rtui.widgets.tour import TourScreen
 
 WATCH_SECONDS = 2.0
-_PATIENCE = 0.3
-"""Seconds that work in the background is given when the application is left."""
 _FIRST_SCREEN = 0.5
 """Seconds that the first screen is waited for before anything is read."""
 _PICTURE_TOLERANCE = {"map": 12, "instance": 12}
@@ -81,11 +75,12 @@ class S2RApp(Brushes, Papers, Savings):
         self.look = look
         self.resources = Resources()
         self.feeding = Feeding(self)
+        self.arrivals = Arrivals(self, self.feeding)
+        self.drawing = Drawing(self)
         self.access = access or Access.of(session.store.path)
         self.files_at = pictures_at or self.access.pictures
         self._size_class: SizeClass = "narrow"
         self._drawn_once = False
-        self._trouble = ""
         self._sized = Size(0, 0)
         self.first_run = False
         self.terminal: Terminal | None = None
@@ -128,18 +123,6 @@ class S2RApp(Brushes, Papers, Savings):
             with contextlib.suppress(S2RError, OSError):
                 self.session.notebook.remember((*state.past, state.expression))
 
-    @property
-    def fault(self) -> Exception | None:
-        """What ended the application before its time."""
-        return self._exception
-
-    def _fatal_error(self) -> None:
-        """Without a traceback on the terminal: `run_app` raises what it was."""
-        self._close_messages_no_wait()
-
-    def _print_error_renderables(self) -> None:
-        """See `_fatal_error`."""
-
     def on_resize(self, event: events.Resize) -> None:
         if event.size != self._sized:
             self.drop_drag()
@@ -163,59 +146,28 @@ class S2RApp(Brushes, Papers, Savings):
         self.refresh_views()
 
     def refresh_views(self) -> None:
-        if not self.query("#status"):
+        if not self.drawing.possible:
             return  # an answer that comes while the screen is being taken down
         state = adjusting.follow(self.session)
-        status = self.query_one("#status", Bar)
         if self._size_class == "tiny":
-            wanted = "x".join(str(number) for number in arrangement.SMALLEST)
-            status.say(f"the terminal is too small: needs {wanted}")
+            self.drawing.too_small()
             return
         if self._drawn_once:
             asked = self.feeding.ask(self.session.store, state)
             if asked.anew:
                 self.resources = self.resources.asked(asked.anew, asked.emptied)
-        status.say(_safe_bold(*self._status(state)))
-        self.show_message()
-        self._show_keys(state)
-        self._show_plots()
-
-    def _status(self, state: State) -> StatusLine:
-        return status_line(self.session.store, state, self.size.width, self.look)
+        self.query_one(Panes).place(self._wanted_places())
+        self.drawing.all()
 
     def status_text(self) -> str:
         """The status line in plain text."""
-        return "".join(self._status(self.session.state))
+        return "".join(self.drawing.status)
 
     def show_message(self) -> None:
-        if not self.query("#message"):
-            return
-        state = self.session.state
-        text = state.message
-        if not text and self.resources.saving:
-            text = self.resources.saving
-        if not state.is_error:
-            text = self.resources.told_of(text)
-        if not text and state.newest != state.generation:
-            text = f"generation {state.newest} is there: g moves on to it"
-        classes = "error" if state.is_error else "whole" if self.prompting else ""
-        self.query_one("#message", Bar).say(_safe(text), classes)
+        self.drawing.words()
 
-    def _show_keys(self, state: State) -> None:
-        pairs = footer(self.size.width - 2, state, self.access)
-        self.query_one("#keys", Bar).say(
-            "  ".join(f"[b]{_safe(key)}[/b] {word}" for key, word in pairs)
-        )
-
-    def _show_plots(self) -> None:
-        scene = self.scene
-        self.query_one(Panes).place(self._wanted_places())
-        for view in VIEWS:
-            widget = self.query_one(f"#{view.name}", PlotView)
-            if widget.placed:
-                widget.show(*shown(view, scene))
-            else:
-                widget.clear()
+    def _plot(self, name: str) -> PlotView:
+        return self.query_one(f"#{name}", PlotView)
 
     def _wanted_places(self) -> tuple[object, ...]:
         state = self.session.state
@@ -235,53 +187,13 @@ class S2RApp(Brushes, Papers, Savings):
         return self._drawn_once and self.feeding.settled and not self.under_way
 
     def on_fed(self, message: Fed) -> None:
-        fresh = message.fields.pop("store", None)
-        if not self.feeding.accept(message):
-            if fresh is not None:
-                fresh.close()
-            return
-        if message.feed == "run":
-            self._arrived(message, fresh)
-        elif message.error:
-            self.session.tell(message.error, is_error=True)
-        self.resources = self.resources.fed(message.feed, message.fields, message.error)
-        self.refresh_views()
-
-    def _arrived(self, message: Fed, fresh: Store | None) -> None:
-        """The awaited run is read, or cannot be."""
-        try:
-            if message.error:
-                loading.give_up(self.session)
-                raise RequestError(message.error)
-            sharing.arrive(self.session, fresh)
-            self.tell_saved()
-        except S2RError as error:
-            self.session.tell(str(error), is_error=True)
+        self.arrivals.fed(message)
 
     def on_progressed(self, message: Progressed) -> None:
-        if not self.feeding.current(message.feed, message.ticket):
-            return
-        progress = {**self.resources.progress, message.feed: message.share}
-        self.resources = replace(self.resources, progress=progress)
-        self.show_message()
+        self.arrivals.progressed(message)
 
     def _watch(self) -> None:
-        if self.feeding.idle and not self.under_way:
-            self.session.release()
-        noticed, trouble, before = False, "", self._trouble
-        try:
-            noticed = self.session.notice()
-        except (S2RError, OSError) as error:
-            trouble = str(error)
-        if trouble != before:
-            self._trouble, state = trouble, self.session.state
-            if trouble:
-                self.session.tell(trouble, is_error=True)
-            elif state.is_error and state.message == before:
-                self.session.tell("")
-            self.show_message()
-        if noticed:
-            self.refresh_views()
+        self.arrivals.watch()
 
     # --- actions -----------------------------------------------------------------------------
 
@@ -304,10 +216,8 @@ class S2RApp(Brushes, Papers, Savings):
         self.refresh_views()
 
     def action_view(self, name: str) -> None:
-        if self._size_class == "wide" and self.query_one(f"#{name}", PlotView).placed:
-            showing.activate(self.session, name)
-        else:
-            showing.show_view(self.session, name, VIEW_BY_NAME[name].pane)
+        placed = self._size_class == "wide" and self._plot(name).placed
+        going.to(self.session, name, placed)
         self.refresh_views()
 
     def action_focus_next(self) -> None:
@@ -325,16 +235,10 @@ class S2RApp(Brushes, Papers, Savings):
             self.screen.focus_next()
 
     def action_next_view(self) -> None:
-        self._turn_view(1)
+        self.action_view(going.beside(self.session.state.view, 1))
 
     def action_previous_view(self) -> None:
-        self._turn_view(-1)
-
-    def _turn_view(self, steps: int) -> None:
-        names = [view.name for view in sorted(VIEWS, key=lambda v: v.key) if view.stored]
-        present = self.session.state.view
-        at = names.index(present) if present in names else 0
-        self.action_view(names[(at + steps) % len(names)])
+        self.action_view(going.beside(self.session.state.view, -1))
 
     def action_leave(self) -> None:
         """Drop what is begun: a line of text, a brush, a pending operator."""
@@ -351,21 +255,10 @@ class S2RApp(Brushes, Papers, Savings):
         self.refresh_views()
 
     def action_jump(self) -> None:
-        self.push_screen(JumpScreen(self._targets()), self._jumped)
-
-    def _targets(self) -> list[Target]:
-        """The views on the screen, and the parts of the status line."""
-        found = []
-        for view in VIEWS:
-            region = self.query_one(f"#{view.name}", PlotView).region
-            if region.area and self.query_one(f"#{view.name}", PlotView).placed:
-                found.append(Target(region.x, region.y, f"view('{view.name}')"))
-        for part, action in (("traj ", "do('trajectory')"), ("run ", "do('next_run')"),
-                             (self.session.state.expression[:6], "edit")):  # fmt: skip
-            column = self.status_text().find(part)
-            if column >= 0:
-                found.append(Target(column + 1, 0, action))
-        return found
+        plots = [self._plot(view.name) for view in VIEWS]
+        regions = [(str(p.id), p.region) for p in plots if p.placed and p.region.area]
+        found = going.targets(regions, self.status_text(), self.session.state.expression)
+        self.push_screen(JumpScreen(found), self._jumped)
 
     async def _jumped(self, action: str | None) -> None:
         if action:
@@ -401,33 +294,3 @@ class S2RApp(Brushes, Papers, Savings):
             if action.description and action.applies(state):
                 run = partial(self.run_action, action.call)
                 yield SystemCommand(f"{action.description} ({action.key})", action.group, run)
-
-
-def _safe(text: str) -> str:
-    return Content(text).markup
-
-
-def _safe_bold(before: str, bold: str, after: str) -> str:
-    return f"{_safe(before)}[b]{_safe(bold)}[/b]{_safe(after)}"
-
-
-def run_app(
-    path: Path, run: str | None, terminal: Terminal, access: Access, nights: Path | None = None
-) -> None:
-    """Open the application on a store; the environment was prepared for the terminal.
-
-    What it leaves undone is told on stderr. Raises RequestError where it cannot run, S2RError for a
-    fault of the program.
-    """
-    look = Look(mode=terminal.mode, ascii=terminal.ascii)
-    app = S2RApp(Session(path, run, Notebook, nights), look, access=access)
-    app.first_run, app.terminal = notebook.first_run(), terminal
-    accept_any_bytes()
-    app.run(mouse=terminal.mode is not ColourMode.NONE)
-    background.rest(_PATIENCE)
-    with contextlib.suppress(OSError):  # the terminal may be gone
-        for told in app.undone:
-            print(f"s2r: {told}", file=sys.stderr)
-    if app.fault is not None:
-        what = f"{type(app.fault).__name__}: {app.fault}"
-        raise S2RError(f"a fault of the program: {what} (--debug shows where)") from app.fault

@@ -33,6 +33,18 @@ class Desk(GuardedApp):
         self.under_way: dict[object, str] = {}
 
     @property
+    def fault(self) -> Exception | None:
+        """What ended the application before its time."""
+        return self._exception
+
+    def _fatal_error(self) -> None:
+        """Without a traceback on the terminal: `run_app` raises what it was."""
+        self._close_messages_no_wait()
+
+    def _print_error_renderables(self) -> None:
+        """See `_fatal_error`."""
+
+    @property
     def undone(self) -> tuple[str, ...]:
         """What the user left before it was done, a line each."""
         return tuple(self.under_way.values())

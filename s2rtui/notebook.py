@@ -15,6 +15,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError, Node, parse
 from s2rstore.language.nodes import Ids, Saved, leaves
@@ -58,15 +61,34 @@ class Notes:
                 nodes[name] = parse(saved.expression)
         return nodes
 
+    @cached_property
+    def places(self) -> NDArray[np.intp]:
+        """(n, 2) of the iids with a remark, ascending, and its place in the alphabet."""
+        iids = sorted(self.remarks)
+        words = [self.remarks[iid].text.casefold() for iid in iids]
+        place = {text: at for at, text in enumerate(sorted(set(words)))}
+        found = [(iid, place[text]) for iid, text in zip(iids, words, strict=True)]
+        return np.array(found, dtype=np.intp).reshape(-1, 2)
+
 
 class Notebook:
     """The notebook of one data set; `notes` is what was read last."""
 
-    def __init__(self, dataset_hash: str, folder: Path | None = None) -> None:
-        """Raises RequestError where the file is damaged or cannot be read."""
+    def __init__(
+        self, dataset_hash: str, folder: Path | None = None, patient: bool = False
+    ) -> None:
+        """A damaged file raises RequestError; the `patient` notebook is empty until it is mended,
+        and `trouble` says so.
+        """
         self._hash = dataset_hash
         self.path = (folder or own_folder()) / f"{dataset_hash[:16]}.json"
-        self.notes = self._read()
+        self.notes, self.trouble = Notes(), ""
+        try:
+            self.notes = self._read()
+        except RequestError as error:
+            if not patient:
+                raise
+            self.trouble = f"{error}; until then nothing is saved or noted"
 
     def refresh(self) -> None:
         """Read what other sessions have written. Raises RequestError for a damaged file."""
@@ -167,8 +189,12 @@ class Notebook:
             content = json.loads(self.path.read_text(encoding="utf-8"))
         except FileNotFoundError:
             return Notes()
-        except (OSError, ValueError) as error:
-            raise RequestError(f"{self.path}: cannot be read; move it away ({error})") from error
+        except OSError as error:
+            told = f"{self.path}: cannot be read ({error.strerror}); move it away"
+            raise RequestError(told) from error
+        except (ValueError, RecursionError) as error:
+            told = f"{self.path}: is no JSON ({error}); mend it, or move it away"
+            raise RequestError(told) from error
         if not pages.is_notebook(content, self._hash):
             raise RequestError(f"{self.path}: is no notebook of this data set; move it away")
         return Notes(*pages.read(content))

@@ -96,8 +96,9 @@ def described(session: Session, wanted: Wanted) -> State:
         message="",
     )
     if wanted.sort is not None:
-        if wanted.sort not in listing.COLUMNS:
-            raise RequestError(f"--sort {wanted.sort}: one of {', '.join(listing.COLUMNS)}")
+        known = listing.columns(session.notes)
+        if wanted.sort not in known:
+            raise RequestError(f"--sort {wanted.sort}: one of {', '.join(known)}")
         state = replace(state, sort=wanted.sort)
     return session.set(state)
 

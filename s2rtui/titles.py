@@ -8,7 +8,7 @@ from functools import partial
 from s2rstore.reader import Store
 from s2rtui.canvas import Canvas, Look
 from s2rtui.session.state import SIGNS, State
-from s2rtui.views import Scene, View
+from s2rtui.views import Resources, Scene, View
 
 StatusLine = tuple[str, str, str]
 Draw = Callable[[tuple[int, int], Look], Canvas]
@@ -44,16 +44,37 @@ def status_line(store: Store, state: State, width: int, look: Look) -> StatusLin
 def _parts(store: Store, state: State) -> tuple[dict[str, str], dict[str, str]]:
     """What stands before the expression, and after it, by the words of `_LEAST`."""
     view = state.trajectories
-    run = f"run {state.run}" + (f" (loading {state.awaited.run})" if state.awaited else "")
     before = {
         "store": store.path.name,
         "everywhere" if view is None else "trajectories": f"traj {', '.join(view or ('all',))}",
-        "run": run,
+        "run": f"run {state.run}{_coming(state)}",
         "count": state.count,
     }
     if state.newest == state.generation:
         return before, {"newest": f"gen {state.generation}"}
     return before, {"newer": f"gen {state.generation} ({state.newest} is there: g)"}
+
+
+def _coming(state: State) -> str:
+    """What is on its way beside the run that is shown."""
+    awaited = state.awaited
+    if awaited is None:
+        return ""
+    if awaited.run != state.run:
+        return f" (loading {awaited.run})"
+    if awaited.generation != state.generation:
+        return f" (loading generation {awaited.generation})"
+    return " (selecting)"
+
+
+def message(state: State, resources: Resources) -> str:
+    """What is told at the foot: the last step's words, else what goes on, else what is new."""
+    text = state.message or resources.saving
+    if not state.is_error:
+        text = resources.told_of(text)
+    if not text and state.newest != state.generation:
+        return f"generation {state.newest} is there: g moves on to it"
+    return text
 
 
 def cut(text: str, width: int, look: Look) -> str:

@@ -44,7 +44,7 @@ def execute(options: argparse.Namespace) -> int:
         access = Access.of(options.store)
     terminal = detect(options.colour, options.ascii)
     prepare_environment(terminal)
-    from s2rtui.app import run_app
+    from s2rtui.opening import run_app
 
     run_app(options.store, options.run, terminal, access, options.history)
     return 0

@@ -13,7 +13,7 @@ from s2rtui.feeds.contract import Caller, Fields, Key
 from s2rtui.session import derive, heat, loading
 from s2rtui.session.about import about, heat_of, seen_of
 from s2rtui.session.comparing import other_run
-from s2rtui.session.session import INDEX_MEMORY
+from s2rtui.session.generations import INDEX_MEMORY
 from s2rtui.session.state import State
 from s2rtui.views.contract import RunAccuracies
 

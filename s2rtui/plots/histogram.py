@@ -104,7 +104,7 @@ def _labels(
 
 
 def _most(count: int) -> str:
-    return f"max {count}" if count < 100_000 else f"max {count // 1000}k"
+    return f"peak {count}" if count < 100_000 else f"peak {count // 1000}k"
 
 
 def _side(
@@ -154,8 +154,10 @@ def _axis(
     width = step(upper, count)
     name = f"{view.label} {view.unit}".strip()
     beyond = model.sim.beyond + model.real.beyond
-    if beyond and chart >= 40:
+    if beyond and chart >= 60:
         name = f"{name}, last: {short(upper, 2)} and more"
+    elif beyond and chart >= 30:
+        name = f"{name}, last {short(upper, 2)}+"
     stop = canvas.width - len(name) - 1
     free = layout.left
     for tick in ticks(0.0, upper, count):

@@ -11,7 +11,10 @@ from s2rtui.canvas.look import Look
 from s2rtui.plots.scale import short
 from s2rtui.plots.surface import Panel
 
-_LABEL, _VALUE = 20, 12
+_INDENT = 4
+_FIGURES = 5
+"""Characters of a value: `-0.05`."""
+_TRACK = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +41,7 @@ class SliderLine:
 
 @dataclass(frozen=True, slots=True)
 class SlidersLayout:
-    """Columns of label, track and value; the first of the lines that are seen."""
+    """The track's columns, with labels before and values after; the first line that is seen."""
 
     track: int
     track_width: int
@@ -47,10 +50,14 @@ class SlidersLayout:
 
 
 def sliders_layout(lines: Sequence[SliderLine], size: Size) -> SlidersLayout:
-    """The track takes what labels and values leave; the active line stays in view."""
+    """The track takes what labels and values leave, which give way where it would be too short;
+    the active line stays in view.
+    """
     width, height = size
-    label = min(_LABEL, max(4, width // 3))
-    track = max(1, width - label - _VALUE)
+    label = _INDENT + max((len(line.label) for line in lines), default=0) + 1
+    value = _FIGURES + max((len(line.unit) for line in lines), default=0) + 2
+    label = min(label, max(_INDENT, width - _FIGURES - 1 - _TRACK))
+    track = max(_TRACK, width - label - value)
     active = next((at for at, line in enumerate(lines) if line.active), 0)
     first = min(max(0, active - height + 1), max(0, len(lines) - height))
     return SlidersLayout(label, track, first, min(height, len(lines) - first))
@@ -74,7 +81,7 @@ def _line(canvas: Canvas, y: int, line: SliderLine, layout: SlidersLayout, look:
         canvas.fill(0, y, canvas.width, 1, theme.highlight)
         canvas.put(0, y, glyphs.pointer, theme.text, bold=True)
     canvas.put(2, y, mark, side)
-    canvas.text(4, y, line.label[: layout.track - 5], theme.text, bold=line.active)
+    canvas.text(_INDENT, y, line.label[: layout.track - _INDENT - 1], theme.text, bold=line.active)
     end = layout.track + layout.track_width - 1
     canvas.hline(layout.track, end, y, glyphs.horizontal, theme.faint)
     neutral, here = (_column(line.share(v), layout) for v in (line.neutral, line.value))

@@ -23,7 +23,7 @@ _NOTHING = 0.005
 
 def worst(scene: Scene, heat: HeatChoice | None) -> list[Example]:
     """The selection's three largest real errors; `heat` lies on their images."""
-    rows = listing.order(scene.store, _by_error(scene.state))[:WORST].tolist()
+    rows = listing.order(scene.store, _by_error(scene.state), scene.notes)[:WORST].tolist()
     return [_example(scene, int(iid), heat) for iid in rows]
 
 

@@ -1,12 +1,40 @@
-"""Where a selection comes from: the first screen's finding, or two selections joined."""
+"""How a session begins, and where selections come from: a finding, or two selections joined."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from s2rstore import findings
+from s2rstore.errors import RequestError
 from s2rstore.language import Node
 from s2rstore.language.nodes import And, Everything, Extreme, Field, Minus, Named, Or
 from s2rstore.reader import Store
-from s2rtui.session.state import Operator
+from s2rtui.session.generations import computed
+from s2rtui.session.state import HistoryFile, Operator, State
+
+
+def empty(store: Store, run: str | None, nights: HistoryFile | None) -> State:
+    """A state on a run (default: the first computed one) before anything is selected.
+
+    Raises RequestError for a run that is not there, or not computed.
+    """
+    chosen = store.run(run)
+    if chosen.key is None:
+        raise RequestError(f"run {chosen.run!r}: not computed yet; run `s2r precompute`")
+    everything = np.ones(len(store.instances), dtype=np.bool_)
+    return State(
+        generation=store.generation,
+        newest=store.generation,
+        runs=computed(store),
+        run=chosen.run,
+        trajectories=None,
+        expression="all",
+        selected=everything,
+        base=everything,
+        cursor=None,
+        heat=None,
+        history=nights,
+    )
 
 
 def finding(store: Store, run: str) -> tuple[Node, str]:

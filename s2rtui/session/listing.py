@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
+from s2rtui.notebook import Notes
 from s2rtui.plots.same import Same, kept
 from s2rtui.session.session import Session
 from s2rtui.session.state import State
@@ -20,19 +21,28 @@ COLUMNS = (
     "real.rank", "sim.rank", "real.loss", "sim.loss", "real.accuracy", "sim.accuracy",
     "iid", "x", "y", "heading", "curvature", "seq", "room", "trajectory",
 )  # fmt: skip
-"""What a list can be sorted by, as the language names it."""
+"""What a list can be sorted by beside remarks, as the language names it."""
+REMARK = "remark"
+"""The user's tags and note: sorted by the alphabet, instances without them last."""
 NAMES = ("room", "trajectory")
 """Those of them that hold names: sorted by the alphabet."""
 COUNTS = ("iid", "seq", "real.rank", "sim.rank")
 """Those of whole numbers; below 0, or no rank, there is none."""
 _OF_TRUTH = ("x", "y", "heading", "curvature", "seq")
-_UPWARDS = ("iid", "real.rank", "sim.rank", *_OF_TRUTH, *NAMES)
+_UPWARDS = ("iid", "real.rank", "sim.rank", *_OF_TRUTH, *NAMES, REMARK)
 _FEW = 6
 """A larger part of all than one in so many is taken from the order of all, which is kept."""
 
 
-def order(store: Store, state: State) -> NDArray[np.intp]:
-    """The selected iids in the list's order; ties by iid, NaN last."""
+def columns(notes: Notes) -> tuple[str, ...]:
+    """What a list can be sorted by where a user has made some notes."""
+    return (*COLUMNS, REMARK) if notes.remarks else COLUMNS
+
+
+def order(store: Store, state: State, notes: Notes) -> NDArray[np.intp]:
+    """The selected iids in the list's order; ties by iid, what has no value last."""
+    if state.sort == REMARK:
+        return _remarked_first(Same(notes.places), Same(state.selected), state.descending)
     values = None if state.sort == "iid" else column(store, state, state.sort)
     return _order(Same(values), Same(state.selected), state.descending)
 
@@ -47,6 +57,17 @@ def _order(values: Same, selected: Same, descending: bool) -> NDArray[np.intp]:
         return members[_sorted(np.asarray(values.array)[members], descending)]
     order = _whole_order(values, descending)
     return order[chosen[order]]
+
+
+@kept(2)
+def _remarked_first(places: Same, selected: Same, descending: bool) -> NDArray[np.intp]:
+    chosen, known = np.asarray(selected.array), np.asarray(places.array)
+    known = known[known[:, 0] < chosen.size]
+    known = known[chosen[known[:, 0]]]
+    first = known[_sorted(known[:, 1], descending), 0]
+    rest = chosen.copy()
+    rest[first] = False
+    return np.concatenate([first, np.flatnonzero(rest)])
 
 
 @kept(2)
@@ -83,9 +104,11 @@ def _places(codes: NDArray[np.integer[Any]], names: Sequence[str]) -> NDArray[np
 
 
 def next_column(session: Session) -> State:
-    """Sort by the next column, the largest first."""
+    """Sort by the next column, the largest first, or what counts upwards from its beginning."""
     state = session.state
-    name = COLUMNS[(COLUMNS.index(state.sort) + 1) % len(COLUMNS)]
+    known = columns(session.notes)
+    at = known.index(state.sort) + 1 if state.sort in known else 0
+    name = known[at % len(known)]
     made = replace(state, sort=name, descending=name not in _UPWARDS)
     return session.set(replace(made, message=f"sorted by {name}", is_error=False))
 
@@ -96,7 +119,7 @@ def reverse(session: Session) -> State:
 
 def move(session: Session, steps: int) -> State:
     """The cursor to another row of the list."""
-    rows = order(session.store, session.state)
+    rows = order(session.store, session.state, session.notes)
     if not rows.size:
         return session.tell("nothing is selected")
     found = np.flatnonzero(rows == session.state.cursor)

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 from s2rstore import selection
 from s2rstore.errors import RequestError
 from s2rstore.language import Node, base_population, mask, parse
-from s2rstore.language.context import used_fields
+from s2rstore.language.context import expand, used_fields
 from s2rstore.language.fields import NUMERIC, TEXT
 from s2rstore.language.nodes import Bend, Field, Like, leaves
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.session.comparing import other_run
-from s2rtui.session.state import Awaited, State
+from s2rtui.session.state import Awaited, State, Step
 
 if TYPE_CHECKING:
     from s2rtui.session.session import Session
@@ -59,6 +59,24 @@ def _has_read_field(store: Store, run: str, used: Field) -> bool:
     return path == "iid" or store.has_read(of, side, [name])
 
 
+def lacks(session: Session, run: str, expression: str | Node) -> Node | None:
+    """An expression, expanded, where a worker has to read before it can be evaluated on a run.
+
+    Raises ExpressionError.
+    """
+    if not session.waits:
+        return None
+    words = selection.vocabulary(session.store, session.notes.nodes)
+    node = expand(parse(expression) if isinstance(expression, str) else expression, words)
+    ready = run == session.state.run or is_ready(session.store, run)
+    return None if ready and is_at_hand(session.store, run, node) else node
+
+
+def newest(session: Session) -> int:
+    """The generation that the session is in, or on its way to."""
+    return session.state.awaited.generation if session.state.awaited else session.state.generation
+
+
 def read(store: Store, state: State, run: str, wanted: Callable[[], bool]) -> None:
     """Read what views draw of a run, and evaluate the state's expression on it."""
     columns, truth = store.run_columns(run), store.instances
@@ -89,14 +107,29 @@ def lacking(store: Store, state: State) -> str | None:
 
 
 def expect(
-    session: Session, run: str, generation: int, text: str = "", node: Node | None = None
+    session: Session,
+    run: str,
+    generation: int,
+    text: str = "",
+    node: Node | None = None,
+    step: Step | None = None,
 ) -> State:
     """Await a run, and what is to be selected there; the newest request wins."""
     told = f"loading run {run}" if run != session.state.run else f"loading {text}"
     if generation != session.state.generation:
         told = f"loading run {run} of generation {generation}"
-    awaited = Awaited(run, generation, text, node)
+    awaited = Awaited(run, generation, text, node, step)
     return session.set(replace(session.state, awaited=awaited, message=told, is_error=False))
+
+
+def superseded(state: State) -> Awaited | None:
+    """What is still awaited once something else is selected."""
+    awaited = state.awaited
+    if awaited is None or not awaited.text:
+        return awaited
+    if (awaited.run, awaited.generation) == (state.run, state.generation):
+        return None
+    return Awaited(awaited.run, awaited.generation)
 
 
 def arrive(session: Session, fresh: Store | None = None) -> State:

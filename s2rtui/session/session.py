@@ -7,24 +7,20 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import s2rstore
-from s2rstore import history, selection
+from s2rstore import history
 from s2rstore.errors import RequestError
-from s2rstore.extremes import largest
-from s2rstore.language import MaskContext, Node, base_population, mask, parse, to_text
+from s2rstore.language import Node, parse, to_text
 from s2rstore.language.nodes import Not
 from s2rstore.reader import Store
 from s2rtui.notebook import Notebook, Notes
-from s2rtui.session import anew, loading
-from s2rtui.session.begin import finding, joined
+from s2rtui.session import begin, generations, loading, walking
+from s2rtui.session.generations import INDEX_MEMORY
 from s2rtui.session.heat import with_heat
+from s2rtui.session.selecting import Selecting
 from s2rtui.session.state import HistoryFile, Operator, State
 
-HISTORY = 100
-INDEX_MEMORY = "128MB"
-"""Columns are read one by one, so the index itself needs little."""
 Notebooks = Callable[[str], Notebook]
 
 
@@ -51,9 +47,13 @@ class Session:
         self.notebook = notebooks(self.store.dataset.hash) if notebooks else None
         self.waits = False
         self._retired: list[Store] = []
-        self._bases: dict[tuple[object, ...], NDArray[np.bool_]] = {}
+        self._selecting = Selecting()
         self._nights = nights or history.path_in(self.store.path)
-        self.state = self._first_state(run)
+        self.state = begin.empty(self.store, run, self._history())
+        first, told = begin.finding(self.store, self.state.run)
+        begun = with_heat(self.store, self.selected(self.state, first))
+        trouble = self.notebook.trouble if self.notebook else ""
+        self.state = replace(begun, past=(), message=trouble or told, is_error=bool(trouble))
 
     @property
     def notes(self) -> Notes:
@@ -71,28 +71,6 @@ class Session:
         self.store.close()
         self.release()
 
-    def _first_state(self, run: str | None) -> State:
-        chosen = self.store.run(run)
-        if chosen.key is None:
-            raise RequestError(f"run {chosen.run!r}: not computed yet; run `s2r precompute`")
-        n = len(self.store.instances)
-        state = State(
-            generation=self.store.generation,
-            newest=self.store.generation,
-            runs=tuple(name for name, record in self.store.runs.items() if record.key),
-            run=chosen.run,
-            trajectories=None,
-            expression="all",
-            selected=np.ones(n, dtype=np.bool_),
-            base=np.ones(n, dtype=np.bool_),
-            cursor=None,
-            heat=None,
-            history=self._history(),
-        )
-        first, told = finding(self.store, chosen.run)
-        state = with_heat(self.store, self._selected(state, first))
-        return replace(state, past=(), message=told)
-
     # --- the state -----------------------------------------------------------------------------
 
     def set(self, state: State) -> State:
@@ -109,16 +87,21 @@ class Session:
 
     def select(self, expression: str) -> State:
         """Select by an expression. Raises ExpressionError; the state stays as it was."""
-        return self.set(self._selected(self.state, expression))
+        return self.set(self.selected(self.state, expression))
 
     def choose(self, expression: str | Node) -> State:
         """Join a selection to the present one by the pending operator, which is then used up.
 
-        Raises ExpressionError; the state stays as it was.
+        Awaited where a worker has to read for it. Raises ExpressionError; the state stays as it
+        was.
         """
         node = parse(expression) if isinstance(expression, str) else expression
         current = parse(self.state.expression)
-        return self.set(self._selected(self.state, joined(current, self.state.operator, node)))
+        made = begin.joined(current, self.state.operator, node)
+        if (lacking := loading.lacks(self, self.state.run, made)) is not None:
+            newest = loading.newest(self)
+            return loading.expect(self, self.state.run, newest, to_text(made), lacking)
+        return self.set(self.selected(self.state, made))
 
     def renew(self) -> State:
         """The present expression evaluated anew, after saved names have changed their meaning."""
@@ -133,7 +116,7 @@ class Session:
         """All valid instances that are not selected."""
         node = parse(self.state.expression)
         return self.set(
-            self._selected(self.state, node.inner if isinstance(node, Not) else Not(node))
+            self.selected(self.state, node.inner if isinstance(node, Not) else Not(node))
         )
 
     def expect(self, operator: Operator) -> State:
@@ -149,72 +132,21 @@ class Session:
         made = replace(self.state, operator=operator, message=told[operator], is_error=False)
         return self.set(made)
 
-    def _selected(self, state: State, expression: str | Node) -> State:
-        node = parse(expression) if isinstance(expression, str) else expression
-        context = selection.context(self.store, state.run, state.trajectories, self.notes.nodes)
-        chosen = mask(node, context)
-        past, future = state.past, state.future
-        text = to_text(node)
-        if text != state.expression:
-            past, future = (*past, state.expression)[-HISTORY:], ()
-        told = ["" if chosen.any() else "nothing is selected"]
-        told.append(anew.told(node, state, context, self.notes))
-        made = replace(
-            state,
-            expression=text,
-            selected=chosen,
-            base=self._base(state, context),
-            past=past,
-            future=future,
-            operator="replace",
-            brush=None,
-            message="; ".join(part for part in told if part),
-            is_error=False,
-        )
-        return replace(made, cursor=self._kept_cursor(made))
+    def selected(self, state: State, expression: str | Node) -> State:
+        """A state after selecting in it, which is not made the current one."""
+        return self._selecting.selected(self.store, self.notes, state, expression)
 
-    def _base(self, state: State, context: MaskContext) -> NDArray[np.bool_]:
-        """The base population; the same array for as long as it holds the same."""
-        key = (self.store.generation, state.run, state.trajectories)
-        if key not in self._bases:
-            found = base_population(context)
-            known = (base for base in self._bases.values() if np.array_equal(base, found))
-            self._bases[key] = next(known, found)
-        return self._bases[key]
-
-    def _kept_cursor(self, state: State) -> int | None:
-        """The cursor where it is still inside, else the selection's worst real error."""
-        pool = state.selected if state.selected.any() else state.base
-        if state.cursor is not None and pool[state.cursor]:
-            return state.cursor
-        return largest(self.store.run_columns(state.run).real.error, pool)
+    def kept(self, state: State) -> State:
+        """See `Selecting.kept`."""
+        return self._selecting.kept(self.store, self.notes, state)
 
     def undo(self) -> State:
         """Back to the expression before this one."""
-        return self._walk(self.state.past, "undo")
+        return walking.walk(self, "undo")
 
     def redo(self) -> State:
         """Forward to the expression that was left by undo."""
-        return self._walk(self.state.future, "redo")
-
-    def _walk(self, texts: tuple[str, ...], what: str) -> State:
-        """To the last of some expressions that still means something here; the rest is told."""
-        before, left, lost = self.state, list(texts), [""]
-        while left:
-            text = left.pop()
-            try:
-                made = self._selected(before, text)
-            except RequestError as error:
-                lost.append(f"left out: {text} ({error})")
-                continue
-            told = "; ".join(part for part in (made.message, *lost) if part)
-            past, future = tuple(left), (*before.future, before.expression)
-            if what == "redo":
-                past, future = (*before.past, before.expression), tuple(left)
-            return self.set(replace(made, past=past, future=future, message=told))
-        kept = replace(before, past=() if what == "undo" else before.past)
-        self.set(replace(kept, future=() if what == "redo" else kept.future))
-        return self.tell("; ".join((f"nothing to {what}", *lost[1:])))
+        return walking.walk(self, "redo")
 
     # --- moving --------------------------------------------------------------------------------
 
@@ -249,21 +181,12 @@ class Session:
 
     def turn_to(self, run: str) -> State:
         """To a run by name, now; all is selected where the expression means nothing there."""
-        state = self._kept(replace(self.state, run=run))
+        state = self.kept(replace(self.state, run=run))
         return self.set(with_heat(self.store, state))
 
     def put_trajectories(self, names: tuple[str, ...] | None) -> State:
         """To some trajectories, None for all."""
-        return self.set(self._kept(replace(self.state, trajectories=names)))
-
-    def _kept(self, state: State) -> State:
-        """The expression evaluated in another situation, or all where it means nothing there."""
-        try:
-            return self._selected(state, state.expression)
-        except RequestError as error:
-            made = self._selected(state, "all")
-            told = f"all selected: {state.expression} means nothing here ({error})"
-            return replace(made, message=told)
+        return self.set(self.kept(replace(self.state, trajectories=names)))
 
     def change_trajectory(self) -> State:
         """All trajectories, then each alone."""
@@ -276,6 +199,13 @@ class Session:
         return self.put_trajectories(options[(at + 1) % len(options)])
 
     # --- generations ---------------------------------------------------------------------------
+
+    def retire(self, store: Store) -> None:
+        """Have a store closed that was moved on from, once nobody reads it."""
+        self._selecting.forget(store.generation)
+        self._retired.append(store)
+        if not self.waits:
+            self.release()
 
     def release(self) -> None:
         """Close the stores that were moved on from: call it when no worker reads."""
@@ -295,44 +225,9 @@ class Session:
         return None if stamp is None else HistoryFile(self._nights, stamp)
 
     def move_on(self) -> State:
-        """Open the newest generation, keeping run and expression where they still exist."""
-        if self.store.latest_generation() == self.store.generation:
-            return self.tell("this is the newest generation")
-        if self.waits and len(self.store.instances) > loading.AT_ONCE:
-            awaited = self.state.awaited.run if self.state.awaited else self.state.run
-            return loading.expect(self, awaited, self.store.latest_generation())
-        return self.enter(s2rstore.open(self.store.path, INDEX_MEMORY))
+        """See `generations.move_on`."""
+        return generations.move_on(self)
 
-    def enter(self, fresh_store: Store) -> State:
-        """Go on in a newer generation; brush and operator stay where the run does."""
-        old, state = self.store, self.state
-        runs = tuple(name for name, record in fresh_store.runs.items() if record.key)
-        if fresh_store.dataset.hash != old.dataset.hash or not runs:
-            fresh_store.close()
-            what = "has no computed run" if not runs else "holds another data set"
-            return self.tell(f"the newest generation {what}: open it anew", is_error=True)
-        run = state.run if state.run in runs else runs[0]
-        fresh = replace(
-            state,
-            generation=fresh_store.generation,
-            newest=fresh_store.generation,
-            runs=runs,
-            run=run,
-            other=state.other if state.other in runs else None,
-            awaited=None,
-        )
-        self.store = fresh_store
-        try:
-            made = with_heat(self.store, self._kept(fresh))
-        except BaseException:
-            self.store = old
-            fresh_store.close()
-            raise
-        self._bases = {key: base for key, base in self._bases.items() if key[0] != old.generation}
-        self._retired.append(old)
-        if not self.waits:
-            self.release()
-        if run == state.run:
-            made = replace(made, brush=state.brush, operator=state.operator)
-        told = (f"generation {self.store.generation}", made.message)
-        return self.set(replace(made, message="; ".join(part for part in told if part)))
+    def enter(self, fresh: Store) -> State:
+        """See `generations.enter`."""
+        return generations.enter(self, fresh)

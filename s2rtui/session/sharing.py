@@ -6,14 +6,12 @@ import json
 import re
 from dataclasses import dataclass, replace
 
-from s2rstore import selection
 from s2rstore.errors import RequestError
-from s2rstore.language import parse
-from s2rstore.language.context import expand
 from s2rstore.reader import Store
 from s2rtui.notebook import SavedSelection
-from s2rtui.session import anew, loading
-from s2rtui.session.session import HISTORY, Session
+from s2rtui.session import anew, loading, walking
+from s2rtui.session.selecting import HISTORY
+from s2rtui.session.session import Session
 from s2rtui.session.state import State
 
 _NAME = r'"(?:\\.|[^"\\])*"'
@@ -86,22 +84,19 @@ def take(session: Session, text: str) -> State:
         )
     state = session.state
     run = shared.saved.run if shared.saved and shared.saved.run in state.runs else state.run
-    if session.waits:
-        words = selection.vocabulary(session.store, session.notes.nodes)
-        node = expand(parse(shared.expression), words)
-        ready = run == state.run or loading.is_ready(session.store, run)
-        if not (ready and loading.is_at_hand(session.store, run, node)):
-            newest = state.awaited.generation if state.awaited else state.generation
-            return loading.expect(session, run, newest, text, node)
+    if (node := loading.lacks(session, run, shared.expression)) is not None:
+        return loading.expect(session, run, loading.newest(session), text, node)
     return _taken(session, shared)
 
 
 def arrive(session: Session, fresh: Store | None = None) -> State:
-    """Turn to the awaited run (see `loading.arrive`), and take what was to be selected there."""
+    """Turn to the awaited run (see `loading.arrive`), and select what was to be selected there."""
     awaited = session.state.awaited
     state = loading.arrive(session, fresh)
     if awaited is None or not awaited.text or state.run != awaited.run:
         return state
+    if awaited.step is not None:
+        return walking.walk(session, awaited.step, at_once=True)
     return _taken(session, read(awaited.text))
 
 

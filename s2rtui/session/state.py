@@ -17,6 +17,7 @@ from s2rtui.plots.surface import Mark
 
 Overlay = Literal["off", "instance", "selection", "run"]
 Aggregate = Literal["mean", "max", "sum", "count"]
+Step = Literal["undo", "redo"]
 Operator = Literal["replace", "intersect", "union", "subtract"]
 
 OVERLAYS: tuple[Overlay, ...] = ("off", "instance", "selection", "run")
@@ -103,13 +104,14 @@ class Awaited:
     """A run on its way, of a generation that may be newer than the present one.
 
     `text` is what to select once it is there, as it was typed or pasted; `node` what that stands
-    for.
+    for. With a `step` that is what it leads to.
     """
 
     run: str
     generation: int
     text: str = ""
     node: Node | None = None
+    step: Step | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -42,7 +42,7 @@ class ListView(View):
     def input(self, scene: Scene) -> TableInput:
         state = scene.state
         columns = tuple(column.shown for column in self._columns(scene))
-        rows = listing.order(scene.store, state)
+        rows = listing.order(scene.store, state, scene.notes)
         return TableInput(rows, columns, state.cursor, state.descending)
 
     def _columns(self, scene: Scene) -> list[_Column]:
@@ -52,20 +52,20 @@ class ListView(View):
             columns.append(_column(scene, sort, True))
         if sort != "room":
             columns.append(_column(scene, "room", False))
-        if scene.notes.remarks:
-            columns.append(_texts("remark", scene.remark, 24, "tags, note"))
+        if scene.notes.remarks and sort != listing.REMARK:
+            columns.append(_remark(scene, False))
         others = (name for name in listing.COLUMNS if name not in (sort, "iid", "room"))
         return [*columns, *(_column(scene, name, False) for name in others)]
 
     def numbers(self, scene: Scene) -> Table:
         columns = self._columns(scene)
-        iids = listing.order(scene.store, scene.state).tolist()
+        iids = listing.order(scene.store, scene.state, scene.notes).tolist()
         rows = [[column.value(iid) for column in columns] for iid in iids]
         return [column.name for column in columns], rows
 
     def words(self, scene: Scene) -> str:
         sort = scene.state.sort
-        rows = listing.order(scene.store, scene.state)[:_IN_WORDS].tolist()
+        rows = listing.order(scene.store, scene.state, scene.notes)[:_IN_WORDS].tolist()
         text = _column(scene, sort, True).shown.text
         told = ", ".join(f"{iid} ({text(iid)})" for iid in rows)
         return f"{scene.state.count} instances by {sort}: {told or 'none'}."
@@ -79,7 +79,7 @@ class ListView(View):
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
         state = scene.state
-        rows = Same(listing.order(scene.store, state))
+        rows = Same(listing.order(scene.store, state, scene.notes))
         shown = state.generation, state.run, state.sort, state.descending, state.cursor
         return rows, *shown, scene.notes.remarks
 
@@ -90,28 +90,34 @@ class ListView(View):
         return table_surface(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
-        rows = listing.order(scene.store, scene.state)
+        rows = listing.order(scene.store, scene.state, scene.notes)
         found = np.flatnonzero(rows == scene.state.cursor)
         return (0.0, float(found[0])) if found.size else (0.0, 0.0)
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        rows = listing.order(scene.store, scene.state)
+        rows = listing.order(scene.store, scene.state, scene.notes)
         if 0 <= round(point[1]) < rows.size:
             session.put_cursor(int(rows[round(point[1])]))
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        rows = listing.order(scene.store, scene.state)
+        rows = listing.order(scene.store, scene.state, scene.notes)
         ends = sorted(round(point[1]) for point in (mark.points[0], mark.points[-1]))
         chosen = rows[max(0, ends[0]) : ends[1] + 1]
         return f"ids({', '.join(str(iid) for iid in np.sort(chosen))})"
 
 
 def _column(scene: Scene, name: str, sorts: bool) -> _Column:
+    if name == listing.REMARK:
+        return _remark(scene, sorts)
     if name not in listing.NAMES:
         return _numbers(scene, name, sorts)
     truth = scene.store.instances
     text = _named(getattr(truth, name), getattr(truth, f"{name}_names"))
     return _texts(name, text, 16 if name == "room" else 12, sorts=sorts)
+
+
+def _remark(scene: Scene, sorts: bool) -> _Column:
+    return _texts(listing.REMARK, scene.remark, 24, "tags, note", sorts)
 
 
 def _numbers(scene: Scene, name: str, sorts: bool) -> _Column:

@@ -37,6 +37,7 @@ class QueryLine(Input):
         super().__init__(id="query", select_on_focus=False)
         self.cursor_blink = False
         self._complete: Complete = lambda text: ()
+        self._completes = False
         self._history: Sequence[str] = ()
         self._place = 0
         self._draft = ""
@@ -44,6 +45,13 @@ class QueryLine(Input):
         self._option = -1
         self._rest = ""
         self._filled: tuple[str, int] | None = None
+
+    @property
+    def keys(self) -> list[tuple[str, str]]:
+        """Pairs of key and word that mean something in the open line."""
+        completing = [("tab", "complete")] if self._completes else []
+        earlier = [("up", "earlier")] if self._history else []
+        return [("enter", "done"), *completing, *earlier, ("escape", "leave")]
 
     def on_mount(self) -> None:
         self.can_focus = False
@@ -53,7 +61,7 @@ class QueryLine(Input):
     ) -> None:
         """Show the line with a value; `history` has the latest last."""
         self._history, self._place = history, len(history)
-        self._complete = complete or (lambda text: ())
+        self._complete, self._completes = complete or (lambda text: ()), complete is not None
         self._options, self._option = (), -1
         self.placeholder = hint
         self.value = value

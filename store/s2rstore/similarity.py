@@ -16,6 +16,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Side
 
 _BLOCK = 4096
+_KINDS = ("pca", "embedding")
 
 
 def neighbours(
@@ -41,6 +42,11 @@ def neighbours(
     )
 
 
+def can_compare(store: Store, run: str) -> bool:
+    """Whether a run has embeddings."""
+    return any(record.kind in _KINDS for record in store.arrays(run))
+
+
 def embedding(store: Store, run: str, side: Side) -> NDArray[np.float32]:
     """What `neighbours` compares, (N, D): the principal components, NaN where there is none.
 
@@ -49,7 +55,9 @@ def embedding(store: Store, run: str, side: Side) -> NDArray[np.float32]:
 
     def read() -> NDArray[np.float32]:
         kinds = {record.kind for record in store.arrays(run)}
-        kind = "embedding" if "embedding" in kinds and "pca" not in kinds else "pca"
+        kind = next((kind for kind in _KINDS if kind in kinds), None)
+        if kind is None:
+            raise RequestError(f"run {run!r} has no embeddings to compare; run `s2r precompute`")
         _, array = store.array(run, kind, side)
         found = np.asarray(arrays.read_rows(array, 0, array.shape[0]), dtype=np.float32)
         if found.shape[0] != len(store.instances):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import gc
 import threading
 import weakref
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +59,15 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     monkeypatch.setattr(dense, "_predicted", slow)
     yield opened
     opened.set()
+
+
+@dataclass
+class Lossy:
+    """An application, and what lets its worker read."""
+
+    app: S2RApp
+    pilot: Pilot[None]
+    opened: threading.Event
 
 
 def app_on(path: Path) -> S2RApp:
@@ -142,6 +151,64 @@ async def test_columns_of_an_expression_are_read_elsewhere(
         assert app.session.state.expression == "real.loss > 0"
         assert app.session.state.selected.all()
         assert read == [("loss", False)]
+
+
+@pytest.fixture
+async def lossy(store: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Lossy]:
+    """An application whose losses are read anew, once it may, with an expression of them undone."""
+    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    whole, here, opened = dense._predicted, threading.current_thread(), threading.Event()
+
+    def slow(index, run, side, name, lacking):
+        assert threading.current_thread() is not here, f"{name} is read here"
+        assert opened.wait(20)
+        return whole(index, run, side, name, lacking)
+
+    app = app_on(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        app.session.select("real.loss > 0")
+        app.session.select("all")
+        app.session.store._columns.drop(lambda key: "loss" in key)
+        app.session.store.evaluated.clear()
+        monkeypatch.setattr(dense, "_predicted", slow)
+        yield Lossy(app, pilot, opened)
+        opened.set()
+
+
+async def test_an_undone_expression_waits_for_its_columns(lossy: Lossy) -> None:
+    app, pilot = lossy.app, lossy.pilot
+    past = app.session.state.past
+    await press(app, pilot, "u")
+    assert app.session.state.expression == "all"
+    assert "run vanilla (selecting)" in take(app).text
+    lossy.opened.set()
+    await settle(app, pilot)
+    state = app.session.state
+    assert (state.expression, state.past, state.future) == ("real.loss > 0", past[:-1], ("all",))
+    assert state.awaited is None
+    await press(app, pilot, "U")
+    assert (app.session.state.expression, app.session.state.past) == ("all", past)
+
+
+async def test_what_is_selected_meanwhile_wins(lossy: Lossy) -> None:
+    app, pilot = lossy.app, lossy.pilot
+    await press(app, pilot, "u", "w")
+    assert (app.session.state.expression, app.session.state.awaited) == ("worst15", None)
+    lossy.opened.set()
+    await settle(app, pilot)
+    assert app.session.state.expression == "worst15"
+
+
+def test_what_is_selected_while_a_run_is_awaited_is_taken_along(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    session = Session(store)
+    session.set(replace(session.state, awaited=Awaited("b", 1, "gap > 0")))
+    session.select("straight")
+    assert session.state.awaited == Awaited("b", 1)
+    assert (sharing.arrive(session).run, session.state.expression) == ("b", "straight")
 
 
 async def test_the_newest_run_wins(store: Path, gate: threading.Event) -> None:

@@ -143,7 +143,7 @@ async def test_the_wheel_moves_through_the_list_from_any_view(tiny_store: Path) 
     app = app_on(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "8")
-        rows = listing.order(app.session.store, app.session.state)
+        rows = listing.order(app.session.store, app.session.state, app.session.notes)
         app.session.put_cursor(int(rows[4]))
         await press(app, pilot, "1")
         run = app.session.state.run

@@ -63,7 +63,9 @@ def test_neighbours_are_looked_for_in_view(store: Store) -> None:
 
 def test_a_run_without_embeddings_says_so(store: Store) -> None:
     for evaluate in (selection.select, selection.sql):
-        with pytest.raises(ExpressionError, match=r"column 10: like: run 'dataaug' has no pca"):
+        with pytest.raises(
+            ExpressionError, match=r"column 10: like: run 'dataaug' has no embeddings"
+        ):
             evaluate(store, "gap > 0 |like(3, 4)", "dataaug")
         with pytest.raises(ExpressionError, match=r"no instance 40: the store holds 0 \.\. 39"):
             evaluate(store, "like(40, 4)", "vanilla")

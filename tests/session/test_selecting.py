@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -170,6 +171,24 @@ def test_a_damaged_notebook_is_refused_and_left_alone(
     assert path.read_text() == content
 
 
+def test_a_patient_notebook_is_empty_until_its_file_is_mended(
+    tiny_store: Path, own_things: Path
+) -> None:
+    path = Session(tiny_store, notebooks=Notebook).book.path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("{damaged")
+    session = Session(tiny_store, notebooks=partial(Notebook, patient=True))
+    assert session.state.is_error
+    assert session.state.message.startswith(f"{path}: is no JSON (")
+    assert "mend it, or move it away" in session.state.message
+    with pytest.raises(RequestError, match="is no JSON"):
+        session.book.note(3, "dark")
+    assert path.read_text() == "{damaged"
+    path.unlink()
+    session.book.note(3, "dark")
+    assert session.notes.remarks[3].note == "dark"
+
+
 def test_a_shared_line_selects_the_same_or_says_what_differs(session: Session) -> None:
     session.select("worst15")
     line = sharing.shared_text(session)
@@ -196,7 +215,7 @@ def test_a_shared_line_turns_to_its_run(session: Session) -> None:
 def test_the_list_is_in_order(session: Session, name: str, descending: bool) -> None:
     session.select("all")
     state = replace(session.state, sort=name, descending=descending)
-    rows = listing.order(session.store, state)
+    rows = listing.order(session.store, state, session.notes)
     values = listing.column(session.store, state, name)[rows]
     steps = np.diff(values)
     assert (steps <= 0).all() if descending else (steps >= 0).all()
@@ -205,7 +224,7 @@ def test_the_list_is_in_order(session: Session, name: str, descending: bool) -> 
 
 def test_moving_through_the_list_stays_inside(session: Session) -> None:
     session.select("worst15")
-    rows = listing.order(session.store, session.state)
+    rows = listing.order(session.store, session.state, session.notes)
     session.put_cursor(int(rows[0]))
     assert listing.move(session, -1).cursor == rows[0]
     assert listing.move(session, 2).cursor == rows[2]
@@ -242,17 +261,45 @@ def test_names_are_sorted_by_the_alphabet(session: Session, name: str) -> None:
     truth = session.store.instances
     codes, names = getattr(truth, name), getattr(truth, f"{name}_names")
     state = session.set(replace(session.state, sort=name, descending=False))
-    told = [names[codes[iid]] for iid in listing.order(session.store, state) if codes[iid] >= 0]
+    told = [
+        names[codes[iid]]
+        for iid in listing.order(session.store, state, session.notes)
+        if codes[iid] >= 0
+    ]
     assert len(set(told)) > 1
     assert told == sorted(told)
 
 
-def test_every_column_of_the_list_but_remarks_can_be_sorted_by(session: Session) -> None:
+def test_every_column_of_the_list_can_be_sorted_by(session: Session) -> None:
     names, _ = ListView().numbers(Scene(session.store, session.state, Resources()))
     shown = set(names)
     assert shown == set(listing.COLUMNS)
     seen = [listing.next_column(session).sort for _ in listing.COLUMNS]
     assert set(seen) == shown
+
+
+@pytest.mark.parametrize("descending", [True, False])
+def test_remarks_are_sorted_by_the_alphabet(session: Session, descending: bool) -> None:
+    session.select("all - ids(9)")
+    for iid, text in ((30, "beta"), (2, "Gamma"), (9, "aside"), (7, "alpha"), (20, "beta")):
+        session.book.note(iid, text)
+    state = replace(session.state, sort="remark", descending=descending)
+    rows = listing.order(session.store, state, session.notes).tolist()
+    assert rows[:4] == ([2, 20, 30, 7] if descending else [7, 20, 30, 2])
+    assert rows[4:] == [iid for iid in range(40) if iid not in (2, 7, 9, 20, 30)]
+    session.set(state)
+    assert listing.next_column(session).sort == listing.COLUMNS[0]
+    session.set(replace(state, sort=listing.COLUMNS[-1]))
+    assert listing.next_column(session).sort == "remark"
+
+
+def test_a_run_without_embeddings_knows_nothing_alike(session: Session) -> None:
+    before = session.state
+    BY_NAME["alike"].do(session)
+    assert session.state.message == (
+        "run vanilla has no embeddings to compare; `s2r precompute` makes them"
+    )
+    assert (session.state.is_error, session.state.selected) == (False, before.selected)
 
 
 @pytest.mark.parametrize("side", ["sim", "real"])

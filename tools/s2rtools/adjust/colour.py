@@ -48,5 +48,5 @@ CONTRAST = ImageAdjustment(
     "contrast", 0.0, 3.0, 1.0, 0.05, "factor", "spread around the image's mean", _contrast
 )
 TEMPERATURE = ImageAdjustment(
-    "temperature", -1.0, 1.0, 0.0, 0.05, "warmer > 0", "red against blue", _temperature
+    "temperature", -1.0, 1.0, 0.0, 0.05, "warmth", "red against blue", _temperature
 )

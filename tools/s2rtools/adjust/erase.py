@@ -20,5 +20,5 @@ def _black(
 
 
 BLACK = ImageAdjustment(
-    "black", 0.0, 1.0, 0.0, 0.05, "share taken away", "RGB and depth to zero", _black
+    "black", 0.0, 1.0, 0.0, 0.05, "share", "so much of RGB and depth taken away", _black
 )

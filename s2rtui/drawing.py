@@ -1,0 +1,74 @@
+"""Draws the state of an application: a line of status, the views, lines of words and keys."""
+
+from __future__ import annotations
+
+from textual.content import Content
+
+from s2rtui.actions import footer
+from s2rtui.arrangement import SMALLEST
+from s2rtui.prompts import Prompts
+from s2rtui.titles import StatusLine, message, shown, status_line
+from s2rtui.views import VIEWS
+from s2rtui.widgets import Bar, PlotView
+from s2rtui.widgets.query import QueryLine
+
+
+class Drawing:
+    """Draws what has changed since it was drawn last."""
+
+    def __init__(self, app: Prompts) -> None:
+        self._app = app
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is a screen to draw on: not while it is being taken down."""
+        return bool(self._app.query("#status"))
+
+    def all(self) -> None:
+        """The whole state."""
+        before, count, after = (_safe(part) for part in self.status)
+        self._bar("status").say(f"{before}[b]{count}[/b]{after}")
+        self.words()
+        self._keys()
+        self._views()
+
+    def too_small(self) -> None:
+        """That there is no room for views."""
+        wanted = "x".join(str(number) for number in SMALLEST)
+        self._bar("status").say(f"the terminal is too small: needs {wanted}")
+
+    @property
+    def status(self) -> StatusLine:
+        app = self._app
+        return status_line(app.session.store, app.session.state, app.size.width, app.look)
+
+    def words(self) -> None:
+        """The line of messages alone."""
+        if self.possible:
+            state = self._app.session.state
+            text = message(state, self._app.resources)
+            classes = "error" if state.is_error else "whole" if self._app.prompting else ""
+            self._bar("message").say(_safe(text), classes)
+
+    def _keys(self) -> None:
+        app = self._app
+        pairs = footer(app.size.width - 2, app.session.state, app.access)
+        if app.prompting:
+            pairs = app.query_one(QueryLine).keys
+        self._bar("keys").say("  ".join(f"[b]{_safe(key)}[/b] {word}" for key, word in pairs))
+
+    def _views(self) -> None:
+        scene = self._app.scene
+        for view in VIEWS:
+            widget = self._app.query_one(f"#{view.name}", PlotView)
+            if widget.placed:
+                widget.show(*shown(view, scene))
+            else:
+                widget.clear()
+
+    def _bar(self, name: str) -> Bar:
+        return self._app.query_one(f"#{name}", Bar)
+
+
+def _safe(text: str) -> str:
+    return Content(text).markup

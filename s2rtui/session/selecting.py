@@ -1,0 +1,81 @@
+"""Expressions evaluated in a state: what is selected, and where the cursor stands then."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore import selection
+from s2rstore.errors import RequestError
+from s2rstore.extremes import largest
+from s2rstore.language import MaskContext, Node, base_population, mask, parse, to_text
+from s2rstore.reader import Store
+from s2rtui.notebook import Notes
+from s2rtui.session import anew, loading
+from s2rtui.session.state import State
+
+HISTORY = 100
+
+
+class Selecting:
+    """Evaluates; one base population stays one array for as long as it holds the same."""
+
+    def __init__(self) -> None:
+        self._bases: dict[tuple[object, ...], NDArray[np.bool_]] = {}
+
+    def selected(self, store: Store, notes: Notes, state: State, expression: str | Node) -> State:
+        """The state after selecting. Raises ExpressionError."""
+        node = parse(expression) if isinstance(expression, str) else expression
+        context = selection.context(store, state.run, state.trajectories, notes.nodes)
+        chosen = mask(node, context)
+        past, future = state.past, state.future
+        text = to_text(node)
+        if text != state.expression:
+            past, future = (*past, state.expression)[-HISTORY:], ()
+        told = ["" if chosen.any() else "nothing is selected"]
+        told.append(anew.told(node, state, context, notes))
+        made = replace(
+            state,
+            expression=text,
+            selected=chosen,
+            base=self._base(store, state, context),
+            past=past,
+            future=future,
+            awaited=loading.superseded(state),
+            operator="replace",
+            brush=None,
+            message="; ".join(part for part in told if part),
+            is_error=False,
+        )
+        return replace(made, cursor=_kept_cursor(store, made))
+
+    def kept(self, store: Store, notes: Notes, state: State) -> State:
+        """The expression evaluated in another situation, or all where it means nothing there."""
+        try:
+            return self.selected(store, notes, state, state.expression)
+        except RequestError as error:
+            made = self.selected(store, notes, state, "all")
+            told = f"all selected: {state.expression} means nothing here ({error})"
+            return replace(made, message=told)
+
+    def forget(self, generation: int) -> None:
+        """Keep nothing of a generation."""
+        self._bases = {key: base for key, base in self._bases.items() if key[0] != generation}
+
+    def _base(self, store: Store, state: State, context: MaskContext) -> NDArray[np.bool_]:
+        key = (store.generation, state.run, state.trajectories)
+        if key not in self._bases:
+            found = base_population(context)
+            known = (base for base in self._bases.values() if np.array_equal(base, found))
+            self._bases[key] = next(known, found)
+        return self._bases[key]
+
+
+def _kept_cursor(store: Store, state: State) -> int | None:
+    """The cursor where it is still inside, else the selection's worst real error."""
+    pool = state.selected if state.selected.any() else state.base
+    if state.cursor is not None and pool[state.cursor]:
+        return state.cursor
+    return largest(store.run_columns(state.run).real.error, pool)
