@@ -115,7 +115,8 @@ def scale(found_on: Evidence, request: Request, found: Measurement) -> str:
     """
     for axis, why in found.inconclusive.items():
         others = " ".join(f"--axis {name}" for name in request.wanted if name != axis)
-        raise InconclusiveError(f"{axis}: {why}; without it: {others}")
+        told = f"; without it: {others}" if others else ""
+        raise InconclusiveError(f"{axis}: {why}{told}")
     if not found.measured:
         why = "; ".join(f"{axis}: {lacking}" for axis, lacking in found.absent.items())
         raise RequestError(f"--freeze: no axis could be measured ({why})")
