@@ -43,6 +43,7 @@ from s2rtui.widgets.doctor import DoctorScreen
 from s2rtui.widgets.help import HelpScreen
 from s2rtui.widgets.jump import JumpScreen, Target
 from s2rtui.widgets.panes import Panes
+from s2rtui.widgets.plot import Wall
 from s2rtui.widgets.query import QueryLine
 from s2rtui.widgets.tour import TourScreen
 
@@ -89,11 +90,13 @@ class S2RApp(Brushes, Papers, Savings):
         self._sized = Size(0, 0)
         self.first_run = False
         self.terminal: Terminal | None = None
+        self.wall: Wall | None = None
 
     def compose(self) -> ComposeResult:
         yield Bar("status")
         views = [
-            PlotView(view.name, self.look, _PICTURE_TOLERANCE.get(view.name, 0)) for view in VIEWS
+            PlotView(view.name, self.look, _PICTURE_TOLERANCE.get(view.name, 0), self.wall)
+            for view in VIEWS
         ]
         yield Panes([*views], self._places)
         yield Bar("message")
@@ -422,6 +425,10 @@ def run_app(
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
     app = S2RApp(Session(path, run, Notebook, nights), look, access=access)
     app.first_run, app.terminal = notebook.first_run(), terminal
+    if terminal.graphics is not None:
+        from s2rtui.graphics.hanging import hang
+
+        hang(app, terminal.graphics)
     accept_any_bytes()
     app.run(mouse=terminal.mode is not ColourMode.NONE)
     background.rest(_PATIENCE)
