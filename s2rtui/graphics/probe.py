@@ -28,7 +28,8 @@ PATIENCE = 3.0
 """Seconds that the answer is waited for."""
 USUAL_CELL = (10, 20)
 _NUMBER = 31
-_ATTRIBUTES = re.compile(rb"\x1b\[\?([\d;]*)c")
+_ATTRIBUTES = re.compile(rb"\x1b\[\?[\d;]*c")
+_CURSOR = re.compile(rb"\x1b\[\d+;\d+R")
 _CELL = re.compile(rb"\x1b\[6;(\d+);(\d+)t")
 _DRAWN = b"\x1b_Gi=%d;OK" % _NUMBER
 _ON_TMUX = re.compile("kitty|ghostty")
@@ -49,21 +50,24 @@ def ask(terminal: Terminal, environment: Mapping[str, str] | None = None) -> Gra
     env = os.environ if environment is None else environment
     if terminal.ascii or not Look(mode=terminal.mode).fine:
         return Graphics(False, "pictures need 256 colours or more, and UTF-8")
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if not _here():
         return Graphics(False, "no terminal to ask")
     if env.get("TMUX"):
         return _of_tmux(_ask_tmux())
     return of_answer(_ask_terminal())
 
 
+def _here() -> bool:
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
 def of_answer(answer: bytes) -> Graphics:
     """What the answers to `_question` say."""
-    attributes = _ATTRIBUTES.search(answer)
-    if attributes is None:
+    if not _ATTRIBUTES.search(answer):
         return Graphics(False, f"the terminal did not answer within {PATIENCE:.0f} s")
     if _DRAWN not in answer:
         return Graphics(False, "the terminal does not draw pictures by the Kitty protocol")
-    if b"4" in attributes[1].split(b";"):
+    if len(set(_CURSOR.findall(answer))) != 1:
         told = "the terminal knows the Kitty protocol, but not its placeholders"
         return Graphics(False, told)
     cell = _CELL.search(answer)
@@ -82,9 +86,12 @@ def cell_pixels(otherwise: Size = USUAL_CELL) -> Size:
 
 
 def _question() -> bytes:
-    """A pixel that is sent and deleted, the size of a cell, and the terminal's attributes."""
+    """A pixel that is sent and deleted, the size of a cell, and the terminal's attributes.
+
+    Where a placeholder is not known the pixel is shown at once, and the cursor moves.
+    """
     pixel = tgp.command(f"a=T,U=1,i={_NUMBER},c=1,r=1,s=1,v=1,f=24,t=d;AAAA")
-    return f"{pixel}{tgp.forget([_NUMBER])}\x1b[16t\x1b[c".encode()
+    return f"\x1b[6n{pixel}\x1b[6n{tgp.forget([_NUMBER])}\x1b[16t\x1b[c".encode()
 
 
 def _ask_terminal() -> bytes:

@@ -22,7 +22,9 @@ from s2rtui.widgets.plot import Hung
 NUMBERS = 32
 """Pictures that the terminal holds at most; those shown are at most half of them."""
 LARGEST = 256 * 256
-"""Pixels of a picture at most: more than the frames of most stores have."""
+"""Pixels of a picture at most: what frames have by default."""
+HEAVIEST = 96 * 1024
+"""Bytes of a picture's PNG at most, four thirds of it as sent; few photographs reach it."""
 
 _SLIDING = 0.3
 """Seconds."""
@@ -62,7 +64,7 @@ class PictureWall:
     def _number(self, view: str, index: int, plate: Plate) -> int:
         """The number of a picture; where it is another than before, it is sent under a new one."""
         cell = cell_pixels(self._graphics.cell)
-        picture = png(plate.pixels(pixel_size(plate, cell)))
+        picture = _light_png(plate, pixel_size(plate, cell))
         cells = plate.width, plate.height
         digest = blake2b(picture + bytes(f"{cells}", "ascii"), digest_size=16).digest()
         known, number = self._hung.get((view, index), (b"", 0))
@@ -98,8 +100,18 @@ def pixel_size(plate: Plate, cell: Size) -> Size:
     return max(1, int(rows * share)), max(1, int(columns * share))
 
 
+def _light_png(plate: Plate, size: Size) -> bytes:
+    """The picture in (height, width), or as much smaller as makes it light enough."""
+    picture = png(plate.pixels(size))
+    while len(picture) > HEAVIEST:
+        share = 0.98 * (HEAVIEST / len(picture)) ** 0.5
+        size = int(size[0] * share), int(size[1] * share)
+        picture = png(plate.pixels(size))
+    return picture
+
+
 def png(pixels: Pixels) -> bytes:
     """A picture (h, w, 3), without loss."""
     stream = BytesIO()
-    Image.fromarray(pixels).save(stream, format="PNG", compress_level=6)
+    Image.fromarray(pixels).save(stream, format="PNG", compress_level=4)
     return stream.getvalue()

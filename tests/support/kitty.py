@@ -12,12 +12,17 @@ from PIL import Image
 
 from s2rtui.graphics.tgp import NUMBERS, PLACEHOLDER
 
-ANSWER = b"\x1b_Gi=31;OK\x1b\\\x1b[6;20;10t\x1b[?62;22c"
+QUESTION_END = b"\x1b[c"
+ATTRIBUTES = b"\x1b[?62;22c"
+CURSOR = b"\x1b[7;1R"
+DRAWN = b"\x1b_Gi=31;OK\x1b\\"
+CELL = b"\x1b[6;20;10t"
+ANSWER = CURSOR + DRAWN + CURSOR + CELL + ATTRIBUTES
 _COMMAND = re.compile(rb"\x1b_G([^;\x1b]*)(?:;([^\x1b]*))?\x1b\\")
 _SHOWN = re.compile(rf"\x1b\[38;5;(\d+)m((?:{PLACEHOLDER}..)+)")
 
 
-@dataclass
+@dataclass(frozen=True)
 class Held:
     """A picture (h, w, 3) that was sent, and the box of columns and rows that it fills."""
 
@@ -27,11 +32,10 @@ class Held:
 
 @dataclass
 class Kitty:
-    """What a terminal holds after some bytes: by number, with every command that came."""
+    """What a terminal holds after some bytes, by number, and the bytes of pictures that came."""
 
     held: dict[int, Held] = field(default_factory=dict)
-    commands: list[dict[str, str]] = field(default_factory=list)
-    sent: int = 0
+    received: int = 0
 
     @classmethod
     def after(cls, raw: bytes) -> Kitty:
@@ -40,30 +44,36 @@ class Kitty:
         data = b""
         for match in _COMMAND.finditer(raw):
             keys = dict(pair.split("=") for pair in match[1].decode().split(","))
+            assert len(match[2] or b"") <= 4096
             data += match[2] or b""
             begun = begun or keys
-            if keys.get("m") == "1":
-                continue
-            kitty._take(begun, data)
-            begun, data = {}, b""
+            if keys.get("m") != "1":
+                kitty._take(begun, data)
+                begun, data = {}, b""
         return kitty
 
     def _take(self, keys: dict[str, str], data: bytes) -> None:
-        self.commands.append(keys)
         number = int(keys["i"])
         if keys["a"] == "d":
+            assert keys["d"] == "I"  # with the data, not only where it is shown
             self.held.pop(number, None)
-        elif keys.get("f") == "100":
-            self.sent += len(data)
-            pixels = np.asarray(Image.open(BytesIO(standard_b64decode(data))).convert("RGB"))
+        elif keys["f"] == "100":
+            assert (keys["a"], keys["U"], keys["q"]) == ("T", "1", "2")
+            self.received += len(data)
+            pixels = np.asarray(Image.open(BytesIO(standard_b64decode(data))))
             self.held[number] = Held(pixels, (int(keys["c"]), int(keys["r"])))
 
 
 def placed(raw: bytes) -> dict[int, set[tuple[int, int]]]:
-    """The (row, column) of each picture's parts that were written, by its number."""
+    """The (column, row) of each picture's parts that were written, by its number."""
     found: dict[int, set[tuple[int, int]]] = {}
     for match in _SHOWN.finditer(raw.decode(errors="replace")):
         cells = match[2].split(PLACEHOLDER)[1:]
-        places = {(NUMBERS.index(cell[0]), NUMBERS.index(cell[1])) for cell in cells}
+        places = {(NUMBERS.index(cell[1]), NUMBERS.index(cell[0])) for cell in cells}
         found.setdefault(int(match[1]), set()).update(places)
     return found
+
+
+def box_cells(columns: int, rows: int) -> set[tuple[int, int]]:
+    """All the (column, row) of a box."""
+    return {(column, row) for column in range(columns) for row in range(rows)}
