@@ -21,7 +21,7 @@ from s2rtui.session import Session
 from tests.support.kitty import ANSWER, ATTRIBUTES, QUESTION_END, Kitty, box_cells, placed
 from tests.support.screen import RIGHT, Screen
 
-ASKED = re.compile(rb"\x1b_G|\x1bP|\x1b\[c|\x1b\[\d+t")
+ASKED = re.compile(rb"\x1b_G|\x1bP|\x1b\[c|\x1b\[\d+[tn]")
 Visit = dict[str, bytes]
 
 
