@@ -15,12 +15,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from bench.figures import Figure
-from s2rtui.graphics.wall import HEAVIEST
 
 _QUIET = 0.6
 SIZES = ((120, 40), (200, 60))
 _MOVE = b"\x1b[C"
 _DRAWS_PICTURES = b"\x1b[1;1R\x1b_Gi=31;OK\x1b\\\x1b[1;1R\x1b[6;20;10t\x1b[?62c"
+_TRUE_PIXELS = 160_000
+"""Bytes of four pictures as small as they are at 120 x 40."""
 KEYS = {
     "w": b"w", "b": b"b", "undo": b"u", "zoom in": b"+", "zoom out": b"0", "run": b"r",
     "umap": b"4", "orientation": b"5", "list": b"8", "map": b"2", "help": b"?", "leave": b"\x1b",
@@ -81,13 +82,13 @@ def figures(store: Path) -> Iterator[Figure]:
 
 
 def _true_pixels(store: Path, size: tuple[int, int]) -> Iterator[Figure]:
-    """The same steps where a terminal answers that it draws pictures, in cells of 10 x 20 pixels."""
+    """The cursor where a terminal draws pictures, in cells of 10 x 20 pixels."""
     terminal = Terminal(store, size, "--graphics")
     terminal.read(1.0, 5)
     terminal.press(_DRAWS_PICTURES)
     terminal.read(2.0)
     at = f"{size[0]}x{size[1]}, true pixels: "
-    yield from _cursor(terminal, at, 4 * HEAVIEST * 4 // 3)
+    yield from _cursor(terminal, at, _TRUE_PIXELS)
     terminal.close()
 
 
