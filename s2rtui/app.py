@@ -43,9 +43,9 @@ from s2rtui.widgets.doctor import DoctorScreen
 from s2rtui.widgets.help import HelpScreen
 from s2rtui.widgets.jump import JumpScreen, Target
 from s2rtui.widgets.panes import Panes
-from s2rtui.widgets.plot import Wall
 from s2rtui.widgets.query import QueryLine
 from s2rtui.widgets.tour import TourScreen
+from s2rtui.widgets.wall import Wall
 
 WATCH_SECONDS = 2.0
 _PATIENCE = 0.3

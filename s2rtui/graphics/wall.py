@@ -17,7 +17,7 @@ from s2rtui.canvas.colour import Pixels
 from s2rtui.graphics import tgp
 from s2rtui.graphics.probe import Graphics, cell_pixels
 from s2rtui.graphics.strips import Span, with_spans
-from s2rtui.widgets.plot import Hung
+from s2rtui.widgets.wall import Hung
 
 NUMBERS = 32
 """Pictures that the terminal holds at most; those shown are at most half of them."""

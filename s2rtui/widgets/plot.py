@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from textual import events
@@ -15,6 +14,7 @@ from textual.timer import Timer
 from textual.widget import Widget
 
 from s2rtui.canvas import Canvas, Look, to_strips
+from s2rtui.widgets.wall import Wall
 
 Draw = Callable[[tuple[int, int], Look], Canvas]
 Cell = tuple[int, int]
@@ -22,24 +22,6 @@ Cell = tuple[int, int]
 _GAP = 12
 _REST = 0.15
 """Seconds without another size until pictures hang again."""
-
-
-@dataclass(frozen=True, slots=True)
-class Hung:
-    """Strips with pictures in them, and where each of these hangs; a number stands for one."""
-
-    strips: list[Strip]
-    places: frozenset[tuple[Region, int]]
-
-
-class Wall(Protocol):
-    """Draws a canvas' pictures in true pixels."""
-
-    def rest(self, view: str) -> float:
-        """Seconds without another drawing until its pictures are worth sending."""
-
-    def hang(self, view: str, canvas: Canvas, strips: list[Strip]) -> Hung:
-        """The strips with the canvas' pictures in them."""
 
 
 @dataclass(frozen=True, slots=True)
