@@ -41,6 +41,7 @@ from s2rtui.widgets.jump import JumpScreen
 from s2rtui.widgets.panes import Panes
 from s2rtui.widgets.query import QueryLine
 from s2rtui.widgets.tour import TourScreen
+from s2rtui.widgets.wall import Wall
 
 WATCH_SECONDS = 2.0
 _FIRST_SCREEN = 0.5
@@ -84,11 +85,13 @@ class S2RApp(Brushes, Papers, Savings):
         self._sized = Size(0, 0)
         self.first_run = False
         self.terminal: Terminal | None = None
+        self.wall: Wall | None = None
 
     def compose(self) -> ComposeResult:
         yield Bar("status")
         views = [
-            PlotView(view.name, self.look, _PICTURE_TOLERANCE.get(view.name, 0)) for view in VIEWS
+            PlotView(view.name, self.look, _PICTURE_TOLERANCE.get(view.name, 0), self.wall)
+            for view in VIEWS
         ]
         yield Panes([*views], self._places)
         yield Bar("message")

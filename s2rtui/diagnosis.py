@@ -49,9 +49,18 @@ def terminal(found: Terminal | None = None) -> Rows:
         ("TERM", os.environ.get("TERM", "unset")),
         ("colours", f"{found.mode.value}: {found.reason}"),
         ("characters", "ASCII" if found.ascii else "Unicode"),
+        ("graphics", _graphics(found)),
         ("over SSH", "yes" if os.environ.get("SSH_CONNECTION") else "no"),
         ("in tmux", "yes" if os.environ.get("TMUX") else "no"),
     ]
+
+
+def _graphics(found: Terminal) -> str:
+    """Which pictures in true pixels the terminal draws, where it was asked."""
+    if found.graphics is None:
+        return "half blocks; --graphics asks the terminal for more"
+    told, (width, height) = found.graphics.told, found.graphics.cell
+    return f"{told}; cells of {width}x{height} px" if found.graphics.pictures else told
 
 
 def packages() -> Rows:

@@ -31,6 +31,10 @@ def run_app(
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
     app = S2RApp(Session(path, run, partial(Notebook, patient=True), nights), look, access=access)
     app.first_run, app.terminal = notebook.first_run(), terminal
+    if terminal.graphics is not None:
+        from s2rtui.graphics.hanging import hang
+
+        hang(app, terminal.graphics)
     accept_any_bytes()
     app.run(mouse=terminal.mode is not ColourMode.NONE)
     background.rest(_PATIENCE)

@@ -8,20 +8,25 @@ from codecs import IncrementalDecoder
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
 from s2rtui.colour_mode import ColourMode
+
+if TYPE_CHECKING:
+    from s2rtui.graphics.probe import Graphics
 
 COLOURS = ("auto", *(mode.value for mode in ColourMode))
 
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """Colours and characters to use, and why."""
+    """Colours and characters to use, and why; `graphics` is None where nothing was asked."""
 
     mode: ColourMode
     ascii: bool
     reason: str
+    graphics: Graphics | None = None
 
 
 def detect(

@@ -1,7 +1,7 @@
 """Drawing in cells: a canvas of arrays, rasters in it, and its way to the terminal."""
 
 from s2rtui.canvas.colour import DARK, LIGHT, THEMES, ColourMode, Rgb, Theme
-from s2rtui.canvas.grid import Canvas, Size
+from s2rtui.canvas.grid import Canvas, Plate, Size
 from s2rtui.canvas.look import ASCII, UNICODE, Glyphs, Look, heading_arrow
 from s2rtui.canvas.strips import DeltaStrip, to_strips
 
@@ -16,6 +16,7 @@ __all__ = [
     "DeltaStrip",
     "Glyphs",
     "Look",
+    "Plate",
     "Rgb",
     "Size",
     "Theme",

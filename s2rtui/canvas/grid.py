@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 from rich.cells import cell_len, get_character_cell_size
@@ -12,18 +15,35 @@ Size = tuple[int, int]
 BoolGrid = NDArray[np.bool_]
 
 
+@dataclass(frozen=True, slots=True)
+class Plate:
+    """A picture that half blocks only hint at: its box in cells, its own (height, width).
+
+    `pixels` gives it in any (height, width).
+    """
+
+    x: int
+    y: int
+    width: int
+    height: int
+    shape: Size
+    pixels: Callable[[Size], Pixels]
+
+
 class Canvas:
     """`width` x `height` cells: `char` (h, w) '<U1', `fg` and `bg` (h, w, 3) uint8, `bold` (h, w).
 
     The cell after a character of width two holds the empty string. Drawing outside the canvas is
-    clipped, never an error. Sizes under 1 are taken as 1.
+    clipped, never an error. Sizes under 1 are taken as 1. `plates` are the pictures in it that a
+    terminal may draw in true pixels.
     """
 
-    __slots__ = ("bg", "bold", "char", "fg", "theme")
+    __slots__ = ("bg", "bold", "char", "fg", "plates", "theme")
 
     def __init__(self, width: int, height: int, theme: Theme = DARK) -> None:
         shape = (max(1, int(height)), max(1, int(width)))
         self.theme = theme
+        self.plates: list[Plate] = []
         self.char: NDArray[np.str_] = np.full(shape, " ", dtype="<U1")
         self.fg: Pixels = np.empty((*shape, 3), dtype=np.uint8)
         self.bg: Pixels = np.empty((*shape, 3), dtype=np.uint8)
@@ -143,3 +163,9 @@ class Canvas:
         self.bold[into] = other.bold[source]
         self.fg[into] = other.fg[source]
         self.bg[into] = other.bg[source]
+        moved = (replace(plate, x=plate.x + x, y=plate.y + y) for plate in other.plates)
+        self.plates += [plate for plate in moved if self._holds(plate)]
+
+    def _holds(self, plate: Plate) -> bool:
+        across = plate.x >= 0 and plate.x + plate.width <= self.width
+        return across and plate.y >= 0 and plate.y + plate.height <= self.height

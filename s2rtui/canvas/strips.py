@@ -93,7 +93,7 @@ class DeltaStrip(Strip):
 
     def render(self, console: Console) -> str:
         if self._render_cache is None:
-            self._render_cache = _encoded(self._runs)
+            self._render_cache = encoded(self._runs)
         return self._render_cache
 
 
@@ -233,7 +233,7 @@ def to_strips(
     ]
 
 
-def _encoded(runs: Runs) -> str:
+def encoded(runs: Runs) -> str:
     """Escape codes of a row on their own: the first run says all, the others what changes."""
     mode = runs.mode
     codes: list[str] = []

@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 from s2rtui.cli import output
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", nargs="?", help="also tell about this store")
+    parser.add_argument("--graphics", action="store_true",
+                        help="also ask the terminal whether it draws pictures")  # fmt: skip
     output.add_format(parser, with_parquet=False)
 
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtui import diagnosis
+    from s2rtui.terminal import detect
 
-    rows = [*diagnosis.machine(), *diagnosis.terminal(), *diagnosis.packages()]
+    terminal = detect()
+    if options.graphics:
+        from s2rtui.graphics.probe import ask
+
+        terminal = replace(terminal, graphics=ask(terminal))
+    rows = [*diagnosis.machine(), *diagnosis.terminal(terminal), *diagnosis.packages()]
     if options.store:
         rows += diagnosis.of_store(options.store)
     output.write(("what", "state"), rows, options)

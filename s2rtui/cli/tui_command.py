@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 _FORCED = "this account opens the application and nothing else; connect with `ssh -t`"
@@ -19,6 +20,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="colours to use (default: what the terminal says)",
     )  # fmt: skip
     parser.add_argument(
+        "--graphics", action="store_true",
+        help="pictures of an instance in true pixels: kitty and ghostty, over SSH too, and inside "
+             "tmux after `tmux set -g allow-passthrough on`",
+    )  # fmt: skip
+    parser.add_argument(
         "--restricted", action="store_true",
         help="for a shared account: writes in the user's own folder only, loads no model",
     )  # fmt: skip
@@ -30,6 +36,8 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtui.access.process import confine, end_with_parent, is_served
     from s2rtui.terminal import detect, prepare_environment, refuse_unusable
 
+    if options.graphics and options.ascii:
+        raise RequestError("--graphics: pictures are not ASCII; leave out --ascii")
     if options.restricted and options.history is not None:
         raise RequestError("--history: a restricted session shows the store's own history only")
     if options.restricted:
@@ -43,6 +51,10 @@ def execute(options: argparse.Namespace) -> int:
         refuse_unusable()
         access = Access.of(options.store)
     terminal = detect(options.colour, options.ascii)
+    if options.graphics:
+        from s2rtui.graphics.probe import ask
+
+        terminal = replace(terminal, graphics=ask(terminal))
     prepare_environment(terminal)
     from s2rtui.opening import run_app
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.canvas.colour import Pixels, depth_tint, diverging, legible, turbo
-from s2rtui.canvas.grid import Canvas, Size
+from s2rtui.canvas.grid import Canvas, Plate, Size
 from s2rtui.canvas.look import Look
 from s2rtui.canvas.raster import picture, resample, shade
 from s2rtui.plots.inputs import InstanceInput, SideView
@@ -138,8 +140,10 @@ def _panel(
         _heat_glyphs(canvas, panel, side, view, model)
     elif side.rgb.size if panel.what == "rgb" else side.depth is not None:
         plain = view if look.pictures else _without_heat(view)
-        pixels = panel_pixels(side, panel.what, model, plain, (2 * panel.height, panel.width))
-        picture(canvas, panel.x, panel.y, pixels, look)
+        pixels = partial(panel_pixels, side, panel.what, model, plain)
+        picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)), look)
+        if look.fine:
+            canvas.plates.append(_plate(panel, side, pixels))
     else:
         canvas.text(
             panel.x,
@@ -147,6 +151,12 @@ def _panel(
             "no image" if panel.what == "rgb" else "no depth",
             look.theme.muted,
         )
+
+
+def _plate(panel: Panel, side: SideView, pixels: Callable[[Size], Pixels]) -> Plate:
+    image = side.rgb if panel.what == "rgb" or side.depth is None else side.depth
+    shape = image.shape[0], image.shape[1]
+    return Plate(panel.x, panel.y, panel.width, panel.height, shape, pixels)
 
 
 def _without_heat(view: InstanceInput) -> InstanceInput:

@@ -10,14 +10,18 @@ from textual import events
 from textual.geometry import Region
 from textual.message import Message
 from textual.strip import Strip
+from textual.timer import Timer
 from textual.widget import Widget
 
 from s2rtui.canvas import Canvas, Look, to_strips
+from s2rtui.widgets.wall import Wall
 
 Draw = Callable[[tuple[int, int], Look], Canvas]
 Cell = tuple[int, int]
 
 _GAP = 12
+_REST = 0.15
+"""Seconds without another size until pictures hang again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +129,8 @@ class PlotView(Widget, can_focus=False):
             """All turns up to now. What comes after them is told by another message."""
             return self._wheel.taken()
 
-    def __init__(self, name: str, look: Look, tolerance: int = 0) -> None:
+    def __init__(self, name: str, look: Look, tolerance: int = 0, wall: Wall | None = None) -> None:
+        """`wall` draws its pictures; without one they are half blocks."""
         super().__init__(id=name)
         self.placed = False
         self._view = name
@@ -137,6 +142,9 @@ class PlotView(Widget, can_focus=False):
         self._strips: list[Strip] = []
         self._drag: Drag | None = None
         self._wheel = Wheel(name)
+        self._wall = wall
+        self._hangs: Timer | None = None
+        self._places: frozenset[tuple[Region, int]] = frozenset()
 
     def show(self, draw: Draw, depends: tuple[object, ...] | None = None) -> None:
         """Draw anew by `draw(size, look)`, unless `depends` is what it was."""
@@ -146,6 +154,8 @@ class PlotView(Widget, can_focus=False):
             return
         before = self._canvas
         self._render_canvas()
+        if self._wall is not None:
+            self._hang_after(self._wall.rest(self._view))
         if before is None or self._canvas is None or before.char.shape != self._canvas.char.shape:
             self.refresh()
             return
@@ -157,6 +167,8 @@ class PlotView(Widget, can_focus=False):
         """Hold nothing of what was drawn: not the store either that it was drawn from."""
         self._draw = self._depends = self._canvas = None
         self._strips = []
+        self._places = frozenset()
+        self._drop_hanging()
 
     def _render_canvas(self) -> None:
         if self._draw is None:
@@ -169,6 +181,35 @@ class PlotView(Widget, can_focus=False):
         self._canvas = None
         self._render_canvas()
         self.refresh()
+        if self._wall is not None:
+            self._hang_after(_REST)
+
+    def _hang_after(self, seconds: float) -> None:
+        """Have the pictures drawn by the wall, at once or when nothing else comes for a while."""
+        self._drop_hanging()
+        if seconds:
+            self._placed(frozenset())
+            self._hangs = self.set_timer(seconds, self.hang)
+        else:
+            self.hang()
+
+    def _drop_hanging(self) -> None:
+        if self._hangs is not None:
+            self._hangs.stop()
+            self._hangs = None
+
+    def hang(self) -> None:
+        """Have the wall draw the pictures that are here."""
+        if self._wall is not None and self._canvas is not None:
+            hung = self._wall.hang(self._view, self._canvas, self._strips)
+            self._strips = hung.strips
+            self._placed(hung.places)
+
+    def _placed(self, places: frozenset[tuple[Region, int]]) -> None:
+        """Repaint where pictures came or went."""
+        changed, self._places = places ^ self._places, places
+        if changed:
+            self.refresh(*(region for region, _ in changed))
 
     def render_lines(self, crop: Region) -> list[Strip]:
         """The strips of a part of the widget."""

@@ -1,0 +1,40 @@
+"""Pictures in true pixels in an application, from its start to its end."""
+
+from __future__ import annotations
+
+from textual.drivers.linux_driver import LinuxDriver
+
+from s2rtui.app import S2RApp
+from s2rtui.graphics.probe import Graphics
+from s2rtui.graphics.wall import PictureWall
+from s2rtui.widgets import PlotView
+
+
+def hang(app: S2RApp, graphics: Graphics) -> None:
+    """Give an application that is not yet running what the terminal draws, or say why not."""
+    if not graphics.pictures:
+        app.session.tell(f"--graphics: {graphics.told}; half blocks stay")
+        return
+
+    def write(text: str) -> None:
+        if app._driver is not None:
+            app._driver.write(text)
+
+    def anew() -> None:
+        for plot in app.query(PlotView):
+            plot.hang()
+
+    wall = PictureWall(graphics, write)
+
+    class Driver(LinuxDriver):
+        """Leaves no picture behind in the screen that it leaves, for a while or for good."""
+
+        def start_application_mode(self) -> None:
+            super().start_application_mode()
+            app.call_later(anew)
+
+        def stop_application_mode(self) -> None:
+            wall.take_down()
+            super().stop_application_mode()
+
+    app.wall, app.driver_class = wall, Driver

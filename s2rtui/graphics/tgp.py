@@ -1,0 +1,69 @@
+"""Kitty's graphics protocol with Unicode placeholders: pictures as text, so none is left over.
+
+https://sw.kovidgoyal.net/kitty/graphics-protocol/#unicode-placeholders
+"""
+
+from __future__ import annotations
+
+from base64 import standard_b64encode
+from collections.abc import Iterable
+
+from s2rtui.canvas import Size
+
+PLACEHOLDER = "\U0010eeee"
+CHUNK = 4096
+"""Characters of base64 in one sequence, as the protocol has it."""
+
+
+def _spread(ranges: str) -> str:
+    """Characters from hexadecimal numbers and ranges of them."""
+    ends = (part.split("-") for part in ranges.split())
+    return "".join(chr(at) for end in ends for at in range(int(end[0], 16), int(end[-1], 16) + 1))
+
+
+NUMBERS = _spread("""
+    305 30D-30E 310 312 33D-33F 346 34A-34C 350-352 357 35B 363-36F 483-487 592-595 597-599
+    59C-5A1 5A8-5A9 5AB-5AC 5AF 5C4 610-617 657-65B 65D-65E 6D6-6DC 6DF-6E2 6E4 6E7-6E8 6EB-6EC
+    730 732-733 735-736 73A 73D 73F-741 743 745 747 749-74A 7EB-7F1 7F3 816-819 81B-823 825-827
+    829-82D 951 953-954 F82-F83 F86-F87 135D-135F 17DD 193A 1A17 1A75-1A7C 1B6B 1B6D-1B73
+    1CD0-1CD2 1CDA-1CDB 1CE0 1DC0-1DC1 1DC3-1DC9 1DCB-1DCC 1DD1-1DE6 1DFE 20D0-20D1 20D4-20D7
+    20DB-20DC 20E1 20E7 20E9 20F0 2CEF-2CF1 2DE0-2DFF A66F A67C-A67D A6F0-A6F1 A8E0-A8F1 AAB0
+    AAB2-AAB3 AAB7-AAB8 AABE-AABF AAC1 FE20-FE26 10A0F 10A38 1D185-1D189 1D1AA-1D1AD 1D242-1D244
+""")
+"""The diacritics that stand for 0, 1, 2 ... above a placeholder: its row, then its column."""
+
+
+def show(number: int, png: bytes, cells: Size, in_tmux: bool = False) -> str:
+    """Send a picture under a number (1 .. 255), to be shown wherever its placeholders stand.
+
+    `cells` (columns, rows) is the box that the terminal fits it into.
+    """
+    data = standard_b64encode(png).decode("ascii")
+    parts = [data[at : at + CHUNK] for at in range(0, len(data), CHUNK)]
+    keys = f"a=T,U=1,f=100,i={number},c={cells[0]},r={cells[1]},q=2,"
+    sent = []
+    for index, part in enumerate(parts):
+        more = int(index < len(parts) - 1)
+        sent.append(command(f"{keys if index == 0 else ''}m={more};{part}", in_tmux))
+    return "".join(sent)
+
+
+def forget(numbers: Iterable[int], in_tmux: bool = False) -> str:
+    """Delete pictures, wherever they are shown."""
+    return "".join(command(f"a=d,d=I,i={number},q=2", in_tmux) for number in numbers)
+
+
+def command(text: str, in_tmux: bool = False) -> str:
+    """One sequence; tmux hands it on to its terminal where it is wrapped."""
+    sequence = f"\x1b_G{text}\x1b\\"
+    if not in_tmux:
+        return sequence
+    doubled = sequence.replace("\x1b", "\x1b\x1b")
+    return f"\x1bPtmux;{doubled}\x1b\\"
+
+
+def placeholders(number: int, row: int, column: int, count: int) -> str:
+    """`count` cells of a picture's row, on their own: the number is the colour of the text."""
+    mark = f"{PLACEHOLDER}{NUMBERS[row]}"
+    cells = "".join(f"{mark}{NUMBERS[at]}" for at in range(column, column + count))
+    return f"\x1b[38;5;{number}m{cells}\x1b[39m"

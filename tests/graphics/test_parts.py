@@ -1,0 +1,228 @@
+"""The question to the terminal, strips with pictures, and what is sent of a picture."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+from textual.strip import Strip
+
+from s2rtui.canvas import Canvas, ColourMode, Plate, Size, to_strips
+from s2rtui.canvas.colour import Pixels
+from s2rtui.cli import main
+from s2rtui.graphics import probe, tgp
+from s2rtui.graphics.probe import Graphics, of_answer
+from s2rtui.graphics.wall import HEAVIEST, LARGEST, NUMBERS, PictureWall, pixel_size
+from s2rtui.terminal import Terminal
+from tests.support.kitty import (
+    ANSWER,
+    ATTRIBUTES,
+    CELL,
+    CURSOR,
+    DRAWN,
+    Kitty,
+    box_cells,
+    placed,
+)
+
+TRUE = Terminal(ColourMode.TRUECOLOR, False, "")
+MOVED = b"\x1b[7;2R"
+
+
+def codes(strips: list[Strip]) -> bytes:
+    return "".join(strip.render(Console()) for strip in strips).encode()
+
+
+def noise(size: Size) -> Pixels:
+    return np.random.default_rng(1).integers(0, 256, (*size, 3)).astype(np.uint8)
+
+
+def canvas(pixels: Pixels, box: Size = (6, 3)) -> Canvas:
+    """A picture at (2, 1), text on all sides of it."""
+    drawn = Canvas(12, 5)
+    for row in range(5):
+        drawn.text(0, row, "abcdefghijkl")
+    drawn.plates.append(Plate(2, 1, *box, pixels.shape[:2], partial(resized, pixels)))
+    return drawn
+
+
+def resized(pixels: Pixels, size: Size) -> Pixels:
+    return pixels[: size[0], : size[1]]
+
+
+class Terminals:
+    """A wall, and what it wrote."""
+
+    def __init__(self, in_tmux: bool = False) -> None:
+        self.written = ""
+        self.wall = PictureWall(Graphics(True, "", in_tmux=in_tmux), self._write)
+
+    def _write(self, text: str) -> None:
+        self.written += text
+
+    def hang(self, drawn: Canvas, view: str = "instance") -> list[Strip]:
+        return self.wall.hang(view, drawn, to_strips(drawn, ColourMode.TRUECOLOR)).strips
+
+
+# --- the question --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("answer", "pictures", "told"),
+    [
+        (ANSWER, True, "Kitty"),
+        (b"typed" + ANSWER, True, "Kitty"),
+        (ATTRIBUTES, False, "does not draw"),
+        (CURSOR + CURSOR + CELL + ATTRIBUTES, False, "does not draw"),
+        (CURSOR + DRAWN + MOVED + ATTRIBUTES, False, "not its placeholders"),
+        (DRAWN + ATTRIBUTES, False, "not its placeholders"),
+        (CURSOR + DRAWN + CURSOR, False, "did not answer"),
+        (b"", False, "did not answer"),
+    ],
+)
+def test_the_terminal_says_itself_what_it_draws(answer: bytes, pictures: bool, told: str) -> None:
+    found = of_answer(answer)
+    assert found.pictures is pictures
+    assert told in found.told
+
+
+def test_the_size_of_a_cell_is_the_terminals() -> None:
+    assert of_answer(ANSWER.replace(CELL, b"\x1b[6;31;15t")).cell == (15, 31)
+
+
+@pytest.mark.parametrize(
+    ("answer", "pictures", "told"),
+    [
+        ("xterm-kitty kitty(0.42.0) on\n", True, "passed on"),
+        ("xterm-256color ghostty 1.2 all\n", True, "passed on"),
+        ("xterm-kitty  1\n", True, "passed on"),
+        ("xterm-kitty  0\n", False, "allow-passthrough on"),
+        ("xterm-kitty kitty off\n", False, "allow-passthrough on"),
+        ("xterm-256color  1\n", False, "kitty or ghostty"),
+        ("", False, "does not tell"),
+    ],
+)
+def test_tmux_is_asked_for_its_terminal(
+    monkeypatch: pytest.MonkeyPatch, answer: str, pictures: bool, told: str
+) -> None:
+    monkeypatch.setattr(probe, "_ask_tmux", lambda: answer)
+    monkeypatch.setattr(probe, "_here", lambda: True)
+    found = probe.ask(TRUE, {"TMUX": "/tmp/tmux,1,0"})
+    assert (found.pictures, found.in_tmux) == (pictures, pictures)
+    assert told in found.told
+
+
+@pytest.mark.parametrize(
+    "terminal", [replace(TRUE, mode=ColourMode.ANSI), replace(TRUE, ascii=True)]
+)
+def test_nothing_is_asked_where_no_picture_can_be(
+    terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(probe, "_ask_terminal", lambda: pytest.fail("asked"))
+    monkeypatch.setattr(probe, "_here", lambda: True)
+    assert "256 colours" in probe.ask(terminal, {}).told
+
+
+def test_ascii_and_pictures_exclude_each_other(
+    tiny_store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["tui", str(tiny_store), "--graphics", "--ascii"]) == 2
+    assert "--ascii" in capsys.readouterr().err
+
+
+# --- strips --------------------------------------------------------------------------------------
+
+
+def test_placeholders_cover_the_box_and_no_other_cell() -> None:
+    terminal = Terminals()
+    strips = terminal.hang(canvas(noise((16, 16))))
+    written = codes(strips)
+    (number,) = Kitty.after(terminal.written.encode()).held
+    assert placed(written) == {number: box_cells(6, 3)}
+    text = re.sub(r"\x1b\[[\d;]*m", "", written.decode())
+    plain = re.sub(f"{tgp.PLACEHOLDER}..", "_", text)
+    assert plain == "abcdefghijkl" + 3 * "ab______ijkl" + "abcdefghijkl"
+
+
+@given(st.integers(0, 12), st.integers(0, 12))
+def test_a_part_of_a_strip_shows_its_part_of_the_picture(start: int, end: int) -> None:
+    strip = Terminals().hang(canvas(noise((16, 16))))[2].crop(start, end)
+    columns = {column for cells in placed(codes([strip])).values() for column, _ in cells}
+    assert columns == {at - 2 for at in range(start, end) if 2 <= at < 8}
+    assert strip.cell_length == max(0, end - start)
+
+
+def test_restyled_strips_are_half_blocks_again() -> None:
+    strip = Terminals().hang(canvas(noise((16, 16))))[2]
+    assert strip.text == "abcdefghijkl"
+    assert not placed(codes([Strip(list(strip))]))
+
+
+# --- what is sent --------------------------------------------------------------------------------
+
+
+@given(
+    st.tuples(st.integers(1, 2000), st.integers(1, 2000)),
+    st.tuples(st.integers(1, 200), st.integers(1, 60)),
+    st.tuples(st.integers(1, 40), st.integers(1, 80)),
+)
+def test_never_more_pixels_than_the_picture_the_box_and_the_limit(
+    shape: Size, box: Size, cell: Size
+) -> None:
+    plate = Plate(0, 0, *box, shape, lambda size: noise(size))
+    rows, columns = pixel_size(plate, cell)
+    assert 1 <= rows <= max(1, min(shape[0], box[1] * cell[1]))
+    assert 1 <= columns <= max(1, min(shape[1], box[0] * cell[0]))
+    assert rows * columns <= max(LARGEST, *shape)
+
+
+def test_the_heaviest_picture_is_made_lighter() -> None:
+    terminal = Terminals()
+    terminal.hang(canvas(noise((256, 256)), (8, 4)))
+    assert 0 < Kitty.after(terminal.written.encode()).received <= HEAVIEST * 4 // 3 + 4
+
+
+def test_what_hangs_there_is_not_sent_again() -> None:
+    terminal = Terminals()
+    terminal.hang(canvas(noise((16, 16))))
+    before = terminal.written
+    terminal.hang(canvas(noise((16, 16))))
+    assert terminal.written == before
+    terminal.hang(canvas(255 - noise((16, 16))))
+    assert terminal.written != before
+
+
+def test_a_picture_that_is_shown_keeps_its_number() -> None:
+    terminal = Terminals()
+    (strip, *_) = terminal.hang(canvas(noise((16, 16))), "instance")[1:]
+    shown = set(placed(codes([strip])))
+    for shade in range(3 * NUMBERS):
+        drawn = canvas(np.full((4, 4, 3), shade, np.uint8))
+        assert not shown & set(placed(codes(terminal.hang(drawn, "adjust"))))
+    assert len(Kitty.after(terminal.written.encode()).held) <= NUMBERS
+
+
+def test_all_are_deleted() -> None:
+    terminal = Terminals()
+    for shade in range(5):
+        terminal.hang(canvas(np.full((4, 4, 3), shade, np.uint8)))
+    terminal.wall.take_down()
+    assert Kitty.after(terminal.written.encode()).held == {}
+
+
+def test_tmux_passes_every_sequence_on() -> None:
+    terminal = Terminals(in_tmux=True)
+    terminal.hang(canvas(noise((64, 64)), (10, 3)))
+    terminal.wall.take_down()
+    parts = re.findall(r"\x1bPtmux;((?:\x1b\x1b|[^\x1b])*)\x1b\\", terminal.written)
+    assert "".join(f"\x1bPtmux;{part}\x1b\\" for part in parts) == terminal.written
+    passed = "".join(parts).replace("\x1b\x1b", "\x1b").encode()
+    assert passed.count(b"a=T") == 1
+    assert Kitty.after(passed).received > 4096
