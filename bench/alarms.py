@@ -23,7 +23,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -181,13 +181,12 @@ GAPS = (
 
 def judged(
     folder: Path, conditions: Sequence[Condition], seeds: Sequence[int], reference: Path
-) -> list[Row]:
+) -> Iterator[Row]:
     """Every condition on the same tours; noise and drives are the condition's own."""
     if not seeds:
-        return []
+        return
     path = folder / "tours.s2r"
     tours_store(path, seeds, COUNT, {look(each): (each.sim, each.real) for each in conditions})
-    rows: list[Row] = []
     with s2rstore.open(path) as store:
         for place, condition in enumerate(conditions):
             words: Counter[str] = Counter()
@@ -198,8 +197,7 @@ def judged(
                 word, found = verdict(store, condition, iids, drives, reference)
                 words[word] += 1
                 gaps.append(found)
-            rows.append(Row(condition, words, np.array(gaps)))
-    return rows
+            yield Row(condition, words, np.array(gaps))
 
 
 def look(condition: Condition) -> str:

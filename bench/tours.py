@@ -39,10 +39,11 @@ Looks = Mapping[str, tuple[Severities, Severities]]
 """Factors of the sim and of the real side, by the name of the run."""
 
 
-def tours_store(path: Path, seeds: Sequence[int], count: int, looks: Looks) -> None:
+def tours_store(path: Path, seeds: Sequence[int], count: int, looks: Looks, noise: int = 0) -> None:
     """A store of one trajectory of `count` views a seed, and a computed run of each look.
 
-    No model was trained on these poses; trajectory k is that of seeds[k].
+    No model was trained on these poses; trajectory k is that of seeds[k]. Another `noise` is that
+    of other photographs of the same places.
     """
     found = importer.scan(Path(), ScanOptions(frame=(FRAME, FRAME), world={"count": 2}))
     sides = {_domain(name, side): looks[name][side == "real"]
@@ -52,7 +53,7 @@ def tours_store(path: Path, seeds: Sequence[int], count: int, looks: Looks) -> N
     pictures = _seen(sides)
     world = World(shipped.WORLD_SEED)
     found.trajectories = {
-        f"tour-{number:05d}": _sightings(tour(world, seed, count), pictures, number * count)
+        f"tour-{number:05d}": _sightings(tour(world, seed, count), pictures, noise, number * count)
         for number, seed in enumerate(seeds)
     }
     found.recorded_at, found.drives = {}, None
@@ -74,7 +75,10 @@ def tour(world: World, seed: int, count: int) -> Poses:
             (float(rng.uniform(a.x0 + 0.5, a.x1 - 0.5)), float(rng.uniform(a.y0 + 0.5, a.y1 - 0.5)))
             for a in chosen
         ]
-        poses = drive(world.floor.way(stops), rng, count + _SPARE, world.sees)
+        line = world.floor.way(stops)
+        if len(line) < count:  # the first stop lies behind furniture
+            continue
+        poses = drive(line, rng, count + _SPARE, world.sees)
         if len(poses) >= count:
             return poses[:count]
 
@@ -121,7 +125,7 @@ def _seen(sides: Mapping[str, Severities]) -> dict[str, _Look]:
 
 
 def _sightings(
-    poses: NDArray[np.float64], looks: Mapping[str, _Look], first: int
+    poses: NDArray[np.float64], looks: Mapping[str, _Look], noise: int, first: int
 ) -> list[Sighting]:
     """No two views of a store share the noise of their sensors."""
     return [
@@ -129,7 +133,7 @@ def _sightings(
             x=float(pose[0]), y=float(pose[1]), heading=float(pose[2]),
             images={
                 name: importer.Rendering(look, pose, place * _VIEWS + first + row, "real")
-                for place, (name, look) in enumerate(looks.items())
+                for place, (name, look) in enumerate(looks.items(), noise * len(looks))
             },
         )
         for row, pose in enumerate(poses)
