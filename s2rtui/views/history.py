@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 from s2rstore.errors import RequestError
@@ -32,13 +32,13 @@ class HistoryView(View):
             return "the gap, night by night"
         last = nights[-1]
         stale = ", evidence is stale" if last.stale else ""
-        return f"the gap of {last.run}, {len(nights)} nights of {last.name}{stale}"
+        return f"the gap of {last.run}, {_count(nights)} of {last.name}{stale}"
 
     def input(self, scene: Scene) -> plots.HistoryInput:
         found = scene.resources.history
         if found is None:
             return plots.HistoryInput(())
-        return plots.HistoryInput(_nights(found, scene.state.run, scene.store.dataset.hash))
+        return plots.HistoryInput(_nights(found, scene.state.run, scene.store.dataset.name))
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
         failed = scene.resources.failed.get("history")
@@ -60,7 +60,7 @@ class HistoryView(View):
             return ("the history cannot be read", failed)
         if file is not None and found is None:
             return ("the history is not read yet",)
-        runs = found.shown_runs(scene.store.dataset.hash) if found is not None else ()
+        runs = found.shown_runs(scene.store.dataset.name) if found is not None else ()
         if runs:
             return (f"no night of run {scene.state.run}", f"there are nights of {', '.join(runs)}")
         if found is not None and found.nights:
@@ -99,8 +99,12 @@ class HistoryView(View):
 
 
 @lru_cache(4)
-def _nights(found: History, run: str, dataset_hash: str) -> tuple[Night, ...]:
-    return found.of_run(run, dataset_hash)
+def _nights(found: History, run: str, dataset: str) -> tuple[Night, ...]:
+    return found.of_run(run, dataset)
+
+
+def _count(nights: Sequence[Night]) -> str:
+    return f"{len(nights)} night{'' if len(nights) == 1 else 's'}"
 
 
 def _rows(night: Night) -> Iterator[tuple[object, ...]]:

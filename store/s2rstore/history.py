@@ -101,17 +101,20 @@ class History:
         """The nights of one configuration, each once."""
         return tuple({n.night: n for n in self.nights if n.name == name}.values())
 
-    def of_run(self, run: str, dataset_hash: str) -> tuple[Night, ...]:
-        """The nights of a run, each once; of several configurations those that ran last."""
-        mine = [n for n in self.nights if (n.run, n.dataset_hash) == (run, dataset_hash)]
+    def of_run(self, run: str, dataset: str) -> tuple[Night, ...]:
+        """The nights of a run, each once; of several configurations those that ran last.
+
+        A data set is known by its name: what is recorded anew every day has another hash.
+        """
+        mine = [n for n in self.nights if (n.run, n.dataset) == (run, dataset)]
         if not mine:
             return ()
         name = max(mine, key=lambda night: (night.night, night.id)).name
         return tuple(night for night in self.counting(name) if night in mine)
 
-    def shown_runs(self, dataset_hash: str) -> tuple[str, ...]:
+    def shown_runs(self, dataset: str) -> tuple[str, ...]:
         """The runs of a data set that have nights."""
-        runs = (n.run for n in self.nights if n.dataset_hash == dataset_hash)
+        runs = (n.run for n in self.nights if n.dataset == dataset)
         return tuple(dict.fromkeys(runs))
 
 

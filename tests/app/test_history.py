@@ -138,7 +138,7 @@ def test_a_restricted_session_knows_only_the_stores_own(store: Path, tiny_store:
         (None, "no nights yet"),
         (gaps.history(), "no nights yet"),
         (gaps.history(*gaps.week(run="dataaug")), "there are nights of dataaug"),
-        (gaps.history(*gaps.week(dataset_hash="1" * 64)), "name another history"),
+        (gaps.history(*gaps.week(dataset="other")), "name another history"),
     ],
 )
 def test_what_is_missing_is_told(tiny_store: Path, found: history.History | None, told: str
@@ -155,6 +155,14 @@ def test_what_is_missing_is_told(tiny_store: Path, found: history.History | None
 def test_of_several_gates_on_a_run_the_one_that_ran_last_is_shown() -> None:
     later = gaps.night(8, {"task": 3.0}, name="weekly")
     found = gaps.history(*gaps.week(), later)
-    assert found.of_run("vanilla", "0" * 64) == (later,)
+    assert found.of_run("vanilla", "tiny") == (later,)
     again = replace(gaps.week()[-1], id=9, outcome="PASS")
-    assert gaps.history(*gaps.week(), again).of_run("vanilla", "0" * 64)[-1].id == 9
+    assert gaps.history(*gaps.week(), again).of_run("vanilla", "tiny")[-1].id == 9
+
+
+def test_nights_on_what_was_recorded_anew_every_day_are_shown_together() -> None:
+    days = [replace(night, dataset_hash=f"{night.id:064d}") for night in gaps.week()]
+    found = gaps.history(*days)
+    assert found.of_run("vanilla", "tiny") == tuple(days)
+    assert found.shown_runs("tiny") == ("vanilla",)
+    assert found.of_run("vanilla", "other") == found.shown_runs("other") == ()
