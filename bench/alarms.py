@@ -40,7 +40,7 @@ from bench.worlds import QUIET
 from s2rstore.reader import Store
 from s2rtools.gap import gate
 from s2rtools.gap.contract import Evidence
-from s2rtools.gap.verdict import THRESHOLD
+from s2rtools.gap.defaults import THRESHOLD
 from s2rtools.logs import Drive
 from s2rtools.precompute.pipeline import Options, precompute
 from s2rtools.sysid import make_drives
