@@ -47,7 +47,7 @@ def _add_evidence(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dynamics", action="append", default=[], metavar="NAME=VALUE",
                         help="of the axes of motion (repeat): horizons=0.5,1,2 (s); "
                         "nrmse=travel|extent|deviation; align=rigid+reflection+scale, rpe=1s or "
-                        "poses, of APE and RPE; reach=1 (s), bad=untuned|period, period=0.05 of "
+                        "poses, of APE and RPE; reach=1 (s), bad=period|untuned, period=0.05 of "
                         "the delay; noise=0.002,0.003 (m, rad) of the real poses")  # fmt: skip
 
 

@@ -137,10 +137,10 @@ def test_rows_of_measure_floor_and_anchor_are_one_resample(evidence) -> None:
     assert measured.replicates.shape == measured.floor_replicates.shape == (300,)
 
 
-def test_the_bad_state_of_the_delay_may_be_a_period(evidence) -> None:
+def test_the_bad_state_of_the_delay_is_a_period_or_the_untuned_simulator(evidence) -> None:
     some = evidence(drives(1))
-    assert Delay().anchor(some, SETTINGS).value > 3
-    whole = Delay(bad_state="period").anchor(some, SETTINGS)
+    assert Delay(bad_state="untuned").anchor(some, SETTINGS).value > 3
+    whole = Delay().anchor(some, SETTINGS)
     assert whole.value == 1.0
     assert whole.replicates.tolist() == [1.0] * 300
 
@@ -154,7 +154,7 @@ def test_what_is_missing_is_said(evidence) -> None:
     assert "commands.csv" in (Delay().missing(quiet) or "")
     assert Delay(period=0.1).missing(quiet) is None
     assert Delay(period=0.1).measure(quiet, SETTINGS).value == pytest.approx(0.3, rel=0.1)
-    for axis in (Dynamics(), Delay()):
+    for axis in (Dynamics(), Delay(bad_state="untuned")):
         with pytest.raises(RequestError, match=r"drive drive1 has no untuned\.\*"):
             axis.anchor(evidence([robot.pair(1)]), SETTINGS)
 

@@ -74,7 +74,7 @@ def test_nothing_asked_is_the_defaults() -> None:
         (["rpe=1.5"], "give seconds, as 1s, or poses"),
         (["rpe=-1s"], "give seconds, as 1s"),
         (["reach=inf"], "give seconds up to 60"),
-        (["bad=today"], "give one of untuned, period"),
+        (["bad=today"], "give one of period, untuned"),
         (["period=0"], "give seconds, as 0.05"),
         (["noise=0.1"], "give measured, or metres and radians"),
         (["noise=-1,0"], "give measured, or metres and radians"),

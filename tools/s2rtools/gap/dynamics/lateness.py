@@ -17,7 +17,7 @@ from s2rtools.gap.dynamics.evident import untuned_of
 from s2rtools.gap.intervals import widened
 from s2rtools.logs.contract import Drive, Floats, Log
 
-BadState = Literal["untuned", "period"]
+BadState = Literal["period", "untuned"]
 BAD_STATES = get_args(BadState)
 _SAME_PERIOD = 0.01
 _STEPS = 53
@@ -36,13 +36,14 @@ class Delay(Axis):
     reason: ClassVar[str] = (
         "A controller feels a delay in its own periods, early or late: drives are judged by the "
         "size of their own delays, so that opposite ones do not cancel. What the estimate's noise "
-        "adds to a size is taken off each drive's, so the floor is 0. The bad state is the delay "
-        "of the simulator before identification, or one whole period where that is declared."
+        "adds to a size is taken off each drive's, so the floor is 0. The bad state is one whole "
+        "period late: the untuned simulator's own delay, which may be asked for instead, is "
+        "another for every set of drives, and smaller where reality is later."
     )
 
     def __init__(
         self,
-        bad_state: BadState = "untuned",
+        bad_state: BadState = "period",
         period: float | None = None,
         rate: float = 50.0,
         furthest: float = 1.0,
