@@ -160,7 +160,8 @@ def _marks(
         if place is not None:
             canvas.put(place, y, glyph, colour, bold=True)
     if sim is None and real is None:
-        canvas.text(layout.chart, y, (row.note or "n/a")[: layout.chart_width], theme.muted)
+        note = f"{row.note or 'n/a'} "
+        canvas.text(layout.chart, y, note[: layout.chart_width], theme.muted)
 
 
 def _own(
@@ -171,11 +172,13 @@ def _own(
     layout: OverviewLayout,
     look: Look,
 ) -> None:
-    """The cursor's accuracy in one run: its glyph beside the marks, and the number."""
+    """The cursor's accuracy in one run: its glyph beside the marks (no note), and the number."""
     if value is None:
         return
     y, theme = layout.row_of(index), look.theme
-    if layout.chart_width:
+    row = model.rows[index]
+    is_noted = row.sim_accuracy is None and row.real_accuracy is None
+    if layout.chart_width and not is_noted:
         at = layout.column(value, model.axis)
         if canvas.char[y, at] not in (look.glyphs.sim, look.glyphs.real, look.glyphs.both):
             canvas.put(at, y, look.glyphs.cursor, theme.cursor, bold=True)

@@ -24,6 +24,10 @@ _HASH = 16
 def gather(session: Session, request: Request, told: Told) -> Report:
     """Evaluate and draw everything. Raises RequestError for what does not exist."""
     plan = [(asked, _runs(session, request, asked)) for asked in request.selections]
+    for asked, runs in plan:
+        if asked.saved is None:
+            for run in runs:
+                _staged(session, request, run, asked.expression)
     steps = _Steps(told, 1 + sum(len(runs) for _, runs in plan))
     steps.next("the front page")
     store, state = session.store, session.state
@@ -136,8 +140,6 @@ def _section(
         try:
             _staged(session, request, run, asked.expression)
         except RequestError as error:
-            if asked.saved is None:
-                raise
             return Section(asked.title, asked.expression, problem=f"Not evaluated: {error}")
         state, store = session.state, session.store
         facts.append((f"count in {run}" if len(runs) > 1 else "count", f"{state.count} instances"))

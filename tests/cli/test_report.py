@@ -12,6 +12,7 @@ import pytest
 
 import s2rstore
 from s2rstore import headlines, selection, stats
+from s2rstore.errors import RequestError
 from s2rtui.cli import main
 from s2rtui.notebook import Notebook, SavedSelection
 from s2rtui.report import Asked, Request, report
@@ -229,6 +230,14 @@ def test_a_wrong_request_is_one_line(
     assert len(said) == 1
     assert told in said[0]
     assert not list(tmp_path.glob("a.*"))
+
+
+def test_an_unknown_name_is_refused_before_anything_is_drawn(tiny_store: Path) -> None:
+    begun: list[str] = []
+    request = Request((Asked("all"), Asked("@nobody")), runs=("dataaug",))
+    with pytest.raises(RequestError, match=r"no saved selection 'nobody', nor any other$"):
+        report(tiny_store, request, lambda done, total, what: begun.append(what))
+    assert not begun
 
 
 def _generation(path: Path) -> int:

@@ -198,6 +198,15 @@ def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> 
         assert set("".join(band)) & set(glyphs)
 
 
+def test_a_note_is_read_before_lines_and_cursor() -> None:
+    lines = overview_lines()
+    waiting = [replace(row, sim_accuracy=None, real_accuracy=None, note="reading") for row in ROWS]
+    canvas = overview(waiting, None, 0, SIZE, None, lines)
+    layout = overview_layout(waiting, 0, SIZE, lines)
+    for index in range(2):
+        assert "reading " in canvas.lines()[layout.row_of(index)][layout.chart :]
+
+
 def test_the_cursors_line_runs_on_top_with_its_numbers() -> None:
     lines = overview_lines()
     canvas, model = overview(ROWS, None, 0, SIZE, None, lines), overview_model(ROWS, None, lines)

@@ -22,4 +22,5 @@ def unknown(column: int, what: str, name: str, known: Iterable[str]) -> Expressi
     """An unknown name, with the nearest known ones first."""
     names = list(known)
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.5) or names[:8]
-    return ExpressionError(column, f"no {what} {name!r}", near or ["nothing: there is none"])
+    problem = f"no {what} {name!r}"
+    return ExpressionError(column, problem if near else f"{problem}, nor any other", near)

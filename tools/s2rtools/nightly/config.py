@@ -135,7 +135,7 @@ class _Reader:
             return None if value is None else ODOMETRY
         path = self.place(value)
         if not path.is_dir():
-            told = f"{path}: no such folder (or write `{ODOMETRY}`)"
+            told = f"{path}: no such folder (or `{ODOMETRY}`; without it: the store's)"
             raise self.refuse(_named(section, key), told)
         return str(path)
 

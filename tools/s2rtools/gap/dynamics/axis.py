@@ -109,7 +109,9 @@ class Dynamics(Axis):
         errors.scale_of(scale)
 
     def missing(self, evidence: Evidence) -> str | None:
-        return None if evidence.drives else "no drives: give logs of real and simulated motion"
+        if evidence.drives:
+            return None
+        return "no drives: name a folder of real and simulated logs (--drives)"
 
     def measure(self, evidence: Evidence, settings: Settings) -> Measured:
         found = self._found(evidence.drives, [drive.sim for drive in evidence.drives], settings)

@@ -56,7 +56,7 @@ class Delay(Axis):
 
     def missing(self, evidence: Evidence) -> str | None:
         if not evidence.drives:
-            return "no drives: give logs of real and simulated motion"
+            return "no drives: name a folder of real and simulated logs (--drives)"
         if self.period is None and all(drive.commands is None for drive in evidence.drives):
             return "no commands.csv beside the logs: the control period is not known"
         return None
