@@ -407,6 +407,23 @@ def test_brush_and_operator_stay_in_a_newer_generation(own_store: Path) -> None:
     session.close()
 
 
+def test_a_newer_generation_leaves_a_selection_waiting(
+    own_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    session = Session(own_store)
+    session.waits = True
+    session.choose("real.loss > 0")
+    brush, _ = begun(session)
+    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+    session.move_on()
+    assert session.state.message.endswith(f"of generation {session.store.latest_generation()}")
+    state = sharing.arrive(session, s2rstore.open(own_store))
+    assert (state.generation, state.expression) == (session.store.generation, "real.loss > 0")
+    assert (state.generation, state.brush) == (state.newest, brush)
+    session.close()
+
+
 async def test_a_left_store_is_closed_once_nobody_reads_it(own_store: Path) -> None:
     app, entered, go_on = app_on(own_store), threading.Event(), threading.Event()
     async with app.run_test(size=(120, 40)) as pilot:
