@@ -146,7 +146,7 @@ async def test_columns_of_an_expression_are_read_elsewhere(
             assert app.session.store.has_read("vanilla", side, [name])
         assert app.session.store.has_read(None, None, ["curvature"])
         monkeypatch.setattr(dense, "_predicted", watched)
-        await press(app, pilot, "slash", *["backspace"] * 60)
+        await press(app, pilot, "slash", "ctrl+u")
         await press(app, pilot, *["real.loss > 0"[i] for i in range(13)], "enter")
         await settle(app, pilot)
         assert app.session.state.expression == "real.loss > 0"
