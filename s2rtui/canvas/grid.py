@@ -19,7 +19,8 @@ BoolGrid = NDArray[np.bool_]
 class Plate:
     """A picture that half blocks only hint at: its box in cells, its own (height, width).
 
-    `pixels` gives it in any (height, width).
+    `pixels` gives it in any (height, width); `of` is what they follow from, equal only for equal
+    pixels.
     """
 
     x: int
@@ -28,6 +29,7 @@ class Plate:
     height: int
     shape: Size
     pixels: Callable[[Size], Pixels]
+    of: object
 
 
 class Canvas:

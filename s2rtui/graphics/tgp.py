@@ -34,7 +34,7 @@ NUMBERS = _spread("""
 
 
 def show(number: int, png: bytes, cells: Size, in_tmux: bool = False) -> str:
-    """Send a picture under a number (1 .. 255), to be shown wherever its placeholders stand.
+    """Send a picture under a number, to be shown wherever its placeholders stand.
 
     `cells` (columns, rows) is the box that the terminal fits it into.
     """
@@ -63,7 +63,11 @@ def command(text: str, in_tmux: bool = False) -> str:
 
 
 def placeholders(number: int, row: int, column: int, count: int) -> str:
-    """`count` cells of a picture's row, on their own: the number is the colour of the text."""
-    mark = f"{PLACEHOLDER}{NUMBERS[row]}"
-    cells = "".join(f"{mark}{NUMBERS[at]}" for at in range(column, column + count))
-    return f"\x1b[38;5;{number}m{cells}\x1b[39m"
+    """`count` cells of a picture's row, on their own.
+
+    The lowest byte of the number is the colour of the text, the highest a third diacritic; those
+    between are 0.
+    """
+    mark, high = f"{PLACEHOLDER}{NUMBERS[row]}", NUMBERS[number >> 24]
+    cells = "".join(f"{mark}{NUMBERS[at]}{high}" for at in range(column, column + count))
+    return f"\x1b[38;5;{number & 255}m{cells}\x1b[39m"

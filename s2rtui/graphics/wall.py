@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from hashlib import blake2b
 from io import BytesIO
+from secrets import choice
 
 from PIL import Image
 from textual.geometry import Region
@@ -28,6 +29,19 @@ HEAVIEST = 96 * 1024
 
 _SLIDING = 0.3
 """Seconds."""
+_HIGH = range(1, 100)
+"""Highest bytes of numbers, whose diacritics take two bytes each."""
+_LOW = range(16, 240, NUMBERS)
+"""Lowest bytes of numbers: colours that no terminal changes."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Sent:
+    """A picture that hangs: what it follows from with its sizes, its content and its number."""
+
+    of: object
+    digest: bytes
+    number: int
 
 
 class PictureWall:
@@ -36,9 +50,10 @@ class PictureWall:
     def __init__(self, graphics: Graphics, write: Callable[[str], None]) -> None:
         self._graphics = graphics
         self._write = write
-        self._first = 16 + NUMBERS * (os.getpid() % (240 // NUMBERS))
+        # By chance: several programs share a terminal in the panes of a tmux.
+        self._first = choice(_HIGH) << 24 | choice(_LOW)
         self._turn = 0
-        self._hung: dict[tuple[str, int], tuple[bytes, int]] = {}
+        self._hung: dict[tuple[str, int], _Sent] = {}
         self._sent: set[int] = set()
 
     def rest(self, view: str) -> float:
@@ -63,22 +78,28 @@ class PictureWall:
 
     def _number(self, view: str, index: int, plate: Plate) -> int:
         """The number of a picture; where it is another than before, it is sent under a new one."""
-        cell = cell_pixels(self._graphics.cell)
-        picture = _light_png(plate, pixel_size(plate, cell))
-        cells = plate.width, plate.height
-        digest = blake2b(picture + bytes(f"{cells}", "ascii"), digest_size=16).digest()
-        known, number = self._hung.get((view, index), (b"", 0))
-        if known == digest:
-            return number
-        number = self._free()
-        self._hung[view, index] = digest, number
-        self._sent.add(number)
-        self._write(tgp.show(number, picture, cells, self._graphics.in_tmux))
+        size, cells = (
+            pixel_size(plate, cell_pixels(self._graphics.cell)),
+            (plate.width, plate.height),
+        )
+        of, known = (plate.of, size, cells), self._hung.get((view, index))
+        if known is not None and known.of == of:
+            return known.number
+        pixels = plate.pixels(size)
+        digest = blake2b(pixels.tobytes() + repr((size, cells)).encode()).digest()
+        if known is not None and known.digest == digest:
+            number = known.number
+        else:
+            number = self._free()
+            self._sent.add(number)
+            picture = _light_png(plate, pixels)
+            self._write(tgp.show(number, picture, cells, self._graphics.in_tmux))
+        self._hung[view, index] = _Sent(of, digest, number)
         return number
 
     def _free(self) -> int:
         """The number that was shown longest ago: what is still on the screen stays whole."""
-        shown = {number for _, number in self._hung.values()}
+        shown = {sent.number for sent in self._hung.values()}
         while True:
             self._turn = (self._turn + 1) % NUMBERS
             if self._first + self._turn not in shown:
@@ -100,9 +121,9 @@ def pixel_size(plate: Plate, cell: Size) -> Size:
     return max(1, int(rows * share)), max(1, int(columns * share))
 
 
-def _light_png(plate: Plate, size: Size) -> bytes:
-    """The picture in (height, width), or as much smaller as makes it light enough."""
-    picture = png(plate.pixels(size))
+def _light_png(plate: Plate, pixels: Pixels) -> bytes:
+    """Its pixels, or as much fewer as make it light enough."""
+    picture, size = png(pixels), pixels.shape[:2]
     while len(picture) > HEAVIEST:
         share = 0.98 * (HEAVIEST / len(picture)) ** 0.5
         size = int(size[0] * share), int(size[1] * share)

@@ -22,6 +22,7 @@ from s2rtui.plots.instance_model import (
     panel_pixels,
 )
 from s2rtui.plots.legend import Part, colour_bar, draw_rows, flow
+from s2rtui.plots.same import identity
 
 SIGNED_RAMP = "ihgfedcba.123456789"
 """Glyphs of a signed heat, from the most negative over 0 to the most positive."""
@@ -143,7 +144,9 @@ def _panel(
         pixels = partial(panel_pixels, side, panel.what, model, plain)
         picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)), look)
         if look.fine:
-            canvas.plates.append(_plate(panel, side, pixels))
+            of = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
+            follows = panel.what, *of, view.over, view.signed
+            canvas.plates.append(_plate(panel, side, pixels, identity(follows)))
     else:
         canvas.text(
             panel.x,
@@ -153,10 +156,10 @@ def _panel(
         )
 
 
-def _plate(panel: Panel, side: SideView, pixels: Callable[[Size], Pixels]) -> Plate:
+def _plate(panel: Panel, side: SideView, pixels: Callable[[Size], Pixels], of: object) -> Plate:
     image = side.rgb if panel.what == "rgb" or side.depth is None else side.depth
     shape = image.shape[0], image.shape[1]
-    return Plate(panel.x, panel.y, panel.width, panel.height, shape, pixels)
+    return Plate(panel.x, panel.y, panel.width, panel.height, shape, pixels, of)
 
 
 def _without_heat(view: InstanceInput) -> InstanceInput:

@@ -9,7 +9,7 @@ import s2rstore
 from s2rstore.reader import Store
 from s2rtui.session import loading
 from s2rtui.session.heat import with_heat
-from s2rtui.session.state import State
+from s2rtui.session.state import Awaited, State
 
 if TYPE_CHECKING:
     from s2rtui.session.session import Session
@@ -29,8 +29,10 @@ def move_on(session: Session) -> State:
     if store.latest_generation() == store.generation:
         return session.tell("this is the newest generation")
     if session.waits and len(store.instances) > loading.AT_ONCE:
-        awaited = state.awaited.run if state.awaited else state.run
-        return loading.expect(session, awaited, store.latest_generation())
+        newest, awaited = store.latest_generation(), state.awaited or Awaited(state.run, 0)
+        made = replace(state, awaited=replace(awaited, generation=newest))
+        told = f"loading run {awaited.run} of generation {newest}"
+        return session.set(replace(made, message=told, is_error=False))
     return enter(session, s2rstore.open(store.path, INDEX_MEMORY))
 
 

@@ -72,9 +72,10 @@ def lacks(session: Session, run: str, expression: str | Node) -> Node | None:
     return None if ready and is_at_hand(session.store, run, node) else node
 
 
-def newest(session: Session) -> int:
-    """The generation that the session is in, or on its way to."""
-    return session.state.awaited.generation if session.state.awaited else session.state.generation
+def bound_for(session: Session) -> tuple[str, int]:
+    """The run and the generation that the session is in, or on its way to."""
+    there = session.state.awaited or session.state
+    return there.run, there.generation
 
 
 def read(store: Store, state: State, run: str, wanted: Callable[[], bool]) -> None:
@@ -113,13 +114,20 @@ def expect(
     text: str = "",
     node: Node | None = None,
     step: Step | None = None,
+    steps: int = 1,
 ) -> State:
-    """Await a run, and what is to be selected there; the newest request wins."""
-    told = f"loading run {run}" if run != session.state.run else f"loading {text}"
-    if generation != session.state.generation:
+    """Await a run, and what is to be selected there; the newest request wins.
+
+    What is to be selected uses brush and operator up, as a selection does.
+    """
+    state = session.state
+    told = f"loading run {run}" if run != state.run else f"loading {text}"
+    if generation != state.generation:
         told = f"loading run {run} of generation {generation}"
-    awaited = Awaited(run, generation, text, node, step)
-    return session.set(replace(session.state, awaited=awaited, message=told, is_error=False))
+    if text:
+        state = replace(state, brush=None, operator="replace")
+    awaited = Awaited(run, generation, text, node, step, steps)
+    return session.set(replace(state, awaited=awaited, message=told, is_error=False))
 
 
 def superseded(state: State) -> Awaited | None:
@@ -153,3 +161,9 @@ def arrive(session: Session, fresh: Store | None = None) -> State:
 def give_up(session: Session) -> State:
     """Stay where it is."""
     return session.set(replace(session.state, awaited=None))
+
+
+def take_back(session: Session) -> State:
+    """Have nothing selected there; what the session is on its way to is still awaited."""
+    state = session.state
+    return session.set(replace(state, awaited=superseded(state), message="", is_error=False))

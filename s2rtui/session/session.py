@@ -99,8 +99,7 @@ class Session:
         current = parse(self.state.expression)
         made = begin.joined(current, self.state.operator, node)
         if (lacking := loading.lacks(self, self.state.run, made)) is not None:
-            newest = loading.newest(self)
-            return loading.expect(self, self.state.run, newest, to_text(made), lacking)
+            return loading.expect(self, *loading.bound_for(self), to_text(made), lacking)
         return self.set(self.selected(self.state, made))
 
     def renew(self) -> State:
@@ -185,8 +184,9 @@ class Session:
         return self.set(with_heat(self.store, state))
 
     def put_trajectories(self, names: tuple[str, ...] | None) -> State:
-        """To some trajectories, None for all."""
-        return self.set(self.kept(replace(self.state, trajectories=names)))
+        """To some trajectories, None for all; what is awaited still is."""
+        made = self.kept(replace(self.state, trajectories=names))
+        return self.set(replace(made, awaited=self.state.awaited))
 
     def change_trajectory(self) -> State:
         """All trajectories, then each alone."""

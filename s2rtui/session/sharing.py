@@ -83,21 +83,26 @@ def take(session: Session, text: str) -> State:
             f"this was selected on data set {shared.dataset}; here is {own[:_HASH_LENGTH]}"
         )
     state = session.state
-    run = shared.saved.run if shared.saved and shared.saved.run in state.runs else state.run
-    if (node := loading.lacks(session, run, shared.expression)) is not None:
-        return loading.expect(session, run, loading.newest(session), text, node)
+    own_run = shared.saved.run if shared.saved and shared.saved.run in state.runs else None
+    if (node := loading.lacks(session, own_run or state.run, shared.expression)) is not None:
+        run, generation = loading.bound_for(session)
+        return loading.expect(session, own_run or run, generation, text, node)
     return _taken(session, shared)
 
 
 def arrive(session: Session, fresh: Store | None = None) -> State:
-    """Turn to the awaited run (see `loading.arrive`), and select what was to be selected there."""
+    """Turn to the awaited run (see `loading.arrive`), and select what was to be selected there;
+    what is begun goes on.
+    """
     awaited = session.state.awaited
-    state = loading.arrive(session, fresh)
-    if awaited is None or not awaited.text or state.run != awaited.run:
-        return state
+    before = loading.arrive(session, fresh)
+    if awaited is None or not awaited.text or before.run != awaited.run:
+        return before
     if awaited.step is not None:
-        return walking.walk(session, awaited.step, at_once=True)
-    return _taken(session, read(awaited.text))
+        state = walking.go(session, awaited.step, awaited.steps, at_once=True)
+    else:
+        state = _taken(session, read(awaited.text))
+    return session.set(replace(state, brush=before.brush, operator=before.operator))
 
 
 def _taken(session: Session, shared: Shared) -> State:

@@ -104,7 +104,7 @@ class Awaited:
     """A run on its way, of a generation that may be newer than the present one.
 
     `text` is what to select once it is there, as it was typed or pasted; `node` what that stands
-    for. With a `step` that is what it leads to.
+    for. With a `step` that is what so many `steps` lead to.
     """
 
     run: str
@@ -112,6 +112,7 @@ class Awaited:
     text: str = ""
     node: Node | None = None
     step: Step | None = None
+    steps: int = 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -209,17 +209,19 @@ def test_key_map_footer_and_help_come_from_one_table(tiny_store: Path) -> None:
 
 
 def test_starting_the_application_loads_no_heavy_package(tiny_store: Path) -> None:
+    """Nor what asks for graphics, and draws them: so nothing of that reaches the terminal."""
     import subprocess
     import sys
 
     code = (
-        "import sys; from s2rtui.app import S2RApp; from s2rtui.session import Session;"
-        f"Session({str(tiny_store)!r}); "
-        "print([m for m in ('torch', 'matplotlib', 'zarr', 'scipy', 'cv2', 's2rtools') "
-        "if m in sys.modules])"
+        "import sys; from s2rtui import cli, terminal; from s2rtui.app import S2RApp;"
+        "terminal.refuse_unusable = lambda: None; S2RApp.run = lambda app, mouse: print('run');"
+        f"assert cli.main(['tui', {str(tiny_store)!r}]) == 0;"
+        "print([m for m in ('torch', 'matplotlib', 'zarr', 'scipy', 'cv2', 'PIL', 's2rtools', "
+        "'s2rtui.graphics') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    assert done.stdout.split() == ["run", "[]"]
 
 
 def test_keys_are_shown_as_they_stand_on_a_keyboard() -> None:

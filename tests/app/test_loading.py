@@ -8,6 +8,7 @@ import weakref
 from collections.abc import AsyncIterator, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -145,7 +146,7 @@ async def test_columns_of_an_expression_are_read_elsewhere(
             assert app.session.store.has_read("vanilla", side, [name])
         assert app.session.store.has_read(None, None, ["curvature"])
         monkeypatch.setattr(dense, "_predicted", watched)
-        await press(app, pilot, "slash", *["backspace"] * 60)
+        await press(app, pilot, "slash", "ctrl+u")
         await press(app, pilot, *["real.loss > 0"[i] for i in range(13)], "enter")
         await settle(app, pilot)
         assert app.session.state.expression == "real.loss > 0"
@@ -191,6 +192,70 @@ async def test_an_undone_expression_waits_for_its_columns(lossy: Lossy) -> None:
     assert (app.session.state.expression, app.session.state.past) == ("all", past)
 
 
+async def test_an_undo_that_waits_is_taken_back_by_redo(lossy: Lossy) -> None:
+    app, pilot = lossy.app, lossy.pilot
+    before = app.session.state
+    await press(app, pilot, "u", "U")
+    assert "(selecting)" not in take(app).text
+    lossy.opened.set()
+    await settle(app, pilot)
+    after = app.session.state
+    assert (after.expression, after.past, after.future) == ("all", before.past, ())
+
+
+async def test_every_undo_counts_while_one_waits(lossy: Lossy) -> None:
+    app, pilot = lossy.app, lossy.pilot
+    past = app.session.state.past
+    app.session.set(replace(app.session.state, past=(*past, "real.loss > 0.001")))
+    await press(app, pilot, "u", "u")
+    assert app.session.state.expression == "all"
+    lossy.opened.set()
+    await settle(app, pilot)
+    state = app.session.state
+    assert (state.expression, state.past) == ("real.loss > 0", past[:-1])
+    assert state.future == ("all", "real.loss > 0.001")
+
+
+async def test_undo_takes_back_a_selection_that_waits(lossy: Lossy) -> None:
+    app, pilot = lossy.app, lossy.pilot
+    before = app.session.state
+    app.session.choose("real.loss > 0.001")
+    app.refresh_views()
+    await press(app, pilot, "u")
+    lossy.opened.set()
+    await settle(app, pilot)
+    after = app.session.state
+    assert (after.expression, after.past, after.awaited) == ("all", before.past, None)
+
+
+async def test_a_selection_that_waits_uses_its_operator_up_and_leaves_a_later_brush(
+    lossy: Lossy,
+) -> None:
+    app, pilot = lossy.app, lossy.pilot
+    app.session.select("straight")
+    begun(app.session)
+    app.session.choose("real.loss > 0")
+    app.refresh_views()
+    assert (app.session.state.brush, app.session.state.operator) == (None, "replace")
+    brush, _ = begun(app.session)
+    lossy.opened.set()
+    await settle(app, pilot)
+    state = app.session.state
+    assert (state.expression, state.awaited) == ("straight | real.loss > 0", None)
+    assert (state.brush, state.operator) == (brush, "union")
+
+
+async def test_other_trajectories_leave_a_selection_waiting(lossy: Lossy) -> None:
+    app, pilot = lossy.app, lossy.pilot
+    app.session.choose("real.loss > 0")
+    app.refresh_views()
+    await press(app, pilot, "t")
+    assert app.session.state.trajectories is not None
+    lossy.opened.set()
+    await settle(app, pilot)
+    assert app.session.state.expression == "real.loss > 0"
+
+
 async def test_what_is_selected_meanwhile_wins(lossy: Lossy) -> None:
     app, pilot = lossy.app, lossy.pilot
     await press(app, pilot, "u", "w")
@@ -209,6 +274,22 @@ def test_what_is_selected_while_a_run_is_awaited_is_taken_along(
     session.select("straight")
     assert session.state.awaited == Awaited("b", 1)
     assert (sharing.arrive(session).run, session.state.expression) == ("b", "straight")
+
+
+def test_a_selection_that_has_to_wait_leaves_the_run_awaited(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    session = Session(store)
+    session.waits = True
+    session.set(replace(session.state, awaited=Awaited("b", 1)))
+    for select in (session.choose, partial(sharing.take, session)):
+        select("real.loss > 0")
+        awaited = session.state.awaited
+        assert awaited is not None
+        assert (awaited.run, awaited.text) == ("b", "real.loss > 0")
+    assert (sharing.arrive(session).run, session.state.expression) == ("b", "real.loss > 0")
+    session.close()
 
 
 async def test_the_newest_run_wins(store: Path, gate: threading.Event) -> None:
@@ -323,6 +404,23 @@ def test_brush_and_operator_stay_in_a_newer_generation(own_store: Path) -> None:
     state = session.move_on()
     assert state.generation == session.store.generation > 1
     assert (state.brush, state.operator) == (brush, "union")
+    session.close()
+
+
+def test_a_newer_generation_leaves_a_selection_waiting(
+    own_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    session = Session(own_store)
+    session.waits = True
+    session.choose("real.loss > 0")
+    brush, _ = begun(session)
+    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+    session.move_on()
+    assert session.state.message.endswith(f"of generation {session.store.latest_generation()}")
+    state = sharing.arrive(session, s2rstore.open(own_store))
+    assert (state.generation, state.expression) == (session.store.generation, "real.loss > 0")
+    assert (state.generation, state.brush) == (state.newest, brush)
     session.close()
 
 

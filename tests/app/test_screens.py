@@ -6,12 +6,20 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from s2rstore.reader import Store
+from s2rtui import diagnosis
 from s2rtui.canvas import Look
+from s2rtui.diagnosis import PARTS
+from s2rtui.feeds.live import Bench
 from s2rtui.headless import snapshot
+from s2rtui.session import derive
 from s2rtui.views import VIEWS
 
 SCREENS = Path(__file__).parent / "screens"
@@ -44,6 +52,58 @@ def test_screen(tiny_store: Path, name: str, size: tuple[int, int]) -> None:
 @pytest.mark.parametrize("name", KEYS)
 def test_ascii_screen(tiny_store: Path, name: str) -> None:
     shot = snapshot(tiny_store, (80, 24), ["w", *KEYS[name]], Look(ascii=True))
+    assert shot.text.isascii()
+    check(f"{name}-ascii", shot.text)
+
+
+@dataclass
+class Still:
+    """In place of a live model: what is stored, whatever the sliders say."""
+
+    store: Store
+    run: str
+    kinds: tuple[str, ...] = ()
+
+    def steps(self, iid: int, *_: object) -> Iterator[SimpleNamespace]:
+        shown = derive.instance_input(self.store, self.run, iid, None)
+        sides = {}
+        for name, side in (("sim", shown.sim), ("real", shown.real)):
+            pose = side.pose
+            assert pose is not None
+            sides[name] = SimpleNamespace(
+                rgb=side.rgb, depth=side.depth, x=pose.x, y=pose.y, heading=pose.heading,
+                error=pose.error, heading_error=pose.heading_error,
+            )  # fmt: skip
+        yield SimpleNamespace(iid=iid, side=sides.__getitem__)
+
+
+OUTSIDE = {"adjust": ("a", "right", "right", "down"), "doctor": ("D",)}
+"""Keys to what shows more than the store: a model, the terminal, what is installed."""
+
+
+@pytest.fixture
+def still(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A model that never moves, on a plain terminal, everything installed."""
+    monkeypatch.setattr(Bench, "model", lambda _, store, run: Still(store, run))
+    monkeypatch.setattr(diagnosis, "packages", lambda: [(part, "installed") for part in PARTS])
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.setenv("LC_ALL", "C.UTF-8")
+    for name in ("COLORTERM", "NO_COLOR", "SSH_CONNECTION", "TMUX"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.mark.usefixtures("still")
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_screen_of_more_than_the_store(tiny_store: Path, name: str, size: tuple[int, int]) -> None:
+    shot = snapshot(tiny_store, size, ["w", *OUTSIDE[name]], Look())
+    check(f"{name}-{size[0]}x{size[1]}", shot.text)
+
+
+@pytest.mark.usefixtures("still")
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_ascii_screen_of_more_than_the_store(tiny_store: Path, name: str) -> None:
+    shot = snapshot(tiny_store, (80, 24), ["w", *OUTSIDE[name]], Look(ascii=True))
     assert shot.text.isascii()
     check(f"{name}-ascii", shot.text)
 

@@ -1,9 +1,8 @@
-"""Pictures in true pixels over a pseudo-terminal that answers as kitty does, or does not."""
+"""Pictures in true pixels over a pseudo-terminal that answers as kitty does."""
 
 from __future__ import annotations
 
 import asyncio
-import re
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -14,14 +13,16 @@ import pytest
 
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
-from s2rtui.headless import settle
+from s2rtui.graphics.hanging import hang
+from s2rtui.graphics.probe import of_answer
+from s2rtui.graphics.tgp import PLACEHOLDER
+from s2rtui.headless import settle, take
 from s2rtui.plots import InstanceInput, instance_model
 from s2rtui.plots.instance_model import panel_pixels
 from s2rtui.session import Session
 from tests.support.kitty import ANSWER, ATTRIBUTES, QUESTION_END, Kitty, box_cells, placed
 from tests.support.screen import RIGHT, Screen
 
-ASKED = re.compile(rb"\x1b_G|\x1bP|\x1b\[c|\x1b\[\d+[tn]")
 Visit = dict[str, bytes]
 
 
@@ -146,26 +147,14 @@ def test_nothing_is_left_in_the_screen_that_is_left(visit: Visit) -> None:
     assert b"\x1b_G" not in after
 
 
-def test_a_terminal_that_draws_none_is_told_so(tiny_store: Path, tmp_path: Path) -> None:
-    screen = opened(tiny_store, tmp_path, "--graphics")
-    answered(screen, ATTRIBUTES)
-    past_the_tour(screen)
-    screen.wait_for(lambda text: "half blocks stay" in text and "▀" in text, 20)
-    screen.press("q")
-    assert screen.wait_for_end() == 0
-    screen.close()
-    assert not placed(bytes(screen.raw))
-    assert bytes(screen.raw).count(b"\x1b_G") == 2  # the question
-
-
-def test_without_the_option_nothing_is_asked_and_nothing_sent(
-    tiny_store: Path, tmp_path: Path
-) -> None:
-    screen = opened(tiny_store, tmp_path)
-    past_the_tour(screen)
-    screen.wait_for("▀", 20)
-    screen.press("q")
-    assert screen.wait_for_end() == 0
-    screen.close()
-    assert not ASKED.search(bytes(screen.raw))
-    assert not placed(bytes(screen.raw))
+async def test_a_terminal_that_draws_none_is_told_so(tiny_store: Path) -> None:
+    app = S2RApp(Session(tiny_store), Look())
+    app.feeding.rest_seconds = 0.001
+    hang(app, of_answer(ATTRIBUTES))
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        shown = take(app).text
+    assert "half blocks stay" in shown
+    assert "▀" in shown
+    assert PLACEHOLDER not in shown
+    assert app.wall is None

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 from textual.strip import Strip
@@ -44,12 +44,13 @@ def noise(size: Size) -> Pixels:
     return np.random.default_rng(1).integers(0, 256, (*size, 3)).astype(np.uint8)
 
 
-def canvas(pixels: Pixels, box: Size = (6, 3)) -> Canvas:
+def canvas(pixels: Pixels, box: Size = (6, 3), of: object = None) -> Canvas:
     """A picture at (2, 1), text on all sides of it."""
     drawn = Canvas(12, 5)
     for row in range(5):
         drawn.text(0, row, "abcdefghijkl")
-    drawn.plates.append(Plate(2, 1, *box, pixels.shape[:2], partial(resized, pixels)))
+    shape, of = pixels.shape[:2], object() if of is None else of
+    drawn.plates.append(Plate(2, 1, *box, shape, partial(resized, pixels), of))
     return drawn
 
 
@@ -147,10 +148,11 @@ def test_placeholders_cover_the_box_and_no_other_cell() -> None:
     (number,) = Kitty.after(terminal.written.encode()).held
     assert placed(written) == {number: box_cells(6, 3)}
     text = re.sub(r"\x1b\[[\d;]*m", "", written.decode())
-    plain = re.sub(f"{tgp.PLACEHOLDER}..", "_", text)
+    plain = re.sub(f"{tgp.PLACEHOLDER}...", "_", text)
     assert plain == "abcdefghijkl" + 3 * "ab______ijkl" + "abcdefghijkl"
 
 
+@settings(deadline=None)
 @given(st.integers(0, 12), st.integers(0, 12))
 def test_a_part_of_a_strip_shows_its_part_of_the_picture(start: int, end: int) -> None:
     strip = Terminals().hang(canvas(noise((16, 16))))[2].crop(start, end)
@@ -168,6 +170,7 @@ def test_restyled_strips_are_half_blocks_again() -> None:
 # --- what is sent --------------------------------------------------------------------------------
 
 
+@settings(deadline=None)
 @given(
     st.tuples(st.integers(1, 2000), st.integers(1, 2000)),
     st.tuples(st.integers(1, 200), st.integers(1, 60)),
@@ -176,7 +179,7 @@ def test_restyled_strips_are_half_blocks_again() -> None:
 def test_never_more_pixels_than_the_picture_the_box_and_the_limit(
     shape: Size, box: Size, cell: Size
 ) -> None:
-    plate = Plate(0, 0, *box, shape, lambda size: noise(size))
+    plate = Plate(0, 0, *box, shape, lambda size: noise(size), shape)
     rows, columns = pixel_size(plate, cell)
     assert 1 <= rows <= max(1, min(shape[0], box[1] * cell[1]))
     assert 1 <= columns <= max(1, min(shape[1], box[0] * cell[0]))
@@ -197,6 +200,24 @@ def test_what_hangs_there_is_not_sent_again() -> None:
     assert terminal.written == before
     terminal.hang(canvas(255 - noise((16, 16))))
     assert terminal.written != before
+
+
+def test_what_follows_from_the_same_is_not_even_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminals()
+    terminal.hang(canvas(noise((16, 16)), of="one"))
+    before = terminal.written
+    monkeypatch.setitem(globals(), "resized", lambda pixels, size: pytest.fail("made again"))
+    terminal.hang(canvas(noise((16, 16)), of="one"))
+    assert terminal.written == before
+
+
+def test_programs_in_the_panes_of_one_terminal_take_different_numbers() -> None:
+    firsts = set()
+    for _ in range(20):
+        terminal = Terminals()
+        terminal.hang(canvas(noise((16, 16))))
+        firsts |= set(Kitty.after(terminal.written.encode()).held)
+    assert len(firsts) > 10
 
 
 def test_a_picture_that_is_shown_keeps_its_number() -> None:

@@ -19,7 +19,7 @@ DRAWN = b"\x1b_Gi=31;OK\x1b\\"
 CELL = b"\x1b[6;20;10t"
 ANSWER = CURSOR + DRAWN + CURSOR + CELL + ATTRIBUTES
 _COMMAND = re.compile(rb"\x1b_G([^;\x1b]*)(?:;([^\x1b]*))?\x1b\\")
-_SHOWN = re.compile(rf"\x1b\[38;5;(\d+)m((?:{PLACEHOLDER}[{NUMBERS}]{{2}})+)")
+_SHOWN = re.compile(rf"\x1b\[38;5;(\d+)m((?:{PLACEHOLDER}[{NUMBERS}]{{3}})+)")
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,8 @@ def placed(raw: bytes) -> dict[int, set[tuple[int, int]]]:
     for match in _SHOWN.finditer(raw.decode(errors="ignore")):
         cells = match[2].split(PLACEHOLDER)[1:]
         places = {(NUMBERS.index(cell[1]), NUMBERS.index(cell[0])) for cell in cells}
-        found.setdefault(int(match[1]), set()).update(places)
+        (high,) = {NUMBERS.index(cell[2]) for cell in cells}
+        found.setdefault(high << 24 | int(match[1]), set()).update(places)
     return found
 
 
