@@ -93,7 +93,7 @@ def execute(options: argparse.Namespace) -> int:
             made[options.freeze_golden] = golden.text(golden.take(evidence))
         judged = gate.judged(evidence, request)
         if options.freeze:
-            made[options.freeze] = gate.scale(evidence, request, judged.found)
+            judged, made[options.freeze] = gate.freeze(evidence, request, judged)
         found = report(evidence, request.settings, judged)
     froze = tuple(made)
     text = json.dumps(found, indent=1, sort_keys=True, allow_nan=False) + "\n"
@@ -105,7 +105,7 @@ def execute(options: argparse.Namespace) -> int:
     else:
         from s2rtui.cli.gap_tables import tables
 
-        print(tables(found, options.details))
+        print(tables(found, options.details, bool(froze)))
     for path in froze:
         print(f"wrote {path}", file=sys.stderr)
     return EXIT_CODES[of_report(found) or ("PASS" if froze else "INCONCLUSIVE")]

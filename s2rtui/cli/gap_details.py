@@ -75,6 +75,8 @@ def _task(found: Details) -> Iterator[str]:
         f"{found['baseline']:.2f} m for the constant prediction; relative drop "
         f"{between(drop['value'], drop['low'], drop['high'], 2)}"
     )
+    low, high = found["no_gap_interval"]
+    yield f"mean gap if sim and real changed places at random: {low:.3f} .. {high:.3f} m"
     for kind in ("runs", "trajectories", "rooms", "headings"):
         groups = found[kind].items()
         if len(groups) < 2:

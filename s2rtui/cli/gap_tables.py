@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from s2rstore.outcomes import of_report
 from s2rstore.stats import LEVEL_TOLD
 from s2rtui.cli import output
 from s2rtui.cli.gap_details import bounds, details
 
 
-def tables(found: dict[str, Any], with_details: bool = False) -> str:
-    """The axes, what could not be measured, and the verdict last."""
-    return "\n".join(_lines(found, with_details))
+def tables(found: dict[str, Any], with_details: bool = False, froze: bool = False) -> str:
+    """The axes, what could not be measured, and last what the exit code says.
+
+    `froze`: a scale or a golden run was taken of it.
+    """
+    return "\n".join([*_lines(found, with_details), _decided(found, froze)])
 
 
 def _lines(found: dict[str, Any], with_details: bool) -> Iterator[str]:
@@ -36,7 +40,6 @@ def _lines(found: dict[str, Any], with_details: bool) -> Iterator[str]:
         made = found["reference"]["made_from"]
         told = (f"{name} {made.get(name, '?')}" for name in ("dataset", "run", "expression"))
         yield f"  the scale was frozen of {', '.join(told)}"
-    yield _verdict(found["verdict"])
 
 
 def _axes(axes: list[dict[str, Any]]) -> str:
@@ -84,6 +87,18 @@ def _golden(golden: dict[str, Any]) -> str:
         f"over {golden['n']} instances, margin {golden['margin']:g} m"
     )
     return "; ".join(part for part in (told, missing, golden["reason"]) if part)
+
+
+def _decided(found: dict[str, Any], froze: bool) -> str:
+    word = of_report(found)
+    if word is None and froze:
+        return "\nnothing is judged yet: `--reference` and `--golden` judge by what was frozen"
+    if word is not None and not found["reference"]:
+        return f"\n{word}: by the golden run alone; `--reference REF.json` judges G, too"
+    told = _verdict(found["verdict"])
+    if word is not None and word != found["verdict"]["outcome"]:
+        told += f"\n{word}: with the golden run"
+    return told
 
 
 def _verdict(verdict: dict[str, Any]) -> str:

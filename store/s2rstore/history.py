@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import datetime
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -93,9 +93,13 @@ class Night:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:
-    """All rows of a history, by night and order of writing; equal only to itself."""
+    """All rows of a history, by night and order of writing; equal only to itself.
+
+    `recorded` is the first night that saw a part of the evidence, by configuration and part.
+    """
 
     nights: tuple[Night, ...] = ()
+    recorded: Mapping[tuple[str, str], datetime.date] = field(default_factory=dict)
 
     def counting(self, name: str) -> tuple[Night, ...]:
         """The nights of one configuration, each once."""
@@ -135,7 +139,8 @@ def stamp(path: Path) -> Stamp | None:
 def read(path: Path) -> History:
     """Everything but the reports. Raises RequestError for a file that is missing or no history."""
     with _opened(path) as connection:
-        rows = {table.name: _rows(connection, table.name) for table in history_schema.TABLES[:3]}
+        names = [table.name for table in history_schema.TABLES if table.name != "report"]
+        rows = {name: _rows(connection, name) for name in names}
     axes = _grouped(rows["axis"], _axis)
     estimates = _grouped(rows["estimate"], _estimate)
     nights = []
@@ -147,7 +152,10 @@ def read(path: Path) -> History:
         shared = {"axes": axes.get(row["measured"], ()),
                   "estimates": estimates.get(row["measured"], ())}  # fmt: skip
         nights.append(Night(**(plain | figures | shared)))
-    return History(tuple(nights))
+    recorded: dict[tuple[str, str], datetime.date] = {}
+    for row in rows["recorded"]:
+        recorded.setdefault((row["name"], row["part"]), row["night"])
+    return History(tuple(nights), recorded)
 
 
 def report_text(path: Path, measured: int) -> str:

@@ -55,7 +55,9 @@ TABLES: tuple[Table, ...] = (
             Column("golden", "VARCHAR", "PASS, FAIL or INCONCLUSIVE; NULL = no golden run"),
             *_bounds("golden_change", "mean real error against the golden run, m"),
             Column("golden_margin", "DOUBLE", "by which it may have grown, m"),
-            Column("evidence_since", "DATE", "first night that saw this evidence"),
+            Column(
+                "evidence_since", "DATE", "first night that saw the newest part of this evidence"
+            ),
             Column("evidence_age", "INTEGER", "days from then to this night"),
             Column("stale_after", "DOUBLE", "days from which on evidence is too old"),
             Column("written_at", "VARCHAR", "UTC, ISO 8601"),
@@ -95,6 +97,16 @@ TABLES: tuple[Table, ...] = (
             Column("note", "VARCHAR", "warnings, as on identifiability"),
         ),
         ("measured", "position"),
+    ),
+    Table(
+        "recorded",
+        "what was recorded, once per part; what is deleted later makes the rest no newer",
+        (
+            Column("name", "VARCHAR", "of the nightly configuration"),
+            Column("part", "VARCHAR", "SHA-256 of a log; the data set's or the run's hash"),
+            Column("night", "DATE", "that saw it; of several the first counts"),
+        ),
+        ("name", "part", "night"),
     ),
     Table(
         "report",

@@ -39,7 +39,10 @@ def test_all_that_is_asked_for_is_written(store: Path, tmp_path: Path, capsys) -
     ref, golden, out = (tmp_path / name for name in ("ref.json", "golden.json", "out.json"))
     words = ["--freeze", str(ref), "--freeze-golden", str(golden), "--out", str(out)]
     assert gap(store, *words) == 0
-    assert capsys.readouterr().err == f"wrote {golden}\nwrote {ref}\n"
+    told = capsys.readouterr()
+    assert told.err == f"wrote {golden}\nwrote {ref}\n"
+    assert "task: G 100 is" in told.out
+    assert "INCONCLUSIVE" not in told.out
     assert gap(store, "--reference", str(ref), "--golden", str(golden)) in (1, 3)
     printed = capsys.readouterr().out
     frozen = json.loads(ref.read_text())["axes"]["task"]
@@ -47,6 +50,24 @@ def test_all_that_is_asked_for_is_written(store: Path, tmp_path: Path, capsys) -
     assert f"task: G 100 is {frozen['anchor']:.3f} ({low} .. {high}) m: the constant" in printed
     assert "the scale was frozen of dataset tiny, run vanilla, expression all" in printed
     assert json.loads(out.read_text())["axes"][0]["floor"] == 0
+
+
+def test_a_named_axis_without_evidence_is_refused(store: Path, tmp_path: Path, capsys) -> None:
+    """A scale that left it out would let every night pass without it."""
+    ref = tmp_path / "ref.json"
+    assert gap(store, "--axis", "dynamics", "--freeze", str(ref)) == 2
+    assert "--axis dynamics: cannot be measured: no drives" in capsys.readouterr().err
+    assert not ref.exists()
+
+
+def test_the_last_word_is_that_of_the_exit_code(store: Path, tmp_path: Path, capsys) -> None:
+    golden = tmp_path / "golden.json"
+    assert gap(store, "--freeze-golden", str(golden)) == 0
+    capsys.readouterr()
+    assert gap(store, "--golden", str(golden)) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("PASS: by the golden run alone")
+    assert gap(store) == 3
+    assert capsys.readouterr().out.splitlines()[-1].startswith("INCONCLUSIVE: no reference")
 
 
 @pytest.mark.parametrize("option", ["--freeze", "--freeze-golden", "--out"])

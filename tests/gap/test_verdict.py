@@ -164,6 +164,14 @@ def test_a_scale_must_be_of_numbers(tmp_path: Path, key: str, value: object) -> 
         reference.read(path)
 
 
+def test_an_anchor_within_noise_of_the_floor_is_no_scale(tmp_path: Path) -> None:
+    path = tmp_path / "ref.json"
+    frozen = replace(scale("task").axes["task"], anchor_low=0.05)
+    path.write_text(reference.text({"task": frozen}, {}))
+    with pytest.raises(RequestError, match="within noise of the floor"):
+        reference.read(path)
+
+
 @given(st.floats(-50, 200), st.floats(0, 50), st.floats(0, 50), st.floats(1, 100))
 def test_the_word_follows_the_interval(
     value: float, under: float, over: float, threshold: float

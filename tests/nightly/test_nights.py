@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import os
+import shutil
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
@@ -61,6 +62,18 @@ def test_a_night_without_new_evidence_shares_its_figures_and_ages(week: Week) ->
     assert (first.evidence_age, first.stale) == (0, False)
     fresh = week.night(5).night
     assert (fresh.evidence_age, fresh.stale, week.calls) == (0, False, 2)
+
+
+def test_logs_that_are_deleted_make_the_rest_no_newer(week: Week) -> None:
+    """A recorder that stopped is not hidden by old logs being cleared away."""
+    drives = week.config.source.parent / "drives"
+    for number in range(1, 4):
+        week.night(number)
+    for number, gone in ((4, "day1"), (6, "day2")):
+        shutil.rmtree(drives / gone)
+        night = week.night(number, new_log=False).night
+        assert (night.evidence_since, night.evidence_age) == (day(3), number - 3)
+    assert night.stale
 
 
 def test_what_changes_in_a_night_adds_a_row_that_counts(week: Week) -> None:

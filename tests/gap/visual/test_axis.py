@@ -230,9 +230,8 @@ def test_what_is_missing_is_said(tiny_store: Path, store: Store) -> None:
         assert told is not None
         assert "no embeddings" in told
         asked = gate.Request(axes=("visual",))
-        found = gate.judged(Evidence(bare, "vanilla", np.arange(40)), asked).found
-        with pytest.raises(RequestError, match=r"no axis could be measured \(visual: .*no embed"):
-            gate.scale(evidence(bare, "vanilla"), asked, found)
+        with pytest.raises(RequestError, match=r"--axis visual: cannot be measured: .*no embed"):
+            gate.judged(Evidence(bare, "vanilla", np.arange(40)), asked)
         with pytest.raises(RequestError, match="run 'nobody'"):
             Visual().missing(Evidence(bare, "nobody", np.arange(40)))
 

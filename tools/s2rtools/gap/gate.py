@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from s2rtools.gap import axes, defaults, golden, reference
 from s2rtools.gap.axes import AXES
 from s2rtools.gap.contract import Axis, Evidence, Settings
 from s2rtools.gap.dynamics import options
-from s2rtools.gap.measure import Measurement, frozen, measure
+from s2rtools.gap.measure import frozen, measure
 from s2rtools.gap.report import Judged, Report, across_report, report
 from s2rtools.gap.task.across import across
 from s2rtools.gap.verdict import judge, unjudged
@@ -87,10 +87,16 @@ def evidence(store: Store, request: Request) -> Evidence:
 
 
 def judged(found_on: Evidence, request: Request) -> Judged:
-    """Measure, and judge by the reference and the golden run where there are some."""
+    """Measure, and judge by the reference and the golden run where there are some.
+
+    Raises RequestError where an axis that is asked for by its name has no evidence.
+    """
     frozen_scale = reference.read(request.reference) if request.reference else None
     accepted = golden.read(request.golden) if request.golden else None
     found = measure(found_on, request.settings, request.wanted)
+    for name in request.axes:
+        if name in found.absent:
+            raise RequestError(f"--axis {name}: cannot be measured: {found.absent[name]}")
     if frozen_scale is None:
         verdict = unjudged(request.threshold)
     else:
@@ -99,7 +105,8 @@ def judged(found_on: Evidence, request: Request) -> Judged:
     if accepted is not None:
         compared = golden.compare(found_on, accepted, request.settings, request.margin)
     ranked = _across(found_on, request)
-    return Judged(found, verdict, request.wanted, frozen_scale, compared, ranked)
+    scale = frozen_scale.axes if frozen_scale else {}
+    return Judged(found, verdict, request.wanted, scale, frozen_scale, compared, ranked)
 
 
 def measured_report(found_on: Evidence, request: Request) -> Report:
@@ -107,19 +114,18 @@ def measured_report(found_on: Evidence, request: Request) -> Report:
     return report(found_on, request.settings, judged(found_on, request))
 
 
-def scale(found_on: Evidence, request: Request, found: Measurement) -> str:
-    """What was measured as the file of a reference; the axes without evidence are left out.
+def freeze(found_on: Evidence, request: Request, measured: Judged) -> tuple[Judged, str]:
+    """What was measured with its scale, and that as a reference's file; the axes without evidence
+    are left out.
 
     Raises InconclusiveError where an axis has too little evidence, RequestError where one has no
     usable anchor: a reference judges all that was asked for, or is not written.
     """
+    found = measured.found
     for axis, why in found.inconclusive.items():
         others = " ".join(f"--axis {name}" for name in request.wanted if name != axis)
         told = f"; without it: {others}" if others else ""
         raise InconclusiveError(f"{axis}: {why}{told}")
-    if not found.measured:
-        why = "; ".join(f"{axis}: {lacking}" for axis, lacking in found.absent.items())
-        raise RequestError(f"--freeze: no axis could be measured ({why})")
     store, run = found_on.store, found_on.store.run(found_on.run)
     made_from = {
         "dataset": store.dataset.name,
@@ -129,7 +135,8 @@ def scale(found_on: Evidence, request: Request, found: Measurement) -> str:
         "model_sha256": store.models[run.model].sha256,
         "expression": found_on.expression,
     }
-    return reference.text(frozen(found, found_on, request.settings, request.wanted), made_from)
+    scale = frozen(found, found_on, request.settings, request.wanted)
+    return replace(measured, scale=scale), reference.text(scale, made_from)
 
 
 def _across(found_on: Evidence, request: Request) -> dict[str, object] | None:

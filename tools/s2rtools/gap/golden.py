@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.outcomes import Outcome, outcome_of
@@ -61,9 +62,11 @@ class Compared:
 def take(evidence: Evidence) -> Golden:
     """The state to compare with later; raises InconclusiveError where there is too little of it."""
     errors = _errors(evidence)
-    if len(errors) < _FEWEST:
+    count = _blocks(evidence, np.array(sorted(errors), dtype=np.int64)).count
+    if len(errors) < _FEWEST or count < _FEWEST_BLOCKS:
         raise InconclusiveError(
-            f"a golden run needs {_FEWEST} held-out instances, not {len(errors)}"
+            f"a golden run needs {_FEWEST} held-out instances in {_FEWEST_BLOCKS} blocks, not "
+            f"{len(errors)} in {count}"
         )
     return Golden(population.poses(evidence.store), evidence.run, evidence.expression, errors)
 
@@ -115,9 +118,12 @@ def compare(
     now = _errors(evidence)
     shared = np.array(sorted(now.keys() & golden.errors.keys()), dtype=np.int64)
     missing = len(golden.errors) - shared.size
-    cut = blocks.cut(evidence.store.instances.trajectory[shared])
+    cut = _blocks(evidence, shared)
     if shared.size < _FEWEST or cut.count < _FEWEST_BLOCKS:
-        reason = f"{shared.size} instances are in both, {_FEWEST} are needed"
+        reason = (
+            f"{shared.size} instances in {cut.count} blocks are in both, {_FEWEST} in "
+            f"{_FEWEST_BLOCKS} are needed"
+        )
         return Compared("INCONCLUSIVE", NOTHING, shared.size, margin, missing, reason)
     changes = np.array([now[iid] - golden.errors[iid] for iid in shared.tolist()])
     replicates = mean_replicates(changes, cut, settings)
@@ -126,6 +132,10 @@ def compare(
     if outcome == "PASS" and missing > _MOST_MISSING * len(golden.errors):
         outcome, reason = "INCONCLUSIVE", f"{missing} of {len(golden.errors)} are not comparable"
     return Compared(outcome, change, shared.size, margin, missing, reason)
+
+
+def _blocks(evidence: Evidence, iids: NDArray[np.int64]) -> blocks.Blocks:
+    return blocks.cut(evidence.store.instances.trajectory[iids])
 
 
 def _errors(evidence: Evidence) -> dict[int, float]:

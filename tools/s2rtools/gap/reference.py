@@ -56,7 +56,8 @@ def freeze(measured: Measured, anchor: Anchor, unit: str, settings: Settings) ->
     if not (math.isfinite(span) and span > 0 and low > 0):
         raise RequestError(
             f"{measured.axis}: the anchor ({anchor.state}: {anchor.value:.3g} {unit}) is within "
-            f"noise of the floor ({measured.floor:.3g} {unit}), so it is no scale"
+            f"noise of the floor ({measured.floor:.3g} {unit}), so it is no scale; declare a worse "
+            "state (--anchor-run, untuned logs), or name only the other axes (--axis)"
         )
     least, most = bounds(anchor.replicates, settings.level)
     return Frozen(
@@ -103,8 +104,10 @@ def _frozen(path: Path, axis: str, found: object) -> Frozen:
         raise RequestError(f"{path}: {axis}: {told}; freeze the reference anew")
     if not all(_is_number(found[key]) for key in _NUMBERS):
         raise RequestError(f"{path}: {axis}: {', '.join(_NUMBERS)} must be finite numbers")
-    if not found["anchor"] > found["floor"]:
-        raise RequestError(f"{path}: {axis}: the anchor must be over the floor")
+    if not min(found["anchor"], found["anchor_low"]) > found["floor"]:
+        raise RequestError(
+            f"{path}: {axis}: the anchor is within noise of the floor; freeze the reference anew"
+        )
     if not isinstance(found["fingerprint"], dict):
         raise RequestError(f"{path}: {axis}: fingerprint must be an object")
     return Frozen(**found)

@@ -22,11 +22,15 @@ Report = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """All that was found; `axes` are those that were asked for."""
+    """All that was found; `axes` are those that were asked for.
+
+    `scale` is that of the reference, or the one that is frozen now, which judges nothing yet.
+    """
 
     found: Measurement
     verdict: Verdict
     axes: Mapping[str, Axis]
+    scale: Mapping[str, Frozen]
     reference: Reference | None = None
     golden: Compared | None = None
     across: Mapping[str, Any] | None = None
@@ -67,7 +71,6 @@ def report(evidence: Evidence, settings: Settings, judged: Judged) -> Report:
 def _axis(found: Measured, settings: Settings, judged: Judged) -> dict[str, Any]:
     axis = judged.axes[found.axis]
     gaps = {each.axis: each for each in judged.verdict.axes}
-    frozen = judged.reference.axes.get(found.axis) if judged.reference else None
     return {
         "axis": found.axis,
         "measure": axis.measure_is,
@@ -76,7 +79,7 @@ def _axis(found: Measured, settings: Settings, judged: Judged) -> dict[str, Any]
         **_bounds("floor", interval(found.floor, found.floor_replicates, settings.level)),
         "floor_is": axis.floor_is,
         "n": found.n,
-        **_scaled(gaps.get(found.axis), frozen),
+        **_scaled(gaps.get(found.axis), judged.scale.get(found.axis)),
         "fingerprint": dict(found.fingerprint),
         "details": dict(found.details),
         "notes": list(found.notes),

@@ -72,7 +72,15 @@ def rows(tonight: Tonight, found: History, now: datetime.datetime) -> Rows:
     """The rows that tonight adds to each table."""
     number = max((each.id for each in found.nights), default=0) + 1
     measured = number if tonight.measured is None else tonight.measured
-    made: Rows = {"night": [_night_row(tonight, found, number, measured, now)]}
+    seen = _seen(tonight, found)
+    made: Rows = {
+        "night": [_night_row(tonight, max(seen.values()), number, measured, now)],
+        "recorded": [
+            {"name": tonight.config.name, "part": part, "night": night}
+            for part, night in seen.items()
+            if found.recorded.get((tonight.config.name, part)) != night
+        ],
+    }
     if tonight.measured is None:
         report = json.dumps(tonight.report, indent=1, sort_keys=True, allow_nan=False)
         made["axis"] = [{"measured": number, **row} for row in _axis_rows(tonight.report)]
@@ -84,14 +92,19 @@ def rows(tonight: Tonight, found: History, now: datetime.datetime) -> Rows:
     return made
 
 
+def _seen(tonight: Tonight, found: History) -> dict[str, datetime.date]:
+    """The first night of each part of the evidence."""
+    name, night = tonight.config.name, tonight.night
+    return {
+        part: min(night, found.recorded.get((name, part), night)) for part in tonight.inputs.parts
+    }
+
+
 def _night_row(
-    tonight: Tonight, found: History, number: int, measured: int, now: datetime.datetime
+    tonight: Tonight, since: datetime.date, number: int, measured: int, now: datetime.datetime
 ) -> dict[str, Any]:
     config, report, verdict = tonight.config, tonight.report, tonight.report["verdict"]
     golden = report["golden"] or {}
-    same = [each.night for each in found.nights
-            if (each.name, each.evidence) == (config.name, tonight.inputs.evidence)]  # fmt: skip
-    since = min([*same, tonight.night])
     age = (tonight.night - since).days
     word = outcome(report, age > config.stale_after)
     return {

@@ -21,10 +21,14 @@ from s2rtools.nightly.config import Config
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """`key` is over everything; `evidence` over what was recorded: data set, run and drives."""
+    """`key` is over everything; `evidence` over what was recorded: data set, run and drives.
+
+    `parts` are the hashes of these, each by itself.
+    """
 
     key: str
     evidence: str
+    parts: tuple[str, ...]
     run: str
 
 
@@ -72,7 +76,7 @@ def inputs(config: Config, store: Store, current: layout.Current) -> Inputs:
         **{name: _hash(getattr(config, name)) for name in ("reference", "golden")},
         "features": _network(config.features),
     }
-    return Inputs(_digest(everything), _digest(recorded), run.run)
+    return Inputs(_digest(everything), _digest(recorded), tuple(recorded), run.run)
 
 
 def _sysid(config: Config) -> dict[str, Any] | None:
