@@ -41,12 +41,16 @@ def _night(text: str | None) -> datetime.date:
 
     from s2rstore.errors import RequestError
 
+    today = datetime.datetime.now(datetime.UTC).date()
     if text is None:
-        return datetime.datetime.now(datetime.UTC).date()
+        return today
     try:
-        return datetime.date.fromisoformat(text)
+        night = datetime.date.fromisoformat(text)
     except ValueError as error:
-        raise RequestError(f"--night {text}: a date such as 2026-11-21") from error
+        raise RequestError(f"--night {text}: a date such as {today}") from error
+    if night > today + datetime.timedelta(days=7):
+        raise RequestError(f"--night {text}: later than a week from today, {today}")
+    return night
 
 
 def _tell(config: Config, done: Done) -> None:

@@ -10,6 +10,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
+from s2rstore import layout
 from s2rstore.errors import RequestError
 from s2rstore.text import printable
 from s2rtui.rows.formats import Rows, Told, csv_text, json_text, write_parquet
@@ -51,9 +52,12 @@ def write(
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Raises RequestError where it cannot be written."""
+    """Whole or not at all, unless it is a device or a pipe. Raises RequestError."""
     try:
-        path.write_bytes(content)
+        if path.exists() and not path.is_file():
+            path.write_bytes(content)
+        else:
+            layout.write_atomic(path.resolve(), content)
     except OSError as error:
         raise RequestError(f"{path}: cannot be written ({error.strerror})") from error
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import json
+import os
 from decimal import Decimal
 from pathlib import Path
 
 import duckdb
 import pytest
 
+from s2rstore import layout
 from s2rstore.errors import RequestError
 from s2rtui.cli import main, output
 
@@ -109,3 +112,30 @@ def test_a_terminal_is_not_steered_by_data(capsys) -> None:
 def test_duplicate_names_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RequestError, match="twice"):
         _written(tmp_path, ["a", "a"], [(1, 2)])
+
+
+def test_a_disk_that_is_full_leaves_the_file_that_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    (tmp_path / "a.csv").write_text("old")
+    monkeypatch.setattr(layout.os, "fsync", full)
+    with pytest.raises(RequestError, match=r"a\.csv: cannot be written \(No space left"):
+        output.write_file(tmp_path / "a.csv", b"new")
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
+
+
+def test_a_link_leads_to_the_file_that_is_written_and_a_pipe_stays_one(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("old")
+    (tmp_path / "link").symlink_to("a.csv")
+    output.write_file(tmp_path / "link", b"new")
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "link").read_bytes() == b"new"
+    assert (tmp_path / "link").is_symlink()
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    output.write_file(tmp_path / "pipe", b"rows")
+    assert os.read(reader, 10) == b"rows"
+    os.close(reader)
+    assert (tmp_path / "pipe").is_fifo()

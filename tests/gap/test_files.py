@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -64,3 +65,12 @@ def test_two_results_need_two_files(tmp_path: Path) -> None:
     twice = {"--freeze": tmp_path / "f", "--out": tmp_path / "." / "f"}
     with pytest.raises(RequestError, match=r"--out .*is the file of --freeze, too"):
         check_writable(twice, {})
+
+
+def test_a_pipe_or_a_device_is_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(RequestError, match=r"--out .*pipe: a device or a pipe; name a file"):
+        check_writable({"--out": tmp_path / "pipe"}, {})
+    (tmp_path / "out").symlink_to(tmp_path / "pipe")
+    with pytest.raises(RequestError, match="a device or a pipe"):
+        check_writable({"--out": tmp_path / "out"}, {})

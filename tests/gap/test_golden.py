@@ -95,7 +95,11 @@ def test_what_is_gone_hides_no_failure(evidence: Evidence) -> None:
     ["", "{}", "[]", '{"format": 1}', '{"format": 2, "errors": {}}',
      '{"format": 1, "errors": {"a": 1}, "poses": "x", "run": "r", "expression": "all"}',
      '{"format": 1, "errors": {"1": NaN}, "poses": "x", "run": "r", "expression": "all"}',
-     '{"format": 1, "errors": {}, "poses": "x", "run": "r", "expression": "all"}'],
+     '{"format": 1, "errors": {}, "poses": "x", "run": "r", "expression": "all"}',
+     '{"format": 1, "errors": {"1": -1}, "poses": "x", "run": "r", "expression": "all"}',
+     '{"format": 1, "errors": {"1": 1e308}, "poses": "x", "run": "r", "expression": "all"}',
+     pytest.param(f'{{"format": 1, "errors": {{"1": {10**400}}}}}', id="huge"),
+     pytest.param("[" * 100_000, id="deep")],
 )  # fmt: skip
 def test_a_file_that_is_no_golden_run_is_refused(tmp_path: Path, content: str) -> None:
     path = tmp_path / "g.json"

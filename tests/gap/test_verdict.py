@@ -141,7 +141,7 @@ def test_a_reference_survives_its_file(tmp_path: Path) -> None:
     "content",
     ["", "[]", "{}", '{"format": 1, "axes": {}}', '{"format": 9, "axes": {"task": {}}}',
      '{"format": 1, "axes": {"task": 3}}', '{"format": 1, "axes": {"task": {"anchor": 1}}}',
-     "\xff"],
+     "\xff", pytest.param("[" * 100_000, id="deep")],
 )  # fmt: skip
 def test_a_file_that_is_no_reference_is_refused(tmp_path: Path, content: str) -> None:
     path = tmp_path / "ref.json"
@@ -150,8 +150,20 @@ def test_a_file_that_is_no_reference_is_refused(tmp_path: Path, content: str) ->
         reference.read(path)
 
 
+@pytest.mark.parametrize("change", [{"anchor": 1e-320}, {"floor": 1.1}, {"state": ["bad"]}])
+def test_a_scale_without_a_span_or_a_state_is_refused(tmp_path: Path, change: dict) -> None:
+    frozen = {"anchor": 1.1, "anchor_low": 1.0, "anchor_high": 1.2, "floor": 0.0, "state": "bad",
+              "fingerprint": {}}  # fmt: skip
+    content = {"format": reference.FORMAT, "made_from": {}, "axes": {"task": frozen | change}}
+    (tmp_path / "ref.json").write_text(json.dumps(content))
+    with pytest.raises(RequestError, match=r"ref\.json: task: .* anew"):
+        reference.read(tmp_path / "ref.json")
+
+
 @pytest.mark.parametrize("key", ["anchor", "anchor_low", "anchor_high", "floor"])
-@pytest.mark.parametrize("value", [None, "1", True, float("inf")])
+@pytest.mark.parametrize(
+    "value", [None, "1", True, float("inf"), pytest.param(10**400, id="huge"), -1e308]
+)
 def test_a_scale_must_be_of_numbers(tmp_path: Path, key: str, value: object) -> None:
     calm = measured("task", 0.1)
     frozen = reference.freeze(calm, Anchor(1.1, calm.replicates + 1.0, "bad"), "m", SETTINGS)

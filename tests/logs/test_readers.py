@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from s2rstore import angles
@@ -142,3 +144,26 @@ def test_what_is_written_is_plain_csv(tmp_path: Path) -> None:
     table = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
     assert table.dtype.names == ("time", "x", "y", "heading")
     assert (table["x"] == log.x).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [(lambda t: t * 1e9, r"csv:3: 2e\+08 s after the pose before it; are the times in seconds"),
+     (lambda t: np.where(t > 1, t + 1.7e9, t), r"csv:8: 1\.7e\+09 s after .* split the log there"),
+     (lambda t: t * 1e300, "are the times in seconds")],
+)  # fmt: skip
+def test_clocks_of_other_units_and_clocks_set_on_the_way_are_refused(
+    tmp_path: Path, change: Callable[[NDArray[np.float64]], NDArray[np.float64]], told: str
+) -> None:
+    times = change(0.2 * np.arange(20))
+    rows = "\n".join(f"{float(time)!r},1,2,0" for time in times)
+    (tmp_path / "a.csv").write_text(f"time,x,y,heading\n{rows}\n")
+    with pytest.raises(RequestError, match=told):
+        read(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("pose", ["1e200,0,0", "0,-1e308,0", "0,0,1e300"])
+def test_poses_beyond_the_earth_are_refused(tmp_path: Path, pose: str) -> None:
+    (tmp_path / "a.csv").write_text(f"time,x,y,heading\n0,0,0,0\n0.1,{pose}\n")
+    with pytest.raises(RequestError, match=r"a\.csv:3: a pose beyond 1e\+09 m or rad"):
+        read(tmp_path / "a.csv")

@@ -135,6 +135,16 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         ('store = "s.s2r"\n[drives]\ntopic = 3', "drives.topic: must be text"),
         ('store = "s.s2r"\n[drives]\nrate = 0', "drives.rate: over 0"),
         ('store = "s.s2r"\n[stale]\nafter_days = -1', "stale.after_days: 0"),
+        pytest.param(f'store = "s.s2r"\nthreshold = {10**400}', "threshold: beyond", id="huge"),
+        pytest.param(f"{SYSID}fix = {{ mass = {10**400} }}", "sysid.fix: beyond", id="huge mass"),
+        pytest.param("store = " + "[" * 50_000, "no TOML", id="deep"),
+        ('store = "~no-such-user/s.s2r"', "~no-such-user/s.s2r: no such user's folder"),
+        ('store = "s.s2r"\n[output]\nmetrics = "drives"', "output.metrics: .*s: a folder or"),
+        ('store = "s.s2r"\n[output]\nhistory = "s.s2r"', "output.history: .*: a folder or a"),
+        ('store = "s.s2r"\n[output]\nmetrics = "gate.toml"', "output.metrics: .*is another file"),
+        ('store = "s.s2r"\n[output]\nhistory = "a"\nmetrics = "./a"', "output.metrics: .*is anoth"),
+        ('store = "s.s2r"\ngolden = "there.json"\n[output]\nmetrics = "there.json"',
+         "output.metrics: .*there.json: is another file"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_named(tmp_path: Path, text: str, told: str) -> None:
@@ -151,10 +161,12 @@ def test_the_command_refuses_before_anything_is_written(tmp_path: Path, capsys) 
     assert main(["nightly", str(tmp_path / "none.toml")]) == 2
     good = written(tmp_path, 'store = "s.s2r"')
     assert main(["nightly", str(good), "--night", "21.11.2026"]) == 2
+    assert main(["nightly", str(good), "--night", "9999-12-31"]) == 2
     assert main(["nightly", str(good)]) == 2  # the folder is no store
     told = capsys.readouterr().err
     assert "threshold: over 0" in told
     assert "none.toml: No such file" in told
     assert "--night 21.11.2026: a date such as" in told
+    assert "--night 9999-12-31: later than a week from today" in told
     assert "not a store" in told
     assert sorted(tmp_path.rglob("*")) == before

@@ -177,6 +177,12 @@ def test_too_few_poses_are_refused() -> None:
         align.delay(two, sim)
 
 
+def test_long_logs_in_milliseconds_are_refused_before_they_are_resampled() -> None:
+    real, sim = (replace(log, time=1000 * log.time) for log in [robot.sampled(EXACT)] * 2)
+    with pytest.raises(RequestError, match=r"a pose every 20 s .* are both clocks in seconds"):
+        align.delay(real, sim)
+
+
 @pytest.mark.parametrize("seconds", [2.02, 2.05, 2.1])
 def test_a_short_slow_drive_is_bounded_or_inconclusive(seconds: float) -> None:
     told = set()

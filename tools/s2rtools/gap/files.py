@@ -22,6 +22,8 @@ def check_writable(asked: Mapping[str, Path | None], read: Mapping[str, Path | N
             continue
         if not path.name or path.is_dir():
             raise RequestError(f"{option} {path}: a folder; name a file")
+        if path.exists() and not path.is_file():
+            raise RequestError(f"{option} {path}: a device or a pipe; name a file")
         if not path.parent.is_dir():
             raise RequestError(f"{option} {path}: no such folder as {path.parent}; make it")
         if not os.access(path.parent, os.W_OK | os.X_OK):

@@ -7,7 +7,6 @@ day it was stored. Paired differences are far surer than two separate means.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -27,6 +26,8 @@ from s2rtools.gap.verdict import NOTHING
 FORMAT = 1
 _FEWEST = 20
 _FEWEST_BLOCKS = 4
+_FARTHEST = 1e12
+"""m"""
 _MOST_MISSING = 0.1
 """Share of the golden run that may be missing from a PASS."""
 
@@ -82,18 +83,18 @@ def read(path: Path) -> Golden:
         content: Any = json.loads(path.read_bytes())
     except OSError as error:
         raise RequestError(f"{path}: {error.strerror or error}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise RequestError(f"{path}: no JSON ({error})") from error
     try:
         if content["format"] != FORMAT:
             raise RequestError(f"{path}: format {content['format']}, this version reads {FORMAT}")
         errors = {int(iid): float(value) for iid, value in content["errors"].items()}
         poses, run, told = (str(content[key]) for key in ("poses", "run", "expression"))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         message = f"{path}: no golden run; `s2r gap --freeze-golden` writes one"
         raise RequestError(message) from error
-    if not errors or not all(math.isfinite(value) for value in errors.values()):
-        raise RequestError(f"{path}: errors must be finite and at least one")
+    if not errors or not all(0 <= value <= _FARTHEST for value in errors.values()):
+        raise RequestError(f"{path}: errors must be 0 .. {_FARTHEST:g} m, and at least one")
     return Golden(poses, run, told, errors)
 
 

@@ -31,6 +31,8 @@ class Frozen:
 
 _KEYS = {each.name for each in fields(Frozen)}
 _NUMBERS = ("anchor", "anchor_low", "anchor_high", "floor")
+_LEAST, _MOST = 1e-100, 1e100
+"""Of a scale: beyond them G is not to be computed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +84,7 @@ def read(path: Path) -> Reference:
         content = json.loads(raw)
     except OSError as error:
         raise RequestError(f"{path}: {error.strerror or error}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise RequestError(f"{path}: no JSON ({error}); `s2r gap --freeze` writes one") from error
     if not isinstance(content, dict) or not isinstance(content.get("axes"), dict):
         raise RequestError(f"{path}: no reference of a gap; `s2r gap --freeze` writes one")
@@ -103,15 +105,18 @@ def _frozen(path: Path, axis: str, found: object) -> Frozen:
         told = sorted(_KEYS ^ set(found)) if isinstance(found, dict) else "no object"
         raise RequestError(f"{path}: {axis}: {told}; freeze the reference anew")
     if not all(_is_number(found[key]) for key in _NUMBERS):
-        raise RequestError(f"{path}: {axis}: {', '.join(_NUMBERS)} must be finite numbers")
-    if not min(found["anchor"], found["anchor_low"]) > found["floor"]:
+        told = f"must be numbers up to {_MOST:g}"
+        raise RequestError(f"{path}: {axis}: {', '.join(_NUMBERS)} {told}; freeze it anew")
+    if not min(found["anchor"], found["anchor_low"]) - found["floor"] > _LEAST:
         raise RequestError(
-            f"{path}: {axis}: the anchor is within noise of the floor; freeze the reference anew"
+            f"{path}: {axis}: the anchor is within noise of the floor; freeze it anew"
         )
+    if not isinstance(found["state"], str):
+        raise RequestError(f"{path}: {axis}: state must be text; freeze it anew")
     if not isinstance(found["fingerprint"], dict):
         raise RequestError(f"{path}: {axis}: fingerprint must be an object")
     return Frozen(**found)
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _MOST

@@ -13,6 +13,10 @@ from s2rstore import angles
 from s2rstore.errors import RequestError
 from s2rtools.logs.contract import Floats, Log
 
+LONGEST_PAUSE = 600.0
+"""s between two poses of one drive."""
+FARTHEST = 1e9
+"""m, and rad"""
 Place = Callable[[int], str]
 """Where in the source row i stands, as `drive.csv:12`."""
 
@@ -69,11 +73,27 @@ def check_clock(time: Floats, place: Place) -> None:
         )
 
 
+def check_pace(time: Floats, place: Place) -> None:
+    """Raises RequestError for times that are no seconds, and for clocks that were set meanwhile."""
+    steps = np.diff(time)
+    paused = np.flatnonzero(steps > LONGEST_PAUSE)
+    if paused.size:
+        i = int(paused[0])
+        raise RequestError(
+            f"{place(i + 1)}: {steps[i]:.6g} s after the pose before it; are the times in seconds? "
+            "Else split the log there, or leave out what was recorded before the clock was set"
+        )
+
+
 def log(poses: NDArray[np.float64], path: Path, place: Place) -> Log:
     """`poses` (n, 4) are time, x, y, heading in rad, finite; the heading is wrapped."""
     if len(poses) < 2:
         raise RequestError(f"{path}: {len(poses)} poses; a log needs at least 2")
     check_clock(poses[:, 0], place)
+    check_pace(poses[:, 0], place)
+    far = np.flatnonzero((np.abs(poses[:, 1:]) > FARTHEST).any(axis=1))
+    if far.size:
+        raise RequestError(f"{place(int(far[0]))}: a pose beyond {FARTHEST:g} m or rad; remove it")
     time, x, y, heading = (np.ascontiguousarray(column) for column in poses.T)
     return Log(time, x, y, angles.wrap(heading), str(path), digest(path), _doubts(heading, place))
 

@@ -9,6 +9,7 @@ import numpy as np
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rtools.logs import rigid
+from s2rtools.logs.checks import Place, check_pace
 from s2rtools.logs.contract import Drive, Floats, Log
 
 
@@ -29,6 +30,7 @@ def odometry(store: Store, rate: float | None = None, aligned: bool = True) -> t
         if at.size < 2 or not np.isfinite(ox + oy + turned).all():
             continue
         time = _time(truth.timestamp[at], truth.seq[at].astype(np.float64), rate, where)
+        check_pace(time, _pose_of(where))
         real = _log(time, truth.x[at], truth.y[at], truth.heading[at], f"{where}, ground truth")
         sim = _log(time, ox, oy, turned, f"{where}, odometry")
         moved = rigid.Rigid()
@@ -38,6 +40,10 @@ def odometry(store: Store, rate: float | None = None, aligned: bool = True) -> t
     if not drives:
         raise RequestError(f"{store.path}: no trajectory has odometry throughout")
     return tuple(drives)
+
+
+def _pose_of(where: str) -> Place:
+    return lambda i: f"{where}: pose {i + 1}"
 
 
 def _time(stamps: Floats, seq: Floats, rate: float | None, where: str) -> Floats:

@@ -16,6 +16,7 @@ from s2rtools.gap import defaults
 from s2rtools.gap.axes import AXES
 from s2rtools.gap.defaults import ODOMETRY
 from s2rtools.nightly import simulation
+from s2rtools.nightly.places import check_apart
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}\Z")
 _SECTIONS: dict[str, dict[str, type | tuple[type, ...]]] = {
@@ -116,7 +117,10 @@ class _Reader:
 
     def place(self, value: str) -> Path:
         """A path, relative to the file's folder."""
-        return (self.path.parent / Path(value).expanduser()).resolve()
+        try:
+            return (self.path.parent / Path(value).expanduser()).resolve()
+        except RuntimeError as error:
+            raise RequestError(f"{self.path}: {value}: no such user's folder") from error
 
     def file(self, key: str, section: str = "") -> Path | None:
         """An existing file."""
@@ -155,7 +159,7 @@ def read(path: Path) -> Config:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise RequestError(f"{path}: {error.strerror or error}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise RequestError(f"{path}: no TOML ({error})") from error
     _check_types(path, content)
     given = _Reader(path.absolute(), content)
@@ -165,9 +169,8 @@ def read(path: Path) -> Config:
     store = given.place(given.needed("store"))
     if not store.is_dir():
         raise given.refuse("store", f"{store}: no such folder")
-    kept = given.get("history", "output")
-    told = given.get("metrics", "output")
-    return Config(
+    kept, told = (given.get(key, "output") for key in ("history", "metrics"))
+    found = Config(
         source=given.path,
         name=name,
         store=store,
@@ -191,6 +194,8 @@ def read(path: Path) -> Config:
         metrics=given.place(told) if told else None,
         stale_after=float(given.number("after_days", 7.0, 0, math.inf, "stale")),
     )
+    check_apart(found)
+    return found
 
 
 def _axes(given: _Reader) -> tuple[str, ...]:
@@ -279,6 +284,9 @@ def _check_type(path: Path, section: str, key: str, value: object) -> None:
     if isinstance(value, bool) or not isinstance(value, wanted):
         told = _TABLES[key][1] if wanted is dict else _TOLD[wanted]
         raise RequestError(f"{path}: {where}: must be {told}, not {value!r}")
+    each = value.values() if isinstance(value, dict) else (value,)
+    if any(isinstance(one, int) and abs(one) >= 2**63 for one in each):
+        raise RequestError(f"{path}: {where}: beyond what 64 bits hold")
     if isinstance(value, str) and (not value.strip() or "\0" in value):
         raise RequestError(f"{path}: {where}: must not be empty")
     if isinstance(value, list) and not all(isinstance(item, str) for item in value):

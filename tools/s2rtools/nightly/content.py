@@ -51,7 +51,7 @@ def facts(night: Night) -> list[tuple[str, str]]:
         ("run", f"{night.run} (model {night.model})"),
         ("selection", night.expression),
         ("threshold", f"{night.threshold:g}"),
-        ("evidence since", f"{night.evidence_since} ({night.evidence_age} days)"),
+        ("evidence since", f"{night.evidence_since}, {night.evidence_age} days old"),
         ("written", night.written_at),
         ("key", night.key[:12]),
     ]

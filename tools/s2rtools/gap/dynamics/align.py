@@ -27,6 +27,8 @@ RATES = ("forward speed", "sideways speed", "yaw rate")
 SMOOTHING = 0.1
 """Deviation of the Gaussian, s; at least `SAMPLES` of the slower log."""
 SAMPLES = 1.5
+SLOWEST = 10.0
+"""s between two poses."""
 MIN_OVERLAP = 2.0
 """s"""
 BLOCK = 2.0
@@ -126,10 +128,12 @@ def _overlap(real: Log, sim: Log) -> float:
 
 
 def _demand_fine(real: Log, sim: Log, width: float) -> None:
-    """Raises RequestError where a log ends before its rates, smoothed by `width` s, are known."""
+    """Raises RequestError for logs that are too slow, or end before their rates are known, which
+    are smoothed by `width` s.
+    """
     shorter = min(real, sim, key=_seconds)
-    if _seconds(shorter) <= 2 * _REACH * width:
-        slower = max(real, sim, key=_step)
+    slower = max(real, sim, key=_step)
+    if _seconds(shorter) <= 2 * _REACH * width or _step(slower) > SLOWEST:
         raise RequestError(
             f"{slower.source}: a pose every {_step(slower):.3g} s is too few to find a delay by in "
             f"the {_seconds(shorter):.3g} s of {shorter.source}; are both clocks in seconds?"
