@@ -158,12 +158,12 @@ class Prompts(Desk):
         self._ask(self._save_run, "", "a name for the run with these adjustments")
 
     def _save_run(self, name: str) -> None:
-        adjust = self.session.state.adjust
+        adjust, name = self.session.state.adjust, name.strip()
+        if not name:
+            raise RequestError("a run needs a name: type one")
         if adjust is not None:
             root, chains = self.session.store.path, adjusting.chains(adjust)
-            self.begin_saving(
-                name.strip(), partial(save_run, root, name.strip(), adjust.run, chains)
-            )
+            self.begin_saving(name, partial(save_run, root, name, adjust.run, chains))
 
     def action_selections(self) -> None:
         self._refresh_notes()

@@ -152,7 +152,8 @@ async def test_adjustments_are_saved_as_a_run(computed: Path, tmp_path: Path) ->
 async def test_a_taken_name_is_told(computed: Path) -> None:
     app = app_on(computed)
     async with app.run_test(size=(120, 40)) as pilot:
-        await press(app, pilot, "a", "right", "S")
+        await press(app, pilot, "a", "right", "S", "enter")
+        assert "a run needs a name" in app.session.state.message
         await pilot.press(*"vanilla", "enter")
         await settle(app, pilot)
         assert "already" in app.session.state.message
