@@ -9,6 +9,9 @@ the verdict is not PASS on a seed without factors. Behind G of every axis (mean 
 the seeds) stands how often its whole interval is over that mean: the share of false alarms if the
 mean were the threshold.
 
+The tours are new poses, for which a reference of other poses is refused; the bench writes theirs
+into it and keeps the scale, which is that of the same building, model and count.
+
 Without factors sim and real images are the same bytes; `noise` photographs both sides through the
 noisy sensor, each with noise of its own, so that there is no gap but much to be mistaken for one.
 """
@@ -41,6 +44,7 @@ from s2rstore.reader import Store
 from s2rtools.gap import gate
 from s2rtools.gap.contract import Evidence
 from s2rtools.gap.defaults import THRESHOLD
+from s2rtools.gap.population import poses
 from s2rtools.logs import Drive
 from s2rtools.precompute.pipeline import Options, precompute
 from s2rtools.sysid import make_drives
@@ -213,10 +217,19 @@ def verdict(
     store: Store, condition: Condition, iids: np.ndarray, drives: Sequence[Drive], reference: Path
 ) -> tuple[str, list[tuple[float, float, float]]]:
     """What `s2r gap` says, and G of every axis with its bounds."""
+    evidence = Evidence(store, look(condition), iids, drives=drives)
+    _fit(reference, evidence)
     request = gate.Request(run=look(condition), reference=reference)
-    found = gate.judged(Evidence(store, look(condition), iids, drives=drives), request).verdict
+    found = gate.judged(evidence, request).verdict
     gaps = {each.axis: each.gap for each in found.axes}
     return found.outcome, [(gaps[a].value, gaps[a].low, gaps[a].high) for a in AXES]
+
+
+def _fit(reference: Path, evidence: Evidence) -> None:
+    scale = json.loads(reference.read_text())
+    for axis in ("visual", "task"):
+        scale["axes"][axis]["fingerprint"]["poses"] = poses(evidence.store)
+    reference.write_text(json.dumps(scale))
 
 
 _HEAD = (
