@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+from textual import _wait
 
 from tests.support import pairs, tiny
 
@@ -13,6 +14,9 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
 _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 os.environ.setdefault("NUMBA_CACHE_DIR", str(_CACHE / "numba"))
+
+_wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.004, 0.0002
+"""s; a pilot looks at 20 ms of idleness after every key, and most of these tests wait for nothing."""
 
 
 @pytest.fixture(autouse=True)
