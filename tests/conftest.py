@@ -16,7 +16,7 @@ _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 os.environ.setdefault("NUMBA_CACHE_DIR", str(_CACHE / "numba"))
 
 _wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.004, 0.0002
-"""s; a pilot looks at 20 ms of idleness after every key, and most of these tests wait for nothing."""
+"""s; a pilot looks at 20 ms of idleness after every key, most of which nothing follows."""
 
 
 @pytest.fixture(autouse=True)
