@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import sys
 import threading
@@ -135,8 +136,7 @@ async def test_while_a_feed_is_read(
     began = 0.0
     try:
         async with app.run_test(size=(120, 40)) as pilot:
-            await pilot.pause()
-            assert reading.wait(5)
+            assert await asyncio.to_thread(reading.wait, 5)
             began = time.monotonic()
             await pilot.press("q")
         assert time.monotonic() - began < AT_ONCE
