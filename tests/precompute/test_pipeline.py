@@ -24,6 +24,8 @@ from s2rtools.precompute.pipeline import Options, precompute
 from s2rtools.precompute.registry import add_run
 from s2rtools.precompute.rows import decode_split, encode_split
 
+pytestmark = pytest.mark.xdist_group("computed")
+
 
 class Quiet:
     """A reporter that counts."""
