@@ -9,6 +9,7 @@ import pytest
 from textual import _wait
 
 from tests.support import pairs, tiny
+from tests.support.copies import copied
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
@@ -33,9 +34,9 @@ def tiny_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def own_store(tmp_path: Path) -> Path:
+def own_store(tiny_store: Path, tmp_path: Path) -> Path:
     """A synthetic store of this test's own."""
-    return tiny.build(tmp_path / "own.s2r")
+    return copied(tiny_store, tmp_path / "own.s2r")
 
 
 @pytest.fixture(scope="session")
