@@ -19,7 +19,7 @@ os.environ.setdefault("NUMBA_CACHE_DIR", str(_CACHE / "numba"))
 _wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.002, 0.0002
 """s; a pilot looks at 20 ms of idleness after every key, most of which nothing follows."""
 
-TOGETHER = ("gap", "graphics", "nightly", "sysid")
+TOGETHER = ("gap", "graphics", "nightly", "sysid", "train")
 """Folders whose tests share what is dear to make: one worker runs all of a folder's."""
 
 

@@ -14,6 +14,7 @@ import pytest
 import s2rstore
 from s2rstore import layout
 from s2rstore.verify import verify
+from s2rtui.cli import main
 from tests.support.copies import copied
 from tests.support.replay import STATUS, faults
 from tests.support.screen import LEFT, RIGHT, Screen
@@ -29,20 +30,16 @@ KEYS = ("w", "b", "W", "B", "c", RIGHT, LEFT, "r", "R", "h", "v", "o", "d", "m",
 def computed(few_trained: Path, tmp_path: Path) -> Path:
     """A computed store with two more runs that are not computed yet."""
     path = copied(few_trained, tmp_path / "s.s2r")
-    _s2r("precompute", str(path), "--kinds", KINDS)
+    assert main(["precompute", str(path), "--kinds", KINDS]) == 0
     for number in (1, 2):
         adjust = f"real:brightness=1.{number}"
-        _s2r("run", "add", f"more{number}", "--model", "vanilla", "--adjust", adjust,
-             "--store", str(path))  # fmt: skip
+        words = ["run", "add", f"more{number}", "--model", "vanilla", "--adjust", adjust]
+        assert main([*words, "--store", str(path)]) == 0
     return path
 
 
 def _call(*words: str) -> list[str]:
     return [sys.executable, "-m", "s2rtui", *words]
-
-
-def _s2r(*words: str) -> None:
-    subprocess.run(_call(*words), check=True, capture_output=True, env=_environment())
 
 
 def _environment() -> dict[str, str]:

@@ -13,6 +13,7 @@ from s2rstore.records import SPLITS
 from s2rtools.models.contract import LoadedModel
 from s2rtools.train import RECIPES, Budget, DomainFrames, TrainingFrames, loop, splits, train
 from s2rtools.train.colours import vary_colours
+from s2rtools.train.loop import TrainingResult
 from s2rtools.train.perlin import DepthNoise, noise_fields, perlin
 
 TRAIN, VALIDATION, TEST, UNSEEN = range(len(SPLITS))
@@ -38,6 +39,11 @@ def make_frames(n: int = 120, trajectories: int = 1) -> TrainingFrames:
 @pytest.fixture(scope="module")
 def frames() -> TrainingFrames:
     return make_frames()
+
+
+@pytest.fixture(scope="module")
+def learnt(frames: TrainingFrames) -> TrainingResult:
+    return train(frames, "vanilla", budget=Budget(steps=40))
 
 
 @pytest.fixture(scope="module")
@@ -95,9 +101,8 @@ def test_short_trajectories_split_too(count):
     assert (splits.by_halves(rows) >= 0).all()
 
 
-def test_a_few_steps_learn_and_figures_are_kept(frames):
-    result = train(frames, "vanilla", budget=Budget(steps=40))
-    figures = result.figures
+def test_a_few_steps_learn_and_figures_are_kept(frames, learnt):
+    result, figures = learnt, learnt.figures
     assert figures["sim.train.median_error"] < 0.6 * figures["sim.train.baseline_error"]
     assert figures["real.unseen.instances"] == 120
     assert set(result.splits) == {"sim", "sim_edit", "real"}
@@ -154,8 +159,8 @@ def test_checkpoints_of_another_training_or_damaged_ones_are_refused(few, tmp_pa
         train(few, "vanilla", budget=Budget(steps=1), checkpoint=file)
 
 
-def test_finetune_goes_on_from_a_model_with_real_images(frames):
-    first = train(frames, "vanilla", budget=Budget(steps=20))
+def test_finetune_goes_on_from_a_model_with_real_images(frames, learnt):
+    first = learnt
     before = {key: value.clone() for key, value in weights(first).items()}
     tuned = train(frames, "finetune", budget=Budget(steps=10), start=loaded(first),
                   start_splits=first.splits)  # fmt: skip
