@@ -61,24 +61,15 @@ def real_data() -> Path:
 
 @pytest.fixture(scope="session")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store of 80 pairs with a briefly trained model; nothing is computed yet."""
-    return _trained(tmp_path_factory.mktemp("trained"), 80)
-
-
-@pytest.fixture(scope="session")
-def few_trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same of 40 pairs, which are two shards."""
-    return _trained(tmp_path_factory.mktemp("few"), 40)
-
-
-def _trained(root: Path, n: int) -> Path:
+    """A store of 40 pairs, two shards, with a briefly trained model; nothing is computed yet."""
+    root = tmp_path_factory.mktemp("trained")
     os.environ["XDG_CACHE_HOME"] = str(root / "cache")
     from s2rtools.ingest import IMPORTERS
     from s2rtools.ingest.build import build
     from s2rtools.ingest.scan import ScanOptions
     from s2rtools.train.into_store import TrainingRequest, train_into_store
 
-    header = pairs.sim2realviz(root / "data", n=n)
+    header = pairs.sim2realviz(root / "data", n=40)
     options = ScanOptions(header=header, frame=(64, 64))
     scan = IMPORTERS["sim2realviz"](root / "data", options)
     build(scan, root / "s.s2r", "s2r ingest", False, lambda steps: None)

@@ -29,10 +29,10 @@ pytestmark = pytest.mark.xdist_group("world")
 
 
 @pytest.fixture(scope="module")
-def computed(few_trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recorded data set with one computed run."""
     path = tmp_path_factory.mktemp("adjusting") / "s.s2r"
-    shutil.copytree(few_trained, path)
+    shutil.copytree(trained, path)
     precompute(path, Quiet(), ["vanilla"], Options(("feature_distance",)))
     return path
 

@@ -52,8 +52,8 @@ def open_screen(tmp_path: Path) -> Iterator[OpenScreen]:
 
 
 @pytest.fixture(scope="module")
-def computed(few_trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = copied(few_trained, tmp_path_factory.mktemp("leaving") / "s.s2r")
+def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = copied(trained, tmp_path_factory.mktemp("leaving") / "s.s2r")
     precompute(path, Quiet(), ["vanilla"], Options(("feature_distance",)))
     return path
 

@@ -34,10 +34,10 @@ CHAINS = {
 
 
 @pytest.fixture(scope="module")
-def adjusted(few_trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
+def adjusted(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
     """A store with a run `adjusted` of every kind, beside its plain run that is not computed."""
     path = tmp_path_factory.mktemp("live") / "s.s2r"
-    shutil.copytree(few_trained, path)
+    shutil.copytree(trained, path)
     add_run(path, "adjusted", "vanilla", None, None, CHAINS)
     precompute(path, Quiet(), ["adjusted"])
     with s2rstore.open(path) as store:

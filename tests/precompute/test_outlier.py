@@ -60,9 +60,9 @@ def test_equal_embeddings_have_no_outlier() -> None:
 
 
 @pytest.fixture(scope="module")
-def computed(few_trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("outlier") / "s.s2r"
-    shutil.copytree(few_trained, path)
+    shutil.copytree(trained, path)
     assert precompute(path, Quiet(), ["vanilla"], FEW) == ["vanilla"]
     return path
 

@@ -44,10 +44,10 @@ class Quiet:
 
 
 @pytest.fixture(scope="session")
-def computed(few_trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same store, all runs computed."""
     path = tmp_path_factory.mktemp("computed") / "s.s2r"
-    shutil.copytree(few_trained, path)
+    shutil.copytree(trained, path)
     add_run(path, "black", "vanilla", None, None, parse("real:black"))
     add_run(path, "bright", "vanilla", None, None, parse("real:brightness=1.15"))
     assert precompute(path, Quiet(), ["vanilla"]) == ["vanilla"]
@@ -126,10 +126,10 @@ def test_nothing_is_computed_twice(computed: Path, tmp_path: Path) -> None:
 
 
 def test_several_workers_give_the_same_values(
-    computed: Path, few_trained: Path, tmp_path: Path
+    computed: Path, trained: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "s.s2r"
-    shutil.copytree(few_trained, path)
+    shutil.copytree(trained, path)
     kinds = ("feature_distance", "occlusion")
     precompute(path, Quiet(), [], Options(kinds, workers=2))
     assert verify(path) == []
@@ -149,10 +149,10 @@ def _same(path: Path, reference: Path, tolerance: float) -> None:
 
 
 def test_kill_9_loses_only_what_was_in_flight(
-    computed: Path, few_trained: Path, tmp_path: Path
+    computed: Path, trained: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "s.s2r"
-    shutil.copytree(few_trained, path)
+    shutil.copytree(trained, path)
     before = layout.read_current(path).generation
     for number in range(3):
         _killed(path, tmp_path, number)
@@ -185,15 +185,15 @@ def _ledger_lines(path: Path) -> int:
     return sum(p.read_bytes().count(b"\n") for p in (path / "ledger").glob("*.jsonl"))
 
 
-def test_wrong_requests_name_what_could_be(few_trained: Path) -> None:
+def test_wrong_requests_name_what_could_be(trained: Path) -> None:
     with pytest.raises(RequestError, match="runs: vanilla"):
-        precompute(few_trained, Quiet(), ["nothing"])
+        precompute(trained, Quiet(), ["nothing"])
     with pytest.raises(RequestError, match="activation"):
-        precompute(few_trained, Quiet(), [], Options(("heat",)))
+        precompute(trained, Quiet(), [], Options(("heat",)))
     with pytest.raises(RequestError, match="backend"):
-        precompute(few_trained, Quiet(), [], Options(backend="abacus"))
+        precompute(trained, Quiet(), [], Options(backend="abacus"))
     with pytest.raises(RequestError, match="models: vanilla"):
-        add_run(few_trained, "x", "nothing", None, None, {"sim": [], "real": []})
+        add_run(trained, "x", "nothing", None, None, {"sim": [], "real": []})
 
 
 @pytest.mark.parametrize("codes", [[], [3], [0, 0, 1, 3, 3, 0]])

@@ -68,8 +68,8 @@ def waited(saving: Saving, stage: str) -> None:
     raise AssertionError(saving.progress)
 
 
-def test_a_saving_ends_with_a_killed_application(few_trained: Path, tmp_path: Path) -> None:
-    path = copied(few_trained, tmp_path / "s.s2r")
+def test_a_saving_ends_with_a_killed_application(trained: Path, tmp_path: Path) -> None:
+    path = copied(trained, tmp_path / "s.s2r")
     add_run(path, "saved", "vanilla", None, None, {"sim": [], "real": []})
     code = (
         "import sys; from pathlib import Path; from s2rtui.saving import Saving\n"
@@ -99,16 +99,16 @@ def _state(process: int) -> str:
     return "Z"
 
 
-def test_a_busy_store_is_refused_at_once(few_trained: Path, tmp_path: Path) -> None:
-    path = copied(few_trained, tmp_path / "s.s2r")
+def test_a_busy_store_is_refused_at_once(trained: Path, tmp_path: Path) -> None:
+    path = copied(trained, tmp_path / "s.s2r")
     with locks.compute_lock(path), pytest.raises(RequestError, match="holds the compute lock"):
         save_run(path, "saved", "vanilla", {})
     with s2rstore.open(path) as store:
         assert "saved" not in store.runs
 
 
-def test_a_run_that_is_left_can_be_gone_on_with(few_trained: Path, tmp_path: Path) -> None:
-    path = copied(few_trained, tmp_path / "s.s2r")
+def test_a_run_that_is_left_can_be_gone_on_with(trained: Path, tmp_path: Path) -> None:
+    path = copied(trained, tmp_path / "s.s2r")
     saving = save_run(path, "saved", "vanilla", {"sim": chain_of("sim", {"black": 0.5})})
     waited(saving, "forward")
     began = time.monotonic()
@@ -124,13 +124,13 @@ def test_a_run_that_is_left_can_be_gone_on_with(few_trained: Path, tmp_path: Pat
     assert verify(path) == []
 
 
-def test_wrong_requests_start_nothing(few_trained: Path) -> None:
+def test_wrong_requests_start_nothing(trained: Path) -> None:
     with pytest.raises(RequestError, match="choose another name"):
-        save_run(few_trained, "vanilla", "vanilla", {})
+        save_run(trained, "vanilla", "vanilla", {})
     with pytest.raises(RequestError, match="runs: vanilla"):
-        save_run(few_trained, "saved", "nothing", {})
+        save_run(trained, "saved", "nothing", {})
     with pytest.raises(RequestError, match="taken, not rendered"):
-        save_run(few_trained, "saved", "vanilla", {"sim": chain_of("sim", {"camera_fov": 5})})
+        save_run(trained, "saved", "vanilla", {"sim": chain_of("sim", {"camera_fov": 5})})
 
 
 def test_computed_runs_are_not_dropped(own_store: Path) -> None:

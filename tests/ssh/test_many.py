@@ -27,9 +27,9 @@ KEYS = ("w", "b", "W", "B", "c", RIGHT, LEFT, "r", "R", "h", "v", "o", "d", "m",
 
 
 @pytest.fixture
-def computed(few_trained: Path, tmp_path: Path) -> Path:
+def computed(trained: Path, tmp_path: Path) -> Path:
     """A computed store with two more runs that are not computed yet."""
-    path = copied(few_trained, tmp_path / "s.s2r")
+    path = copied(trained, tmp_path / "s.s2r")
     assert main(["precompute", str(path), "--kinds", KINDS]) == 0
     for number in (1, 2):
         adjust = f"real:brightness=1.{number}"
