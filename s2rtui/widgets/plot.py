@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from asyncio import TimerHandle
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,10 +11,10 @@ from textual import events
 from textual.geometry import Region
 from textual.message import Message
 from textual.strip import Strip
-from textual.timer import Timer
 from textual.widget import Widget
 
 from s2rtui.canvas import Canvas, Look, to_strips
+from s2rtui.later import later
 from s2rtui.widgets.wall import Wall
 
 Draw = Callable[[tuple[int, int], Look], Canvas]
@@ -143,7 +144,7 @@ class PlotView(Widget, can_focus=False):
         self._drag: Drag | None = None
         self._wheel = Wheel(name)
         self._wall = wall
-        self._hangs: Timer | None = None
+        self._hangs: TimerHandle | None = None
         self._places: frozenset[tuple[Region, int]] = frozenset()
 
     def show(self, draw: Draw, depends: tuple[object, ...] | None = None) -> None:
@@ -189,13 +190,13 @@ class PlotView(Widget, can_focus=False):
         self._drop_hanging()
         if seconds:
             self._placed(frozenset())
-            self._hangs = self.set_timer(seconds, self.hang)
+            self._hangs = later(self, seconds, self.hang)
         else:
             self.hang()
 
     def _drop_hanging(self) -> None:
         if self._hangs is not None:
-            self._hangs.stop()
+            self._hangs.cancel()
             self._hangs = None
 
     def hang(self) -> None:

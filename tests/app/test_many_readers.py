@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -12,9 +13,10 @@ from s2rstore.verify import verify
 from tests.support.copies import copied
 
 _APPLICATION = """
-import asyncio, sys
+import asyncio, faulthandler, sys
 from pathlib import Path
 from s2rtui.app import S2RApp
+from s2rtui.background import end_process
 from s2rtui.canvas import Look
 from s2rtui.headless import settle
 from s2rtui.session import Session
@@ -35,7 +37,9 @@ async def main(path, stop):
                 print("reading", flush=True)
             seen.add(state.generation)
     print(sorted(seen))
+faulthandler.enable()
 asyncio.run(main(Path(sys.argv[1]), Path(sys.argv[2])))
+end_process(0)
 """
 
 
@@ -69,8 +73,17 @@ def test_readers_while_a_precompute_publishes(trained: Path, tmp_path: Path) -> 
     assert writer.returncode == 0
     stop.touch()
     for reader in readers:
-        out, err = reader.communicate(timeout=120)
+        out, err = _ended(reader)
         assert reader.returncode == 0, err
         assert len(out.split(",")) >= 2, out
     assert len(counts) >= 2
     assert verify(path) == []
+
+
+def _ended(reader: subprocess.Popen[str]) -> tuple[str, str]:
+    """What it wrote; of one that does not end also where it stands."""
+    try:
+        return reader.communicate(timeout=120)
+    except subprocess.TimeoutExpired:
+        reader.send_signal(signal.SIGABRT)
+        return reader.communicate(timeout=10)
