@@ -123,8 +123,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
         return predicted(index, *rest)
 
     def near(store, *rest):
-        made_here = rest in own.evaluated or store is not own or not made.waiting.waits
-        assert made_here or made.worker, rest
+        assert store is not own or made.worker or not made.waiting.waits, rest
         return neighbours(store, *rest)
 
     with pytest.MonkeyPatch.context() as patch:
