@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from asyncio import TimerHandle
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -153,14 +153,15 @@ class PlotView(Widget, can_focus=False):
         self._draw, self._depends = draw, depends
         if not self.size.width or not self.size.height or (unchanged and self._canvas is not None):
             return
-        before = self._canvas
+        before, places = self._canvas, self._places
         self._render_canvas()
         if self._wall is not None:
             self._hang_after(self._wall.rest(self._view))
         if before is None or self._canvas is None or before.char.shape != self._canvas.char.shape:
             self.refresh()
             return
-        regions = changed_regions(before, self._canvas)
+        stay = [region for region, _ in places & self._places]
+        regions = changed_regions(before, self._canvas, stay)
         if regions:
             self.refresh(*regions)
 
@@ -276,11 +277,16 @@ class PlotView(Widget, can_focus=False):
             self.post_message(self.Wheeled(self._wheel))
 
 
-def changed_regions(before: Canvas, after: Canvas) -> list[Region]:
-    """Spans of cells that differ, one or several per row; near spans are joined."""
+def changed_regions(before: Canvas, after: Canvas, stay: Sequence[Region] = ()) -> list[Region]:
+    """Spans of cells that differ, one or several per row; near spans are joined.
+
+    What differs under a picture of which all stays does not count.
+    """
     differs = (before.char != after.char) | (before.bold != after.bold)
     differs |= (before.fg != after.fg).any(axis=-1) & (after.char != " ")
     differs |= (before.bg != after.bg).any(axis=-1)
+    for region in stay:
+        differs[region.y : region.bottom, region.x : region.right] = False
     regions: list[Region] = []
     for row in np.flatnonzero(differs.any(axis=1)):
         columns = np.flatnonzero(differs[row])
