@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rtui.plots import joint
 from s2rtui.plots.bins import Bins, Chosen, choose, count
 from s2rtui.plots.inputs import Interval, OverviewLines
 from s2rtui.plots.overview_layout import OverviewLayout
@@ -64,14 +65,11 @@ def _segments(
 def _bars(
     columns: tuple[Same, ...], axis: Interval, width: int, step: int, chosen: Chosen
 ) -> LineDensity:
-    """On each run's row a bar of up to four dots per column of dots; two runs per count."""
+    """On each run's row a bar of up to four dots per column of dots."""
     size = bin_count(width, len(chosen.base))
-    counts: tuple[list[Counts], list[Counts]] = ([], [])
-    for index in range(0, len(columns), 2):
-        first, second = columns[index], columns[min(index + 1, len(columns) - 1)]
-        for part, table in zip(counts, _tables(first, second, axis, size, chosen), strict=True):
-            part += [table.sum(axis=1)[:size], table.sum(axis=0)[:size]]
-    dots = np.stack([_per_dot(np.stack(part[: len(columns)]), width) for part in counts])
+    binned = [Bins(_binned(column, axis, size), size) for column in columns]
+    lit, total = (np.stack(part) for part in zip(*joint.counts(binned, chosen), strict=True))
+    dots = np.stack([_per_dot(lit, width), _per_dot(total - lit, width)])
     up = np.arange(4, 0, -1)[:, None]
     heights = np.ceil(4 * levels(dots, float(dots.sum(axis=0).max())))
     grids = (heights[:, :, None] >= up) * dots[:, :, None]

@@ -9,14 +9,18 @@ from numpy.typing import NDArray
 
 from s2rstore import selection
 from s2rstore.errors import RequestError
-from s2rstore.extremes import largest
+from s2rstore.extremes import extremes, largest
 from s2rstore.language import MaskContext, Node, base_population, mask, parse, to_text
 from s2rstore.reader import Store
 from s2rtui.notebook import Notes
+from s2rtui.plots.bins import choose
+from s2rtui.plots.same import Same, kept
 from s2rtui.session import anew, loading
 from s2rtui.session.state import State
 
 HISTORY = 100
+_WORST = 4096
+"""Largest errors that are looked for in a selection before all of it is looked at."""
 
 
 class Selecting:
@@ -78,4 +82,18 @@ def _kept_cursor(store: Store, state: State) -> int | None:
     pool = state.selected if state.selected.any() else state.base
     if state.cursor is not None and pool[state.cursor]:
         return state.cursor
-    return largest(store.run_columns(state.run).real.error, pool)
+    errors = store.run_columns(state.run).real.error
+    worst = _worst(Same(errors))
+    inside = pool[worst]
+    if inside.any():
+        return int(worst[inside.argmax()])
+    return largest(errors, choose(pool, state.base).members)
+
+
+@kept(4)
+def _worst(errors: Same) -> NDArray[np.intp]:
+    """The iids of the largest known errors, the first the largest, ties by iid."""
+    column = np.asarray(errors.array)
+    known = ~np.isnan(column)
+    chosen = np.flatnonzero(extremes(column, known, min(_WORST, column.size), largest=True))
+    return chosen[np.argsort(-column[chosen], kind="stable")]
