@@ -67,9 +67,9 @@ def _bars(
 ) -> LineDensity:
     """On each run's row a bar of up to four dots per column of dots."""
     size = bin_count(width, len(chosen.base))
-    binned = [Bins(_binned(column, axis, size), size) for column in columns]
-    lit, total = (np.stack(part) for part in zip(*joint.counts(binned, chosen), strict=True))
-    dots = np.stack([_per_dot(lit, width), _per_dot(total - lit, width)])
+    counted = joint.counts(_bar_bins(columns, axis, size), chosen)
+    both = np.stack([*(lit for lit, _ in counted), *(total - lit for lit, total in counted)])
+    dots = _per_dot(both, width).reshape(2, len(columns), 2 * width)
     up = np.arange(4, 0, -1)[:, None]
     heights = np.ceil(4 * levels(dots, float(dots.sum(axis=0).max())))
     grids = (heights[:, :, None] >= up) * dots[:, :, None]
@@ -141,6 +141,11 @@ def _binned(values: Same, axis: Interval, size: int) -> NDArray[np.uint8]:
         places = np.where(np.isnan(places), size, np.clip(places, 0, size - 1))
         codes[start : start + PIECE] = places
     return codes
+
+
+@kept(4)
+def _bar_bins(columns: tuple[Same, ...], axis: Interval, size: int) -> list[Bins]:
+    return [Bins(_binned(column, axis, size), size) for column in columns]
 
 
 @kept(32)

@@ -40,11 +40,13 @@ class Selecting:
             past, future = (*past, state.expression)[-HISTORY:], ()
         told = ["" if chosen.any() else "nothing is selected"]
         told.append(anew.told(node, state, context, notes))
-        made = replace(
+        base = self._base(store, state, context)
+        return replace(
             state,
             expression=text,
             selected=chosen,
-            base=self._base(store, state, context),
+            base=base,
+            cursor=_kept_cursor(store, state, chosen, base),
             past=past,
             future=future,
             awaited=loading.superseded(state),
@@ -53,7 +55,6 @@ class Selecting:
             message="; ".join(part for part in told if part),
             is_error=False,
         )
-        return replace(made, cursor=_kept_cursor(store, made))
 
     def kept(self, store: Store, notes: Notes, state: State) -> State:
         """The expression evaluated in another situation, or all where it means nothing there."""
@@ -77,9 +78,11 @@ class Selecting:
         return self._bases[key]
 
 
-def _kept_cursor(store: Store, state: State) -> int | None:
+def _kept_cursor(
+    store: Store, state: State, selected: NDArray[np.bool_], base: NDArray[np.bool_]
+) -> int | None:
     """The cursor where it is still inside, else the selection's worst real error."""
-    pool = state.selected if state.selected.any() else state.base
+    pool = selected if selected.any() else base
     if state.cursor is not None and pool[state.cursor]:
         return state.cursor
     errors = store.run_columns(state.run).real.error
@@ -87,7 +90,7 @@ def _kept_cursor(store: Store, state: State) -> int | None:
     inside = pool[worst]
     if inside.any():
         return int(worst[inside.argmax()])
-    return largest(errors, choose(pool, state.base).members)
+    return largest(errors, choose(pool, base).members)
 
 
 @kept(4)
