@@ -145,7 +145,9 @@ def _leaf(node: Node, context: MaskContext) -> Mask:
                 return _like(node, context)
             case Bend(straight):
                 compare = np.less if straight else np.greater_equal
-                return _blockwise(lambda v: compare(np.abs(v), _STRAIGHT_BELOW), context, _CURVATURE)
+                return _blockwise(
+                    lambda v: compare(np.abs(v), _STRAIGHT_BELOW), context, _CURVATURE
+                )
             case _:
                 raise TypeError(f"{type(node).__name__} is no leaf")
 
