@@ -26,6 +26,7 @@ from s2rtui.brushes import Brushes
 from s2rtui.canvas import ColourMode, Look
 from s2rtui.drawing import Drawing
 from s2rtui.feeds.feeding import Feeding
+from s2rtui.later import later
 from s2rtui.messages import Fed, Progressed
 from s2rtui.papers import Papers
 from s2rtui.savings import Savings
@@ -109,7 +110,7 @@ class S2RApp(Brushes, Papers, Savings):
         self._resized(self.size.width, self.size.height)
         self.refresh_views()
         self.call_after_refresh(self._feed)
-        self.set_timer(_FIRST_SCREEN, self._feed)  # a key may put another screen before the first
+        later(self, _FIRST_SCREEN, self._feed)  # a key may put another screen before the first
         self.set_interval(WATCH_SECONDS, self._watch)
         for number in (signal.SIGTERM, signal.SIGHUP):
             with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):

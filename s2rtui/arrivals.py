@@ -9,7 +9,7 @@ from s2rstore.reader import Store
 from s2rtui.feeds.feeding import Feeding
 from s2rtui.messages import Fed, Progressed
 from s2rtui.savings import Savings
-from s2rtui.session import loading, sharing
+from s2rtui.session import arriving, loading
 
 
 class Arrivals:
@@ -41,7 +41,7 @@ class Arrivals:
             if message.error:
                 loading.give_up(app.session)
                 raise RequestError(message.error)
-            sharing.arrive(app.session, fresh)
+            arriving.arrive(app.session, fresh)
             app.tell_saved()
         except S2RError as error:
             app.session.tell(str(error), is_error=True)

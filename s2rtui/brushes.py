@@ -45,7 +45,7 @@ class Brushes(Desk):
         return None if panel is None else (brush, panel)
 
     def _put(self, brush: Brush | None) -> None:
-        self.session.set(replace(self.session.state, brush=brush, message="", is_error=False))
+        self.session.change(brush=brush)
         self.refresh_views()
 
     # --- keys --------------------------------------------------------------------------------
@@ -100,8 +100,7 @@ class Brushes(Desk):
     def action_lasso(self) -> None:
         state = self.session.state
         told = "brushes draw a lasso" if not state.lasso else "brushes draw a box"
-        made = replace(state, lasso=not state.lasso, brush=None, message=told, is_error=False)
-        self.session.set(made)
+        self.session.change(lasso=not state.lasso, brush=None, message=told)
         self.refresh_views()
 
     def _apply(self, brush: Brush, panel: Panel, operator: Operator | None = None) -> bool:

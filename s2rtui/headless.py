@@ -15,6 +15,7 @@ from textual.app import App
 from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 from textual.pilot import Pilot
 
+from s2rstore.errors import RequestError
 from s2rtui.app import S2RApp
 from s2rtui.canvas import DARK, Look
 from s2rtui.desk import Desk
@@ -66,13 +67,17 @@ def screen_png(app: Desk) -> bytes:
 
 
 async def settle(app: S2RApp, pilot: Pilot[None]) -> None:
-    """Wait until no worker runs and the pictures are those of the state."""
+    """Wait until no worker runs and the pictures are those of the state.
+
+    Raises RequestError where that takes minutes.
+    """
     limit = time.monotonic() + _PATIENCE
-    while time.monotonic() < limit:
-        await pilot.pause()
-        if app.settled or not app.is_running:
-            break
+    await pilot.pause()
+    while not app.settled and app.is_running:
+        if time.monotonic() > limit:
+            raise RequestError(f"the screen is not complete after {_PATIENCE:.0f} s")
         await asyncio.sleep(0.005)
+        await pilot.pause()
     await pilot.pause()
 
 

@@ -47,17 +47,14 @@ class Prompts(Desk):
         return complete(text, selection.vocabulary(self.session.store, self.session.notes.nodes))
 
     def close_prompt(self) -> None:
-        self._forget_error()
+        """Leave the line, and what was told about it."""
+        self.session.tell("")
         self._end_prompt()
 
     def _end_prompt(self) -> None:
         self._accept = None
         self._line.close()
         self.refresh_views()
-
-    def _forget_error(self) -> None:
-        if self.session.state.is_error:
-            self.session.tell("")
 
     def action_edit(self) -> None:
         self._refresh_notes()
@@ -187,7 +184,7 @@ class Prompts(Desk):
     def on_input_submitted(self, event: Input.Submitted) -> None:
         if self._accept is None:
             return
-        self._forget_error()
+        self.session.tell("")
         try:
             self._accept(event.value)
         except ExpressionError as error:

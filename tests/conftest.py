@@ -9,14 +9,26 @@ import pytest
 from textual import _wait
 
 from tests.support import pairs, tiny
+from tests.support.copies import copied
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
 _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 os.environ.setdefault("NUMBA_CACHE_DIR", str(_CACHE / "numba"))
 
-_wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.004, 0.0002
+_wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.002, 0.0002
 """s; a pilot looks at 20 ms of idleness after every key, most of which nothing follows."""
+
+TOGETHER = ("gap", "graphics", "nightly", "sysid", "train")
+"""Folders whose tests share what is dear to make: one worker runs all of a folder's."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    here = Path(__file__).parent
+    for item in items:
+        folder = item.path.relative_to(here).parts[0]
+        if folder in TOGETHER and not item.get_closest_marker("xdist_group"):
+            item.add_marker(pytest.mark.xdist_group(folder))
 
 
 @pytest.fixture(autouse=True)
@@ -33,9 +45,9 @@ def tiny_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def own_store(tmp_path: Path) -> Path:
+def own_store(tiny_store: Path, tmp_path: Path) -> Path:
     """A synthetic store of this test's own."""
-    return tiny.build(tmp_path / "own.s2r")
+    return copied(tiny_store, tmp_path / "own.s2r")
 
 
 @pytest.fixture(scope="session")
@@ -49,7 +61,7 @@ def real_data() -> Path:
 
 @pytest.fixture(scope="session")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store of 80 pairs with a briefly trained model; nothing is computed yet."""
+    """A store of 40 pairs, two shards, with a briefly trained model; nothing is computed yet."""
     root = tmp_path_factory.mktemp("trained")
     os.environ["XDG_CACHE_HOME"] = str(root / "cache")
     from s2rtools.ingest import IMPORTERS
@@ -57,7 +69,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from s2rtools.ingest.scan import ScanOptions
     from s2rtools.train.into_store import TrainingRequest, train_into_store
 
-    header = pairs.sim2realviz(root / "data", n=80)
+    header = pairs.sim2realviz(root / "data", n=40)
     options = ScanOptions(header=header, frame=(64, 64))
     scan = IMPORTERS["sim2realviz"](root / "data", options)
     build(scan, root / "s.s2r", "s2r ingest", False, lambda steps: None)

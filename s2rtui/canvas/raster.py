@@ -23,6 +23,8 @@ def resample(image: ArrayLike, height: int, width: int) -> Floats:
     source = np.asarray(image)
     if source.shape[0] == 0 or source.shape[1] == 0:
         raise ValueError("resample: the image is empty")
+    if source.shape[:2] == (height, width):
+        return source.astype(np.float32)
     holes = source.dtype.kind == "f" and bool(np.isnan(source).any())
     if not holes:
         return _area(source, height, width)

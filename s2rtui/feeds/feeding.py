@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import traceback
+from asyncio import TimerHandle
 from dataclasses import dataclass, field
 from functools import partial
-
-from textual.timer import Timer
 
 from s2rstore.errors import S2RError
 from s2rstore.reader import Store
 from s2rtui.background import Lane
 from s2rtui.desk import Desk
 from s2rtui.feeds import FEEDS, Feed, Fields, Key
+from s2rtui.later import later
 from s2rtui.messages import Failed, Fed, Progressed
 from s2rtui.session.state import State
 
@@ -38,8 +38,8 @@ class Feeding:
         self._wanted: dict[str, Key | None] = {}
         self._ticket: dict[str, int] = {feed.name: 0 for feed in FEEDS}
         self._answered: dict[str, int] = {feed.name: 0 for feed in FEEDS}
-        self._rest: dict[str, Timer] = {}
-        self._away: dict[str, Timer] = {}
+        self._rest: dict[str, TimerHandle] = {}
+        self._away: dict[str, TimerHandle] = {}
         self.rest_seconds, self.away_seconds = REST_SECONDS, AWAY_SECONDS
 
     @property
@@ -64,7 +64,7 @@ class Feeding:
             self._ticket[feed.name] += 1
             for timers in (self._rest, self._away):
                 if feed.name in timers:
-                    timers.pop(feed.name).stop()
+                    timers.pop(feed.name).cancel()
             if wanted is None:
                 self._answered[feed.name] = self._ticket[feed.name]
                 asked.emptied.update(dict.fromkeys(feed.empty))
@@ -84,13 +84,13 @@ class Feeding:
                 del self._rest[feed.name]  # a timer keeps what it calls, and with it the store
                 self._lanes[feed.name].put(read)
 
-        self._rest[feed.name] = self.app.set_timer(self.rest_seconds, rested)
+        self._rest[feed.name] = later(self.app, self.rest_seconds, rested)
 
     def _let_go(self, feed: Feed) -> None:
         """Have a feed leave after a while in which nothing of it is wanted."""
         if feed.leave is not None and self._lanes[feed.name].begun:
             leave = partial(self._lanes[feed.name].put, feed.leave)
-            self._away[feed.name] = self.app.set_timer(self.away_seconds, leave)
+            self._away[feed.name] = later(self.app, self.away_seconds, leave)
 
     def _read(self, feed: Feed, ticket: int, store: Store, state: State) -> None:
         """In the feed's thread."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +28,12 @@ def read_run(store: Store, state: State, caller: Caller) -> Fields:
     awaited = state.awaited
     assert awaited is not None
     if awaited.generation == store.generation:
-        loading.read(store, state, awaited.run, caller.wanted)
+        loading.read(store, awaited, caller.wanted)
         return {}
     fresh = s2rstore.open(store.path, INDEX_MEMORY)
     try:
         run = awaited.run if awaited.run in fresh.runs else fresh.run().run
-        loading.read(fresh, state, run, caller.wanted)
+        loading.read(fresh, replace(awaited, run=run), caller.wanted)
     except BaseException:
         fresh.close()
         raise
@@ -46,7 +47,7 @@ def wants_other(store: Store, state: State) -> Key | None:
 
 def read_other(store: Store, state: State, caller: Caller) -> Fields:
     """The columns of the run that is compared with."""
-    loading.read(store, state, str(other_run(state)), caller.wanted)
+    loading.read(store, replace(loading.here(state), run=str(other_run(state))), caller.wanted)
     return {}
 
 
@@ -56,7 +57,7 @@ def wants_columns(store: Store, state: State) -> Key:
 
 def read_columns(store: Store, state: State, caller: Caller) -> Fields:
     """What views draw of the present run later on, ahead of the keys that ask for it."""
-    loading.read(store, state, state.run, caller.wanted)
+    loading.read(store, loading.here(state), caller.wanted)
     return {}
 
 

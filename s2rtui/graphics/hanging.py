@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from textual.drivers.linux_driver import LinuxDriver
 
 from s2rtui.app import S2RApp
 from s2rtui.graphics.probe import Graphics
 from s2rtui.graphics.wall import PictureWall
+from s2rtui.messages import Failed
 from s2rtui.widgets import PlotView
 
 
@@ -24,7 +27,14 @@ def hang(app: S2RApp, graphics: Graphics) -> None:
         for plot in app.query(PlotView):
             plot.hang()
 
-    wall = PictureWall(graphics, write)
+    def ready() -> None:
+        with suppress(RuntimeError):  # the loop is closed
+            app.call_later(anew)
+
+    def tell(error: Exception) -> None:
+        app.post(Failed(f"pictures: {type(error).__name__}: {error}"))
+
+    wall = PictureWall(graphics, write, ready, tell)
 
     class Driver(LinuxDriver):
         """Leaves no picture behind in the screen that it leaves, for a while or for good."""

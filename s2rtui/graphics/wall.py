@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from functools import partial
 from hashlib import blake2b
 from secrets import choice
+from traceback import print_exception
 
 from textual.geometry import Region
 from textual.strip import Strip
 
+from s2rtui.background import Lane, Tell
 from s2rtui.canvas import Canvas, Plate, Size
 from s2rtui.canvas.colour import Pixels
 from s2rtui.graphics import tgp
@@ -34,25 +36,62 @@ _LOW = range(16, 240, NUMBERS)
 """Lowest bytes of numbers: colours that no terminal changes."""
 
 
+Key = tuple[str, int]
+"""A view, and which of its pictures."""
+
+
 @dataclass(frozen=True, slots=True)
-class _Sent:
-    """A picture that hangs: what it follows from with its sizes, its content and its number."""
+class _Wanted:
+    """A picture to be made: what it follows from with its sizes, and the pixels to send of it."""
+
+    key: Key
+    plate: Plate
+    size: Size
+    of: object
+
+
+@dataclass(frozen=True, slots=True)
+class _Made:
+    """A picture that is ready to be sent: its content, and the same as PNG."""
 
     of: object
+    digest: bytes
+    png: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class _Sent:
+    """A picture that hangs in a box of cells: its content and its number."""
+
+    of: object
+    cells: Size
     digest: bytes
     number: int
 
 
 class PictureWall:
-    """Hangs the pictures of canvases; `write` sends text to the terminal."""
+    """Hangs the pictures of canvases, which a thread per view makes: the newest request wins."""
 
-    def __init__(self, graphics: Graphics, write: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        graphics: Graphics,
+        write: Callable[[str], None],
+        ready: Callable[[], object],
+        tell: Tell = print_exception,
+    ) -> None:
+        """`write` sends text to the terminal; `ready` hears, in another thread, that there are
+        pictures to be hung; `tell` of what cannot be made.
+        """
         self._graphics = graphics
         self._write = write
+        self._ready, self._tell = ready, tell
+        self._lanes: dict[str, Lane] = {}
+        self._tickets: dict[str, list[tuple[Key, object]]] = {}
+        self._made: dict[Key, _Made] = {}
         # By chance: several programs share a terminal in the panes of a tmux.
         self._first = choice(_HIGH) << 24 | choice(_LOW)
         self._turn = 0
-        self._hung: dict[tuple[str, int], _Sent] = {}
+        self._hung: dict[Key, _Sent] = {}
         self._sent: set[int] = set()
 
     def rest(self, view: str) -> float:
@@ -60,41 +99,79 @@ class PictureWall:
         return _SLIDING if view == "adjust" else 0.0
 
     def hang(self, view: str, canvas: Canvas, strips: list[Strip]) -> Hung:
-        """The strips with the canvas' pictures in them; sends those that do not hang there yet."""
+        """The strips with the canvas' pictures in them; sends those that are made, has others made.
+
+        Until then those that hung in their boxes stay.
+        """
         spans: dict[int, list[Span]] = {}
-        places = set()
+        places, lacking = set(), []
         for index, plate in enumerate(canvas.plates):
             if max(plate.width, plate.height) > len(tgp.NUMBERS):
                 continue
-            number = self._number(view, index, plate)
+            wanted = self._wanted((view, index), plate)
+            number = self._number(wanted)
+            hung = self._hung.get(wanted.key)
+            if number is None:
+                lacking.append(wanted)
+                if hung is None or hung.cells != (plate.width, plate.height):
+                    continue
+                number = hung.number
             places.add((Region(plate.x, plate.y, plate.width, plate.height), number))
             for row in range(plate.height):
                 codes = partial(tgp.placeholders, number, row)
                 span = Span(plate.x, plate.x + plate.width, codes)
                 spans.setdefault(plate.y + row, []).append(span)
-        hung = [with_spans(strip, spans.get(y, ())) for y, strip in enumerate(strips)]
-        return Hung(hung, frozenset(places))
+        self._make(view, lacking)
+        filled = [with_spans(strip, spans.get(y, ())) for y, strip in enumerate(strips)]
+        return Hung(filled, frozenset(places))
 
-    def _number(self, view: str, index: int, plate: Plate) -> int:
-        """The number of a picture; where it is another than before, it is sent under a new one."""
-        size, cells = (
-            pixel_size(plate, cell_pixels(self._graphics.cell)),
-            (plate.width, plate.height),
-        )
-        of, known = (plate.of, size, cells), self._hung.get((view, index))
-        if known is not None and known.of == of:
+    @property
+    def idle(self) -> bool:
+        """Whether no picture is being made, or is about to be."""
+        return all(lane.idle for lane in self._lanes.values())
+
+    def _wanted(self, key: Key, plate: Plate) -> _Wanted:
+        size = pixel_size(plate, cell_pixels(self._graphics.cell))
+        return _Wanted(key, plate, size, (plate.of, size, (plate.width, plate.height)))
+
+    def _number(self, wanted: _Wanted) -> int | None:
+        """The number of a picture that hangs or is ready; another than before has a new one."""
+        key, known = wanted.key, self._hung.get(wanted.key)
+        if known is not None and known.of == wanted.of:
             return known.number
-        pixels = plate.pixels(size)
-        digest = blake2b(pixels.tobytes() + repr((size, cells)).encode()).digest()
-        if known is not None and known.digest == digest:
+        made = self._made.pop(key, None)
+        if made is None or made.of != wanted.of:
+            return None
+        cells = wanted.plate.width, wanted.plate.height
+        if known is not None and known.digest == made.digest:
             number = known.number
         else:
             number = self._free()
             self._sent.add(number)
-            picture = _light_png(plate, pixels)
-            self._write(tgp.show(number, picture, cells, self._graphics.in_tmux))
-        self._hung[view, index] = _Sent(of, digest, number)
+            self._write(tgp.show(number, made.png, cells, self._graphics.in_tmux))
+        self._hung[key] = _Sent(wanted.of, cells, made.digest, number)
         return number
+
+    def _make(self, view: str, lacking: list[_Wanted]) -> None:
+        """Have a view's pictures made, unless they are being made, in place of earlier ones."""
+        ticket = [(wanted.key, wanted.of) for wanted in lacking]
+        if ticket == self._tickets.get(view, []):
+            return
+        self._tickets[view] = ticket
+        if not lacking:
+            return
+        if view not in self._lanes:
+            self._lanes[view] = Lane(f"pictures of {view}", self._tell)
+
+        def make() -> None:
+            for wanted in lacking:
+                made = _made(wanted)
+                if self._tickets.get(view) is not ticket:
+                    return
+                self._made[wanted.key] = made
+            self._ready()
+
+        self._lanes[view].put(make)
 
     def _free(self) -> int:
         """The number that was shown longest ago: what is still on the screen stays whole."""
@@ -108,8 +185,8 @@ class PictureWall:
         """Delete all pictures."""
         if self._sent:
             self._write(tgp.forget(sorted(self._sent), self._graphics.in_tmux))
-        self._hung.clear()
-        self._sent.clear()
+        for kept in (self._hung, self._sent, self._made, self._tickets):
+            kept.clear()
 
 
 def pixel_size(plate: Plate, cell: Size) -> Size:
@@ -118,6 +195,14 @@ def pixel_size(plate: Plate, cell: Size) -> Size:
     box = plate.height * cell[1], plate.width * cell[0]
     share = min(1.0, box[0] / rows, box[1] / columns, (LARGEST / (rows * columns)) ** 0.5)
     return max(1, int(rows * share)), max(1, int(columns * share))
+
+
+def _made(wanted: _Wanted) -> _Made:
+    plate, size = wanted.plate, wanted.size
+    pixels = plate.pixels(size)
+    cells = plate.width, plate.height
+    digest = blake2b(pixels.tobytes() + repr((size, cells)).encode()).digest()
+    return _Made(wanted.of, digest, _light_png(plate, pixels))
 
 
 def _light_png(plate: Plate, pixels: Pixels) -> bytes:

@@ -90,6 +90,7 @@ def _legend(
                 bar,
                 ramp=ramp_for_values(look),
                 room=width,
+                clipped=view.value_range is None,
             )
         )
     if model.heat_range is not None:

@@ -86,10 +86,31 @@ def history_layout(model: HistoryModel, size: Size) -> HistoryLayout:
     return HistoryLayout(left, width - left, pitch, tuple(charts), hidden)
 
 
-def row_of(value: float, scale: tuple[float, float], top: int, rows: int) -> int:
-    """The row of a G in a chart, clipped to it."""
-    share = (value - scale[0]) / (scale[1] - scale[0])
-    return top + min(rows - 1, max(0, math.floor((1 - share) * rows)))
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """The rows of a chart, `top` and the `count` under it, over a scale of G."""
+
+    scale: tuple[float, float]
+    top: int
+    count: int
+
+    def line(self, threshold: float) -> int:
+        """The threshold's row; where there are three, one lies above it and one under it."""
+        row = self._row(threshold)
+        return row if self.count < 3 else min(max(row, self.top + 1), self.top + self.count - 2)
+
+    def of(self, value: float, threshold: float) -> int:
+        """The row of a G, clipped to the chart: above the threshold's for what is over it, below it
+        for what is under it, as long as there are three.
+        """
+        row, line = self._row(value), self.line(threshold)
+        if value == threshold or self.count < 3:
+            return line if value == threshold else row
+        return min(row, line - 1) if value > threshold else max(row, line + 1)
+
+    def _row(self, value: float) -> int:
+        share = (value - self.scale[0]) / (self.scale[1] - self.scale[0])
+        return self.top + min(self.count - 1, max(0, math.floor((1 - share) * self.count)))
 
 
 def history(view: HistoryInput, size: Size, look: Look | None = None) -> Canvas:
@@ -105,8 +126,9 @@ def history(view: HistoryInput, size: Size, look: Look | None = None) -> Canvas:
         track = model.tracks[index]
         if title < top:
             _title(canvas, title, track, look)
-        _threshold(canvas, model, layout, top, rows, look)
-        _nights(canvas, model, layout, track, (top, rows), look)
+        chart = Rows(model.scale, top, rows)
+        _threshold(canvas, model, layout, chart, look)
+        _nights(canvas, model, layout, track, chart, look)
     if canvas.height >= 6:
         _dates(canvas, model, layout, look)
         _legend(canvas, model, layout, look)
@@ -127,21 +149,20 @@ def _short(value: float) -> str:
 
 
 def _threshold(
-    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, top: int, rows: int, look: Look
+    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, chart: Rows, look: Look
 ) -> None:
     """Its line, which steps where it was changed, and the scale at the left."""
     theme = look.theme
     for day in range(int(model.days[0]), int(model.days[-1]) + 1):
         at = int(np.searchsorted(model.days, day, side="right")) - 1
-        row = row_of(float(model.thresholds[at]), model.scale, top, rows)
+        row = chart.line(float(model.thresholds[at]))
         start = layout.left + (day - int(model.days[0])) * layout.pitch
         canvas.hline(start, start + layout.pitch - 1, row, look.glyphs.horizontal, theme.truth)
     if not layout.left:
         return
     limit = float(model.thresholds[-1])
-    marks = {row_of(end, model.scale, top, rows): (end, theme.muted) for end in model.scale}
-    marks[row_of(0.0, model.scale, top, rows)] = (0.0, theme.muted)
-    marks[row_of(limit, model.scale, top, rows)] = (limit, theme.truth)
+    marks = {chart.of(end, limit): (end, theme.muted) for end in (*model.scale, 0.0)}
+    marks[chart.line(limit)] = (limit, theme.truth)
     for row, (value, colour) in marks.items():
         canvas.text(LABELS - 1, row, short(value, 2), colour, align="right")
 
@@ -151,22 +172,22 @@ def _nights(
     model: HistoryModel,
     layout: HistoryLayout,
     track: Track,
-    place: tuple[int, int],
+    chart: Rows,
     look: Look,
 ) -> None:
     """Each night's interval as a line, its G as the glyph of its word."""
-    top, rows = place
     for at, day in enumerate(model.days.tolist()):
         gap = float(track.value[at])
         if math.isnan(gap):
             continue
         column, colour = layout.column(day, model), ink(track.words[at], look.theme)
+        limit = float(model.thresholds[at])
         ends = [
-            row_of(gap if math.isnan(end) else end, model.scale, top, rows)
+            chart.of(gap if math.isnan(end) else end, limit)
             for end in (float(track.low[at]), float(track.high[at]))
         ]
         canvas.vline(column, ends[1], ends[0], look.glyphs.vertical, colour)
-        row = row_of(gap, model.scale, top, rows)
+        row = chart.of(gap, limit)
         canvas.put(column, row, sign(track.words[at], look), colour, bold=True)
 
 

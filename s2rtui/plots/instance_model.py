@@ -124,7 +124,8 @@ def panel_pixels(
     """
     height, width = shape
     if what == "rgb" or side.depth is None or model.depth_range is None:
-        pixels = np.rint(resample(side.rgb, height, width)).astype(np.uint8)
+        same = side.rgb.shape[:2] == shape
+        pixels = side.rgb if same else np.rint(resample(side.rgb, *shape)).astype(np.uint8)
     else:
         low, high = model.depth_range
         metres = resample(side.depth, height, width)

@@ -47,13 +47,17 @@ def colour_bar(
     colours: Scale = turbo,
     ramp: str | None = None,
     room: int | None = None,
+    clipped: bool = False,
 ) -> Part:
     """`label low [bar] high unit`; the bar is of colours, or of `ramp` where colours lack.
 
-    Within `room` cells the bar shrinks to no less than 4, then the label goes.
+    `clipped` ends are the 1st and the 99th percentile, told as `p1` and `p99`. Within `room` cells
+    the bar shrinks to no less than 4, then the label goes.
     """
     small = 0.005 * max(abs(scale[0]), abs(scale[1]))
     low, high = (short(0.0 if abs(end) < small else end, 2) for end in scale)
+    if clipped:
+        low, high = f"p1 {low}", f"p99 {high}"
     before, after = f"{label} {low} ".lstrip(), f" {high} {unit}".rstrip()
     if room is not None:
         if cell_len(before) + 4 + cell_len(after) > room:

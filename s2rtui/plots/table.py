@@ -30,7 +30,7 @@ class TableColumn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableInput:
-    """`rows` are iids in the list's order; `cursor` one of them; `descending` marks the order."""
+    """rows: (n,) iids in the list's order; `cursor` one of them; `descending` marks the order."""
 
     rows: NDArray[np.intp]
     columns: tuple[TableColumn, ...]
@@ -40,7 +40,9 @@ class TableInput:
 
 @dataclass(frozen=True, slots=True)
 class TableLayout:
-    """Where the columns start, the first row that is seen, how many are, and where they begin."""
+    """starts: the first cell of each column that fits; first: the index into `rows` of the line
+    `top`; shown: how many lines there are from there on.
+    """
 
     starts: tuple[int, ...]
     first: int
@@ -54,7 +56,10 @@ class TableLayout:
 
 
 def table_layout(view: TableInput, size: Size) -> TableLayout:
-    """Columns from the left while they fit, the sorting one always; the cursor's row in view."""
+    """Where columns and rows stand in `size` (columns, rows), in cells from the upper left corner.
+
+    Columns from the left while they fit, the first one always; the cursor's row is in view.
+    """
     width, height = size
     starts: list[int] = []
     x = 2

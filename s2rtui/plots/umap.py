@@ -183,7 +183,11 @@ def _bar(view: UmapInput, model: UmapModel, room: int, look: Look) -> Part | Non
         return None
     ramp, scale = ramp_for_values(look), model.value_range
     length = 10 if ramp else 8 if room < 40 else 16
-    return colour_bar(view.value_label, view.value_unit, scale, look, length, ramp=ramp, room=room)
+    clipped = view.value_range is None
+    return colour_bar(
+        view.value_label, view.value_unit, scale, look, length,
+        ramp=ramp, room=room, clipped=clipped,
+    )  # fmt: skip
 
 
 def _divide(canvas: Canvas, layout: UmapLayout, look: Look) -> None:

@@ -72,7 +72,7 @@ def choose(session: Session, steps: int) -> State:
     if adjust is None or not adjust.sliders:
         return session.state
     active = (adjust.active + steps) % len(adjust.sliders)
-    return _put(session, replace(adjust, active=active))
+    return session.change(adjust=replace(adjust, active=active))
 
 
 def move(session: Session, steps: int) -> State:
@@ -91,7 +91,7 @@ def put(session: Session, index: int, value: float) -> State:
         return session.state
     slider = adjust.sliders[index]
     values = {**dict(adjust.values), slider.key: slider.clipped(value)}
-    return _put(session, replace(adjust, values=tuple(values.items()), active=index))
+    return session.change(adjust=replace(adjust, values=tuple(values.items()), active=index))
 
 
 def reset(session: Session) -> State:
@@ -100,7 +100,7 @@ def reset(session: Session) -> State:
     if adjust is None:
         return session.state
     values = dict(adjust.values) | {slider.key: slider.neutral for slider in adjust.sliders}
-    return _put(session, replace(adjust, values=tuple(values.items())))
+    return session.change(adjust=replace(adjust, values=tuple(values.items())))
 
 
 def chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
@@ -121,7 +121,3 @@ def chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
             chain = [*first, *(step for step in chain if step["name"] not in own)]
         made[side] = chain
     return made
-
-
-def _put(session: Session, adjust: Adjust) -> State:
-    return session.set(replace(session.state, adjust=adjust, message="", is_error=False))

@@ -27,6 +27,20 @@ def differing(state: State, count: int, saved: SavedSelection) -> str:
     return f"evaluated anew: {where(here)}; saved: {where(saved)}"
 
 
+def taken(state: State, before: State, saved: SavedSelection) -> str:
+    """What moved with a selection that was shared with its facts, and how it differs from them."""
+    told = [state.message] if state.message else []
+    if state.run != before.run:
+        told.append(f"run {state.run}")
+    if state.trajectories != before.trajectories:
+        told.append(f"trajectories {', '.join(state.trajectories or ('all',))}")
+    count = int(np.count_nonzero(state.selected))
+    own = state.generation, state.run, count, state.trajectories
+    if own != (saved.generation, saved.run, saved.count, saved.trajectories):
+        told.append(differing(state, count, saved))
+    return "; ".join(told)
+
+
 def where(saved: SavedSelection) -> str:
     """`9 on vanilla, generation 3, in traj1`."""
     view = f", in {', '.join(saved.trajectories)}" if saved.trajectories else ""

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rstore.reader import Store
-from s2rtui.session import loading
-from s2rtui.session.heat import with_heat
-from s2rtui.session.state import Awaited, State
+from s2rtui.session import arriving, loading
+from s2rtui.session.state import State
 
 if TYPE_CHECKING:
     from s2rtui.session.session import Session
@@ -29,40 +28,37 @@ def move_on(session: Session) -> State:
     if store.latest_generation() == store.generation:
         return session.tell("this is the newest generation")
     if session.waits and len(store.instances) > loading.AT_ONCE:
-        newest, awaited = store.latest_generation(), state.awaited or Awaited(state.run, 0)
-        made = replace(state, awaited=replace(awaited, generation=newest))
-        told = f"loading run {awaited.run} of generation {newest}"
-        return session.set(replace(made, message=told, is_error=False))
+        there = replace(loading.bound(state), generation=store.latest_generation())
+        return arriving.move(session, there)
     return enter(session, s2rstore.open(store.path, INDEX_MEMORY))
 
 
 def enter(session: Session, fresh: Store) -> State:
-    """Go on in a newer generation; brush and operator stay where the run does."""
-    old, state = session.store, session.state
-    runs = computed(fresh)
+    """Go on in a newer generation, where the session is bound for; what is begun goes on there."""
+    old, state, runs = session.store, session.state, computed(fresh)
     if fresh.dataset.hash != old.dataset.hash or not runs:
         fresh.close()
+        loading.give_up(session)
         what = "has no computed run" if not runs else "holds another data set"
         return session.tell(f"the newest generation {what}: open it anew", is_error=True)
-    run = state.run if state.run in runs else runs[0]
-    there = replace(
+    there = loading.bound(state)
+    base = replace(
         state,
         generation=fresh.generation,
         newest=fresh.generation,
         runs=runs,
-        run=run,
+        run=state.run if state.run in runs else runs[0],
         other=state.other if state.other in runs else None,
-        awaited=None,
     )
     session.store = fresh
     try:
-        made = with_heat(fresh, session.kept(there))
+        made = arriving.settled(session, base, there)
     except BaseException:
         session.store = old
         fresh.close()
         raise
     session.retire(old)
-    if run == state.run:
-        made = replace(made, brush=state.brush, operator=state.operator)
+    if there.run in runs:
+        made = arriving.begun(state, made)
     told = (f"generation {fresh.generation}", made.message)
     return session.set(replace(made, message="; ".join(part for part in told if part)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -109,12 +108,12 @@ def next_column(session: Session) -> State:
     known = columns(session.notes)
     at = known.index(state.sort) + 1 if state.sort in known else 0
     name = known[at % len(known)]
-    made = replace(state, sort=name, descending=name not in _UPWARDS)
-    return session.set(replace(made, message=f"sorted by {name}", is_error=False))
+    told = f"sorted by {name}"
+    return session.change(sort=name, descending=name not in _UPWARDS, message=told)
 
 
 def reverse(session: Session) -> State:
-    return session.set(replace(session.state, descending=not session.state.descending))
+    return session.change(descending=not session.state.descending)
 
 
 def move(session: Session, steps: int) -> State:

@@ -1,4 +1,4 @@
-"""Runs whose columns have yet to be read: awaited while a worker reads them, then turned to."""
+"""What has yet to be read: awaited while a worker reads it, then turned to."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from s2rstore.errors import RequestError
 from s2rstore.language import Node, base_population, mask, parse
 from s2rstore.language.context import expand, used_fields
 from s2rstore.language.fields import NUMERIC, TEXT
-from s2rstore.language.nodes import Bend, Field, Like, leaves
+from s2rstore.language.nodes import Bend, Extreme, Field, Like, leaves
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.session.comparing import other_run
-from s2rtui.session.state import Awaited, State, Step
+from s2rtui.session.state import Awaited, State
 
 if TYPE_CHECKING:
     from s2rtui.session.session import Session
 
+HISTORY = 100
+"""Expressions of the past at most."""
 AT_ONCE = 20_000
 """Columns of so many instances are read within a blink of the eye."""
 _OF_SIDE = ("x", "y", "heading", "error", "heading_error", "room", "u", "v", "outlier")
@@ -48,6 +50,8 @@ def _has_read(store: Store, run: str, leaf: Node) -> bool:
         return False  # compares embeddings
     if isinstance(leaf, Bend):
         return store.has_read(None, None, ["curvature"])
+    if isinstance(leaf, Extreme) and not store.has_read(leaf.field.run or run, None, ["valid"]):
+        return False  # looks for it in the base population
     return all(_has_read_field(store, run, used) for used in used_fields(leaf))
 
 
@@ -59,39 +63,75 @@ def _has_read_field(store: Store, run: str, used: Field) -> bool:
     return path == "iid" or store.has_read(of, side, [name])
 
 
-def lacks(session: Session, run: str, expression: str | Node) -> Node | None:
-    """An expression, expanded, where a worker has to read before it can be evaluated on a run.
+def here(state: State) -> Awaited:
+    """Where a session is."""
+    return Awaited(state.run, state.generation, trajectories=state.trajectories)
+
+
+def bound(state: State) -> Awaited:
+    """Where a session is on its way to, or is."""
+    return state.awaited or here(state)
+
+
+def only_place(there: Awaited) -> Awaited:
+    """The same place, with the present expression."""
+    return Awaited(there.run, there.generation, trajectories=there.trajectories)
+
+
+def soon(state: State) -> State:
+    """With the expression that is about to be selected, and its history."""
+    there = state.awaited
+    if there is None or not there.text:
+        return state
+    return replace(state, expression=there.text, past=there.past, future=there.future)
+
+
+def step(state: State, place: Awaited, text: str) -> Awaited:
+    """An expression to be selected somewhere, as the next one of the history."""
+    before = soon(state)
+    past, future = before.past, before.future
+    if text != before.expression:
+        past, future = (*past, before.expression)[-HISTORY:], ()
+    return replace(only_place(place), text=text, past=past, future=future)
+
+
+def expanded(session: Session, expression: str | Node) -> Node:
+    """An expression with saved names put in their places. Raises ExpressionError."""
+    words = selection.vocabulary(session.store, session.notes.nodes)
+    return expand(parse(expression) if isinstance(expression, str) else expression, words)
+
+
+def lacks(session: Session, there: Awaited, expression: Node | None = None) -> Node | None:
+    """What is to be evaluated there, where a worker has to read before it can be.
+
+    `expression` is by default that of the place, or the present one.
 
     Raises ExpressionError.
     """
     if not session.waits:
         return None
-    words = selection.vocabulary(session.store, session.notes.nodes)
-    node = expand(parse(expression) if isinstance(expression, str) else expression, words)
-    ready = run == session.state.run or is_ready(session.store, run)
-    return None if ready and is_at_hand(session.store, run, node) else node
+    state, store = session.state, session.store
+    node = expanded(session, expression or there.text or state.expression)
+    ready = there.run == state.run or is_ready(store, there.run)
+    if there.generation != state.generation or not ready:
+        return node
+    return None if is_at_hand(store, there.run, node) else node
 
 
-def bound_for(session: Session) -> tuple[str, int]:
-    """The run and the generation that the session is in, or on its way to."""
-    there = session.state.awaited or session.state
-    return there.run, there.generation
-
-
-def read(store: Store, state: State, run: str, wanted: Callable[[], bool]) -> None:
-    """Read what views draw of a run, and evaluate the state's expression on it."""
-    columns, truth = store.run_columns(run), store.instances
+def read(store: Store, there: Awaited, wanted: Callable[[], bool]) -> None:
+    """Read what views draw of a run, and evaluate what is to be selected there."""
+    columns, truth = store.run_columns(there.run), store.instances
     sides = ((columns.side(side), _OF_SIDE) for side in SIDES)
     for owner, names in ((truth, _OF_TRUTH), (columns, _OF_BOTH), *sides):
         for name in names:
             if not wanted():
                 return
             getattr(owner, name)
-    with suppress(RequestError):  # a saved name, or no meaning here: told once it is turned to
-        context = selection.context(store, run, state.trajectories)
+    with suppress(RequestError):  # it has no meaning here: told once it is turned to
+        context = selection.context(store, there.run, there.trajectories)
         base_population(context)
-        awaited = state.awaited.node if state.awaited else None
-        mask(awaited or parse(state.expression), context)
+        if there.node is not None:
+            mask(there.node, context)
 
 
 def in_use(state: State) -> frozenset[str]:
@@ -107,63 +147,35 @@ def lacking(store: Store, state: State) -> str | None:
     return other if other is not None and not is_ready(store, other) else None
 
 
-def expect(
-    session: Session,
-    run: str,
-    generation: int,
-    text: str = "",
-    node: Node | None = None,
-    step: Step | None = None,
-    steps: int = 1,
-) -> State:
-    """Await a run, and what is to be selected there; the newest request wins.
-
-    What is to be selected uses brush and operator up, as a selection does.
-    """
+def expect(session: Session, there: Awaited) -> State:
+    """Await a place, and what is to be selected there; the newest request wins."""
     state = session.state
-    told = f"loading run {run}" if run != state.run else f"loading {text}"
-    if generation != state.generation:
-        told = f"loading run {run} of generation {generation}"
-    if text:
-        state = replace(state, brush=None, operator="replace")
-    awaited = Awaited(run, generation, text, node, step, steps)
-    return session.set(replace(state, awaited=awaited, message=told, is_error=False))
+    made = replace(state, awaited=there, message=_told(state, there), is_error=False)
+    return session.set(made)
 
 
-def superseded(state: State) -> Awaited | None:
-    """What is still awaited once something else is selected."""
-    awaited = state.awaited
-    if awaited is None or not awaited.text:
-        return awaited
-    if (awaited.run, awaited.generation) == (state.run, state.generation):
+def expect_selection(session: Session, there: Awaited) -> State:
+    """Await a selection, which uses brush and operator up."""
+    session.set(replace(session.state, brush=None, operator="replace"))
+    return expect(session, there)
+
+
+def _told(state: State, there: Awaited) -> str:
+    if there.generation != state.generation:
+        return f"loading run {there.run} of generation {there.generation}"
+    if there.run != state.run:
+        return f"loading run {there.run}"
+    return f"loading {there.text or state.expression}"
+
+
+def superseded(state: State, node: Node) -> Awaited | None:
+    """What is still awaited once `node` is selected."""
+    there = state.awaited
+    if there is None or only_place(there) == here(state):
         return None
-    return Awaited(awaited.run, awaited.generation)
-
-
-def arrive(session: Session, fresh: Store | None = None) -> State:
-    """Turn to the awaited run, what is begun going on; `fresh` is the open store of its generation,
-    where that is newer.
-    """
-    awaited = session.state.awaited
-    session.set(replace(session.state, awaited=None))
-    if fresh is not None:
-        session.enter(fresh)
-    before = session.state
-    refused = fresh is not None and session.store is not fresh
-    if awaited is None or refused or awaited.run not in before.runs or awaited.run == before.run:
-        return before
-    message = before.message if fresh is not None else ""
-    state = session.turn_to(awaited.run)
-    begun = replace(state, brush=before.brush, operator=before.operator)
-    return session.set(replace(begun, message=message or state.message))
+    return replace(only_place(there), node=node)
 
 
 def give_up(session: Session) -> State:
     """Stay where it is."""
     return session.set(replace(session.state, awaited=None))
-
-
-def take_back(session: Session) -> State:
-    """Have nothing selected there; what the session is on its way to is still awaited."""
-    state = session.state
-    return session.set(replace(state, awaited=superseded(state), message="", is_error=False))

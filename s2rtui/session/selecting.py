@@ -11,6 +11,7 @@ from s2rstore import selection
 from s2rstore.errors import RequestError
 from s2rstore.extremes import extremes, largest
 from s2rstore.language import MaskContext, Node, base_population, mask, parse, to_text
+from s2rstore.language.context import expand
 from s2rstore.reader import Store
 from s2rtui.notebook import Notes
 from s2rtui.plots.bins import choose
@@ -18,7 +19,6 @@ from s2rtui.plots.same import Same, kept
 from s2rtui.session import anew, loading
 from s2rtui.session.state import State
 
-HISTORY = 100
 _WORST = 4096
 """Largest errors that are looked for in a selection before all of it is looked at."""
 
@@ -34,10 +34,8 @@ class Selecting:
         node = parse(expression) if isinstance(expression, str) else expression
         context = selection.context(store, state.run, state.trajectories, notes.nodes)
         chosen = mask(node, context)
-        past, future = state.past, state.future
         text = to_text(node)
-        if text != state.expression:
-            past, future = (*past, state.expression)[-HISTORY:], ()
+        step = loading.step(state, loading.here(state), text)
         told = ["" if chosen.any() else "nothing is selected"]
         told.append(anew.told(node, state, context, notes))
         base = self._base(store, state, context)
@@ -47,9 +45,9 @@ class Selecting:
             selected=chosen,
             base=base,
             cursor=_kept_cursor(store, state, chosen, base),
-            past=past,
-            future=future,
-            awaited=loading.superseded(state),
+            past=step.past,
+            future=step.future,
+            awaited=loading.superseded(state, expand(node, context.words)),
             operator="replace",
             brush=None,
             message="; ".join(part for part in told if part),

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import s2rstore
 from s2rstore import history
 from s2rstore.errors import RequestError
-from s2rstore.language import Node, parse, to_text
+from s2rstore.language import Node, parse
 from s2rstore.language.nodes import Not
 from s2rstore.reader import Store
 from s2rtui.notebook import Notebook, Notes
-from s2rtui.session import begin, generations, loading, walking
+from s2rtui.session import arriving, begin, generations, loading, walking
 from s2rtui.session.generations import INDEX_MEMORY
 from s2rtui.session.heat import with_heat
 from s2rtui.session.selecting import Selecting
@@ -79,6 +80,10 @@ class Session:
         self.store.in_use = loading.in_use(state)
         return state
 
+    def change(self, **fields: Any) -> State:
+        """Change some fields; a message, an error too, belongs to the change that made it."""
+        return self.set(replace(self.state, **{"message": "", "is_error": False, **fields}))
+
     def tell(self, message: str, is_error: bool = False) -> State:
         """Show a message; an error stays until the next change."""
         return self.set(replace(self.state, message=message, is_error=is_error))
@@ -90,33 +95,26 @@ class Session:
         return self.set(self.selected(self.state, expression))
 
     def choose(self, expression: str | Node) -> State:
-        """Join a selection to the present one by the pending operator, which is then used up.
+        """Join a selection to the present or awaited one by the pending operator, then used up.
 
         Awaited where a worker has to read for it. Raises ExpressionError; the state stays as it
         was.
         """
         node = parse(expression) if isinstance(expression, str) else expression
-        current = parse(self.state.expression)
-        made = begin.joined(current, self.state.operator, node)
-        if (lacking := loading.lacks(self, self.state.run, made)) is not None:
-            return loading.expect(self, *loading.bound_for(self), to_text(made), lacking)
-        return self.set(self.selected(self.state, made))
+        current = parse(loading.soon(self.state).expression)
+        return arriving.select(self, begin.joined(current, self.state.operator, node))
 
     def renew(self) -> State:
         """The present expression evaluated anew, after saved names have changed their meaning."""
-        if "@" not in self.state.expression:
-            return self.state
         try:
-            return self.select(self.state.expression)
+            return arriving.renew(self)
         except RequestError as error:
             return self.tell(f"{error}: the selection is as it was", is_error=True)
 
     def complement(self) -> State:
         """All valid instances that are not selected."""
-        node = parse(self.state.expression)
-        return self.set(
-            self.selected(self.state, node.inner if isinstance(node, Not) else Not(node))
-        )
+        node = parse(loading.soon(self.state).expression)
+        return arriving.select(self, node.inner if isinstance(node, Not) else Not(node))
 
     def expect(self, operator: Operator) -> State:
         """How the next selection joins this one; asked for twice, it is dropped again."""
@@ -128,8 +126,7 @@ class Session:
             "union": "the next selection is added to this one",
             "subtract": "the next selection is taken out of this one",
         }
-        made = replace(self.state, operator=operator, message=told[operator], is_error=False)
-        return self.set(made)
+        return self.change(operator=operator, message=told[operator])
 
     def selected(self, state: State, expression: str | Node) -> State:
         """A state after selecting in it, which is not made the current one."""
@@ -160,39 +157,27 @@ class Session:
 
     def put_cursor(self, iid: int) -> State:
         """To one instance."""
-        return self.set(replace(self.state, cursor=iid, message="", is_error=False))
+        return self.change(cursor=iid)
 
     def change_run(self, steps: int) -> State:
         """To the next run, with the same expression where it still means something."""
-        runs, awaited = self.state.runs, self.state.awaited
-        present = awaited.run if awaited and awaited.run in runs else self.state.run
+        runs, there = self.state.runs, loading.bound(self.state)
+        present = there.run if there.run in runs else self.state.run
         return self.put_run(runs[(runs.index(present) + steps) % len(runs)])
 
     def put_run(self, run: str) -> State:
-        """To a run by name; where its columns have yet to be read, it is awaited."""
-        awaited = self.state.awaited
-        if awaited and awaited.generation != self.state.generation:
-            return loading.expect(self, run, awaited.generation)
-        if self.waits and run != self.state.run and not loading.is_ready(self.store, run):
-            return loading.expect(self, run, self.state.generation)
-        loading.give_up(self)
-        return self.turn_to(run)
-
-    def turn_to(self, run: str) -> State:
-        """To a run by name, now; all is selected where the expression means nothing there."""
-        state = self.kept(replace(self.state, run=run))
-        return self.set(with_heat(self.store, state))
+        """To a run by name, with what is selected or awaited, or all where that means nothing."""
+        return arriving.move(self, replace(loading.bound(self.state), run=run))
 
     def put_trajectories(self, names: tuple[str, ...] | None) -> State:
-        """To some trajectories, None for all; what is awaited still is."""
-        made = self.kept(replace(self.state, trajectories=names))
-        return self.set(replace(made, awaited=self.state.awaited))
+        """To some trajectories, None for all; otherwise as `put_run`."""
+        return arriving.move(self, replace(loading.bound(self.state), trajectories=names))
 
     def change_trajectory(self) -> State:
         """All trajectories, then each alone."""
         names = self.store.instances.trajectory_names
         options: list[tuple[str, ...] | None] = [None, *((name,) for name in names)]
-        present = self.state.trajectories
+        present = loading.bound(self.state).trajectories
         at = options.index(present) if present in options else -1
         if len(names) == 1:
             return self.tell(f"there is one trajectory: {names[0]}")

@@ -7,10 +7,9 @@ import re
 from dataclasses import dataclass, replace
 
 from s2rstore.errors import RequestError
-from s2rstore.reader import Store
+from s2rstore.language import parse, to_text
 from s2rtui.notebook import SavedSelection
-from s2rtui.session import anew, loading, walking
-from s2rtui.session.selecting import HISTORY
+from s2rtui.session import arriving, loading
 from s2rtui.session.session import Session
 from s2rtui.session.state import State
 
@@ -82,57 +81,13 @@ def take(session: Session, text: str) -> State:
         raise RequestError(
             f"this was selected on data set {shared.dataset}; here is {own[:_HASH_LENGTH]}"
         )
-    state = session.state
-    own_run = shared.saved.run if shared.saved and shared.saved.run in state.runs else None
-    if (node := loading.lacks(session, own_run or state.run, shared.expression)) is not None:
-        run, generation = loading.bound_for(session)
-        return loading.expect(session, own_run or run, generation, text, node)
-    return _taken(session, shared)
-
-
-def arrive(session: Session, fresh: Store | None = None) -> State:
-    """Turn to the awaited run (see `loading.arrive`), and select what was to be selected there;
-    what is begun goes on.
-    """
-    awaited = session.state.awaited
-    before = loading.arrive(session, fresh)
-    if awaited is None or not awaited.text or before.run != awaited.run:
-        return before
-    if awaited.step is not None:
-        state = walking.go(session, awaited.step, awaited.steps, at_once=True)
-    else:
-        state = _taken(session, read(awaited.text))
-    return session.set(replace(state, brush=before.brush, operator=before.operator))
-
-
-def _taken(session: Session, shared: Shared) -> State:
     if shared.saved is None:
-        return session.select(shared.expression)
-    before, known = session.state, session.store.instances.trajectory_names
-    saved = shared.saved
-    try:
-        if saved.run in before.runs and saved.run != before.run:
-            session.put_run(saved.run)
-        if all(name in known for name in saved.trajectories or ()):
-            session.put_trajectories(saved.trajectories)
-        session.select(saved.expression)
-    except RequestError:
-        session.set(before)
-        raise
-    return _compared(session, before, saved)
-
-
-def _compared(session: Session, before: State, saved: SavedSelection) -> State:
-    """The state, with past and words as of one step: what moved with it, how it differs."""
-    state, here = session.state, present(session)
-    told = [state.message] if state.message else []
-    if state.run != before.run:
-        told.append(f"run {state.run}")
-    if state.trajectories != before.trajectories:
-        told.append(f"trajectories {', '.join(state.trajectories or ('all',))}")
-    if replace(here, expression="") != replace(saved, expression=""):
-        told.append(anew.differing(state, here.count, saved))
-    made = replace(state, message="; ".join(told), past=before.past, future=before.future)
-    if state.expression != before.expression:
-        made = replace(made, past=(*before.past, before.expression)[-HISTORY:], future=())
-    return session.set(made)
+        return arriving.select(session, shared.expression)
+    saved, known = shared.saved, session.store.instances.trajectory_names
+    state, text = session.state, to_text(parse(saved.expression))
+    there = loading.step(state, loading.bound(state), text)
+    if saved.run in state.runs:
+        there = replace(there, run=saved.run)
+    if all(name in known for name in saved.trajectories or ()):
+        there = replace(there, trajectories=saved.trajectories)
+    return arriving.take(session, replace(there, saved=saved))

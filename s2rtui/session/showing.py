@@ -22,10 +22,6 @@ def _after(options: Sequence[T], present: T, steps: int = 1) -> T:
     return options[(options.index(present) + steps) % len(options)]
 
 
-def _told(session: Session, message: str, state: State) -> State:
-    return session.set(replace(state, message=message, is_error=False))
-
-
 def change_heat(session: Session, steps: int) -> State:
     """The next heatmap kind."""
     return _change_heat(session, steps, same_kind=False)
@@ -47,7 +43,7 @@ def _change_heat(session: Session, steps: int, same_kind: bool) -> State:
     else:
         kind = _after(list(dict.fromkeys(kind for kind, _ in options)), heat.kind, steps)
         made = replace(heat, kind=kind, mode=next(m for k, m in options if k == kind))
-    return _told(session, made.label, replace(state, heat=made))
+    return session.change(heat=made, message=made.label)
 
 
 def change_side(session: Session) -> State:
@@ -56,7 +52,7 @@ def change_side(session: Session) -> State:
         return session.tell("no heatmaps")
     side: Side = "sim" if session.state.heat.side == "real" else "real"
     heat = replace(session.state.heat, side=side)
-    return _told(session, f"heat of the {side} side", replace(session.state, heat=heat))
+    return session.change(heat=heat, message=f"heat of the {side} side")
 
 
 def change_overlay(session: Session) -> State:
@@ -71,13 +67,13 @@ def change_overlay(session: Session) -> State:
         + share_told(session.state),
         "run": f"heat of the whole run ({session.state.aggregate})",
     }
-    return _told(session, told[overlay], replace(session.state, overlay=overlay))
+    return session.change(overlay=overlay, message=told[overlay])
 
 
 def change_aggregate(session: Session) -> State:
     """How heat is gathered per cell of the map."""
     aggregate = _after(AGGREGATES, session.state.aggregate)
-    return _told(session, f"heat: {aggregate}", replace(session.state, aggregate=aggregate))
+    return session.change(aggregate=aggregate, message=f"heat: {aggregate}")
 
 
 def change_map_mode(session: Session) -> State:
@@ -87,19 +83,18 @@ def change_map_mode(session: Session) -> State:
         "glyph": "direction and size of both errors",
         "full": "sim, truth and real",
     }
-    return _told(session, f"map: {told[mode]}", replace(session.state, map_mode=mode))
+    return session.change(map_mode=mode, message=f"map: {told[mode]}")
 
 
 def toggle_clip(session: Session) -> State:
     """Dim what no selected instance has seen."""
     clip = not session.state.clip
     told = "only what the selection has seen" if clip else "the whole map"
-    return _told(session, told, replace(session.state, clip=clip))
+    return session.change(clip=clip, message=told)
 
 
 def toggle_room_names(session: Session) -> State:
-    names = not session.state.room_names
-    return session.set(replace(session.state, room_names=names, message="", is_error=False))
+    return session.change(room_names=not session.state.room_names)
 
 
 def zoom(session: Session, factor: float, at: tuple[float, float] | None = None) -> State:
@@ -109,7 +104,7 @@ def zoom(session: Session, factor: float, at: tuple[float, float] | None = None)
     """
     state, bounds = session.state, session.store.dataset.bounds
     if factor == 0:
-        return session.set(replace(state, viewport=None))
+        return session.change(viewport=None)
     view = state.viewport or bounds
     truth, cursor = session.store.instances, state.cursor
     if at is None and cursor is not None:
@@ -117,8 +112,8 @@ def zoom(session: Session, factor: float, at: tuple[float, float] | None = None)
     share = max(view.width / max(bounds.width, 1e-9), view.height / max(bounds.height, 1e-9))
     factor = min(factor, share / CLOSEST)
     if share / factor >= 1:
-        return session.set(replace(state, viewport=None))
-    return session.set(replace(state, viewport=within(zoomed(view, factor, at), bounds)))
+        return session.change(viewport=None)
+    return session.change(viewport=within(zoomed(view, factor, at), bounds))
 
 
 def pan(session: Session, across: float, down: float) -> State:
@@ -126,7 +121,7 @@ def pan(session: Session, across: float, down: float) -> State:
     bounds = session.store.dataset.bounds
     view = session.state.viewport or bounds
     moved = panned(view, across, down, session.store.dataset.y_down)
-    return session.set(replace(session.state, viewport=within(moved, bounds)))
+    return session.change(viewport=within(moved, bounds))
 
 
 def change_other(session: Session, steps: int = 1) -> State:
@@ -136,7 +131,7 @@ def change_other(session: Session, steps: int = 1) -> State:
         return session.tell("there is only one run to look at")
     present = other_run(session.state)
     other = others[0] if present is None else _after(others, present, steps)
-    return _told(session, f"compared with {other}", replace(session.state, other=other))
+    return session.change(other=other, message=f"compared with {other}")
 
 
 def show_view(session: Session, name: str, pane: str) -> State:
@@ -144,14 +139,14 @@ def show_view(session: Session, name: str, pane: str) -> State:
     state = session.state
     centre = name if pane == "centre" else state.centre
     tab = name if pane == "tab" else state.tab
-    return session.set(replace(state, view=name, centre=centre, tab=tab, brush=None))
+    return session.change(view=name, centre=centre, tab=tab, brush=None)
 
 
 def activate(session: Session, name: str) -> State:
     """Make a view that is on the screen the one that keys speak to; all stays in its place."""
     if session.state.view == name:
         return session.state
-    return session.set(replace(session.state, view=name, brush=None))
+    return session.change(view=name, brush=None)
 
 
 def leave(session: Session) -> State:
@@ -159,4 +154,4 @@ def leave(session: Session) -> State:
     state = session.state
     if state.brush is None and state.operator == "replace" and not state.is_error:
         return state
-    return session.set(replace(state, brush=None, operator="replace", message="", is_error=False))
+    return session.change(brush=None, operator="replace")

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from s2rstore.history import Stamp
 from s2rstore.language import Node
 from s2rstore.records import Bounds, Side
+from s2rtui.pages import SavedSelection
 from s2rtui.plots.inputs import MapMode
 from s2rtui.plots.surface import Mark
 
 Overlay = Literal["off", "instance", "selection", "run"]
 Aggregate = Literal["mean", "max", "sum", "count"]
-Step = Literal["undo", "redo"]
 Operator = Literal["replace", "intersect", "union", "subtract"]
 
 OVERLAYS: tuple[Overlay, ...] = ("off", "instance", "selection", "run")
@@ -101,18 +101,22 @@ class Adjust:
 
 @dataclass(frozen=True, slots=True)
 class Awaited:
-    """A run on its way, of a generation that may be newer than the present one.
+    """Where the session is on its way to: a run, of a generation that may be newer than the present
+    one, and trajectories (None: all).
 
-    `text` is what to select once it is there, as it was typed or pasted; `node` what that stands
-    for. With a `step` that is what so many `steps` lead to.
+    `text` is the expression to select there, empty for the present one; `node` what is evaluated
+    for it, `past` and `future` what is before and after it then. `saved` are the facts that it was
+    shared with.
     """
 
     run: str
     generation: int
     text: str = ""
     node: Node | None = None
-    step: Step | None = None
-    steps: int = 1
+    trajectories: tuple[str, ...] | None = None
+    past: tuple[str, ...] = ()
+    future: tuple[str, ...] = ()
+    saved: SavedSelection | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,8 +129,7 @@ class State:
     and `future` hold the expressions before and after this one, the nearest last. `operator`
     is how the next selection joins this one. `other` is the run that is compared with. `view` is
     the one that keys speak to, `centre` and `tab` those that share a place with others. `awaited`
-    is the run that is being read, to be turned to once it is there. `history` is None where there
-    is none.
+    is where to turn to once what that needs is read. `history` is None where there is none.
     """
 
     generation: int

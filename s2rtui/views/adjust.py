@@ -30,8 +30,7 @@ class AdjustView(View):
         live = scene.resources.adjusted(state)
         if live is not None:
             later = f" (loading {state.cursor})" if live.iid != state.cursor else ""
-            keys = "arrows, backspace neutral, S saves a run"
-            return f"run {adjust.run}, instance {live.iid}{later}: {keys}"
+            return f"run {adjust.run}, instance {live.iid}{later}"
         return f"run {adjust.run}: loading the model"
 
     def lines(self, scene: Scene) -> tuple[SliderLine, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from textwrap import wrap
 
 from s2rstore.errors import RequestError
 from s2rstore.history import History, Night
@@ -49,7 +50,8 @@ class HistoryView(View):
         if view.nights:
             return plots.history(view, size, look)
         canvas = Canvas(*size, theme=look.theme)
-        for row, line in enumerate(self._missing(scene)):
+        lines = [part for line in self._missing(scene) for part in wrap(line, canvas.width)]
+        for row, line in enumerate(lines):
             canvas.text(0, row, line, look.theme.muted if row else look.theme.text)
         return canvas
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from asyncio import TimerHandle
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +11,10 @@ from textual import events
 from textual.geometry import Region
 from textual.message import Message
 from textual.strip import Strip
-from textual.timer import Timer
 from textual.widget import Widget
 
 from s2rtui.canvas import Canvas, Look, to_strips
+from s2rtui.later import later
 from s2rtui.widgets.wall import Wall
 
 Draw = Callable[[tuple[int, int], Look], Canvas]
@@ -143,7 +144,7 @@ class PlotView(Widget, can_focus=False):
         self._drag: Drag | None = None
         self._wheel = Wheel(name)
         self._wall = wall
-        self._hangs: Timer | None = None
+        self._hangs: TimerHandle | None = None
         self._places: frozenset[tuple[Region, int]] = frozenset()
 
     def show(self, draw: Draw, depends: tuple[object, ...] | None = None) -> None:
@@ -152,14 +153,15 @@ class PlotView(Widget, can_focus=False):
         self._draw, self._depends = draw, depends
         if not self.size.width or not self.size.height or (unchanged and self._canvas is not None):
             return
-        before = self._canvas
+        before, places = self._canvas, self._places
         self._render_canvas()
         if self._wall is not None:
             self._hang_after(self._wall.rest(self._view))
         if before is None or self._canvas is None or before.char.shape != self._canvas.char.shape:
             self.refresh()
             return
-        regions = changed_regions(before, self._canvas)
+        stay = [region for region, _ in places & self._places]
+        regions = changed_regions(before, self._canvas, stay)
         if regions:
             self.refresh(*regions)
 
@@ -189,13 +191,13 @@ class PlotView(Widget, can_focus=False):
         self._drop_hanging()
         if seconds:
             self._placed(frozenset())
-            self._hangs = self.set_timer(seconds, self.hang)
+            self._hangs = later(self, seconds, self.hang)
         else:
             self.hang()
 
     def _drop_hanging(self) -> None:
         if self._hangs is not None:
-            self._hangs.stop()
+            self._hangs.cancel()
             self._hangs = None
 
     def hang(self) -> None:
@@ -275,11 +277,16 @@ class PlotView(Widget, can_focus=False):
             self.post_message(self.Wheeled(self._wheel))
 
 
-def changed_regions(before: Canvas, after: Canvas) -> list[Region]:
-    """Spans of cells that differ, one or several per row; near spans are joined."""
+def changed_regions(before: Canvas, after: Canvas, stay: Sequence[Region] = ()) -> list[Region]:
+    """Spans of cells that differ, one or several per row; near spans are joined.
+
+    What differs under a picture of which all stays does not count.
+    """
     differs = (before.char != after.char) | (before.bold != after.bold)
     differs |= (before.fg != after.fg).any(axis=-1) & (after.char != " ")
     differs |= (before.bg != after.bg).any(axis=-1)
+    for region in stay:
+        differs[region.y : region.bottom, region.x : region.right] = False
     regions: list[Region] = []
     for row in np.flatnonzero(differs.any(axis=1)):
         columns = np.flatnonzero(differs[row])

@@ -78,8 +78,11 @@ def test_a_damaged_history_is_told_and_the_screen_goes_on(tmp_path: Path, tiny_s
     path = history.path_in(tmp_path / "s.s2r")
     path.parent.mkdir()
     path.write_bytes(b"no database")
-    text = snapshot(tmp_path / "s.s2r", (250, 40), ["G"]).text
+    text = snapshot(tmp_path / "s.s2r", (250, 40)).text
     assert "gap.duckdb: no history that this version reads" in text
+    shown = snapshot(tmp_path / "s.s2r", (80, 24), ["G"]).text.splitlines()[2:8]
+    assert shown[0].strip() == "the history cannot be read"
+    assert str(path) in "".join(line.strip() for line in shown)
     assert main(["show", str(tmp_path / "s.s2r"), "history"]) == 2
     assert main(["show", str(tmp_path / "s.s2r"), "errors"]) == 0
 

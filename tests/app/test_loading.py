@@ -27,7 +27,7 @@ from s2rtui.headless import settle, take
 from s2rtui.plots.surface import Mark
 from s2rtui.saving import Progress
 from s2rtui.savings import Savings
-from s2rtui.session import Brush, Session, State, loading, sharing
+from s2rtui.session import Brush, Session, State, arriving, loading, sharing
 from s2rtui.session.state import Awaited
 from tests.support import tiny
 
@@ -272,8 +272,10 @@ def test_what_is_selected_while_a_run_is_awaited_is_taken_along(
     session = Session(store)
     session.set(replace(session.state, awaited=Awaited("b", 1, "gap > 0")))
     session.select("straight")
-    assert session.state.awaited == Awaited("b", 1)
-    assert (sharing.arrive(session).run, session.state.expression) == ("b", "straight")
+    awaited = session.state.awaited
+    assert awaited is not None
+    assert (awaited.run, awaited.text) == ("b", "")
+    assert (arriving.arrive(session).run, session.state.expression) == ("b", "straight")
 
 
 def test_a_selection_that_has_to_wait_leaves_the_run_awaited(
@@ -288,7 +290,7 @@ def test_a_selection_that_has_to_wait_leaves_the_run_awaited(
         awaited = session.state.awaited
         assert awaited is not None
         assert (awaited.run, awaited.text) == ("b", "real.loss > 0")
-    assert (sharing.arrive(session).run, session.state.expression) == ("b", "real.loss > 0")
+    assert (arriving.arrive(session).run, session.state.expression) == ("b", "real.loss > 0")
     session.close()
 
 
@@ -418,7 +420,7 @@ def test_a_newer_generation_leaves_a_selection_waiting(
     add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
     session.move_on()
     assert session.state.message.endswith(f"of generation {session.store.latest_generation()}")
-    state = sharing.arrive(session, s2rstore.open(own_store))
+    state = arriving.arrive(session, s2rstore.open(own_store))
     assert (state.generation, state.expression) == (session.store.generation, "real.loss > 0")
     assert (state.generation, state.brush) == (state.newest, brush)
     session.close()
@@ -477,7 +479,7 @@ def begun(session: Session, **fields: object) -> tuple[Brush, State]:
 def test_brush_and_operator_stay_as_an_awaited_run_arrives(store: Path) -> None:
     session = Session(store)
     brush, before = begun(session, awaited=Awaited("b", session.state.generation))
-    state = loading.arrive(session)
+    state = arriving.arrive(session)
     assert (state.run, state.awaited) == ("b", None)
     assert (state.brush, state.operator) == (brush, before.operator)
     session.close()
@@ -489,7 +491,7 @@ def test_the_awaited_run_may_be_gone_from_the_newer_generation(own_store: Path) 
     add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
     fresh = s2rstore.open(own_store)
     del fresh.runs["vanilla"]
-    state = loading.arrive(session, fresh)
+    state = arriving.arrive(session, fresh)
     assert session.store is fresh
     assert (state.run, state.awaited, state.brush) == ("dataaug", None, None)
     session.close()

@@ -94,3 +94,12 @@ async def test_a_saved_name_is_told_as_it_can_be_typed(tiny_store: Path) -> None
         assert told == 'saved as @"two words"'
         app.session.select(told.removeprefix("saved as "))
         assert not app.session.state.is_error
+
+
+async def test_what_is_told_of_a_line_goes_with_it(tiny_store: Path) -> None:
+    app = S2RApp(Session(tiny_store), Look())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("F")
+        assert ".parquet" in app.session.state.message
+        await pilot.press("escape")
+        assert app.session.state.message == ""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 
@@ -30,16 +32,22 @@ def export(store: Path, folder: Path, view: str, *words: str, end: str = ".png")
     return out.read_bytes()
 
 
+@pytest.fixture(scope="module")
+def usual(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], bytes]:
+    """Figures of 800x600 without further options, each drawn once."""
+    folder = tmp_path_factory.mktemp("usual")
+    return cache(lambda view: export(tiny_store, folder, view, "--size", "800x600"))
+
+
 @pytest.mark.parametrize("view", [*(name for name in STORED if name != "history"), "workbench"])
 def test_every_view_is_drawn_light_and_dark_at_the_size_asked_for(
     tiny_store: Path, tmp_path: Path, view: str
 ) -> None:
-    for words, theme in (([], LIGHT), (["--dark"], DARK)):
-        for size in ((615, 433), (300, 640)):
-            data = export(tiny_store, tmp_path, view, *words, "--size", "{}x{}".format(*size))
-            picture = Image.open(BytesIO(data))
-            assert picture.size == size
-            assert picture.convert("RGB").getpixel((size[0] - 1, size[1] - 1)) == theme.background
+    for words, theme, size in (([], LIGHT, (615, 433)), (["--dark"], DARK, (300, 640))):
+        data = export(tiny_store, tmp_path, view, *words, "--size", "{}x{}".format(*size))
+        picture = Image.open(BytesIO(data))
+        assert picture.size == size
+        assert picture.convert("RGB").getpixel((size[0] - 1, size[1] - 1)) == theme.background
 
 
 def test_what_is_stored_is_drawn_and_listed_flat() -> None:
@@ -86,10 +94,9 @@ def test_vector_forms_carry_no_date(tiny_store: Path, tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_options_change_the_figure(
-    tiny_store: Path, tmp_path: Path, view: str, words: list[str]
+    tiny_store: Path, tmp_path: Path, usual: Callable[[str], bytes], view: str, words: list[str]
 ) -> None:
-    usual = export(tiny_store, tmp_path, view, "--size", "800x600")
-    assert export(tiny_store, tmp_path, view, *words, "--size", "800x600") != usual
+    assert export(tiny_store, tmp_path, view, *words, "--size", "800x600") != usual(view)
 
 
 @pytest.mark.parametrize("words", [["--aggregate", "count"], ["--aggregate", "max"], ["--clip"],

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import threading
+import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -63,13 +65,30 @@ class Terminals:
 
     def __init__(self, in_tmux: bool = False) -> None:
         self.written = ""
-        self.wall = PictureWall(Graphics(True, "", in_tmux=in_tmux), self._write)
+        self.made = 0
+        graphics = Graphics(True, "", in_tmux=in_tmux)
+        self.wall = PictureWall(graphics, self._write, self._ready)
 
     def _write(self, text: str) -> None:
         self.written += text
 
-    def hang(self, drawn: Canvas, view: str = "instance") -> list[Strip]:
+    def _ready(self) -> None:
+        self.made += 1
+
+    def begin(self, drawn: Canvas, view: str = "instance") -> list[Strip]:
         return self.wall.hang(view, drawn, to_strips(drawn, ColourMode.TRUECOLOR)).strips
+
+    def hang(self, drawn: Canvas, view: str = "instance") -> list[Strip]:
+        """As it is once the pictures are made."""
+        strips = self.begin(drawn, view)
+        self.wait()
+        return self.begin(drawn, view) if self.made else strips
+
+    def wait(self) -> None:
+        limit = time.monotonic() + 20
+        while not self.wall.idle:
+            assert time.monotonic() < limit
+            time.sleep(0.0005)
 
 
 # --- the question --------------------------------------------------------------------------------
@@ -200,6 +219,45 @@ def test_what_hangs_there_is_not_sent_again() -> None:
     assert terminal.written == before
     terminal.hang(canvas(255 - noise((16, 16))))
     assert terminal.written != before
+
+
+def test_pictures_are_made_elsewhere_and_the_newest_wins() -> None:
+    terminal, opened, makers = Terminals(), threading.Event(), []
+
+    def slow(shade: int, size: Size) -> Pixels:
+        makers.append((shade, threading.current_thread()))
+        assert opened.wait(10)
+        return np.full((*size, 3), shade, np.uint8)
+
+    def drawn(shade: int) -> Canvas:
+        made = Canvas(12, 5)
+        made.plates.append(Plate(2, 1, 6, 3, (4, 4), partial(slow, shade), shade))
+        return made
+
+    first = terminal.hang(canvas(np.full((4, 4, 3), 9, np.uint8)))
+    before, shown = terminal.written, placed(codes(first))
+    for shade in range(5):
+        assert placed(codes(terminal.begin(drawn(shade)))) == shown
+    assert terminal.written == before
+    opened.set()
+    terminal.wait()
+    made = terminal.begin(drawn(4))
+    (number,) = placed(codes(made))
+    assert (Kitty.after(terminal.written.encode()).held[number].pixels == 4).all()
+    assert {shade for shade, _ in makers} <= {0, 4}
+    assert threading.current_thread() not in {thread for _, thread in makers}
+
+
+def test_what_is_made_after_all_were_deleted_is_not_sent() -> None:
+    terminal, opened = Terminals(), threading.Event()
+    drawn = canvas(noise((16, 16)))
+    late = partial(lambda pixels, size: opened.wait(10) and pixels, noise((16, 16)))
+    drawn.plates[0] = replace(drawn.plates[0], pixels=late)
+    terminal.begin(drawn)
+    terminal.wall.take_down()
+    opened.set()
+    terminal.wait()
+    assert (terminal.written, terminal.made) == ("", 0)
 
 
 def test_what_follows_from_the_same_is_not_even_made_again(monkeypatch: pytest.MonkeyPatch) -> None:

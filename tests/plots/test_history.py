@@ -15,7 +15,7 @@ from PIL import Image
 from s2rtui.canvas import DARK, LIGHT, Look, Theme
 from s2rtui.figures import history_figure
 from s2rtui.plots import HistoryInput, history, history_layout, history_model
-from s2rtui.plots.history import LABELS, row_of, sign
+from s2rtui.plots.history import LABELS, Rows, sign
 from tests.support import gaps
 
 SIZE = (100, 50)
@@ -54,11 +54,11 @@ def test_each_night_stands_at_its_day_and_height(size: tuple[int, int]) -> None:
         track = model.tracks[index]
         for at, day in enumerate(model.days.tolist()):
             column = layout.column(day, model)
-            row = row_of(float(track.value[at]), model.scale, top, rows)
+            chart, limit = Rows(model.scale, top, rows), float(model.thresholds[at])
+            row = chart.of(float(track.value[at]), limit)
             assert canvas.char[row, column] == sign(track.words[at], Look())
             drawn = [y for y in range(top, top + rows) if canvas.char[y, column] not in " ─"]
-            ends = [row_of(float(end[at]), model.scale, top, rows)
-                    for end in (track.high, track.low)]  # fmt: skip
+            ends = [chart.of(float(end[at]), limit) for end in (track.high, track.low)]
             assert (drawn[0], drawn[-1]) == tuple(ends)
 
 
@@ -79,7 +79,7 @@ def test_the_threshold_steps_where_it_was_changed() -> None:
     layout = history_layout(model, SIZE)
     _, _, top, rows = next(c for c in layout.charts if model.tracks[c[0]].name == "visual")
     for at, day in enumerate(model.days.tolist()):
-        row = row_of(float(model.thresholds[at]), model.scale, top, rows)
+        row = Rows(model.scale, top, rows).line(float(model.thresholds[at]))
         assert canvas.char[row, layout.column(day, model) - 1] == "─"
         others = [y for y in range(top, top + rows) if y != row]
         assert "─" not in canvas.char[others, layout.column(day, model) - 1]
@@ -116,11 +116,41 @@ def test_words_need_no_colour() -> None:
         assert len(signs) == 4
 
 
-@given(st.floats(-1e6, 1e6), st.integers(1, 30))
-def test_every_height_is_in_the_chart(value: float, rows: int) -> None:
-    row = row_of(value, (0.0, 30.0), 5, rows)
+@given(
+    st.floats(-1e6, 1e6),
+    st.floats(0.1, 40),
+    st.integers(1, 30),
+    st.sampled_from([30.0, 120.0]),
+)
+def test_every_height_is_in_the_chart_and_on_its_side_of_the_threshold(
+    value: float, threshold: float, rows: int, most: float
+) -> None:
+    chart = Rows((0.0, max(most, 1.6 * threshold)), 5, rows)
+    row, line = chart.of(value, threshold), chart.line(threshold)
     assert 5 <= row < 5 + rows
-    assert row_of(value + 1, (0.0, 30.0), 5, rows) <= row
+    assert chart.of(value + 1, threshold) <= row
+    if rows >= 3:
+        assert (row < line, row > line) == (value > threshold, value < threshold)
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
+def test_a_wild_gap_leaves_the_others_on_their_side_of_the_threshold(size: tuple[int, int]) -> None:
+    figures = [{"task": 160.0}, {"task": 9.0}, {"task": 11.0}, {"task": 3.0}, {"task": 10.5}]
+    nights = tuple(
+        replace(gaps.night(number, gap), threshold=10.0) for number, gap in enumerate(figures, 1)
+    )
+    canvas = history(HistoryInput(nights), size)
+    model = history_model(HistoryInput(nights), size[0] - LABELS)
+    layout = history_layout(model, size)
+    for index, _, top, rows in layout.charts:
+        track = model.tracks[index]
+        column = layout.column(int(model.days[0]), model) - 1
+        (line,) = (y for y in range(top, top + rows) if canvas.char[y, column] == "─")
+        for at, day in enumerate(model.days.tolist()):
+            glyphs = canvas.char[top : top + rows, layout.column(day, model)]
+            (row,) = (top + y for y in np.flatnonzero(glyphs == sign(track.words[at], Look())))
+            value = float(track.value[at])
+            assert (row < line, row > line) == (value > 10, value < 10), (value, row, line)
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT], ids=["dark", "light"])

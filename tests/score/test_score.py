@@ -35,8 +35,8 @@ class Quiet:
 
 
 def make(path: Path, factors: str) -> Path:
-    words = ["ingest", "world", "--instances", "12", "--factors", factors, "--store", str(path)]
-    assert main(words) == 0
+    words = ["ingest", "world", "--instances", "12", "--size", "64", "--factors", factors]
+    assert main([*words, "--store", str(path)]) == 0
     shipped.add(path)
     precompute(path, Quiet(), ["vanilla"], Options(KINDS))
     return path

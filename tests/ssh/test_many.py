@@ -14,6 +14,7 @@ import pytest
 import s2rstore
 from s2rstore import layout
 from s2rstore.verify import verify
+from s2rtui.cli import main
 from tests.support.copies import copied
 from tests.support.replay import STATUS, faults
 from tests.support.screen import LEFT, RIGHT, Screen
@@ -29,20 +30,16 @@ KEYS = ("w", "b", "W", "B", "c", RIGHT, LEFT, "r", "R", "h", "v", "o", "d", "m",
 def computed(trained: Path, tmp_path: Path) -> Path:
     """A computed store with two more runs that are not computed yet."""
     path = copied(trained, tmp_path / "s.s2r")
-    _s2r("precompute", str(path), "--kinds", KINDS)
+    assert main(["precompute", str(path), "--kinds", KINDS]) == 0
     for number in (1, 2):
         adjust = f"real:brightness=1.{number}"
-        _s2r("run", "add", f"more{number}", "--model", "vanilla", "--adjust", adjust,
-             "--store", str(path))  # fmt: skip
+        words = ["run", "add", f"more{number}", "--model", "vanilla", "--adjust", adjust]
+        assert main([*words, "--store", str(path)]) == 0
     return path
 
 
 def _call(*words: str) -> list[str]:
     return [sys.executable, "-m", "s2rtui", *words]
-
-
-def _s2r(*words: str) -> None:
-    subprocess.run(_call(*words), check=True, capture_output=True, env=_environment())
 
 
 def _environment() -> dict[str, str]:
@@ -67,7 +64,7 @@ def test_eight_users_while_a_precompute_publishes(
     first = layout.read_current(computed).generation
     screens = [open_screen(server.login(*application(computed)), (120, 40)) for _ in range(USERS)]
     for screen in screens:
-        screen.wait_for("of 80", 120)
+        screen.wait_for("of 40", 120)
     rng = random.Random(0)
     for _ in _publishing(computed):
         before = [screen.received for screen in screens]
@@ -79,17 +76,17 @@ def test_eight_users_while_a_precompute_publishes(
             assert faults(text.splitlines()) == [], text
             seen = STATUS.search(text)
             assert seen is not None
-            assert (int(seen["all"]), int(seen["generation"])) == (80, first)
+            assert (int(seen["all"]), int(seen["generation"])) == (40, first)
     newest = layout.read_current(computed).generation
     assert newest > first
     for screen in screens:
         screen.press("c")
-        screen.wait_for("│ 80 of 80 │", 120)
+        screen.wait_for("│ 40 of 40 │", 120)
         screen.wait_for(f"generation {newest} is there")
         screen.press("g")
         screen.wait_for(lambda text: text.splitlines()[0].endswith(f"gen {newest}"))
         screen.press("w")
-        screen.wait_for("│ 12 of 80 │")
+        screen.wait_for("│ 6 of 40 │")
     for screen in screens:
         screen.press("q")
         assert screen.wait_for_end(120) == 0

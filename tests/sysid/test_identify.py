@@ -60,11 +60,21 @@ def test_the_mismatch_is_gone_once_it_is_searched(made: Callable[..., Made]) -> 
     assert found.values["wheels"] == pytest.approx(SEVERITIES["wheels"][1], rel=0.05)
 
 
-def test_one_seed_gives_the_same_record(made: Callable[..., Made]) -> None:
-    drives = made(latency=0.8, mass=1.0)[1]
-    settings = Settings(seeds=2, evaluations=40)
-    first, second = (record(identify(drives, settings, Silent())) for _ in range(2))
-    assert first == second
+SHORT = Settings(seeds=2, evaluations=30)
+
+
+@pytest.fixture(scope="module")
+def short(made: Callable[..., Made]) -> tuple[Identification, Silent]:
+    """A search that hardly begins, and what it told."""
+    told = Silent()
+    return identify(made(latency=0.8, mass=1.0)[1], SHORT, told), told
+
+
+def test_one_seed_gives_the_same_record(
+    made: Callable[..., Made], short: tuple[Identification, Silent]
+) -> None:
+    again = identify(made(latency=0.8, mass=1.0)[1], SHORT, Silent())
+    assert record(again) == record(short[0])
 
 
 def test_unknown_torques_give_ratios_and_say_so(made: Callable[..., Made]) -> None:
@@ -89,10 +99,8 @@ def test_a_flat_combination_is_named_and_ends_the_trust(made: Callable[..., Made
     assert (mass.low, mass.high) == (2.0, 60.0)
 
 
-def test_progress_adds_up(made: Callable[..., Made]) -> None:
-    told = Silent()
-    identify(made(latency=0.8, mass=1.0)[1], Settings(seeds=2, evaluations=30), told)
-    assert told.done == told.total == 60
+def test_progress_adds_up(short: tuple[Identification, Silent]) -> None:
+    assert short[1].done == short[1].total == 60
 
 
 def test_too_few_drives_are_inconclusive(made: Callable[..., Made]) -> None:

@@ -13,6 +13,7 @@ from s2rstore.records import SPLITS
 from s2rtools.models.contract import LoadedModel
 from s2rtools.train import RECIPES, Budget, DomainFrames, TrainingFrames, loop, splits, train
 from s2rtools.train.colours import vary_colours
+from s2rtools.train.loop import TrainingResult
 from s2rtools.train.perlin import DepthNoise, noise_fields, perlin
 
 TRAIN, VALIDATION, TEST, UNSEEN = range(len(SPLITS))
@@ -38,6 +39,17 @@ def make_frames(n: int = 120, trajectories: int = 1) -> TrainingFrames:
 @pytest.fixture(scope="module")
 def frames() -> TrainingFrames:
     return make_frames()
+
+
+@pytest.fixture(scope="module")
+def learnt(frames: TrainingFrames) -> TrainingResult:
+    return train(frames, "vanilla", budget=Budget(steps=40))
+
+
+@pytest.fixture(scope="module")
+def few() -> TrainingFrames:
+    """For what needs no learning."""
+    return make_frames(60)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -89,9 +101,8 @@ def test_short_trajectories_split_too(count):
     assert (splits.by_halves(rows) >= 0).all()
 
 
-def test_a_few_steps_learn_and_figures_are_kept(frames):
-    result = train(frames, "vanilla", budget=Budget(steps=40))
-    figures = result.figures
+def test_a_few_steps_learn_and_figures_are_kept(frames, learnt):
+    result, figures = learnt, learnt.figures
     assert figures["sim.train.median_error"] < 0.6 * figures["sim.train.baseline_error"]
     assert figures["real.unseen.instances"] == 120
     assert set(result.splits) == {"sim", "sim_edit", "real"}
@@ -105,23 +116,23 @@ def test_a_few_steps_learn_and_figures_are_kept(frames):
 
 
 @pytest.mark.parametrize("recipe", ["vanilla", "dataaug", "perlin"])
-def test_same_seed_and_steps_give_the_same_weights(frames, recipe):
-    first, again = (train(frames, recipe, budget=Budget(steps=3), seed=4) for _ in range(2))
-    other = train(frames, recipe, budget=Budget(steps=3), seed=5)
+def test_same_seed_and_steps_give_the_same_weights(few, recipe):
+    first, again = (train(few, recipe, budget=Budget(steps=3), seed=4) for _ in range(2))
+    other = train(few, recipe, budget=Budget(steps=3), seed=5)
     torch.testing.assert_close(weights(first), weights(again), rtol=0, atol=0)
     assert not torch.equal(weights(first)["output.weight"], weights(other)["output.weight"])
 
 
-def test_training_leaves_the_global_random_state_alone(frames):
+def test_training_leaves_the_global_random_state_alone(few):
     torch.manual_seed(1)
     before = torch.random.get_rng_state()
-    train(frames, "dataaug", budget=Budget(steps=1))
+    train(few, "dataaug", budget=Budget(steps=1))
     assert torch.equal(before, torch.random.get_rng_state())
 
 
-def test_an_interrupted_training_goes_on_as_if_it_had_not_been(frames, tmp_path):
+def test_an_interrupted_training_goes_on_as_if_it_had_not_been(few, tmp_path):
     budget, file = Budget(steps=9), tmp_path / "a" / "checkpoint.safetensors"
-    whole = train(frames, "dataaug", budget=budget)
+    whole = train(few, "dataaug", budget=budget)
     calls = []
 
     def interrupt(fraction: float, loss: float, seconds: float) -> None:
@@ -130,26 +141,26 @@ def test_an_interrupted_training_goes_on_as_if_it_had_not_been(frames, tmp_path)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        train(frames, "dataaug", budget=budget, report=interrupt, checkpoint=file)
-    resumed = train(frames, "dataaug", budget=budget, report=interrupt, checkpoint=file)
+        train(few, "dataaug", budget=budget, report=interrupt, checkpoint=file)
+    resumed = train(few, "dataaug", budget=budget, report=interrupt, checkpoint=file)
     assert len(calls) == 9
     assert calls[-1] == 1
     torch.testing.assert_close(weights(resumed), weights(whole), rtol=0, atol=0)
     assert resumed.history == whole.history
 
 
-def test_checkpoints_of_another_training_or_damaged_ones_are_refused(frames, tmp_path):
+def test_checkpoints_of_another_training_or_damaged_ones_are_refused(few, tmp_path):
     file = tmp_path / "c.safetensors"
-    train(frames, "vanilla", budget=Budget(steps=1), checkpoint=file)
+    train(few, "vanilla", budget=Budget(steps=1), checkpoint=file)
     with pytest.raises(RequestError, match="another training"):
-        train(frames, "vanilla", budget=Budget(steps=1), seed=1, checkpoint=file)
+        train(few, "vanilla", budget=Budget(steps=1), seed=1, checkpoint=file)
     file.write_bytes(file.read_bytes()[:100])
     with pytest.raises(RequestError, match="no checkpoint"):
-        train(frames, "vanilla", budget=Budget(steps=1), checkpoint=file)
+        train(few, "vanilla", budget=Budget(steps=1), checkpoint=file)
 
 
-def test_finetune_goes_on_from_a_model_with_real_images(frames):
-    first = train(frames, "vanilla", budget=Budget(steps=20))
+def test_finetune_goes_on_from_a_model_with_real_images(frames, learnt):
+    first = learnt
     before = {key: value.clone() for key, value in weights(first).items()}
     tuned = train(frames, "finetune", budget=Budget(steps=10), start=loaded(first),
                   start_splits=first.splits)  # fmt: skip
@@ -175,8 +186,8 @@ def test_no_images_to_train_on_is_said(frames):
         train(only_real, "vanilla")
 
 
-def test_minutes_end_a_training(frames):
-    result = train(frames, "vanilla", budget=Budget(minutes=0.01))
+def test_minutes_end_a_training(few):
+    result = train(few, "vanilla", budget=Budget(minutes=0.01))
     assert 0.6 <= float(result.provenance["seconds"]) < 5
 
 

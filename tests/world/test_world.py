@@ -62,6 +62,12 @@ def test_views_are_reproducible_and_finite(data: WorldData) -> None:
     assert np.array_equal(alone.rgb[0], one.rgb[7])
 
 
+def test_a_seed_makes_one_world_that_nobody_changes(data: WorldData) -> None:
+    assert data.world is WorldData(Recipe(count=3)).world
+    assert data.world.things == World(data.recipe.seed).things
+    assert not data.poses["traj1"].flags.writeable
+
+
 def test_without_factors_reality_is_the_simulation() -> None:
     data = WorldData(Recipe(count=4, frame=32, factors=parse_factors("none")))
     poses = data.poses["traj2"]

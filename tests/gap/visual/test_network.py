@@ -39,6 +39,20 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
+@pytest.fixture(scope="module")
+def damaged(folder: Path) -> Path:
+    """The same folder, with weights that are none beside the whole ones."""
+    (folder / "junk.pth").write_bytes(b"junk")
+    for suffix in ("pth", "safetensors"):
+        whole = (folder / f"w.{suffix}").read_bytes()
+        (folder / f"half.{suffix}").write_bytes(whole[: len(whole) // 2])
+    torch.save({"a": torch.zeros(3)}, folder / "other.pth")
+    state = torch.load(folder / "w.pth", weights_only=True)
+    state["Mixed_7c.branch1x1.bn.bias"][0] = float("nan")
+    torch.save(state, folder / "broken.pth")
+    return folder
+
+
 def described(root: Path, weights: str = "w.pth", size: int = 80, more: str = "") -> Path:
     file = root / "network.toml"
     file.write_text(DESCRIPTION.format(weights=weights, size=size, more=more))
@@ -170,17 +184,9 @@ def test_a_fingerprint_names_weights_and_preprocessing(folder: Path) -> None:
     ],
 )
 def test_what_is_wrong_with_a_description_is_said_in_one_line(
-    folder: Path, old: str, new: str, told: str
+    damaged: Path, old: str, new: str, told: str
 ) -> None:
-    (folder / "junk.pth").write_bytes(b"junk")
-    for suffix in ("pth", "safetensors"):
-        whole = (folder / f"w.{suffix}").read_bytes()
-        (folder / f"half.{suffix}").write_bytes(whole[: len(whole) // 2])
-    torch.save({"a": torch.zeros(3)}, folder / "other.pth")
-    state = torch.load(folder / "w.pth", weights_only=True)
-    state["Mixed_7c.branch1x1.bn.bias"][0] = float("nan")
-    torch.save(state, folder / "broken.pth")
-    file = described(folder)
+    file = described(damaged)
     file.write_text(file.read_text().replace(old, new))
     with pytest.raises(RequestError) as raised:
         network.read_network(file)

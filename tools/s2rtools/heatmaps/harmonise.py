@@ -60,11 +60,19 @@ class View:
         picked = cv2.remap(known, self._u, self._v, cv2.INTER_NEAREST, borderValue=np.nan)
         return np.where(self._inside, picked / self._axis, np.nan)
 
+    def coloured(
+        self, own: Images, real: Images, metres: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """RGB (h, w, 3) of the other rig in this view, `metres` deep, and where it was seen."""
+        u, v, _, seen = self._crossing.targets(metres, self.other.rgb)
+        warped = _sampled(real[0], u, v, cv2.INTER_LINEAR).astype(np.float32)
+        sim = own[0].astype(np.float32)
+        return np.where(seen[..., None], _colours_matched(warped, sim, seen), sim), seen
+
     def harmonised(self, own: Images, real: Images) -> Harmonised:
         """A pair where this is the sim view and the other rig the real one."""
         metres = self.metres(own[1], own[2])
-        u, v, _, seen = self._crossing.targets(metres, self.other.rgb)
-        warped = _sampled(real[0], u, v, cv2.INTER_LINEAR).astype(np.float32)
+        rgb, seen = self.coloured(own, real, metres)
         u, v, expected, inside = self._crossing.targets(metres, self.other.depth)
         raw = _sampled(real[1], u, v, cv2.INTER_NEAREST)
         valid = _sampled(real[2].astype(np.uint8), u, v, cv2.INTER_NEAREST) > 0
@@ -72,11 +80,10 @@ class View:
         along = np.nan_to_num(metres, nan=0.0)
         with np.errstate(invalid="ignore", divide="ignore"):
             depth = np.where(measured, raw * self.other.depth_scale * along / expected, along)
-        sim = own[0].astype(np.float32)
-        rgb = np.where(seen[..., None], _colours_matched(warped, sim, seen), sim)
         return Harmonised(
-            sim, rgb, along.astype(np.float32), depth.astype(np.float32), seen, measured
-        )
+            own[0].astype(np.float32), rgb,
+            along.astype(np.float32), depth.astype(np.float32), seen, measured,
+        )  # fmt: skip
 
     def fetched(
         self, heat: NDArray[np.float32], depth: NDArray[Any], valid: NDArray[np.bool_]
@@ -125,6 +132,10 @@ def _colours_matched(
     """R <- (R - mean R) / (std R + c) * (std S + c) + mean S per channel, over `where`."""
     if not where.any():
         return sim
-    ours, theirs = real[where], sim[where]
-    gain = (theirs.std(axis=0) + COLOUR_FLOOR) / (ours.std(axis=0) + COLOUR_FLOOR)
-    return np.clip((real - ours.mean(axis=0)) * gain + theirs.mean(axis=0), 0, 255)
+    mask = where.astype(np.uint8)
+    (mean, spread), (wanted, wanted_spread) = (
+        (part.ravel().astype(np.float32) for part in cv2.meanStdDev(image, mask=mask))
+        for image in (real, sim)
+    )
+    gain = (wanted_spread + COLOUR_FLOOR) / (spread + COLOUR_FLOOR)
+    return np.clip((real - mean) * gain + wanted, 0, 255)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -109,10 +109,12 @@ def calibrate(
     better by `MIN_GAIN`.
     """
 
-    def score(correction: Correction, some: list[tuple[Images, Images]]) -> float:
+    kept = [_Pair(own, other, _gradient(own[0])) for own, other in pairs]
+
+    def score(correction: Correction, some: list[_Pair]) -> float:
         return _agreement(Alignment(sim, real, frame, correction).sim_view, some)
 
-    few = pairs[:: max(1, len(pairs) // 10)]
+    few = kept[:: max(1, len(kept) // 10)]
     coarse = [Correction(float(h), float(z)) for h in COARSE_HEIGHT for z in COARSE_ZOOM]
     around = max(coarse, key=lambda correction: score(correction, few))
     fine = [
@@ -120,25 +122,33 @@ def calibrate(
         for h in FINE_HEIGHT
         for z in FINE_ZOOM
     ]
-    best, chosen = score(Correction(), pairs), Correction()
+    best, chosen = score(Correction(), kept), Correction()
     for correction in fine:
-        found = score(correction, pairs)
+        found = score(correction, kept)
         if found > best + (MIN_GAIN if chosen == Correction() else 1e-9):
             best, chosen = found, correction
     return chosen
 
 
-def _agreement(view: View, pairs: list[tuple[Images, Images]]) -> float:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pair:
+    """Both images of an instance, and the gradients of the sim one."""
+
+    sim: Images
+    real: Images
+    gradient: NDArray[np.float32]
+
+
+def _agreement(view: View, pairs: list[_Pair]) -> float:
     """0 for a pair that hardly overlaps, so that all corrections answer for the same pairs."""
     scores = []
     for pair in pairs:
-        made = view.harmonised(*pair)
-        a, b = _gradient(made.sim), _gradient(made.real)
-        inner = cv2.erode(made.seen.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        rgb, seen = view.coloured(pair.sim, pair.real, view.metres(*pair.sim[1:]))
+        inner = cv2.erode(seen.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
         found = 0.0
         if inner.mean() > MIN_OVERLAP:
             with np.errstate(invalid="ignore", divide="ignore"):
-                found = float(np.corrcoef(a[inner], b[inner])[0, 1])
+                found = float(np.corrcoef(pair.gradient[inner], _gradient(rgb)[inner])[0, 1])
         scores.append(found if np.isfinite(found) else 0.0)
     return float(np.mean(scores)) if scores else 0.0
 

@@ -20,11 +20,11 @@ from s2rtools.world.renderer import Camera, Renderer, Views
 from s2rtools.world.routes import Poses
 from s2rtools.world.world import (
     TRAJECTORIES,
-    World,
     facts,
     raw_depth,
     side_camera,
     through_sensor,
+    world_of,
 )
 
 NOTES = "world"
@@ -64,7 +64,7 @@ class WorldData:
 
     def __init__(self, recipe: Recipe) -> None:
         self.recipe = recipe
-        self.world = World(recipe.seed)
+        self.world = world_of(recipe.seed)
 
     @classmethod
     def of_store(cls, store: Store) -> WorldData | None:
@@ -144,14 +144,7 @@ class WorldData:
         return 1_000_000 * self.names.index(name) + row
 
     def renderer(self, side: Side) -> Renderer:
-        return self._renderers[side]
-
-    @cached_property
-    def _renderers(self) -> dict[Side, Renderer]:
-        return {
-            "sim": self.world.renderer({}),
-            "real": self.world.renderer(self.severities("real")),
-        }
+        return self.world.renderer(self.severities(side))
 
     def raw(self, views: Views) -> NDArray[np.uint16]:
         """Depth as it is stored."""

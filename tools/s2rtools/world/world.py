@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,7 @@ class World:
         ]  # fmt: skip
         self.things: list[Thing] = furnish(self.plan, visited, closable, seed)
         self._stops_of = stops
+        self._driven: dict[tuple[str, int], Poses] = {}
 
     @cached_property
     def floor(self) -> Floor:
@@ -76,7 +77,13 @@ class World:
         return [(room.name, room.area) for room in seen]
 
     def poses(self, trajectory: str, count: int) -> Poses:
-        """`count` poses (n, 3) or a few less along a trajectory."""
+        """`count` poses (n, 3) or a few less along a trajectory; not to be written to."""
+        if (trajectory, count) not in self._driven:
+            self._driven[trajectory, count] = poses = self._drive(trajectory, count)
+            poses.flags.writeable = False
+        return self._driven[trajectory, count]
+
+    def _drive(self, trajectory: str, count: int) -> Poses:
         number = list(TRAJECTORIES).index(trajectory)
         stops = [
             self.floor.roomiest(half.x0, half.y0, half.x1, half.y1)
@@ -111,7 +118,9 @@ class World:
 
     def renderer(self, factors: Mapping[str, float], restored: int | None = None) -> Renderer:
         """The engine for one side; `restored` is the id of a thing that is as in simulation."""
-        return RayCaster(self.scene(factors, restored))
+        if restored is not None:
+            return RayCaster(self.scene(factors, restored))
+        return _renderer(self, tuple(sorted(factors.items())))
 
     def scene(self, factors: Mapping[str, float], restored: int | None = None) -> Scene:
         """One side's scene: the simulated one without factors."""
@@ -149,6 +158,18 @@ class World:
             floor_cell=CELL,
             palette=self.plan.palette,
         )
+
+
+@lru_cache(maxsize=4)
+def world_of(seed: int) -> World:
+    """The world of a seed, furnished once per process."""
+    return World(seed)
+
+
+@lru_cache(maxsize=16)
+def _renderer(world: World, factors: tuple[tuple[str, float], ...]) -> Renderer:
+    """Engines keep what they make of their scene."""
+    return RayCaster(world.scene(dict(factors)))
 
 
 def standard_camera(frame: int) -> Camera:

@@ -1,0 +1,37 @@
+"""What is to come after a while comes, also where the process stands still meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+from itertools import count
+from pathlib import Path
+
+import pytest
+from textual import _time
+
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.headless import settle
+from s2rtui.later import later
+from s2rtui.session import Session
+
+
+async def test_pictures_come_although_the_process_stands_still(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app, leaps, clock = S2RApp(Session(tiny_store), Look()), count(), _time.get_time
+    app.feeding.rest_seconds = 0.001
+    async with app.run_test(size=(120, 40)) as pilot:
+        monkeypatch.setattr(_time, "get_time", lambda: clock() + 0.01 * next(leaps))
+        await asyncio.wait_for(settle(app, pilot), 20)
+        assert app.resources.pictures is not None
+
+
+async def test_a_call_that_is_cancelled_never_comes(tiny_store: Path) -> None:
+    app, called = S2RApp(Session(tiny_store), Look()), []
+    async with app.run_test(size=(80, 24)) as pilot:
+        later(app, 0, lambda: called.append("dropped")).cancel()
+        later(app, 0, lambda: called.append("kept"))
+        await asyncio.sleep(0.01)
+        await pilot.pause()
+    assert called == ["kept"]

@@ -1,0 +1,166 @@
+"""What waits for a worker: no key drops it, and it ends as if all had been read at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rstore import dense, similarity
+from s2rtui.actions import ACTIONS
+from s2rtui.feeds import reading
+from s2rtui.notebook import Notebook
+from s2rtui.session import Session, arriving, loading, sharing
+from s2rtui.session.state import State
+from tests.support import embeddings, tiny
+
+RUNS = ("vanilla", "b", "c")
+Key = Callable[[Session], object]
+_FACTS = '  # data set {}, generation {}, run b, 3 instances in "a"'
+_REST = {action.name: action.do for action in ACTIONS if action.do is not None}
+
+
+def pasted(session: Session) -> object:
+    facts = _FACTS.format(session.store.dataset.hash, session.state.generation)
+    return sharing.take(session, "worst(3, real.loss)" + facts)
+
+
+BEGUN: dict[str, Key] = {
+    "typed": lambda s: sharing.take(s, "real.loss > 0.3"),
+    "saved": lambda s: sharing.take(s, "@costly & all"),
+    "pasted": pasted,
+    "run": lambda s: s.change_run(1),
+    "undo": Session.undo,
+    "redo": Session.redo,
+    "alike": lambda s: s.choose("like(20, 6)"),
+    "other run": lambda s: s.choose('worst(3, run("c").real.error)'),
+}
+
+
+@dataclass
+class Pair:
+    """A session that waits for its worker and one that reads at once, in the same state."""
+
+    waiting: Session
+    direct: Session
+    worker: bool = False
+
+    def begin(self) -> None:
+        """Nothing is at hand but what the first screen shows; there is a past and a future."""
+        for session in (self.waiting, self.direct):
+            session.waits = False
+            session.set(self.first(session))
+            made = session.select("best15")
+            past = ("all", "real.loss > 0.1", "real.loss > 0.2")
+            session.set(replace(made, past=past, future=("curved", "real.loss < 1")))
+        store = self.waiting.store
+        store._columns.drop(lambda key: "loss" in key or key[:2] in (("run", "b"), ("run", "c")))
+        store.evaluated.clear()
+        loading.read(store, loading.here(self.waiting.state), lambda: True)
+        self.waiting.waits = True
+
+    def first(self, session: Session) -> State:
+        state = session.state
+        return replace(
+            state, run="vanilla", trajectories=None, awaited=None, past=(), future=(), cursor=20,
+            operator="replace", brush=None, other=None, heat=None, adjust=None, viewport=None,
+            sort="real.error", descending=True, overlay="off", map_mode="colour", clip=False,
+        )  # fmt: skip
+
+    def press(self, key: Key) -> None:
+        """With the cursor where the screen shows it."""
+        cursor = self.waiting.state.cursor
+        self.direct.set(replace(self.direct.state, cursor=cursor))
+        key(self.waiting)
+        key(self.direct)
+
+    def arrive(self) -> None:
+        """The worker reads what is awaited until nothing is."""
+        for _ in range(4):
+            if (state := self.waiting.state).awaited is None:
+                return
+            self.worker = True
+            reading.read_run(self.waiting.store, state, Wanted())
+            self.worker = False
+            arriving.arrive(self.waiting)
+        raise AssertionError("it is never there")
+
+    def agree(self) -> None:
+        one, two = self.waiting.state, self.direct.state
+        for name in ("run", "trajectories", "expression", "operator", "sort", "past", "future"):
+            assert getattr(one, name) == getattr(two, name), name
+        assert np.array_equal(one.selected, two.selected)
+        assert np.array_equal(one.base, two.base)
+
+
+class Wanted:
+    """A caller that never loses interest."""
+
+    def wanted(self) -> bool:
+        return True
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
+    """Reading by the session that waits fails anywhere but in its worker."""
+    folder = tmp_path_factory.mktemp("waiting")
+    path = tiny.build(folder / "s.s2r", runs=RUNS)
+    points = np.random.default_rng(1).normal(size=(40, 2))
+    for number, run in enumerate(RUNS):
+        embeddings.add(path, run, {"sim": points * number, "real": points + number})
+    made = Pair(*(Session(path, notebooks=lambda own: Notebook(own, folder)) for _ in range(2)))
+    for session in (made.waiting, made.direct):
+        session.select("real.loss > 0.15")
+        session.book.save("costly", sharing.present(session))
+    predicted, neighbours, own = dense._predicted, similarity.neighbours, made.waiting.store
+
+    def read(index, *rest):
+        assert index is not own._dense or made.worker or not made.waiting.waits, rest
+        return predicted(index, *rest)
+
+    def near(store, *rest):
+        assert store is not own or made.worker or not made.waiting.waits, rest
+        return neighbours(store, *rest)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(loading, "AT_ONCE", 0)
+        patch.setattr(dense, "_predicted", read)
+        patch.setattr(similarity, "neighbours", near)
+        yield made
+    for session in (made.waiting, made.direct):
+        session.close()
+
+
+@pytest.mark.parametrize("what", BEGUN)
+def test_every_key_leaves_what_waits_as_if_it_had_not_waited(pair: Pair, what: str) -> None:
+    for name, key in _REST.items():
+        pair.begin()
+        pair.press(BEGUN[what])
+        assert pair.waiting.state.awaited is not None
+        pair.press(key)
+        pair.arrive()
+        try:
+            pair.agree()
+        except AssertionError as error:
+            raise AssertionError(f"{what}, {name}: {error}") from error
+
+
+_KEYS = [
+    "next_run", "previous_run", "trajectory", "undo", "redo", "complement", "intersect", "union",
+    "subtract", "worst_real", "alike", "other_run", "next_instance",
+]  # fmt: skip
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.sampled_from(sorted(BEGUN)), st.lists(st.sampled_from(_KEYS), min_size=2, max_size=5))
+def test_so_do_several(pair: Pair, what: str, names: list[str]) -> None:
+    pair.begin()
+    pair.press(BEGUN[what])
+    for name in names:
+        pair.press(_REST[name])
+    pair.arrive()
+    pair.agree()
