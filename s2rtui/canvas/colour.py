@@ -72,6 +72,8 @@ THEMES = {theme.name: theme for theme in (DARK, LIGHT)}
 NEGATIVE: Rgb = (0, 176, 255)
 POSITIVE: Rgb = (255, 122, 0)
 NO_DEPTH: Rgb = (84, 44, 68)
+DEPTH_SHADES = 255
+"""Of depth in true pixels: with `NO_DEPTH` a palette of 256 colours."""
 
 _TURBO = (
     "30123b 392a73 4040a1 4456c7 466be3 467ff6 4293ff 37a7fa 29bbec 1dcdd8 18dcc3 1ee8b0 31f299 "
@@ -103,12 +105,17 @@ def diverging(values: ArrayLike, middle: Rgb = (128, 128, 128)) -> Pixels:
     return np.rint(mixed).astype(np.uint8)
 
 
-def depth_tint(values: ArrayLike) -> Pixels:
-    """Depth as fractions of its range (clipped; NaN counts as 1) to (..., 3): near is light."""
+def depth_tint(values: ArrayLike, shades: int | None = None) -> Pixels:
+    """Depth as fractions of its range (clipped; NaN counts as 1) to (..., 3): near is light.
+
+    In so many `shades`, by default as many as there are.
+    """
     share = np.nan_to_num(np.asarray(values, dtype=np.float64), nan=1.0)
-    share = np.clip(share, 0, 1)[..., None]
+    share = np.clip(share, 0, 1)[..., None] ** 0.8
+    if shades is not None:
+        share = np.rint(share * (shades - 1)) / (shades - 1)
     near, far = np.array([238.0, 242.0, 246.0]), np.array([22.0, 28.0, 44.0])
-    return np.rint(near + (far - near) * share**0.8).astype(np.uint8)
+    return np.rint(near + (far - near) * share).astype(np.uint8)
 
 
 def mix(under: ArrayLike, over: ArrayLike, alpha: ArrayLike) -> Pixels:

@@ -6,11 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from hashlib import blake2b
-from io import BytesIO
 from secrets import choice
 from traceback import print_exception
 
-from PIL import Image
 from textual.geometry import Region
 from textual.strip import Strip
 
@@ -18,6 +16,7 @@ from s2rtui.background import Lane, Tell
 from s2rtui.canvas import Canvas, Plate, Size
 from s2rtui.canvas.colour import Pixels
 from s2rtui.graphics import tgp
+from s2rtui.graphics.png import png
 from s2rtui.graphics.probe import Graphics, cell_pixels
 from s2rtui.graphics.strips import Span, with_spans
 from s2rtui.widgets.wall import Hung
@@ -214,10 +213,3 @@ def _light_png(plate: Plate, pixels: Pixels) -> bytes:
         size = int(size[0] * share), int(size[1] * share)
         picture = png(plate.pixels(size))
     return picture
-
-
-def png(pixels: Pixels) -> bytes:
-    """A picture (h, w, 3), without loss."""
-    stream = BytesIO()
-    Image.fromarray(pixels).save(stream, format="PNG", compress_level=4)
-    return stream.getvalue()

@@ -95,7 +95,7 @@ def count(column: Bins, chosen: Chosen) -> tuple[Counts, Counts]:
 
 def gathered(column: NDArray[Any], iids: NDArray[np.intp]) -> NDArray[Any]:
     """column[iids] for iids that exist; not to check them again halves the time."""
-    return column.take(iids, mode="clip")
+    return column.take(iids, axis=0, mode="clip")
 
 
 @kept(64)

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.canvas.colour import Pixels, depth_tint, diverging, legible, turbo
+from s2rtui.canvas.colour import DEPTH_SHADES, Pixels, depth_tint, diverging, legible, turbo
 from s2rtui.canvas.grid import Canvas, Plate, Size
 from s2rtui.canvas.look import Look
 from s2rtui.canvas.raster import picture, resample, shade
@@ -145,8 +145,9 @@ def _panel(
         picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)), look)
         if look.fine:
             of = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
+            true = partial(pixels, shades=DEPTH_SHADES)
             follows = panel.what, *of, view.over, view.signed
-            canvas.plates.append(_plate(panel, side, pixels, identity(follows)))
+            canvas.plates.append(_plate(panel, side, true, identity(follows)))
     else:
         canvas.text(
             panel.x,

@@ -111,9 +111,17 @@ def heat_colours(heat: Floats, scale: Interval, signed: bool) -> tuple[Pixels, F
 
 
 def panel_pixels(
-    side: SideView, what: str, model: InstanceModel, view: InstanceInput, shape: tuple[int, int]
+    side: SideView,
+    what: str,
+    model: InstanceModel,
+    view: InstanceInput,
+    shape: tuple[int, int],
+    shades: int | None = None,
 ) -> Pixels:
-    """One picture (`what`: "rgb" or "depth") of shape (height, width), heat laid on it if asked."""
+    """One picture (`what`: "rgb" or "depth") of shape (height, width), heat laid on it if asked.
+
+    Depth has so many `shades`, see `depth_tint`.
+    """
     height, width = shape
     if what == "rgb" or side.depth is None or model.depth_range is None:
         same = side.rgb.shape[:2] == shape
@@ -121,7 +129,7 @@ def panel_pixels(
     else:
         low, high = model.depth_range
         metres = resample(side.depth, height, width)
-        pixels = depth_tint((metres - low) / (high - low))
+        pixels = depth_tint((metres - low) / (high - low), shades)
         pixels[~np.isfinite(metres)] = NO_DEPTH
     if side.heat is None or model.heat_range is None or view.over not in (what, "both"):
         return pixels

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ def words(pieces: Sequence[tuple[str, Rgb]]) -> Part:
     return Part(sum(cell_len(text) for text, _ in pieces), draw)
 
 
+@lru_cache(64)
 def colour_bar(
     label: str,
     unit: str,
@@ -81,6 +83,7 @@ def colour_bar(
     return Part(cell_len(before) + length + cell_len(after), draw)
 
 
+@lru_cache(64)
 def scale_bar(metres_per_cell: float, room: int, look: Look) -> Part:
     """A bar of a round length in metres, at most `room` cells long."""
     length = step(metres_per_cell * room, 1)

@@ -118,12 +118,24 @@ def _cursor(column: Floats, view: OrientationInput) -> float | None:
     return wrapped(math.degrees(heading)) if math.isfinite(heading) else None
 
 
+def _units(column: Floats, iids: NDArray[np.intp]) -> NDArray[np.complex128]:
+    """Unit vectors of some headings, kept where those of all are few."""
+    if len(column) <= EXACTLY_UP_TO:
+        return _all_units(Same(column))[iids]
+    return np.asarray(np.exp(1j * column[iids]))
+
+
+@kept(16)
+def _all_units(column: Same) -> NDArray[np.complex128]:
+    return np.asarray(np.exp(1j * np.asarray(column.array)))
+
+
 def _mean(column: Floats, lit: Counts, chosen: Chosen) -> complex:
     """The mean unit vector of the selected."""
     number = int(lit.sum())
     if number == 0:
         return complex(math.nan, math.nan)
     if number <= EXACTLY_UP_TO:
-        own = column[chosen.members]
-        return complex(np.exp(1j * own[np.isfinite(own)]).mean())
+        own = _units(column, chosen.members)
+        return complex(own[np.isfinite(own)].mean())
     return complex((lit * _directions(Same(column))).sum() / number)

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rtui.plots import joint
 from s2rtui.plots.bins import Bins, Chosen, choose, count
 from s2rtui.plots.inputs import Interval, OverviewLines
 from s2rtui.plots.overview_layout import OverviewLayout
@@ -64,14 +65,11 @@ def _segments(
 def _bars(
     columns: tuple[Same, ...], axis: Interval, width: int, step: int, chosen: Chosen
 ) -> LineDensity:
-    """On each run's row a bar of up to four dots per column of dots; two runs per count."""
+    """On each run's row a bar of up to four dots per column of dots."""
     size = bin_count(width, len(chosen.base))
-    counts: tuple[list[Counts], list[Counts]] = ([], [])
-    for index in range(0, len(columns), 2):
-        first, second = columns[index], columns[min(index + 1, len(columns) - 1)]
-        for part, table in zip(counts, _tables(first, second, axis, size, chosen), strict=True):
-            part += [table.sum(axis=1)[:size], table.sum(axis=0)[:size]]
-    dots = np.stack([_per_dot(np.stack(part[: len(columns)]), width) for part in counts])
+    counted = joint.counts(_bar_bins(columns, axis, size), chosen)
+    both = np.stack([*(lit for lit, _ in counted), *(total - lit for lit, total in counted)])
+    dots = _per_dot(both, width).reshape(2, len(columns), 2 * width)
     up = np.arange(4, 0, -1)[:, None]
     heights = np.ceil(4 * levels(dots, float(dots.sum(axis=0).max())))
     grids = (heights[:, :, None] >= up) * dots[:, :, None]
@@ -143,6 +141,11 @@ def _binned(values: Same, axis: Interval, size: int) -> NDArray[np.uint8]:
         places = np.where(np.isnan(places), size, np.clip(places, 0, size - 1))
         codes[start : start + PIECE] = places
     return codes
+
+
+@kept(4)
+def _bar_bins(columns: tuple[Same, ...], axis: Interval, size: int) -> list[Bins]:
+    return [Bins(_binned(column, axis, size), size) for column in columns]
 
 
 @kept(32)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rtui.plots.inputs import Interval, OverviewLines, OverviewRow
 from s2rtui.plots.same import Same, kept
@@ -31,6 +32,16 @@ def overview_model(
 
     With lines it also reaches from the 1st percentile of the valid of every run to 1.
     """
+    if lines is None:
+        return _model(tuple(rows), baseline, (), Same(None))
+    columns = tuple(Same(column) for column in lines.values)
+    return _model(tuple(rows), baseline, columns, Same(lines.valid))
+
+
+@kept(8)
+def _model(
+    rows: tuple[OverviewRow, ...], baseline: float | None, columns: tuple[Same, ...], valid: Same
+) -> OverviewModel:
     clean = tuple(
         OverviewRow(
             row.run,
@@ -47,9 +58,8 @@ def overview_model(
     for row in clean:
         seen += [row.sim_accuracy, row.real_accuracy]
         seen += [*(row.sim_interval or ()), *(row.real_interval or ())]
-    if lines is not None:
-        valid = Same(lines.valid)
-        seen += [1.0, *(finite(_lowest(Same(column), valid)) for column in lines.values)]
+    if valid.array is not None:
+        seen += [1.0, *_lowest(columns, valid.array)]
     values = [value for value in seen if value is not None]
     low, high = (min(values), max(values)) if values else (0.0, 1.0)
     width = step(max(high - low, 0.02), 4)
@@ -59,12 +69,12 @@ def overview_model(
     return OverviewModel(clean, finite(baseline), (max(0.0, low), min(max(1.0, low + width), high)))
 
 
-@kept(64)
-def _lowest(values: Same, valid: Same) -> float:
-    """The 1st percentile of the valid, NaN where none is known."""
-    column = np.asarray(values.array)[np.asarray(valid.array, dtype=np.bool_)]
-    column = column[np.isfinite(column)]
-    return float(np.percentile(column, 1)) if column.size else math.nan
+def _lowest(columns: tuple[Same, ...], valid: NDArray[np.generic]) -> list[float]:
+    """The 1st percentile of the valid of each column where any is known."""
+    members = np.asarray(valid, dtype=np.bool_)
+    shown = (np.asarray(column.array)[members] for column in columns)
+    known = (column[np.isfinite(column)] for column in shown)
+    return [float(np.percentile(column, 1)) for column in known if column.size]
 
 
 def _interval(interval: Interval | None) -> Interval | None:

@@ -118,7 +118,8 @@ class _Results(Generic[T]):
         self._gone: deque[object] = deque()
 
     def get(self, args: tuple[object, ...]) -> tuple[T, list[weakref.ref[Any]]] | None:
-        self._purge()
+        if self._gone:
+            self._purge()
         with self._lock:
             found = self._found.get(args)
             if found is not None:

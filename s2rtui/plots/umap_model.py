@@ -17,6 +17,9 @@ from s2rtui.plots.scale import fraction, percentile_range
 
 LEVELS = 20
 """Steps of the colour scale; level 0 stands for no value."""
+_WEIGHTS = np.stack([np.arange(LEVELS + 1) > 0, np.arange(LEVELS + 1) - 0.5], axis=1)
+_WEIGHTS[0] = 0
+"""What each level adds: to the number of known values, and to their sum in levels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,21 +139,21 @@ def _layer(
     lit, total = count(coloured, chosen)
     table = lit.reshape(rows, columns, depth)
     level = _mean_level(table)
-    held = _population(points, frame, chosen).reshape(rows, 4, columns, 2)
+    held = _population(points, frame, Same(chosen.base)).reshape(rows, 4, columns, 2)
     grey = (held & (level < 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
     return UmapLayer(level, grey, int(lit.sum()), int(total.sum()))
 
 
 def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
-    """Counts (..., LEVELS + 1) per level to the mean one: of the middles of the levels."""
-    known = table[..., 1:].sum(axis=-1)
-    total = table[..., 1:] @ (np.arange(LEVELS) + 0.5)
+    """Counts (h, w, LEVELS + 1) per level to the mean one: of the middles of the levels."""
+    known, total = (table @ _WEIGHTS).transpose(2, 0, 1)
     mean = np.floor(total / np.maximum(known, 1)) + 1
     empty = np.where(table[..., 0] > 0, 0, -1)
     return np.where(known > 0, mean, empty).astype(np.int8)
 
 
-def _population(points: Same, frame: MapFrame, chosen: Chosen) -> Bools:
+@kept(16)
+def _population(points: Same, frame: MapFrame, base: Same) -> Bools:
     """Which braille dots hold any valid instance."""
-    nobody = Chosen(chosen.base, np.empty(0, dtype=np.intp), inverted=False)
+    nobody = Chosen(np.asarray(base.array), np.empty(0, dtype=np.intp), inverted=False)
     return np.asarray(count(dots(np.asarray(points.array), frame), nobody)[1] > 0)

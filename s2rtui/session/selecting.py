@@ -9,13 +9,18 @@ from numpy.typing import NDArray
 
 from s2rstore import selection
 from s2rstore.errors import RequestError
-from s2rstore.extremes import largest
+from s2rstore.extremes import extremes, largest
 from s2rstore.language import MaskContext, Node, base_population, mask, parse, to_text
 from s2rstore.language.context import expand
 from s2rstore.reader import Store
 from s2rtui.notebook import Notes
+from s2rtui.plots.bins import choose
+from s2rtui.plots.same import Same, kept
 from s2rtui.session import anew, loading
 from s2rtui.session.state import State
+
+_WORST = 4096
+"""Largest errors that are looked for in a selection before all of it is looked at."""
 
 
 class Selecting:
@@ -33,11 +38,13 @@ class Selecting:
         step = loading.step(state, loading.here(state), text)
         told = ["" if chosen.any() else "nothing is selected"]
         told.append(anew.told(node, state, context, notes))
-        made = replace(
+        base = self._base(store, state, context)
+        return replace(
             state,
             expression=text,
             selected=chosen,
-            base=self._base(store, state, context),
+            base=base,
+            cursor=_kept_cursor(store, state, chosen, base),
             past=step.past,
             future=step.future,
             awaited=loading.superseded(state, expand(node, context.words)),
@@ -46,7 +53,6 @@ class Selecting:
             message="; ".join(part for part in told if part),
             is_error=False,
         )
-        return replace(made, cursor=_kept_cursor(store, made))
 
     def kept(self, store: Store, notes: Notes, state: State) -> State:
         """The expression evaluated in another situation, or all where it means nothing there."""
@@ -70,9 +76,25 @@ class Selecting:
         return self._bases[key]
 
 
-def _kept_cursor(store: Store, state: State) -> int | None:
+def _kept_cursor(
+    store: Store, state: State, selected: NDArray[np.bool_], base: NDArray[np.bool_]
+) -> int | None:
     """The cursor where it is still inside, else the selection's worst real error."""
-    pool = state.selected if state.selected.any() else state.base
+    pool = selected if selected.any() else base
     if state.cursor is not None and pool[state.cursor]:
         return state.cursor
-    return largest(store.run_columns(state.run).real.error, pool)
+    errors = store.run_columns(state.run).real.error
+    worst = _worst(Same(errors))
+    inside = pool[worst]
+    if inside.any():
+        return int(worst[inside.argmax()])
+    return largest(errors, choose(pool, base).members)
+
+
+@kept(4)
+def _worst(errors: Same) -> NDArray[np.intp]:
+    """The iids of the largest known errors, the first the largest, ties by iid."""
+    column = np.asarray(errors.array)
+    known = ~np.isnan(column)
+    chosen = np.flatnonzero(extremes(column, known, min(_WORST, column.size), largest=True))
+    return chosen[np.argsort(-column[chosen], kind="stable")]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 _SAMPLE = 16_384
 _SMALL = 4 * _SAMPLE
-_BLOCK = 32_768
 
 
 def extremes(
@@ -34,16 +33,12 @@ def extremes(
     return chosen
 
 
-def largest(values: NDArray[np.float64], pool: NDArray[np.bool_]) -> int | None:
-    """The first index of the largest known value in `pool` (n,), all at least 0; None without."""
-    best, at = -1.0, None
-    for start in range(0, pool.size, _BLOCK):
-        block = slice(start, start + _BLOCK)
-        found = np.where(pool[block] & (values[block] >= 0), values[block], -1.0)
-        place = int(found.argmax())
-        if found[place] > best:
-            best, at = float(found[place]), start + place
-    return at
+def largest(values: NDArray[np.float64], rows: NDArray[np.intp]) -> int | None:
+    """The first of `rows` (ascending) with the largest known value, all at least 0; or None."""
+    found = values[rows]
+    found = np.where(found >= 0, found, -1.0)
+    place = int(found.argmax()) if found.size else 0
+    return int(rows[place]) if found.size and found[place] >= 0 else None
 
 
 def _taken(

@@ -13,6 +13,7 @@ import pytest
 
 from s2rtui.app import S2RApp
 from s2rtui.canvas import Look
+from s2rtui.canvas.colour import DEPTH_SHADES
 from s2rtui.graphics.hanging import hang
 from s2rtui.graphics.probe import of_answer
 from s2rtui.graphics.tgp import PLACEHOLDER
@@ -112,7 +113,7 @@ def test_what_is_sent_are_the_pictures_to_the_pixel(visit: Visit, seen: Instance
     model = instance_model(seen)
     sent = [held.pixels for held in Kitty.after(visit["first"]).held.values()]
     wanted = [
-        panel_pixels(side, what, model, seen, (16, 16))
+        panel_pixels(side, what, model, seen, (16, 16), DEPTH_SHADES)
         for what in ("rgb", "depth")
         for side in (seen.sim, seen.real)
     ]

@@ -16,9 +16,14 @@ places = arrays.arrays(np.float64, SIZE, elements=st.floats(-2, 7) | st.just(np.
 masks = arrays.arrays(np.bool_, SIZE)
 
 
-@pytest.mark.parametrize("largest", [joint.LARGEST, 30, 1])
-def test_margins_are_the_counts_of_each_column(largest: int, monkeypatch) -> None:
+@pytest.mark.parametrize(
+    ("few", "largest", "piece"),
+    [(SIZE, 0, joint.PIECE), (0, joint.LARGEST, 7), (0, 12, 7), (0, 1, joint.PIECE)],
+)
+def test_margins_are_the_counts_of_each_column(few, largest, piece, monkeypatch) -> None:
+    monkeypatch.setattr(joint, "FEW", few)
     monkeypatch.setattr(joint, "LARGEST", largest)
+    monkeypatch.setattr(joint, "PIECE", piece)
 
     @given(places, places, places, masks, masks)
     def check(first, second, third, selected, base):

@@ -17,7 +17,7 @@ from s2rstore.language import ExpressionError
 from s2rstore.records import Side
 from s2rtui.actions import BY_NAME
 from s2rtui.notebook import Notebook, SavedSelection
-from s2rtui.session import Session, derive, listing, sharing
+from s2rtui.session import Session, derive, listing, selecting, sharing
 from s2rtui.views import Resources, Scene
 from s2rtui.views.table import ListView
 from tests.support import embeddings
@@ -321,3 +321,16 @@ def test_an_instance_leads_to_what_is_seen_alike(own_store: Path, side: Side) ->
     session.set(replace(session.state, cursor=None))
     change(session)
     assert session.state.message == "no instance to find others alike: select some"
+
+
+@pytest.mark.parametrize("expression", ["worst15", "best15", "ids(3, 5..9)", "all", "none"])
+@pytest.mark.parametrize("looked_at", [1, 4096])
+def test_a_cursor_that_is_left_behind_goes_to_the_worst(
+    session: Session, expression: str, looked_at: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(selecting, "_WORST", looked_at)
+    session.set(replace(session.state, cursor=None))
+    state = session.select(expression)
+    pool = state.selected if state.selected.any() else state.base
+    errors = session.store.run_columns(state.run).real.error
+    assert state.cursor == np.where(pool, errors, -1).argmax()

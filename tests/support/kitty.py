@@ -60,7 +60,7 @@ class Kitty:
         elif keys["f"] == "100":
             assert (keys["a"], keys["U"], keys["q"]) == ("T", "1", "2")
             self.received += len(data)
-            pixels = np.asarray(Image.open(BytesIO(standard_b64decode(data))))
+            pixels = np.asarray(Image.open(BytesIO(standard_b64decode(data))).convert("RGB"))
             self.held[number] = Held(pixels, (int(keys["c"]), int(keys["r"])))
 
 

@@ -40,6 +40,7 @@ from s2rstore.recent import Recent
 Mask = NDArray[np.bool_]
 Values = NDArray[np.float64]
 _STRAIGHT_BELOW = 10.0
+_CURVATURE = Field("curvature")
 _BLOCK = 32_768
 _KEPT_BYTES = 64 * 2**20
 _OPERATORS = {
@@ -124,7 +125,8 @@ def _leaf(node: Node, context: MaskContext) -> Mask:
             case Ids(ranges):
                 return _ids(ranges, len(context.instances))
             case Compare(field, operator, value):
-                return _compare(_values(field, context), operator, value * _scale(field))
+                limit = value * _scale(field)
+                return _blockwise(lambda v: _compare(v, operator, limit), context, field)
             case Between():
                 return _between(node, context)
             case Around():
@@ -142,18 +144,22 @@ def _leaf(node: Node, context: MaskContext) -> Mask:
             case Like():
                 return _like(node, context)
             case Bend(straight):
-                bend = np.abs(context.instances.curvature)
-                return np.asarray(bend < _STRAIGHT_BELOW if straight else bend >= _STRAIGHT_BELOW)
+                compare = np.less if straight else np.greater_equal
+                return _blockwise(
+                    lambda v: compare(np.abs(v), _STRAIGHT_BELOW), context, _CURVATURE
+                )
             case _:
                 raise TypeError(f"{type(node).__name__} is no leaf")
 
 
-def _blockwise(condition: Callable[..., Mask], *columns: Values) -> Mask:
-    """A condition over columns, evaluated in blocks that stay in the processor's cache."""
-    found = np.empty(columns[0].size, dtype=np.bool_)
+def _blockwise(condition: Callable[..., Mask], context: MaskContext, *used: Field) -> Mask:
+    """A condition over fields, evaluated in blocks that stay in the processor's cache."""
+    columns = [_column(fields.NUMERIC[field.name].path, field.run, context) for field in used]
+    found = np.empty(len(context.instances), dtype=np.bool_)
     for start in range(0, found.size, _BLOCK):
         block = slice(start, start + _BLOCK)
-        found[block] = condition(*(column[block] for column in columns))
+        parts = (_known(field, column[block]) for field, column in zip(used, columns, strict=True))
+        found[block] = condition(*parts)
     return found
 
 
@@ -171,25 +177,23 @@ def _compare(values: Values, operator: str, limit: float) -> Mask:
 
 
 def _between(node: Between, context: MaskContext) -> Mask:
-    values = _values(node.field, context)
     if not fields.NUMERIC[node.field.name].angle:
         low, high = node.low * _scale(node.field), node.high * _scale(node.field)
-        return _blockwise(lambda v: (v >= low) & (v <= high), values)
+        return _blockwise(lambda v: (v >= low) & (v <= high), context, node.field)
     ends = angles.span(node.low, node.high)
     if ends is None:
-        return ~np.isnan(values)
+        return _blockwise(lambda v: ~np.isnan(v), context, node.field)
     first, last = ends
     if first <= last:
-        return _blockwise(lambda v: (v >= first) & (v <= last), values)
-    return _blockwise(lambda v: (v >= first) | (v <= last), values)
+        return _blockwise(lambda v: (v >= first) & (v <= last), context, node.field)
+    return _blockwise(lambda v: (v >= first) | (v <= last), context, node.field)
 
 
 def _around(node: Around, context: MaskContext) -> Mask:
-    values = _values(node.field, context)
     if not fields.NUMERIC[node.field.name].angle:
         scale = _scale(node.field)
         centre, tolerance = node.centre * scale, node.tolerance * scale
-        return _blockwise(lambda v: np.abs(v - centre) <= tolerance, values)
+        return _blockwise(lambda v: np.abs(v - centre) <= tolerance, context, node.field)
     middle = angles.wrapped(node.centre)
     limit = math.radians(node.tolerance) + angles.TOLERANCE
 
@@ -197,15 +201,13 @@ def _around(node: Around, context: MaskContext) -> Mask:
         off = np.abs(block - middle)
         return np.asarray(np.minimum(off, angles.TURN - off) <= limit)
 
-    return _blockwise(near, values)
+    return _blockwise(near, context, node.field)
 
 
 def _box(node: Box, context: MaskContext) -> Mask:
     x0, y0, x1, y1 = node.corners
     return _blockwise(
-        lambda u, v: (u >= x0) & (u <= x1) & (v >= y0) & (v <= y1),
-        _values(node.x, context),
-        _values(node.y, context),
+        lambda u, v: (u >= x0) & (u <= x1) & (v >= y0) & (v <= y1), context, node.x, node.y
     )
 
 
@@ -217,7 +219,7 @@ def _near(node: Near, context: MaskContext) -> Mask:
         dx, dy = u - cx, v - cy
         return np.asarray(dx * dx + dy * dy <= limit)
 
-    return _blockwise(near, _values(node.x, context), _values(node.y, context))
+    return _blockwise(near, context, node.x, node.y)
 
 
 def _bands(x: Field, y: Field, context: MaskContext) -> lasso.Bands:
@@ -256,8 +258,12 @@ def _scale(field: Field) -> float:
     return fields.NUMERIC[field.name].scale
 
 
-def _values(field: Field, context: MaskContext) -> NDArray[np.float64]:
-    column = _column(fields.NUMERIC[field.name].path, field.run, context)
+def _values(field: Field, context: MaskContext) -> Values:
+    return _known(field, _column(fields.NUMERIC[field.name].path, field.run, context))
+
+
+def _known(field: Field, column: NDArray[Any]) -> Values:
+    """A field's column or some of it, NaN for NULL."""
     if field.name.endswith(".rank"):
         return np.where(column > 0, column, np.nan)
     if field.name == "seq":
