@@ -71,9 +71,22 @@ def _bars(
     both = np.stack([*(lit for lit, _ in counted), *(total - lit for lit, total in counted)])
     dots = _per_dot(both, width).reshape(2, len(columns), 2 * width)
     up = np.arange(4, 0, -1)[:, None]
-    heights = np.ceil(4 * levels(dots, float(dots.sum(axis=0).max())))
-    grids = (heights[:, :, None] >= up) * dots[:, :, None]
+    grids = (_heights(dots)[:, :, None] >= up) * dots[:, :, None]
     return LineDensity(*grids.reshape(2, 4 * len(columns), -1))
+
+
+def _heights(dots: Density) -> Density:
+    """Counts (2 parts, runs, dots) as dots of height, 0 .. 4 for the largest sum of both parts."""
+    peak = int(dots.sum(axis=0).max())
+    if peak > dots.size:
+        return np.asarray(np.ceil(4 * levels(dots, peak)))
+    return np.asarray(_heights_up_to(peak)[dots.astype(np.intp)])
+
+
+@lru_cache(64)
+def _heights_up_to(peak: int) -> Density:
+    """(peak + 1,) by count."""
+    return np.asarray(np.ceil(4 * levels(np.arange(peak + 1.0), peak)))
 
 
 def pair_counts(lines: OverviewLines, axis: Interval, size: int) -> list[tuple[Counts, Counts]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from s2rstore import selection
 from s2rstore.errors import RequestError
-from s2rstore.language import Node, base_population, mask, parse
+from s2rstore.language import Node, Vocabulary, base_population, mask, parse
 from s2rstore.language.context import expand, used_fields
 from s2rstore.language.fields import NUMERIC, TEXT
 from s2rstore.language.nodes import Bend, Extreme, Field, Like, leaves
@@ -168,12 +168,12 @@ def _told(state: State, there: Awaited) -> str:
     return f"loading {there.text or state.expression}"
 
 
-def superseded(state: State, node: Node) -> Awaited | None:
+def superseded(state: State, node: Node, words: Vocabulary) -> Awaited | None:
     """What is still awaited once `node` is selected."""
     there = state.awaited
     if there is None or only_place(there) == here(state):
         return None
-    return replace(only_place(there), node=node)
+    return replace(only_place(there), node=expand(node, words))
 
 
 def give_up(session: Session) -> State:

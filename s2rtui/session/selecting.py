@@ -11,7 +11,6 @@ from s2rstore import selection
 from s2rstore.errors import RequestError
 from s2rstore.extremes import extremes, largest
 from s2rstore.language import MaskContext, Node, base_population, mask, parse, to_text
-from s2rstore.language.context import expand
 from s2rstore.reader import Store
 from s2rtui.notebook import Notes
 from s2rtui.plots.bins import choose
@@ -47,7 +46,7 @@ class Selecting:
             cursor=_kept_cursor(store, state, chosen, base),
             past=step.past,
             future=step.future,
-            awaited=loading.superseded(state, expand(node, context.words)),
+            awaited=loading.superseded(state, node, context.words),
             operator="replace",
             brush=None,
             message="; ".join(part for part in told if part),
