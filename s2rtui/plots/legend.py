@@ -52,16 +52,21 @@ def colour_bar(
     """`label low [bar] high unit`; the bar is of colours, or of `ramp` where colours lack.
 
     `clipped` ends are the 1st and the 99th percentile, told as `p1` and `p99`. Within `room` cells
-    the bar shrinks to no less than 4, then the label goes.
+    the bar shrinks to no less than 4, then the label goes; to no less than 2, then these names go.
     """
     small = 0.005 * max(abs(scale[0]), abs(scale[1]))
     low, high = (short(0.0 if abs(end) < small else end, 2) for end in scale)
-    if clipped:
-        low, high = f"p1 {low}", f"p99 {high}"
-    before, after = f"{label} {low} ".lstrip(), f" {high} {unit}".rstrip()
+    first, last = ("p1 ", "p99 ") if clipped else ("", "")
+    told = (
+        (f"{label} {first}{low} ".lstrip(), f" {last}{high} {unit}".rstrip()),
+        (f"{first}{low} ", f" {last}{high} {unit}".rstrip()),
+        (f"{low} ", f" {high} {unit}".rstrip()),
+    )
+    before, after = told[0]
     if room is not None:
-        if cell_len(before) + 4 + cell_len(after) > room:
-            before = f"{low} "
+        widths = (sum(map(cell_len, pair)) for pair in told)
+        least = zip(told, widths, (4, 2, 0), strict=True)
+        before, after = next((pair for pair, width, bar in least if width + bar <= room), told[-1])
         length = max(1, min(length, room - cell_len(before) - cell_len(after)))
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
