@@ -39,11 +39,11 @@ class Arrivals:
         app = self._app
         try:
             if message.error:
-                loading.give_up(app.session)
                 raise RequestError(message.error)
             arriving.arrive(app.session, fresh)
             app.tell_saved()
         except S2RError as error:
+            loading.give_up(app.session)
             app.session.tell(str(error), is_error=True)
 
     def progressed(self, message: Progressed) -> None:

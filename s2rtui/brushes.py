@@ -52,7 +52,7 @@ class Brushes(Desk):
 
     def action_brush(self) -> None:
         view, panels = self.active, self._panels(self.active)
-        if not panels:
+        if not panels or not view.marked:
             self.session.tell(f"nothing to brush in {view.name}: choose the map, a chart, ...")
             self.refresh_views()
             return

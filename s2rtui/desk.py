@@ -65,7 +65,8 @@ class Desk(GuardedApp):
             except Exception as error:  # whatever it was, the screen goes on and says so
                 if not self.is_running:
                     return
-                self.post(Failed(f"{undone} ({type(error).__name__}: {error})"))
+                told = " ".join(str(error).split())
+                self.post(Failed(f"{undone} ({type(error).__name__}: {told})"))
             del self.under_way[token]
 
         start(undone, done)

@@ -141,7 +141,8 @@ class Papers(Prompts):
         from s2rtui.rows.formats import save
         from s2rtui.rows.picked import picked
 
-        found = picked(store, state.expression, state.run, state.trajectories, notes)
+        asked = state.expression, state.run, state.trajectories, notes
+        found = picked(store, *asked, selected=state.selected)
         save(path, found.names, found.rows, found.facts.told())
         return f": {found.facts.count} instances"
 

@@ -64,7 +64,7 @@ def _images(shown: InstanceInput) -> list[Picture]:
     found = []
     for what, word in (("rgb", "image"), ("depth", "depth")):
         for role, side in (("sim", shown.sim), ("real", shown.real)):
-            if what == "depth" and side.depth is None:
+            if not side.rgb.size or (what == "depth" and side.depth is None):
                 continue
             pixels = panel_pixels(side, what, model, shown, side.rgb.shape[:2])
             hot = scale if side.heat is not None and shown.over in (what, "both") else ""

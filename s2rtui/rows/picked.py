@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore import selection
 from s2rstore.errors import RequestError
@@ -21,7 +22,10 @@ COLUMNS = (
     "degrees(real_heading_error) AS real_heading_error",
 )  # fmt: skip
 """What a selection's rows hold unless columns are named, as SQL on `pair`."""
+_NAMES = tuple(column.split(" AS ")[-1] for column in COLUMNS)
 OWN = ("tags", "note")
+_BLOCK = 100_000
+"""Instances whose rows are joined at a time, where memory is bounded."""
 _WHOLE = ("iid", "seq", "sim.rank", "real.rank")
 
 
@@ -64,30 +68,45 @@ def picked(
     trajectories: Sequence[str] | None = None,
     notes: Notes | None = None,
     columns: Sequence[str] | None = None,
+    selected: NDArray[np.bool_] | None = None,
 ) -> Picked:
     """What an expression selects; `columns` are fields of the language, `tags` and `note`.
+
+    `selected` (N,) is what it selects, where that is known: its rows need little memory.
 
     Raises ExpressionError, and RequestError for columns and runs that do not exist.
     """
     notes = notes or Notes()
     name = store.run(run).run
-    text, parameters = selection.sql(store, expression, name, trajectories, notes.nodes)
-    if columns is None:
-        wanted = f"SELECT {', '.join(COLUMNS)} FROM pair JOIN ({text}) USING (iid)"
-        rows = store.execute(f"{wanted} WHERE run = ? ORDER BY iid", [*parameters, name])
-        names = tuple(column.split(" AS ")[-1] for column in COLUMNS)
+    if columns is None and selected is not None:
+        rows = _by_blocks(store, name, np.flatnonzero(selected))
     else:
-        names = tuple(columns)
-        readers = [_column(store, name, column, notes) for column in columns]
-        found = store.execute(f"SELECT iid FROM ({text}) ORDER BY iid", parameters)
-        rows = [tuple(read(iid) for read in readers) for (iid,) in found]
+        text, parameters = selection.sql(store, expression, name, trajectories, notes.nodes)
+        if columns is None:
+            wanted = f"SELECT {', '.join(COLUMNS)} FROM pair JOIN ({text}) USING (iid)"
+            rows = store.execute(f"{wanted} WHERE run = ? ORDER BY iid", [*parameters, name])
+        else:
+            readers = [_column(store, name, column, notes) for column in columns]
+            found = store.execute(f"SELECT iid FROM ({text}) ORDER BY iid", parameters)
+            rows = [tuple(read(iid) for read in readers) for (iid,) in found]
     node = parse(expression)
     expanded = to_text(expand(node, selection.vocabulary(store, notes.nodes)))
     facts = Facts(
         to_text(node), expanded, name, tuple(trajectories) if trajectories else None,
         store.generation, store.dataset.hash, store.dataset.name, len(rows),
     )  # fmt: skip
-    return Picked(names, rows, facts)
+    return Picked(_NAMES if columns is None else tuple(columns), rows, facts)
+
+
+def _by_blocks(store: Store, run: str, iids: NDArray[np.intp]) -> list[tuple[Any, ...]]:
+    wanted = f"SELECT {', '.join(COLUMNS)} FROM pair WHERE run = ? AND iid BETWEEN ? AND ?"
+    rows: list[tuple[Any, ...]] = []
+    for block in np.split(iids, np.flatnonzero(np.diff(iids // _BLOCK)) + 1):
+        if block.size:
+            chosen, ends = set(block.tolist()), [int(block[0]), int(block[-1])]
+            found = store.execute(f"{wanted} ORDER BY iid", [run, *ends])
+            rows += [row for row in found if row[0] in chosen]
+    return rows
 
 
 def _column(store: Store, run: str, name: str, notes: Notes) -> Callable[[int], Any]:

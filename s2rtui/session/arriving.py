@@ -61,16 +61,21 @@ def move(session: Session, there: Awaited) -> State:
 
 
 def arrive(session: Session, fresh: Store | None = None) -> State:
-    """Be where the session is on its way to; what is begun goes on.
+    """Be where the session is on its way to; what is begun goes on, what no key has taken away is
+    still told.
 
     `fresh` is the open store of that generation, where it is newer.
     """
+    state, told = session.state, session.told
     if fresh is not None:
-        return session.enter(fresh)
-    state = session.state
-    if state.awaited is None:
-        return state
-    return session.set(begun(state, settled(session, state, state.awaited)))
+        session.enter(fresh)
+    elif state.awaited is not None:
+        session.set(begun(state, settled(session, state, state.awaited)))
+    if not told or session.state is state:
+        return session.state
+    made = session.state
+    words = "; ".join(part for part in (told, made.message) if part)
+    return session.set(replace(made, message=words, is_error=state.is_error or made.is_error))
 
 
 def renew(session: Session) -> State:

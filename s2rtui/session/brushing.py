@@ -71,9 +71,9 @@ def stretched(brush: Brush, panel: Panel, across: int, down: int) -> Brush:
 
 def scaled(brush: Brush, panel: Panel, steps: int) -> Brush:
     """Larger (steps > 0) or smaller on every side; never turned inside out."""
-    first, *_, last = brush.mark.points
     if brush.mark.lasso:
         return brush
+    first, *_, last = brush.mark.points
     if panel.shape == "turn":
         low, high = first[0] - steps * TURN_STEP, last[0] + steps * TURN_STEP
         keeps = TURN_STEP <= high - low < 360

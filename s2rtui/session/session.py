@@ -47,6 +47,7 @@ class Session:
         self.store: Store = s2rstore.open(path, INDEX_MEMORY)
         self.notebook = notebooks(self.store.dataset.hash) if notebooks else None
         self.waits = False
+        self._told = ""
         self._retired: list[Store] = []
         self._selecting = Selecting()
         self._nights = nights or history.path_in(self.store.path)
@@ -82,11 +83,18 @@ class Session:
 
     def change(self, **fields: Any) -> State:
         """Change some fields; a message, an error too, belongs to the change that made it."""
+        self._told = str(fields.get("message", ""))
         return self.set(replace(self.state, **{"message": "", "is_error": False, **fields}))
 
     def tell(self, message: str, is_error: bool = False) -> State:
         """Show a message; an error stays until the next change."""
+        self._told = message
         return self.set(replace(self.state, message=message, is_error=is_error))
+
+    @property
+    def told(self) -> str:
+        """What is shown, unless it is about what is selected or awaited."""
+        return self.state.message if self.state.message == self._told else ""
 
     # --- selections ----------------------------------------------------------------------------
 

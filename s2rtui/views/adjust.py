@@ -19,6 +19,7 @@ class AdjustView(View):
     key = "a"
     description = "adjust images live, and save that as a run"
     stored = False
+    marked = False
 
     def told(self, scene: Scene) -> str:
         state = scene.state

@@ -132,8 +132,8 @@ class View:
     `name` is its word, `key` the key that shows it. `pane` is its place: the overview's, the
     large centre, or one that it shares with others where the screen is small. `aliases` are other
     words for it on the command line. `feeds` names what it needs from workers. `stored` tells that
-    a store holds all that it shows, `one` that it shows one instance; `paper` is the size of its
-    figure where none is asked for.
+    a store holds all that it shows, `one` that it shows one instance, `marked` that marks on its
+    panels mean expressions; `paper` is the size of its figure where none is asked for.
     """
 
     name: str
@@ -144,6 +144,7 @@ class View:
     feeds: tuple[str, ...] = ()
     stored: bool = True
     one: bool = False
+    marked: bool = True
     paper: Pixels = (1600, 900)
 
     def told(self, scene: Scene) -> str:
@@ -163,7 +164,7 @@ class View:
         return 0
 
     def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
-        """Where it can be brushed."""
+        """Where it can be brushed, or takes the mouse otherwise."""
         return ()
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:

@@ -345,6 +345,44 @@ async def test_a_run_that_cannot_be_read_is_told(
         assert (state.message, state.is_error) == ("the index cannot be read", True)
 
 
+async def test_a_run_that_cannot_be_turned_to_is_told(
+    store: Path, gate: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = app_on(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "r")
+
+        def broken(*_: object) -> None:
+            raise s2rstore.errors.RequestError("a page of the index is damaged")
+
+        monkeypatch.setattr(arriving, "settled", broken)
+        gate.set()
+        await settle(app, pilot)
+        state = app.session.state
+        assert (state.run, state.awaited) == ("vanilla", None)
+        assert (state.message, state.is_error) == ("a page of the index is damaged", True)
+
+
+@pytest.mark.parametrize("is_error", [False, True])
+def test_what_was_told_meanwhile_stays_as_a_run_arrives(store: Path, is_error: bool) -> None:
+    session = Session(store)
+    begun(session, awaited=Awaited("b", session.state.generation))
+    session.tell("wrote rows.csv", is_error)
+    state = arriving.arrive(session)
+    assert (state.run, state.message, state.is_error) == ("b", "wrote rows.csv", is_error)
+    assert session.put_cursor(1).message == ""
+    session.close()
+
+
+def test_words_about_a_selection_go_as_a_run_arrives(store: Path) -> None:
+    session = Session(store)
+    session.select("none")
+    begun(session, awaited=Awaited("b", session.state.generation, text="all"))
+    assert session.state.message == "nothing is selected"
+    assert arriving.arrive(session).message == ""
+    session.close()
+
+
 async def test_a_newer_generation_is_read_elsewhere(
     own_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -105,6 +105,16 @@ async def test_a_drag_moves_one_slider_though_the_sliders_scroll(tiny_store: Pat
         assert moved == [app.session.state.adjust.sliders[int(panel.name)].key]
 
 
+async def test_sliders_are_not_brushed(tiny_store: Path) -> None:
+    app = S2RApp(Session(tiny_store), Look())
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("a", "x")
+        assert app.session.state.message.startswith("nothing to brush in adjust")
+        await pilot.press("enter")
+        assert app.session.state.brush is None
+
+
 async def test_turns_of_the_wheel_never_queue_up(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,15 +10,19 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 
+import s2rstore
+from s2rstore import selection
 from s2rstore.errors import RequestError
 from s2rtui.access import Access
 from s2rtui.app import S2RApp
+from s2rtui.background import rest
 from s2rtui.canvas import Look
 from s2rtui.cli import main
 from s2rtui.filing import file, numbered
 from s2rtui.headless import settle
+from s2rtui.messages import Failed
 from s2rtui.notebook import Notebook, SavedSelection
-from s2rtui.rows import formats
+from s2rtui.rows import formats, picked
 from s2rtui.session import Session
 from s2rtui.widgets.query import QueryLine
 
@@ -85,6 +89,33 @@ async def test_the_selection_is_written_as_the_command_writes_it(
     words = ["query", str(tiny_store), "worst15", "--with-expression", "--json", "--out", str(out)]
     assert main(words) == 0
     assert json.loads((tmp_path / "mine.json").read_text()) == json.loads(out.read_text())
+
+
+@pytest.mark.parametrize("expression", ["worst15", "all", "none", "room:right | ids(3, 7)"])
+def test_rows_of_what_is_selected_are_those_of_its_expression(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch, expression: str
+) -> None:
+    monkeypatch.setattr(picked, "_BLOCK", 7)
+    with s2rstore.open(tiny_store) as store:
+        wanted = picked.picked(store, expression)
+        chosen = selection.select(store, expression)
+        monkeypatch.setattr(selection, "sql", lambda *_: 1 / 0)
+        assert picked.picked(store, expression, selected=chosen) == wanted
+
+
+def test_a_fault_is_told_in_one_line(tiny_store: Path) -> None:
+    app = S2RApp(Session(tiny_store), Look())
+    told: list[Failed] = []
+    app.post, app._running = told.append, True
+
+    def broken() -> None:
+        raise MemoryError("out of memory\nadvice")
+
+    app.in_background(broken, "a.csv is not written")
+    assert rest(5.0)
+    assert [each.text for each in told] == [
+        "a.csv is not written (MemoryError: out of memory advice)"
+    ]
 
 
 @pytest.mark.parametrize("name", ["mine.txt", "there.csv", "no/where.json", "no/where.parquet", ""])

@@ -12,6 +12,8 @@ import s2rstore
 from s2rtui.canvas import Look
 from s2rtui.cli import main
 from s2rtui.headless import snapshot
+from s2rtui.report import examples
+from s2rtui.session import derive
 
 
 @pytest.fixture
@@ -43,6 +45,12 @@ def test_a_picture_that_cannot_be_drawn_is_refused(
     assert main(["export", str(bare), "--view", "instance", "--out", str(out)]) == 2
     assert "no frames" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_an_example_without_frames_stands_in_a_report(bare: Path) -> None:
+    with s2rstore.open(bare) as store:
+        made = examples._images(derive.instance_input(store, "vanilla", 5, None))
+    assert made == []
 
 
 @pytest.mark.parametrize("size", [(40, 12), (80, 24), (120, 40), (200, 60)])

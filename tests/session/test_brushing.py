@@ -86,6 +86,11 @@ def test_a_lasso_grows_corner_by_corner() -> None:
     assert brushing.outline(brush) == ((1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (1.0, 3.0))
 
 
+def test_a_lasso_is_not_scaled() -> None:
+    brush = brushing.begun("map", plane(), (1.0, 1.0), lasso=True)
+    assert brushing.scaled(brush, plane(), 1) == brush
+
+
 def test_a_drag_is_a_box_and_with_a_trail_a_lasso() -> None:
     panel = plane()
     box = brushing.dragged("map", panel, (5.5, 2.5), (7.5, 4.5), ())
