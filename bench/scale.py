@@ -2,8 +2,9 @@
 
 Each store has a process of its own. Every change is made once unmeasured, on whatever it needs
 that was never read, and then several times with other values each time; its time is the median.
-Budgets are for the time that passes; beside it stands the processor's, which a busy machine does
-not lengthen as much. Drawn means the application as it runs, on a terminal of 200 x 60 that keeps
+Budgets are for the time that passes after a short rest, from which a processor wakes slowly; beside
+it stand the processor's time, which a busy machine does not lengthen as much, and that of changes
+one after the other. Drawn means the application as it runs, on a terminal of 200 x 60 that keeps
 nothing: from the change to the last escape code.
 """
 
@@ -94,6 +95,8 @@ class Probe:
         with self.app._context():  # timers that changes start belong to the application
             self.session.select("worst15")
             found += _spread(NUMBERS, *await self.measured(steps.changes, self.counted))
+            _, awake = await self.measured(steps.changes, self.counted, 0)
+            found.append((f"{NUMBERS}, one after the other", _middle(awake.values())[0], "ms"))
             before = Sink.received
             taken = await self.measured(steps.changes, self.drawn)
             found += _spread(DRAWN, *taken)
@@ -118,14 +121,16 @@ class Probe:
             await asyncio.sleep(0.02)
         await asyncio.sleep(0.1)
 
-    async def measured(self, series: Steps, work: Work) -> tuple[Times, Times]:
-        """By kind of change: the first time, and the median of all others."""
+    async def measured(
+        self, series: Steps, work: Work, pause: float = _PAUSE
+    ) -> tuple[Times, Times]:
+        """By kind of change: the first time, and the median of all others; each after a rest."""
         taken: dict[str, list[Time]] = defaultdict(list)
         start, self.turn = self.turn, self.turn + _TURNS + 1
         for turn in range(start, self.turn):
             for name, step in series(self.session, turn):
                 taken[name].append(work(step))
-                await asyncio.sleep(_PAUSE)
+                await asyncio.sleep(pause)
             await self.settle()
         return (
             {name: times[0] for name, times in taken.items()},
