@@ -65,4 +65,4 @@ def _change(store: Store, state: State, result: LiveResult, side: Side) -> tuple
     after = result.side(side).error
     if not (math.isfinite(before) and math.isfinite(after)):
         return side, "no prediction"
-    return side, f"error {before:.2f} m in the run, {after:.2f} m now ({after - before:+.2f})"
+    return side, f"error {before:.2f} m, now {after:.2f} m ({after - before:+.2f})"

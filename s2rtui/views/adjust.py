@@ -58,7 +58,7 @@ class AdjustView(View):
         canvas.paste(sliders(lines, (canvas.width, rows), look), 0, 0)
         used = rows
         if adjust.reason and canvas.height > rows + 2:
-            canvas.text(0, rows, f"camera: {adjust.reason}"[: canvas.width], look.theme.muted)
+            canvas.text(0, rows, adjust.reason[: canvas.width], look.theme.muted)
             used += 1
         space = canvas.height - used - 1
         if failed := scene.resources.failed.get("live"):

@@ -16,7 +16,7 @@ def reason_against(store: Store) -> str | None:
     """Why the cameras of a store cannot be moved; None where a renderer claims it. Quick."""
     if _claiming(store) is not None:
         return None
-    return f"{store.path}: its images were taken, not rendered, so no camera can be moved"
+    return f"{store.path}: images taken, not rendered: no camera to move"
 
 
 def open_renderer(store: Store, domain: str) -> FrameRenderer:
