@@ -22,6 +22,7 @@ ASSETS = "assets"
 HISTORY = "history"
 DRIVES = "drives"
 
+_HASH = re.compile(r"[0-9a-f]{16,64}\Z")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,79}\Z")
 
 
@@ -126,6 +127,15 @@ def inside(root: Path, relative: str | Path) -> Path:
     if path.is_absolute() or ".." in path.parts or "\0" in str(path):
         raise RequestError(f"{root}: names {str(relative)!r}, which lies outside; do not trust it")
     return root / path
+
+
+def checked_hash(text: object, what: str) -> str:
+    """`text` where it is 16 to 64 lowercase hexadecimal digits, else RequestError."""
+    if not isinstance(text, str) or not _HASH.match(text):
+        raise RequestError(
+            f"{what}: {str(text)[:80]!r} is not a hash (16 to 64 digits of 0-9, a-f)"
+        )
+    return text
 
 
 def checked_name(name: str, what: str) -> str:

@@ -106,6 +106,9 @@ def _tables(store: Store, current: layout.Current) -> Iterator[Damage]:
     )[0]
     if total and (least, most, distinct) != (0, total - 1, total):
         yield Damage("table instance", f"iid is not 0 .. {total - 1}, each once")
+    stated = sum(trajectory.instances for trajectory in store.trajectories)
+    if stated != total:
+        yield Damage("table trajectory", f"states {stated} instances, there are {total}")
     counts = ", ".join(f"count(*) FILTER ({condition})" for _, condition in _FORMULAS)
     found = store.execute(f"{_FIGURES} {counts} FROM figures")[0]
     for count, (what, _) in zip(found, _FORMULAS, strict=True):

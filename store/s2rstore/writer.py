@@ -13,7 +13,7 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore import layout, locks, schema
+from s2rstore import catalog_check, layout, locks, sandbox, schema
 from s2rstore.errors import RequestError
 
 ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
@@ -100,7 +100,7 @@ def edit(root: Path) -> Iterator[Draft]:
         base = layout.read_current(root) if (root / layout.CURRENT).exists() else None
         _remove_leftovers(root)
         beside = root / layout.INDEX / f".building-{os.getpid()}.duckdb"
-        connection = duckdb.connect()
+        connection = sandbox.connect_for_writing([root / layout.INDEX])
         try:
             _begin(connection, beside, root / base.index if base else None)
             yield Draft(connection)
@@ -129,13 +129,15 @@ def check_writable(root: Path) -> None:
 
 def _begin(connection: duckdb.DuckDBPyConnection, beside: Path, base: Path | None) -> None:
     connection.execute(
-        f"ATTACH '{_sql_path(beside)}' AS draft (STORAGE_VERSION '{schema.STORAGE_VERSION}')"
+        f"ATTACH '{_literal(beside)}' AS draft (STORAGE_VERSION '{schema.STORAGE_VERSION}')"
     )
     connection.execute("USE draft")
     for statement in schema.statements():
         connection.execute(statement)
     if base is not None:
-        connection.execute(f"ATTACH '{_sql_path(base)}' AS base (READ_ONLY)")
+        sandbox.require_regular(base)
+        connection.execute(f"ATTACH '{_literal(base)}' AS base (READ_ONLY)")
+        catalog_check.check(connection, schema.TABLES, schema.VIEWS, base, "base")
         for table in schema.TABLES:
             names = ", ".join(f'"{name}"' for name in _shared(connection, table))
             rows = f'SELECT {names} FROM base."{table.name}"'
@@ -187,8 +189,8 @@ def _remove_leftovers(root: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _sql_path(path: Path) -> str:
-    return str(path).replace("'", "''")
+def _literal(path: Path) -> str:
+    return sandbox.escaped(sandbox.literal_path(path))
 
 
 def _column(values: NDArray[Any] | Sequence[Any]) -> NDArray[Any]:
