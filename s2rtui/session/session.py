@@ -50,7 +50,7 @@ class Session:
         self._told = ""
         self._retired: list[Store] = []
         self._selecting = Selecting()
-        self._nights = nights or history.path_in(self.store.path)
+        self._nights = nights.resolve() if nights else history.path_in(self.store.path)
         self.state = begin.empty(self.store, run, self._history())
         first, told = begin.finding(self.store, self.state.run)
         begun = with_heat(self.store, self.selected(self.state, first))

@@ -35,6 +35,7 @@ _COLUMNS = """
         (SELECT table_name FROM duckdb_tables() WHERE database_name = ?)
 """
 _COUNTS = "SELECT table_name, estimated_size FROM duckdb_tables() WHERE database_name = ?"
+_VIEW = re.compile(r"\s*CREATE VIEW (\w+) AS\s+(.*?)[\s;]*\Z", re.DOTALL)
 _POSITIONS = re.compile(r'"query_location(_length)?":\d+,?')
 
 
@@ -71,24 +72,26 @@ def _refusal(path: Path, what: str) -> RequestError:
 def _check_views(
     connection: duckdb.DuckDBPyConnection, views: Sequence[str], path: Path, database: str
 ) -> None:
-    known = {_name_of(statement): [] for statement in views}
+    known: dict[str, list[str]] = {}
     for statement in views:
-        known[_name_of(statement)].append(statement)
+        known.setdefault(_parts(statement)[0], []).append(_tree(connection, statement))
     for name, sql in connection.execute(_VIEWS, [database]).fetchall():
         if name not in known:
             raise _refusal(path, f"view {name!r}")
-        if _tree(connection, sql) not in [_tree(connection, made) for made in known[name]]:
+        if _parts(sql)[0] != name or _tree(connection, sql) not in known[name]:
             raise _refusal(path, f"view {name!r} with another definition")
 
 
-def _name_of(statement: str) -> str:
-    return statement.split(" AS ", 1)[0].split()[-1]
+def _parts(statement: str) -> tuple[str, str]:
+    """Name and SELECT of a view that renames no columns; empty texts for any other statement."""
+    found = _VIEW.match(statement)
+    return (found[1], found[2]) if found else ("", "")
 
 
 def _tree(connection: duckdb.DuckDBPyConnection, statement: str) -> str:
     """The parsed SELECT of a view, without the positions of its words."""
-    select = statement.split(" AS ", 1)[1].strip().rstrip(";")
-    (found,) = connection.execute("SELECT json_serialize_sql(?::VARCHAR)", [select]).fetchall()[0]
+    query = "SELECT json_serialize_sql(?::VARCHAR)"
+    (found,) = connection.execute(query, [_parts(statement)[1]]).fetchall()[0]
     return _POSITIONS.sub("", found)
 
 

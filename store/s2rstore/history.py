@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -12,11 +11,11 @@ from typing import Any
 
 import duckdb
 
-from s2rstore import history_schema, layout
+from s2rstore import history_schema, layout, sandbox
 from s2rstore.errors import RequestError
 from s2rstore.stats import Interval
 
-_CONFIG: dict[str, Any] = {"threads": 1, "memory_limit": "64MB", "temp_directory": ""}
+_MEMORY = "64MB"
 Stamp = tuple[int, int, int]
 Row = dict[str, Any]
 
@@ -168,32 +167,26 @@ def report_text(path: Path, measured: int) -> str:
     return str(found[0])
 
 
-_opening = threading.Lock()
-
-
 @contextmanager
 def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
-    """A connection that can reach no other file.
+    """A connection that can reach no other file, with the file attached as `history`.
 
     The file is attached to a database of its own each time: DuckDB would give a second connection
     to one path the content that the first one saw.
     """
     if not path.is_file():
         raise RequestError(f"{path}: no history; `s2r nightly CONFIG.toml` writes one")
-    name = str(path).replace("'", "''")
-    with _opening:
-        connection = duckdb.connect(config=_CONFIG)
-        try:
-            connection.execute(f"ATTACH '{name}' AS history (READ_ONLY)")
-            connection.execute("SET enable_external_access = false")
-            connection.execute("SET lock_configuration = true")
-            yield connection
-        except duckdb.Error as error:
-            told = str(error).splitlines()[0]
-            message = f"{path}: no history that this version reads ({told})"
-            raise RequestError(message) from error
-        finally:
-            connection.close()
+    connection = sandbox.connect_empty([path.absolute().parent], _MEMORY)
+    try:
+        sandbox.attach_read_only(
+            connection, path, "history", history_schema.TABLES, history_schema.VIEWS
+        )
+        yield connection
+    except duckdb.Error as error:
+        reason = sandbox.first_line(error)
+        raise RequestError(f"{path}: no history that this version reads ({reason})") from error
+    finally:
+        connection.close()
 
 
 def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:

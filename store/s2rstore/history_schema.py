@@ -128,6 +128,9 @@ _VIEW = """
     WHERE n.id IN (SELECT max(id) FROM night GROUP BY name, night)
 """
 
+VIEWS: tuple[str, ...] = (_VIEW,)
+"""The statements that make the views of a history."""
+
 
 def statements() -> list[str]:
     """The SQL that makes an empty history, comments included."""

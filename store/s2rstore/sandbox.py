@@ -71,7 +71,9 @@ def connect(
     return connection
 
 
-def connect_for_writing(folders: Sequence[Path], memory: str = "") -> duckdb.DuckDBPyConnection:
+def connect_empty(
+    folders: Sequence[Path], memory: str = DEFAULT_MEMORY
+) -> duckdb.DuckDBPyConnection:
     """A locked connection to an empty database that can attach files in `folders` alone."""
     connection = duckdb.connect()
     listed = ", ".join(f"'{escaped(literal_path(folder))}'" for folder in folders)
@@ -80,6 +82,19 @@ def connect_for_writing(folders: Sequence[Path], memory: str = "") -> duckdb.Duc
     connection.execute("SET enable_external_access = false")
     _lock(connection, memory)
     return connection
+
+
+def attach_read_only(
+    connection: duckdb.DuckDBPyConnection,
+    path: Path,
+    name: str,
+    tables: Sequence[schema.Table] = schema.TABLES,
+    views: Sequence[str] = schema.VIEWS,
+) -> None:
+    """Attach a file of a folder that the connection may reach, and check its catalog."""
+    require_regular(path)
+    connection.execute(f"ATTACH '{escaped(literal_path(path))}' AS {name} (READ_ONLY)")
+    catalog_check.check(connection, tables, views, path, name)
 
 
 def _lock(connection: duckdb.DuckDBPyConnection, memory: str) -> None:

@@ -13,7 +13,7 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore import catalog_check, layout, locks, sandbox, schema
+from s2rstore import layout, locks, sandbox, schema
 from s2rstore.errors import RequestError
 
 ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
@@ -100,7 +100,7 @@ def edit(root: Path) -> Iterator[Draft]:
         base = layout.read_current(root) if (root / layout.CURRENT).exists() else None
         _remove_leftovers(root)
         beside = root / layout.INDEX / f".building-{os.getpid()}.duckdb"
-        connection = sandbox.connect_for_writing([root / layout.INDEX])
+        connection = sandbox.connect_empty([root / layout.INDEX])
         try:
             _begin(connection, beside, root / base.index if base else None)
             yield Draft(connection)
@@ -135,9 +135,7 @@ def _begin(connection: duckdb.DuckDBPyConnection, beside: Path, base: Path | Non
     for statement in schema.statements():
         connection.execute(statement)
     if base is not None:
-        sandbox.require_regular(base)
-        connection.execute(f"ATTACH '{_literal(base)}' AS base (READ_ONLY)")
-        catalog_check.check(connection, schema.TABLES, schema.VIEWS, base, "base")
+        sandbox.attach_read_only(connection, base, "base")
         for table in schema.TABLES:
             names = ", ".join(f'"{name}"' for name in _shared(connection, table))
             rows = f'SELECT {names} FROM base."{table.name}"'

@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 import json
 import os
-import shutil
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,10 +13,11 @@ from typing import Any
 
 import duckdb
 
-from s2rstore import history, history_schema, layout, schema
+from s2rstore import history, history_schema, layout, sandbox
 from s2rstore.errors import RequestError
 from s2rstore.history import History, Night
 from s2rstore.outcomes import EXIT_CODES
+from s2rstore.schema import STORAGE_VERSION
 from s2rtools.nightly.config import Config
 from s2rtools.nightly.key import Inputs, version
 from s2rtools.nightly.measuring import Estimates, Report
@@ -155,9 +155,7 @@ def append(path: Path, added: Rows) -> None:
     try:
         for left in path.parent.glob(f".{path.name}.*.new*"):
             left.unlink(missing_ok=True)
-        if path.exists():
-            shutil.copyfile(path, beside)
-        _grow(beside, added)
+        _write(beside, path if path.exists() else None, added)
         beside.chmod(0o644)
         layout.sync_file(beside)
         beside.replace(path)
@@ -171,20 +169,27 @@ def append(path: Path, added: Rows) -> None:
                 name.unlink(missing_ok=True)
 
 
-def _grow(path: Path, added: Rows) -> None:
-    name, fresh = str(path).replace("'", "''"), not path.exists()
-    connection = duckdb.connect(config={"threads": 1})
+def _write(path: Path, base: Path | None, added: Rows) -> None:
+    """A new file with the rows of `base` and those added; its views are made anew."""
+    connection = sandbox.connect_empty([path.absolute().parent])
     try:
-        options = f" (STORAGE_VERSION '{schema.STORAGE_VERSION}')" if fresh else ""
-        connection.execute(f"ATTACH '{name}' AS history{options}")
+        name = sandbox.escaped(sandbox.literal_path(path))
+        connection.execute(f"ATTACH '{name}' AS history (STORAGE_VERSION '{STORAGE_VERSION}')")
         connection.execute("USE history")
-        connection.execute("BEGIN")
-        for statement in history_schema.statements() if fresh else ():
+        for statement in history_schema.statements():
             connection.execute(statement)
-        for table, listed in added.items():
+        if base is not None:
+            sandbox.attach_read_only(
+                connection, base, "base", history_schema.TABLES, history_schema.VIEWS
+            )
+            for table in history_schema.TABLES:
+                names = ", ".join(f'"{column}"' for column in table.column_names)
+                rows = f'SELECT {names} FROM base."{table.name}"'
+                connection.execute(f'INSERT INTO history."{table.name}" ({names}) {rows}')
+            connection.execute("DETACH base")
+        for table_name, listed in added.items():
             for row in listed:
-                _insert(connection, table, row)
-        connection.execute("COMMIT")
+                _insert(connection, table_name, row)
         connection.execute("CHECKPOINT history")
         connection.execute("USE memory")
         connection.execute("DETACH history")
