@@ -34,8 +34,6 @@ _opening = threading.Lock()
 """Connections of one process to one file share a configuration, which is locked once."""
 _checked: dict[tuple[int, ...], None] = {}
 """Identities of the files whose catalog was found right; a published file never changes."""
-_folders: dict[str, int] = {}
-"""Open descriptors of folders whose names DuckDB would not take literally."""
 
 
 def connect(
@@ -123,21 +121,15 @@ def require_regular(path: Path) -> None:
 
 
 def literal_path(path: Path) -> str:
-    """The path as DuckDB takes it literally.
+    """The absolute path, which DuckDB takes literally; a relative one could name an extension.
 
-    A `?` would begin options, and `name:` at the beginning an extension. Absolute paths avoid the
-    second; the first needs an alias, which Linux has for open descriptors.
+    Raises RequestError for characters that DuckDB gives a meaning of its own.
     """
-    absolute = path.absolute()
-    if "?" not in str(absolute):
-        return str(absolute)
-    folder = str(absolute if absolute.is_dir() else absolute.parent)
-    if not os.path.isdir("/proc/self/fd"):
-        raise RequestError(f"{path}: a path with ? cannot be opened here; rename the folder")
-    if folder not in _folders or not os.path.samefile(folder, f"/proc/self/fd/{_folders[folder]}"):
-        _folders[folder] = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    alias = f"/proc/self/fd/{_folders[folder]}"
-    return alias if absolute.is_dir() else f"{alias}/{absolute.name}"
+    absolute = str(path.absolute())
+    for character in "?\\":
+        if character in absolute:
+            raise RequestError(f"{path}: DuckDB cannot open a path with {character}; rename it")
+    return absolute
 
 
 def escaped(text: str) -> str:

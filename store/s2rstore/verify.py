@@ -9,7 +9,7 @@ from typing import Any
 
 import duckdb
 
-from s2rstore import arrays, layout, schema
+from s2rstore import arrays, layout, sandbox, schema
 from s2rstore.errors import RequestError
 from s2rstore.ledger import Ledger
 from s2rstore.reader import Store
@@ -27,8 +27,9 @@ class Damage:
 def verify(root: Path) -> list[Damage]:
     """Everything wrong with the published generation; an empty list means none was found.
 
-    Raises RequestError where there is no store at all.
+    Raises RequestError where there is no store at all, or none that DuckDB can open.
     """
+    sandbox.literal_path(root)
     try:
         current = layout.read_current(root)
     except RequestError as error:
