@@ -8,11 +8,11 @@ import duckdb
 import pytest
 
 import s2rstore
+from bench.edited_index import edited
 from s2rstore import layout
 from s2rstore.errors import RequestError
 from s2rstore.writer import edit
 from s2rtui.cli import main
-from tests.support import indexes
 from tests.support.copies import copied
 
 CODE = {
@@ -58,7 +58,7 @@ CODE = {
 def test_an_index_that_holds_code_is_refused_and_never_copied(
     own_store: Path, statements: tuple[str, ...], capsys
 ) -> None:
-    index = indexes.change(own_store, *statements)
+    index = edited(own_store, statements)
     with pytest.raises(RequestError, match=layout.INDEX):
         s2rstore.open(own_store)
     with pytest.raises(RequestError), edit(own_store):
@@ -128,7 +128,7 @@ ROWS = {
 
 @pytest.mark.parametrize("statements", ROWS.values(), ids=ROWS.keys())
 def test_rows_that_make_no_sense_are_one_line(own_store: Path, statements: str, capsys) -> None:
-    indexes.change(own_store, *statements.split("; "))
+    edited(own_store, statements.split("; "))
     for command in (["runs"], ["query", "worst15"], ["show", "rooms"], ["sql", "SELECT 1"]):
         arguments = [command[0], str(own_store), *command[1:]]
         assert main(arguments) == 2, command
@@ -155,7 +155,7 @@ ARRAYS = {
 def test_records_of_arrays_that_make_no_sense_are_one_line(
     own_store: Path, statement: str, tmp_path: Path, capsys
 ) -> None:
-    indexes.change(own_store, statement)
+    edited(own_store, [statement])
     out = tmp_path / "out.png"
     arguments = ["export", str(own_store), "--view", "instance", "--heat", "activation"]
     assert main([*arguments, "--out", str(out)]) == 2

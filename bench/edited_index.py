@@ -1,8 +1,9 @@
-"""Changing a published index behind the store's back, as somebody who sends a store could."""
+"""Changing a published index behind the store's back, for what no writer of a store would do."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import duckdb
@@ -10,8 +11,8 @@ import duckdb
 from s2rstore import layout
 
 
-def change(root: Path, *statements: str) -> Path:
-    """Run statements on the published index and make its checksum right again."""
+def edited(root: Path, statements: Sequence[str]) -> Path:
+    """Run statements on the published index, state its new checksum, and give its path."""
     current = layout.read_current(root)
     index = root / current.index
     with duckdb.connect(str(index)) as connection:
