@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from s2rstore import layout
+from s2rstore import layout, safe_files
 from s2rstore.errors import RequestError, StoreBusyError
 
 
@@ -35,25 +35,26 @@ def compute_lock(root: Path, patience: float = 0.0) -> Iterator[None]:
 @contextmanager
 def file_lock(path: Path, patience: float = 120.0) -> Iterator[None]:
     """Wait up to `patience` seconds for others that replace this file; StoreBusyError after it."""
-    with _held(path.with_name(f".{path.name}.lock"), path, "writing", patience):
+    with _held(path.parent, f".{path.name}.lock", path, "writing", patience):
         yield
 
 
 @contextmanager
 def _locked(root: Path, what: str, patience: float) -> Iterator[None]:
-    with _held(root / layout.LEDGER / f"{what}.lock", root, what, patience):
+    with _held(root, f"{layout.LEDGER}/{what}.lock", root, what, patience):
         yield
 
 
 @contextmanager
-def _held(path: Path, root: Path, what: str, patience: float) -> Iterator[None]:
+def _held(
+    folder: Path, relative: str, named: Path, what: str, patience: float
+) -> Iterator[None]:
     try:
-        path.parent.mkdir(exist_ok=True)
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o664)
+        descriptor = safe_files.lock_file(folder, relative)
     except OSError as error:
-        raise RequestError(f"{root}: cannot be written ({error.strerror})") from error
+        raise RequestError(f"{named}: cannot be written ({error.strerror})") from error
     try:
-        _wait(descriptor, root, what, patience)
+        _wait(descriptor, named, what, patience)
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
         yield

@@ -76,14 +76,15 @@ class Tables:
 
     def _rows(self, table: str) -> list[dict[str, Any]]:
         known = schema.BY_NAME[table]
-        names = ", ".join(f'"{name}"' for name in known.column_names)
         try:
+            columns = [name for name in known.column_names if name not in self.lacking(table)]
+            names = ", ".join(f'"{name}"' for name in columns)
             found = self.execute(f'SELECT {names} FROM "{table}" ORDER BY {", ".join(known.order)}')
         except duckdb.Error as error:
             raise RequestError(
                 f"{self._index}: no table {table} as this program knows it; run `s2r verify`"
             ) from error
-        return [dict(zip(known.column_names, row, strict=True)) for row in found]
+        return [dict(zip(columns, row, strict=True)) for row in found]
 
     @cached_property
     def dataset(self) -> Dataset:
@@ -151,9 +152,11 @@ class Tables:
 
     def lacking(self, table: str) -> frozenset[str]:
         """The columns that this index, written by an earlier release, does not have."""
+        optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
+        if not optional:
+            return frozenset()
         cursor = self.connection().execute(f'SELECT * FROM "{table}" LIMIT 0')
         found = {column[0] for column in cursor.description}
-        optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
         return frozenset(optional - found)
 
     def provenance(self, what: str) -> dict[str, str]:
@@ -162,6 +165,11 @@ class Tables:
             "SELECT key, value FROM provenance WHERE what = ? ORDER BY key", [what]
         )
         return dict(found)
+
+    @cached_property
+    def checksums(self) -> dict[str, str]:
+        """SHA-256 of files by their paths inside the store; empty where version 0.1.0 wrote it."""
+        return self.provenance(schema.CHECKSUMS)
 
     def correction(self, sim: str, real: str) -> Correction | None:
         """What the declared real rig was found to be off by; None where nobody has looked."""
