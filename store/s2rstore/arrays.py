@@ -329,7 +329,8 @@ def read_rows(array: StoredArray, start: int, stop: int) -> NDArray[Any]:
 def write_shard(path: Path, shard: int, rows: NDArray[Any], root: Path | None = None) -> Path:
     """Write shard number `shard` completely; gives the file that holds it.
 
-    `rows` has as many rows as the shard holds in this array (fewer in the last one).
+    `rows` has as many rows as the shard holds in this array (fewer in the last one). The ledger
+    makes the file durable when the unit is recorded.
     """
     array = open_read(path, root)
     expected = (array.rows_in(shard), *array.shape[1:])
@@ -337,7 +338,7 @@ def write_shard(path: Path, shard: int, rows: NDArray[Any], root: Path | None = 
         raise ValueError(f"{path}: shard {shard} holds {expected[0]} rows, got {rows.shape}")
     root, _ = _place(path, root)
     name = array.file(shard)
-    safe_files.write(root, name, _encoded(array.layout, rows))
+    safe_files.write(root, name, _encoded(array.layout, rows), durable=False)
     return root / name
 
 

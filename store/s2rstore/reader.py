@@ -117,7 +117,7 @@ class Store(Tables):
             raise RequestError(f"instance {iid}: the store holds 0 .. {len(columns) - 1}")
         row, trajectory = self._row_in_trajectory(iid)
         rgb, depth = (
-            self._frames(domain, trajectory, image).rows(row, row + 1)[0]
+            self.frames_array(domain, trajectory, image).rows(row, row + 1)[0]
             for image in ("rgb", "depth")
         )
         valid = (depth >= record.depth_raw_min) & (depth <= record.depth_raw_max)
@@ -134,7 +134,7 @@ class Store(Tables):
             low, high = max(start, first), min(stop, first + count)
             if low < high:
                 for image in images:
-                    array = self._frames(domain, trajectory, image)
+                    array = self.frames_array(domain, trajectory, image)
                     parts[image].append(array.rows(low - first, high - first))
         return {image: _joined(rows) for image, rows in parts.items()}
 
@@ -156,8 +156,11 @@ class Store(Tables):
         name = self.instances.trajectory_names[int(self.instances.trajectory[iid])]
         return iid - self.first_iid(name), name
 
-    def _frames(self, domain: str, trajectory: str, image: str) -> StoredArray:
-        """A trajectory's images of one kind, `rgb` or `depth`, of one domain."""
+    def frames_array(self, domain: str, trajectory: str, image: str) -> StoredArray:
+        """A trajectory's images of one kind, `rgb` or `depth`, of one domain.
+
+        RequestError where the array is not what the index says.
+        """
         relative = f"{layout.FRAMES}/{domain}/{trajectory}/{image}"
         with self._lock:
             if relative not in self._arrays:

@@ -22,8 +22,9 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path, PurePosixPath
-from typing import BinaryIO, Literal
+from typing import Literal
 
 from s2rstore.errors import RequestError
 
@@ -139,18 +140,22 @@ def _naming(path: Path) -> Iterator[None]:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
 
 
-def open_read(root: Path, relative: str | Path) -> BinaryIO:
+def open_read(root: Path, relative: str | Path) -> FileIO:
     """A regular file, opened for reading without a buffer.
 
     Raises FileNotFoundError where it is missing, RequestError where it is a link or no file.
     """
-    return os.fdopen(_descriptor(root, relative, os.O_RDONLY | _FILE), "rb", buffering=0)
+    return FileIO(_descriptor(root, relative, os.O_RDONLY | _FILE), "rb")
 
 
 def _descriptor(root: Path, relative: str | Path, flags: int) -> int:
     path = root / relative
     with _parent(root, relative, create=bool(flags & os.O_CREAT)) as (parent, _):
-        descriptor = _opened(path, flags, parent)
+        return _regular(_opened(path, flags, parent), path)
+
+
+def _regular(descriptor: int, path: Path) -> int:
+    """The descriptor of a regular file; RequestError for anything else."""
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         is_folder = stat.S_ISDIR(os.fstat(descriptor).st_mode)
         os.close(descriptor)
@@ -259,10 +264,16 @@ def make_folder(root: Path, relative: str | Path) -> None:
         pass
 
 
-def write(root: Path, relative: str | Path, content: bytes | bytearray | memoryview) -> None:
-    """Write a file durably; readers see the old content or the new, never a part.
+def write(
+    root: Path,
+    relative: str | Path,
+    content: bytes | bytearray | memoryview,
+    durable: bool = True,
+) -> None:
+    """Write a file; readers see the old content or the new, never a part.
 
-    Folders that are missing are made. Raises OSError that names the file.
+    Folders that are missing are made. Without `durable` it is left to `sync` to bring the file to
+    the disk. Raises OSError that names the file.
     """
     path = root / relative
     with _parent(root, relative, create=True) as (parent, name):
@@ -271,18 +282,20 @@ def write(root: Path, relative: str | Path, content: bytes | bytearray | memoryv
         descriptor = _opened(path.with_name(partial), flags, parent)
         try:
             with _naming(path):
-                with os.fdopen(descriptor, "wb", buffering=0) as file:
+                with FileIO(descriptor, "wb") as file:
                     _write_all(file, content)
-                    os.fsync(file.fileno())
+                    if durable:
+                        os.fsync(file.fileno())
                 os.replace(partial, name, src_dir_fd=parent, dst_dir_fd=parent)
-                os.fsync(parent)
+                if durable:
+                    os.fsync(parent)
         except BaseException:
             with suppress(OSError):
                 os.unlink(partial, dir_fd=parent)
             raise
 
 
-def _write_all(file: BinaryIO, content: bytes | bytearray | memoryview) -> None:
+def _write_all(file: FileIO, content: bytes | bytearray | memoryview) -> None:
     rest = memoryview(content).cast("B")
     while rest:
         rest = rest[file.write(rest) :]
@@ -291,7 +304,7 @@ def _write_all(file: BinaryIO, content: bytes | bytearray | memoryview) -> None:
 def append_lines(root: Path, relative: str | Path, lines: bytes) -> None:
     """Append whole lines durably; a line that a killed process left unfinished is ended first."""
     descriptor = _descriptor(root, relative, os.O_RDWR | os.O_APPEND | os.O_CREAT | _FILE)
-    with os.fdopen(descriptor, "ab", buffering=0) as file, _naming(root / relative):
+    with FileIO(descriptor, "ab") as file, _naming(root / relative):
         size = os.fstat(file.fileno()).st_size
         if size and os.pread(file.fileno(), 1, size - 1) != b"\n":
             lines = b"\n" + lines
@@ -302,6 +315,16 @@ def append_lines(root: Path, relative: str | Path, lines: bytes) -> None:
 def lock_file(root: Path, relative: str | Path) -> int:
     """A descriptor of a file that is only locked; it is made where it is missing."""
     return _descriptor(root, relative, os.O_RDWR | os.O_CREAT | _FILE)
+
+
+def lock_beside(path: Path) -> int:
+    """As `lock_file`, for a file outside of a store: its folder may be reached by links."""
+    try:
+        return _regular(os.open(path, os.O_RDWR | os.O_CREAT | _FILE, 0o666), path)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise link_error(path) from error
+        raise
 
 
 def sync(root: Path, relative: str | Path) -> None:
@@ -321,12 +344,15 @@ def rename(root: Path, old: str, new: str) -> None:
 
 def remove(root: Path, relative: str | Path) -> None:
     """Remove a file or a folder with all that is in it; links themselves, not their targets."""
-    with suppress(FileNotFoundError), _parent(root, relative) as (parent, name):
-        with _naming(root / relative):
-            if _kind(parent, name) == "folder":
-                shutil.rmtree(name, dir_fd=parent)
-            else:
-                os.unlink(name, dir_fd=parent)
+    with (
+        suppress(FileNotFoundError),
+        _parent(root, relative) as (parent, name),
+        _naming(root / relative),
+    ):
+        if _kind(parent, name) == "folder":
+            shutil.rmtree(name, dir_fd=parent)
+        else:
+            os.unlink(name, dir_fd=parent)
 
 
 def leftovers(root: Path) -> list[Entry]:

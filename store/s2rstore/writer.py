@@ -85,7 +85,12 @@ class Draft:
 
     def note_checksums(self, checksums: Mapping[str, str]) -> None:
         """Record the SHA-256 of files, by their paths inside the store."""
-        self.note(schema.CHECKSUMS, checksums)
+        self._connection.execute(
+            "DELETE FROM provenance WHERE what = ? AND key IN (SELECT unnest(?::VARCHAR[]))",
+            [schema.CHECKSUMS, list(checksums)],
+        )
+        rows = {"what": [schema.CHECKSUMS] * len(checksums), "key": list(checksums)}
+        self.insert("provenance", {**rows, "value": list(checksums.values())})
 
     def rows(self, query: str, parameters: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
         """Read from the draft."""
