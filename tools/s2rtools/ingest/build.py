@@ -216,6 +216,9 @@ def _checksums(root: Path) -> dict[str, str]:
     return {
         entry.path: safe_files.sha256(root, entry.path)
         for entry in safe_files.walk(root)
-        if entry.name == arrays.METADATA
-        or entry.path.startswith((f"{layout.ASSETS}/", f"{layout.DRIVES}/"))
+        if entry.kind == "file"
+        and (
+            entry.name == arrays.METADATA
+            or entry.path.startswith((f"{layout.ASSETS}/", f"{layout.DRIVES}/"))
+        )
     }
