@@ -11,7 +11,7 @@ from typing import Any
 
 import duckdb
 
-from s2rstore import layout, sandbox, schema
+from s2rstore import layout, safe_files, sandbox, schema
 from s2rstore.errors import RequestError
 from s2rstore.geometry.alignment import Correction
 from s2rstore.records import (
@@ -43,7 +43,8 @@ class Tables:
                 "use the release that wrote it, or ingest again"
             )
         self.generation = current.generation if generation is None else generation
-        self._index = self.path / layout.index_name(self.generation)
+        name = layout.index_name(self.generation)
+        self._index = safe_files.checked_path(self.path, name)
         self._lock = RLock()
         self._opened: duckdb.DuckDBPyConnection | None = sandbox.connect(self._index, memory)
 
