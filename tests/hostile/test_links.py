@@ -135,13 +135,15 @@ def test_nothing_is_written_through_a_link(own_store: Path, tmp_path: Path) -> N
     before = sorted(outside.rglob("*"))
     with pytest.raises(RequestError, match="symbolic link"):
         arrays.create(own_store / "runs.zarr/vanilla/new/a", arrays.plan(4, (2,), "float32", 4))
+    rows = np.zeros((16, 4, 4, 4), np.float32)
     with pytest.raises(RequestError, match="symbolic link"):
-        rows = np.zeros((16, 4, 4, 4), np.float32)
         arrays.write_shard(own_store / ARRAY, 0, rows)
     assert sorted(outside.rglob("*")) == before
 
 
-def test_the_ledger_and_locks_are_not_written_through_links(own_store: Path, tmp_path: Path) -> None:
+def test_the_ledger_and_locks_are_not_written_through_links(
+    own_store: Path, tmp_path: Path
+) -> None:
     outside = tmp_path / "outside"
     outside.mkdir()
     (outside / "lock").write_text("a secret that a lock would overwrite")
@@ -159,7 +161,9 @@ def test_the_ledger_and_locks_are_not_written_through_links(own_store: Path, tmp
     assert sorted(outside.rglob("*")) == before
 
 
-@pytest.mark.parametrize("relative", ["CURRENT.json", SHARD, f"{ARRAY}/zarr.json", "ledger/a.jsonl"])
+@pytest.mark.parametrize(
+    "relative", ["CURRENT.json", SHARD, f"{ARRAY}/zarr.json", "ledger/a.jsonl"]
+)
 def test_a_pipe_is_refused_and_nobody_waits_for_it(own_store: Path, relative: str) -> None:
     (own_store / relative).unlink(missing_ok=True)
     os.mkfifo(own_store / relative)
