@@ -11,7 +11,9 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterator, Mapping
-from functools import cached_property
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,8 @@ _BLOSC_ZSTD = 4
 _INDEX_CHECKSUM = 4
 _ABSENT = 2**64 - 1
 _READ_BYTES = 16 * 2**20
+_PARALLEL_CHUNKS = 8
+_PARALLEL_BYTES = 64 * 1024
 
 
 def plan(rows: int, item: tuple[int, ...], dtype: str, shard_rows: int) -> Layout:
@@ -158,40 +162,40 @@ class StoredArray:
 
     def check(self, shard: int) -> None:
         """Hold a shard's size, index and chunk headers against the metadata; decode nothing."""
-        stop = self.rows_in(shard)
-        self._read(shard, 0, stop, None)
-
-    def _read(self, shard: int, low: int, high: int, into: NDArray[Any] | None) -> None:
-        """Rows [low, high) of a shard into `into`; without it only its structure is checked."""
         name = self.file(shard)
         where = self._root / name
-        try:
-            with safe_files.open_read(self._root, name) as file:
-                self._read_chunks(file.fileno(), low, high, into, where)
-        except FileNotFoundError as error:
-            message = f"{where}: missing; open the store again, or run `s2r verify`"
-            raise RequestError(message) from error
-        except OSError as error:
-            reason = safe_files.explained(error)
-            raise RequestError(f"{where}: cannot be read ({reason}); run `s2r verify`") from error
+        chunks = -(-self.rows_in(shard) // self.layout.rows_per_chunk)
+        with _reading(where), safe_files.open_read(self._root, name) as file:
+            index = self._index(file.fileno(), where)[:chunks]
+            _check_places(index, self.layout, where)
+            for offset, size in index.tolist():
+                header = os.pread(file.fileno(), min(size, _BLOSC_HEADER), offset)
+                _check_header(header, size, self.layout.chunk_bytes, where)
 
-    def _read_chunks(
-        self, descriptor: int, low: int, high: int, into: NDArray[Any] | None, where: Path
-    ) -> None:
-        layout, index = self.layout, self._index(descriptor, where)
-        per_chunk = layout.rows_per_chunk
+    def _read(self, shard: int, low: int, high: int, into: NDArray[Any]) -> None:
+        """Rows [low, high) of a shard into `into`."""
+        name = self.file(shard)
+        where = self._root / name
+        per_chunk = self.layout.rows_per_chunk
         first, last = low // per_chunk, -(-high // per_chunk)
-        at_once = max(1, _READ_BYTES // layout.chunk_bytes)
-        for group in range(first, last, at_once):
-            sizes = index[group : min(group + at_once, last)]
-            for chunk, part in enumerate(_parts(descriptor, sizes, layout, where), start=group):
-                _check_header(part, layout.chunk_bytes, where)
-                if into is None:
-                    continue
-                base = chunk * per_chunk
-                start, stop = max(low, base), min(high, base + per_chunk)
-                target = into[start - low : stop - low]
-                self._decode(part, start - base, stop - base, target, where)
+        at_once = max(1, _READ_BYTES // self.layout.chunk_bytes)
+
+        def decode(chunk: int, part: memoryview) -> None:
+            base = chunk * per_chunk
+            start, stop = max(low, base), min(high, base + per_chunk)
+            self._decode(part, start - base, stop - base, into[start - low : stop - low], where)
+
+        with _reading(where), safe_files.open_read(self._root, name) as file:
+            index = self._index(file.fileno(), where)
+            for group in range(first, last, at_once):
+                sizes = index[group : min(group + at_once, last)]
+                parts = _parts(file.fileno(), sizes, self.layout, where)
+                numbers = range(group, group + len(parts))
+                if len(parts) < _PARALLEL_CHUNKS or self.layout.chunk_bytes < _PARALLEL_BYTES:
+                    for chunk, part in zip(numbers, parts, strict=True):
+                        decode(chunk, part)
+                else:
+                    list(_decoders().map(decode, numbers, parts))
 
     def _index(self, descriptor: int, where: Path) -> NDArray[np.uint64]:
         """Offset and size of each chunk, (n, 2), within the shard's file."""
@@ -254,29 +258,56 @@ def _proves(content: bytes) -> bool:
     return int(google_crc32c.value(content[:-_INDEX_CHECKSUM])) == stated
 
 
+@contextmanager
+def _reading(where: Path) -> Iterator[None]:
+    """Errors of the operating system as RequestErrors that name the shard."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        message = f"{where}: missing; open the store again, or run `s2r verify`"
+        raise RequestError(message) from error
+    except OSError as error:
+        reason = safe_files.explained(error)
+        raise RequestError(f"{where}: cannot be read ({reason}); run `s2r verify`") from error
+
+
+@cache
+def _decoders() -> ThreadPoolExecutor:
+    """Threads that decompress the chunks of large reads."""
+    return ThreadPoolExecutor(min(4, os.cpu_count() or 1), "decode")
+
+
 def _parts(
     descriptor: int, index: NDArray[np.uint64], layout: Layout, where: Path
-) -> Iterator[memoryview]:
+) -> list[memoryview]:
     """The compressed bytes of neighbouring chunks, which lie one behind the other."""
+    begin, end = _check_places(index, layout, where)
+    content = memoryview(os.pread(descriptor, end - begin, begin))
+    if len(content) != end - begin:
+        raise _damaged(where, "it ends early")
+    parts = [content[offset - begin : offset - begin + size] for offset, size in index.tolist()]
+    for part in parts:
+        _check_header(part, len(part), layout.chunk_bytes, where)
+    return parts
+
+
+def _check_places(index: NDArray[np.uint64], layout: Layout, where: Path) -> tuple[int, int]:
+    """Where some neighbouring chunks begin and end; each must follow the one before."""
     if (index == _ABSENT).any():
         raise _damaged(where, "a chunk is missing")
     offsets, sizes = index[:, 0].tolist(), index[:, 1].tolist()
     behind = [offset + size for offset, size in zip(offsets, sizes, strict=True)]
     if max(sizes) > layout.chunk_bytes + _BLOSC_HEADER or offsets[1:] != behind[:-1]:
         raise _damaged(where, "its chunks do not lie one behind the other")
-    content = memoryview(os.pread(descriptor, behind[-1] - offsets[0], offsets[0]))
-    if len(content) != behind[-1] - offsets[0]:
-        raise _damaged(where, "it ends early")
-    for offset, size in zip(offsets, sizes, strict=True):
-        yield content[offset - offsets[0] : offset - offsets[0] + size]
+    return offsets[0], behind[-1]
 
 
-def _check_header(part: memoryview, chunk_bytes: int, where: Path) -> None:
+def _check_header(header: memoryview | bytes, size: int, chunk_bytes: int, where: Path) -> None:
     """Blosc states what it decompresses to; anything but one chunk is refused before it is."""
-    if len(part) < _BLOSC_HEADER:
+    if len(header) < _BLOSC_HEADER:
         raise _damaged(where, "a chunk is cut")
-    total, packed = (int.from_bytes(part[at : at + 4], "little") for at in (4, 12))
-    if part[2] >> 5 != _BLOSC_ZSTD or packed != len(part):
+    total, packed = (int.from_bytes(header[at : at + 4], "little") for at in (4, 12))
+    if header[2] >> 5 != _BLOSC_ZSTD or packed != size:
         raise _damaged(where, "a chunk is not compressed as Blosc with zstd")
     if total != chunk_bytes:
         raise _damaged(where, f"a chunk of {total} bytes in place of {chunk_bytes}")
