@@ -142,7 +142,7 @@ class _Checks:
         if self.uncovered:
             yield (
                 f"the store carries no checksums of {', '.join(self.uncovered)} "
-                "(version 0.1.0 wrote none); only their structure was checked"
+                "(version 0.1.0 wrote none); damage in them is found only where it breaks their form"
             )
         yield from self.remarks
 
