@@ -3,7 +3,8 @@
 Every file that can change a figure or a picture is held against a checksum: shards against the
 ledger; metadata of arrays, weights, floor plan and drives against the index; the index against
 `CURRENT.json`; the gap history against those of its own blocks. Stores that version 0.1.0 wrote
-lack some of the checksums: there the structure of the files is checked, and a note says so.
+lack some of the checksums: there the structure of arrays and floor plan is checked, and a note says
+so.
 """
 
 from __future__ import annotations
@@ -142,7 +143,7 @@ class _Checks:
         if self.uncovered:
             yield (
                 f"the store carries no checksums of {', '.join(self.uncovered)} "
-                "(version 0.1.0 wrote none); damage in them is found only where it breaks their form"
+                "(version 0.1.0 wrote none); damage in them is found only where it breaks a format"
             )
         yield from self.remarks
 
