@@ -129,7 +129,9 @@ def _guarded(options: argparse.Namespace) -> int:
     from s2rstore.text import printable
 
     try:
-        return int(options.execute(options) or 0)
+        code = int(options.execute(options) or 0)
+        sys.stdout.flush()
+        return code
     except S2RError as error:
         if options.debug:
             raise
@@ -152,8 +154,9 @@ def _guarded(options: argparse.Namespace) -> int:
     except OSError as error:
         if options.debug:
             raise
-        where = error.filename if error.filename is not None else "standard output"
-        print(f"s2r: {printable(str(where))}: {error.strerror or error}", file=sys.stderr)
+        where = error.filename if error.filename is not None else _failing_output(error)
+        reason = str(error.strerror or error)
+        print(f"s2r: {printable(f'{where}: {reason}' if where else reason)}", file=sys.stderr)
         return 2
     except Exception as error:
         if options.debug:
@@ -161,6 +164,21 @@ def _guarded(options: argparse.Namespace) -> int:
         text = f"{type(error).__name__}: {_line(error)}"
         print(f"s2r: a fault of the program: {text} (--debug shows where)", file=sys.stderr)
         return 70
+
+
+def _failing_output(error: OSError) -> str:
+    """What to name for an error without a file name: standard output, where a command wrote to it.
+
+    What could not be written is dropped, so that the end of the program does not try again.
+    """
+    innermost = error.__traceback__
+    while innermost is not None and innermost.tb_next is not None:
+        innermost = innermost.tb_next
+    module = "" if innermost is None else str(innermost.tb_frame.f_globals.get("__name__"))
+    if not module.startswith("s2rtui.cli"):
+        return ""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return "standard output"
 
 
 def _line(error: Exception) -> str:

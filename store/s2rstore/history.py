@@ -11,7 +11,7 @@ from typing import Any
 
 import duckdb
 
-from s2rstore import history_schema, layout, sandbox
+from s2rstore import history_schema, layout, safe_files, sandbox
 from s2rstore.errors import RequestError
 from s2rstore.stats import Interval
 
@@ -126,6 +126,16 @@ def path_in(store: Path) -> Path:
     return store / layout.HISTORY / "gap.duckdb"
 
 
+def check_place(path: Path) -> None:
+    """Raises RequestError where a store's own history is a link, a folder or a device.
+
+    A history that lies elsewhere is the user's, who may link it.
+    """
+    store = path.parent.parent
+    if path == path_in(store) and safe_files.kind(store, layout.CURRENT) is not None:
+        safe_files.checked_path(store, path.relative_to(store))
+
+
 def stamp(path: Path) -> Stamp | None:
     """What changes whenever the file is replaced; None where there is none."""
     try:
@@ -167,6 +177,16 @@ def report_text(path: Path, measured: int) -> str:
     return str(found[0])
 
 
+def check(path: Path) -> None:
+    """Read everything, reports included, which holds every block against its checksum.
+
+    Raises RequestError for a file that is missing, damaged or no history.
+    """
+    read(path)
+    with _opened(path) as connection:
+        connection.execute("SELECT measured, report, version FROM history.report").fetchall()
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
     """A connection that can reach no other file, with the file attached as `history`.
@@ -174,6 +194,7 @@ def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
     The file is attached to a database of its own each time: DuckDB would give a second connection
     to one path the content that the first one saw.
     """
+    check_place(path)
     if not path.is_file():
         raise RequestError(f"{path}: no history; `s2r nightly CONFIG.toml` writes one")
     connection = sandbox.connect_empty([path.absolute().parent], _MEMORY)

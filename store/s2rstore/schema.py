@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 VERSION = 1
 
+CHECKSUMS = "checksums"
+"""What of `provenance`: key is a file's path inside the store, value its SHA-256."""
+
 # Readable by every DuckDB release from 1.4 on.
 STORAGE_VERSION = "v1.4.0"
 
@@ -208,6 +211,7 @@ TABLES: tuple[Table, ...] = (
         ("scale", "DOUBLE", "see the table's comment"),
         ("zero", "DOUBLE", "see the table's comment"),
         ("unit", "VARCHAR", "of the real value"),
+        ("metadata_sha256", "VARCHAR", "SHA-256 of its zarr.json; NULL = not recorded", True),
     ),
     _table(
         "provenance",

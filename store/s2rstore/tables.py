@@ -11,7 +11,7 @@ from typing import Any
 
 import duckdb
 
-from s2rstore import layout, row_check, sandbox, schema
+from s2rstore import layout, row_check, safe_files, sandbox, schema
 from s2rstore.errors import RequestError
 from s2rstore.geometry.alignment import Correction
 from s2rstore.records import (
@@ -43,7 +43,8 @@ class Tables:
                 "use the release that wrote it, or ingest again"
             )
         self.generation = current.generation if generation is None else generation
-        self._index = self.path / layout.index_name(self.generation)
+        name = layout.index_name(self.generation)
+        self._index = safe_files.checked_path(self.path, name)
         self._lock = RLock()
         self._opened: duckdb.DuckDBPyConnection | None = sandbox.connect(self._index, memory)
         try:
@@ -178,6 +179,11 @@ class Tables:
             "SELECT key, value FROM provenance WHERE what = ? ORDER BY key", [what]
         )
         return dict(found)
+
+    @cached_property
+    def checksums(self) -> dict[str, str]:
+        """SHA-256 of files by their paths inside the store; empty where version 0.1.0 wrote it."""
+        return self.provenance(schema.CHECKSUMS)
 
     def correction(self, sim: str, real: str) -> Correction | None:
         """What the declared real rig was found to be off by; None where nobody has looked."""

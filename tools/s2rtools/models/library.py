@@ -19,7 +19,7 @@ from safetensors.torch import load as load_safetensors
 from safetensors.torch import save as save_safetensors
 from torch import Tensor, nn
 
-from s2rstore import layout
+from s2rstore import layout, safe_files
 from s2rstore.errors import RequestError
 from s2rstore.ledger import Ledger
 from s2rstore.reader import Store
@@ -29,6 +29,7 @@ from s2rtools.models.contract import LoadedModel, OutputConvention, PoseNetwork
 from s2rtools.models.opaque import TORCHSCRIPT, OpaqueNetwork
 
 DEFAULT_CONVENTIONS = {name: network.convention for name, network in ARCHITECTURES.items()}
+_WEIGHTS_BYTES = 2 * 2**30
 _WRAPPERS = ("state_dict", "model", "model_state_dict", "net")
 # What torch's reader raises, beside its own errors, on bytes that are no file of tensors.
 _JUNK = (ValueError, TypeError, LookupError, AttributeError, AssertionError, struct.error)
@@ -109,11 +110,10 @@ def register(
             f"model {name}: convention {convention.heading} reads {convention.width} outputs, "
             f"the network gives {weights.outputs}; another --convention?"
         )
-    folder = root / layout.MODELS
-    folder.mkdir(exist_ok=True)
-    file = folder / f"{weights.sha256}{weights.suffix}"
-    layout.write_atomic(file, weights.content)
-    Ledger(root).add(f"model:{weights.sha256}", [(file.relative_to(root).as_posix(), 1)])
+    file = f"{layout.MODELS}/{weights.sha256}{weights.suffix}"
+    safe_files.write(root, file, weights.content)
+    Ledger(root).add(f"model:{weights.sha256}", [(file, 1)])
+    draft.note_checksums({file: hashlib.sha256(weights.content).hexdigest()})
     draft.insert_row(
         "model",
         {
@@ -133,19 +133,32 @@ def load_model(store: Store, name: str, trust: bool = False) -> LoadedModel:
     if name not in store.models:
         raise RequestError(f"model {name!r}: not in {store.path} (has: {', '.join(store.models)})")
     record = store.models[name]
-    folder = store.path / layout.MODELS
-    found = sorted(folder.glob(f"{record.sha256}.*"))
-    if not found:
-        raise RequestError(f"{folder / record.sha256}: missing; add the model again")
     if record.architecture == TORCHSCRIPT:
         _need_trust(trust, f"model {name!r} (TorchScript)")
-        network: PoseNetwork = OpaqueNetwork.from_torchscript(found[0].read_bytes(), str(found[0]))
+        path, content = _stored_weights(store, record.sha256)
+        network: PoseNetwork = OpaqueNetwork.from_torchscript(content, str(path))
     else:
         network = _empty_network(record.architecture, trust)
-        _load(network, read_state(found[0], found[0].read_bytes()), str(found[0]))
+        path, content = _stored_weights(store, record.sha256)
+        _load(network, read_state(path, content), str(path))
     network.eval().requires_grad_(False)
     convention = OutputConvention.from_json(record.convention)
     return LoadedModel(name, record.architecture, network, convention, record.sha256)
+
+
+def _stored_weights(store: Store, sha256: str) -> tuple[Path, bytes]:
+    """The path and content of a model's file, which must not be a link."""
+    start = f"{layout.MODELS}/{sha256}."
+    try:
+        lying = safe_files.names(store.path, layout.MODELS)
+        found = next((entry.path for entry in lying if entry.path.startswith(start)), None)
+        if found is None:
+            raise RequestError(f"{store.path / start}*: missing; add the model again")
+        return store.path / found, safe_files.read(store.path, found, _WEIGHTS_BYTES)
+    except OSError as error:
+        reason = safe_files.explained(error)
+        where = error.filename or store.path / layout.MODELS
+        raise RequestError(f"{where}: cannot be read ({reason})") from error
 
 
 def _empty_network(architecture: str, trust: bool) -> PoseNetwork:

@@ -151,6 +151,7 @@ def _axis_rows(report: Report) -> list[dict[str, Any]]:
 
 def append(path: Path, added: Rows) -> None:
     """Add rows, all or none, durably; hold the file's lock. RequestError where it cannot be."""
+    history.check_place(path)
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
         for left in path.parent.glob(f".{path.name}.*.new*"):

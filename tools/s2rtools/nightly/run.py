@@ -54,6 +54,7 @@ def nightly(
     _check_writable(config)
     check_own(config)
     tonight = _figures(config, night, measure, estimate)
+    stored.check_place(config.history)
     config.history.parent.mkdir(parents=True, exist_ok=True)
     with locks.file_lock(config.history):
         found = history.known(config.history)
