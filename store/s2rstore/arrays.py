@@ -1,9 +1,10 @@
 """Zarr arrays of a store: created once, written a whole shard at a time, read row by row.
 
 Chunks are small for random reads of one instance; a shard is one work unit's file, written by
-one process. What is written is plain Zarr that every implementation reads; what is read is only
-what is written here (`zarr_metadata`), through `safe_files`: no link is followed, a shard that is
-missing is an error and never zeros, and no chunk takes more memory than its array's metadata says.
+one process. zarr encodes what is written. What is read is only of that form (`zarr_metadata`), by a
+reader of its own on `safe_files`: no link is followed, a shard that is missing is an error and
+never zeros, and no chunk takes more memory than its array's metadata says, none of which zarr can
+be told. It needs no import of zarr, either, and reads one instance in a third of the time.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -374,26 +376,18 @@ def write_shard(path: Path, shard: int, rows: NDArray[Any], root: Path | None = 
 
 
 def _encoded(layout: Layout, rows: NDArray[Any]) -> bytes:
-    """A shard's file: chunk after chunk, then offset and size of each, then their CRC-32C."""
-    import google_crc32c
+    """A shard's file, as zarr writes it."""
+    import zarr
+    from zarr.core.buffer import default_buffer_prototype
+    from zarr.storage import MemoryStore
 
-    codec = _codec(layout.dtype)
-    rows = np.ascontiguousarray(rows, dtype=np.dtype(layout.dtype).newbyteorder("<"))
-    index = np.full((layout.shard_chunks, 2), _ABSENT, dtype="<u8")
-    parts: list[bytes] = []
-    offset = 0
-    for chunk, start in enumerate(range(0, len(rows), layout.rows_per_chunk)):
-        block = rows[start : start + layout.rows_per_chunk]
-        if len(block) < layout.rows_per_chunk:
-            whole = np.zeros((layout.rows_per_chunk, *rows.shape[1:]), dtype=rows.dtype)
-            whole[: len(block)] = block
-            block = whole
-        parts.append(bytes(codec.encode(block)))
-        index[chunk] = offset, len(parts[-1])
-        offset += len(parts[-1])
-    table = index.tobytes()
-    checksum = int(google_crc32c.value(table)).to_bytes(_INDEX_CHECKSUM, "little")
-    return b"".join([*parts, table, checksum])
+    alone = replace(layout, shape=(len(rows), *layout.shape[1:]))
+    metadata = default_buffer_prototype().buffer.from_bytes(zarr_metadata.document(alone, {}))
+    content = {METADATA: metadata}
+    with zarr.config.set({"array.write_empty_chunks": True}):
+        zarr.open_array(MemoryStore(content), mode="r+")[...] = rows
+    (shard,) = content.keys() - {METADATA}
+    return content[shard].to_bytes()
 
 
 def shard_file(path: Path, shard: int, ndim: int) -> Path:
