@@ -23,6 +23,7 @@ HISTORY = "history"
 DRIVES = "drives"
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,79}\Z")
+_HASH = re.compile(r"[0-9a-f]{16,64}\Z")
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,3 +136,11 @@ def checked_name(name: str, what: str) -> str:
             f"{what} {name!r}: use letters, digits and _ . + - (at most 80, the first no sign)"
         )
     return name
+
+
+def checked_hash(text: object, what: str) -> str:
+    """`text` where it is 16 to 64 lowercase hexadecimal digits, else RequestError."""
+    if not isinstance(text, str) or not _HASH.match(text):
+        shown = repr(text)[:80]
+        raise RequestError(f"{what} {shown}: not 16 to 64 hexadecimal digits (0-9, a-f)")
+    return text

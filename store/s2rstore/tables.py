@@ -25,6 +25,11 @@ from s2rstore.records import (
     Run,
     Trajectory,
 )
+from s2rstore.text import printable, printable_lines, printable_values
+
+_JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention")
+"""Columns of JSON, whose strings become printable once they are parsed."""
+_LONGEST_NAME = 1000
 
 
 class Tables:
@@ -75,6 +80,13 @@ class Tables:
         return self.connection().execute(sql, parameters or []).fetchall()
 
     def _rows(self, table: str) -> list[dict[str, Any]]:
+        """The rows of a table, with texts in printable characters."""
+        return [
+            {name: _shown(name, value) for name, value in row.items()}
+            for row in self._stored_rows(table)
+        ]
+
+    def _stored_rows(self, table: str) -> list[dict[str, Any]]:
         known = schema.BY_NAME[table]
         names = ", ".join(f'"{name}"' for name in known.column_names)
         try:
@@ -103,7 +115,32 @@ class Tables:
     @cached_property
     def rooms(self) -> tuple[Room, ...]:
         """Rectangles in order of precedence."""
-        return tuple(Room(**row) for row in self._rows("room"))
+        shown = {stored: name for name, stored in self.stored_rooms.items()}
+        rows = self._stored_rows("room")
+        return tuple(Room(**row | {"room": shown[row["room"]]}) for row in rows)
+
+    @cached_property
+    def stored_rooms(self) -> dict[str, str]:
+        """The names of rooms as they are shown and typed, with the index's own, by precedence.
+
+        They differ where a name holds characters that are not printable. Raises RequestError
+        where two names would be shown alike.
+        """
+        names: dict[str, str] = {}
+        for row in self._stored_rows("room"):
+            stored = row["room"]
+            if len(stored or "") > _LONGEST_NAME:
+                raise RequestError(
+                    f"{self.path}: a room's name has {len(stored)} characters; at most "
+                    f"{_LONGEST_NAME}"
+                )
+            shown = printable(stored) if isinstance(stored, str) else stored
+            if names.setdefault(shown, stored) != stored:
+                raise RequestError(
+                    f'{self.path}: two rooms are both shown as "{shown}", because one name holds '
+                    "control characters; rename it in the source and ingest again"
+                )
+        return names
 
     @cached_property
     def domains(self) -> dict[str, Domain]:
@@ -126,7 +163,7 @@ class Tables:
         runs = {}
         for row in self._rows("run"):
             for side in ("sim", "real"):
-                row[f"{side}_adjustments"] = json.loads(row[f"{side}_adjustments"])
+                row[f"{side}_adjustments"] = _parsed(row[f"{side}_adjustments"])
             runs[self._name(row, "run")] = Run(**row)
         return runs
 
@@ -161,7 +198,7 @@ class Tables:
         found = self.execute(
             "SELECT key, value FROM provenance WHERE what = ? ORDER BY key", [what]
         )
-        return dict(found)
+        return {printable(key): printable_lines(value) for key, value in found}
 
     def correction(self, sim: str, real: str) -> Correction | None:
         """What the declared real rig was found to be off by; None where nobody has looked."""
@@ -181,8 +218,8 @@ class Tables:
     def _array_records(self) -> dict[str, list[ArrayRecord]]:
         grouped: dict[str, list[ArrayRecord]] = {}
         for row in self._rows("zarr_array"):
-            row["shape"] = tuple(json.loads(row["shape"]))
-            row["axes"] = tuple(json.loads(row["axes"]))
+            row["shape"] = tuple(_parsed(row["shape"]))
+            row["axes"] = tuple(_parsed(row["axes"]))
             grouped.setdefault(row["run"], []).append(ArrayRecord(**row))
         return grouped
 
@@ -191,11 +228,22 @@ class Tables:
         return list(self._array_records.get(self.run(run).run, ()))
 
 
+def _shown(column: str, value: Any) -> Any:
+    if not isinstance(value, str):
+        return value
+    return printable_lines(value) if column in _JSON else printable(value)
+
+
+def _parsed(text: str) -> Any:
+    """The content of a JSON column, its texts in printable characters."""
+    return printable_values(json.loads(text))
+
+
 def _domain(row: dict[str, Any]) -> Domain:
     figures = ("fx", "fy", "cx", "cy", "pitch")
     rgb, depth = (
         Intrinsics(*(row.pop(f"{image}_{figure}") for figure in figures))
         for image in ("rgb", "depth")
     )
-    sources = json.loads(row.pop("source") or "{}")
+    sources = _parsed(row.pop("source") or "{}")
     return Domain(rgb=rgb, depth=depth, sources=sources, **row)

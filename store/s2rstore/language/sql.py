@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,6 +29,7 @@ from s2rstore.language.nodes import (
     Not,
     Nothing,
     Or,
+    chain,
 )
 
 _STRAIGHT_BELOW = 10.0
@@ -38,7 +40,8 @@ class SqlContext:
     """The current run and the trajectories in view (None = all).
 
     `neighbours` finds what `like` means; `lacking` are columns of view `pair` that the index,
-    written by an earlier release, does not have.
+    written by an earlier release, does not have. `stored_rooms` gives the index's own name of a
+    room for the one that is shown, where they differ.
     """
 
     run: str
@@ -46,6 +49,7 @@ class SqlContext:
     trajectories: tuple[str, ...] | None = None
     neighbours: Neighbours | None = None
     lacking: frozenset[str] = frozenset()
+    stored_rooms: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -94,13 +98,26 @@ def _known(column: str) -> str:
 
 
 def _condition(node: Node, writer: _Writer) -> str:
+    """A condition in parentheses; a chain of one operator takes one pair."""
+    first, links = chain(node)
+    if not links:
+        return _operand(first, writer)
+    parts, joined = [_operand(first, writer)], _joined(links[0])
+    for link in links:
+        if _joined(link) != joined:
+            parts, joined = [f"({f' {joined} '.join(parts)})"], _joined(link)
+        right = _condition(link.right, writer)
+        parts.append(f"NOT {right}" if isinstance(link, Minus) else right)
+    return f"({f' {joined} '.join(parts)})"
+
+
+def _joined(link: And | Minus | Or) -> str:
+    return "OR" if isinstance(link, Or) else "AND"
+
+
+def _operand(node: Node, writer: _Writer) -> str:
     if isinstance(node, Not):
         return f"(NOT {_condition(node.inner, writer)})"
-    if isinstance(node, And | Minus | Or):
-        left = _condition(node.left, writer)
-        right = _condition(node.right, writer)
-        word = {And: "AND", Minus: "AND NOT", Or: "OR"}[type(node)]
-        return f"({left} {word} {right})"
     return _leaf(node, writer)
 
 
@@ -215,12 +232,15 @@ def _lasso(node: Lasso, writer: _Writer) -> str:
 
 def _named(node: Named, writer: _Writer) -> str:
     side, _, name = node.field.name.rpartition(".")
+    value = node.value
+    if name == "room":
+        value = writer.context.stored_rooms.get(value, value)
     if name != "room" or not side:
-        return f"q.{fields.TEXT[node.field.name].column} = {writer.bind(node.value)}"
+        return f"q.{fields.TEXT[node.field.name].column} = {writer.bind(value)}"
     x, y = f"q.{side}_x", f"q.{side}_y"
     return (
         "(SELECT arg_min(r.room, r.position) FROM room r WHERE "
-        f"{x} >= r.x0 AND {x} <= r.x1 AND {y} >= r.y0 AND {y} <= r.y1) = {writer.bind(node.value)}"
+        f"{x} >= r.x0 AND {x} <= r.x1 AND {y} >= r.y0 AND {y} <= r.y1) = {writer.bind(value)}"
     )
 
 
