@@ -103,4 +103,4 @@ def _cell(value: Any) -> str:
         return "-"
     if isinstance(value, float):
         return f"{value:.4g}" if abs(value) < 1e6 else f"{value:.6g}"
-    return printable(" ".join(str(value).splitlines()))
+    return printable(str(value))
