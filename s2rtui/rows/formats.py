@@ -33,8 +33,11 @@ def csv_text(
     apostrophe where a formula could begin.
     """
     buffer = io.StringIO()
-    quoting = csv.QUOTE_NONNUMERIC if safe else csv.QUOTE_MINIMAL
-    writer = csv.writer(buffer, lineterminator="\n", quoting=quoting)
+    writer = csv.writer(
+        buffer,
+        lineterminator="\n",
+        quoting=csv.QUOTE_NONNUMERIC if safe else csv.QUOTE_MINIMAL,
+    )
     for key, value in (facts or {}).items():
         fact = f"# {key}: {printable(' '.join(_text(value).splitlines()))}"
         if safe:

@@ -13,4 +13,6 @@ from tests.support import hostile
 def poisoned_store(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store that no test writes to, with a history; see `hostile.HOSTILE`."""
     folder = tmp_path_factory.mktemp("poisoned")
-    return hostile.with_nights(hostile.poisoned(tiny_store, folder / "bad [ [@click=app.quit]x.s2r"))
+    return hostile.with_nights(
+        hostile.poisoned(tiny_store, folder / "bad [ [@click=app.quit]x.s2r")
+    )

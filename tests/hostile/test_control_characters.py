@@ -300,7 +300,12 @@ def test_rooms_are_typed_as_they_are_shown(poisoned_store: Path) -> None:
         assert len(offered) == 2
         for text, stored in zip(offered, store.stored_rooms.values(), strict=True):
             assert text.isprintable()
-            for expression in (text, f"real.{text} | sim.{text}", f"room:{string(stored)}", f"!{text}"):
+            for expression in (
+                text,
+                f"real.{text} | sim.{text}",
+                f"room:{string(stored)}",
+                f"!{text}",
+            ):
                 chosen = np.flatnonzero(selection.select(store, expression))
                 sql, parameters = selection.sql(store, expression)
                 assert chosen.size

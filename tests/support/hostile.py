@@ -78,8 +78,14 @@ def with_nights(store: Path, text: str = HOSTILE) -> Path:
         for number in (1, 2):
             row: dict[str, object] = {}
             for column in history_schema.TABLES[0].columns:
-                fixed = {"id": number, "night": f"2026-01-0{number}", "measured": number,
-                         "dataset": text, "run": "vanilla", "evidence_since": "2026-01-01"}
+                fixed = {
+                    "id": number,
+                    "night": f"2026-01-0{number}",
+                    "measured": number,
+                    "dataset": text,
+                    "run": "vanilla",
+                    "evidence_since": "2026-01-01",
+                }
                 plain = {"VARCHAR": "x", "INTEGER": 0, "DOUBLE": 9.0, "DATE": "2026-01-01"}
                 value = fixed.get(column.name, plain[column.type])
                 row[column.name] = text if column.name in told else value

@@ -31,7 +31,7 @@ from s2rstore.language.nodes import (
 )
 from s2rstore.records import SPLITS, Side
 
-MAX_TERMS = 1000
+MAX_TERMS = 300
 """Terms of an expression once its saved selections are expanded."""
 MAX_LEVELS = 200
 """Levels of an expression that lie in each other once its saved selections are expanded."""
@@ -95,6 +95,8 @@ class _Expansion:
 
     def expanded(self, node: Node, level: int) -> _Expanded:
         """`level` is the number of operators that the node is the right operand of, or in."""
+        if level > MAX_LEVELS:
+            raise self._too_large(f"nested over {MAX_LEVELS} levels deep")
         first, links = chain(node)
         found = self._operand(first, level)
         for link in links:
@@ -130,15 +132,18 @@ class _Expansion:
 
     def _checked(self, found: _Expanded, level: int) -> _Expanded:
         """`found`, or ExpressionError where the expression becomes too large by it."""
-        deep = level + found.height > MAX_LEVELS
-        if not deep and found.terms <= MAX_TERMS:
-            return found
-        limit = f"nested over {MAX_LEVELS} levels deep" if deep else f"over {MAX_TERMS} terms"
+        if level + found.height > MAX_LEVELS:
+            raise self._too_large(f"nested over {MAX_LEVELS} levels deep")
+        if found.terms > MAX_TERMS:
+            raise self._too_large(f"over {MAX_TERMS} terms long")
+        return found
+
+    def _too_large(self, what: str) -> ExpressionError:
         if not self._open:
-            raise ExpressionError(1, f"{limit}; write it with fewer")
+            return ExpressionError(1, f"with its saved selections it is {what}; write it with less")
         first = self._open[0]
-        told = f"@{first.name} is {limit}" if deep else f"@{first.name} stands for {limit}"
-        raise ExpressionError(first.column, f"{told}; save a simpler selection under this name")
+        problem = f"@{first.name}, with what it is made of, is {what}"
+        return ExpressionError(first.column, f"{problem}; save a simpler selection under this name")
 
 
 def _check_names(leaf: Node, words: Vocabulary) -> None:

@@ -16,11 +16,12 @@ class ExpressionError(RequestError):
         self.column = column
         self.expected = tuple(expected)
         hint = f"; could be {', '.join(self.expected)}" if self.expected else ""
-        super().__init__(f"column {column}: {problem}{hint}")
+        super().__init__(f"column {column}: {shortened(problem, _LONGEST_PROBLEM)}{hint}")
 
 
 _LONGEST, _MOST = 100, 2000
 """Names that are compared with an unknown one: others would take too long."""
+_LONGEST_PROBLEM = 400
 
 
 def unknown(column: int, what: str, name: str, known: Iterable[str]) -> ExpressionError:
@@ -31,6 +32,6 @@ def unknown(column: int, what: str, name: str, known: Iterable[str]) -> Expressi
     return ExpressionError(column, problem if near else f"{problem}, nor any other", near)
 
 
-def shortened(text: str) -> str:
-    """A name as it stands in a message: at most `_LONGEST` characters."""
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+def shortened(text: str, most: int = _LONGEST) -> str:
+    """A text as it stands in a message: at most `most` characters."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."

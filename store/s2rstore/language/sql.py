@@ -72,10 +72,10 @@ class _Writer:
 def to_sql(node: Node, context: SqlContext) -> tuple[str, list[Any]]:
     """`SELECT iid ... ORDER BY iid` and its parameters. Raises ExpressionError."""
     writer = _Writer(context)
-    base = _base(writer, None, "p")
+    base = _base(writer, None, "q")
     condition = _condition(expand(node, context.words), writer)
     return (
-        f"SELECT p.iid FROM pair p WHERE {base} AND {condition} ORDER BY p.iid",
+        f"SELECT q.iid FROM pair q WHERE {base} AND {condition} ORDER BY q.iid",
         writer.parameters,
     )
 
@@ -128,7 +128,7 @@ def _leaf(node: Node, writer: _Writer) -> str:
         case Nothing():
             return "false"
         case Ids(ranges):
-            parts = [f"p.iid BETWEEN {writer.bind(a)} AND {writer.bind(b)}" for a, b in ranges]
+            parts = [f"q.iid BETWEEN {writer.bind(a)} AND {writer.bind(b)}" for a, b in ranges]
             return f"({' OR '.join(parts) or 'false'})"
         case Compare(field, operator, value):
             column = writer.column(field)
@@ -163,14 +163,12 @@ def _leaf(node: Node, writer: _Writer) -> str:
         case Like():
             context = writer.context
             found = resolved(node, context.run, context.trajectories, context.neighbours)
-            return f"p.iid IN (SELECT unnest({writer.bind(found.tolist())}::INTEGER[]))"
+            return f"q.iid IN (SELECT unnest({writer.bind(found.tolist())}::INTEGER[]))"
         case Bend(straight):
             sign = "<" if straight else ">="
-            column = "i.curvature"
-            return (
-                f"p.iid IN (SELECT i.iid FROM instance i WHERE {_known(column)} AND "
-                f"abs({column}) {sign} {writer.bind(_STRAIGHT_BELOW)})"
-            )
+            column = "q.curvature"
+            limit = writer.bind(_STRAIGHT_BELOW)
+            return f"coalesce({_known(column)} AND abs({column}) {sign} {limit}, false)"
         case _:
             raise TypeError(f"{type(node).__name__} is no leaf")
 
@@ -178,12 +176,16 @@ def _leaf(node: Node, writer: _Writer) -> str:
 def _among(writer: _Writer, field: Field, condition: Any) -> str:
     """The instances whose row of the field's run satisfies a condition on alias q.
 
-    Ground truth is the instance's own, whatever the run.
+    Ground truth is the instance's own, whatever the run. The row of the current run is at hand;
+    that of another one takes a subquery, whose q hides the outer one.
     """
     if fields.is_truth(field.name):
-        return f"p.iid IN (SELECT q.iid FROM instance q WHERE {condition(writer)})"
+        return f"coalesce({condition(writer)}, false)"
+    joins = field.name in fields.TEXT  # a room of a prediction: slow unless it has its own query
+    if field.run in (None, writer.context.run) and not joins:
+        return f"coalesce({condition(writer)}, false)"
     run = writer.bind(field.run or writer.context.run)
-    return f"p.iid IN (SELECT q.iid FROM pair q WHERE q.run = {run} AND {condition(writer)})"
+    return f"q.iid IN (SELECT q.iid FROM pair q WHERE q.run = {run} AND {condition(writer)})"
 
 
 def _scale(field: Field) -> float:
@@ -256,4 +258,4 @@ def _extreme(node: Extreme, writer: _Writer) -> str:
         count = f"(SELECT ceil({amount} * count(*) / 100)::BIGINT FROM pair b WHERE {base})"
     else:
         count = writer.bind(int(node.amount))
-    return f"p.iid IN ({inner} ORDER BY {column} {direction}, q.iid LIMIT {count})"
+    return f"q.iid IN ({inner} ORDER BY {column} {direction}, q.iid LIMIT {count})"
