@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
 COMMANDS: dict[str, str] = {
@@ -45,6 +46,26 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _with_default_command(list(sys.argv[1:] if argv is None else argv))
     if not _usable(arguments):
         return 2
+    with _escaped_streams():
+        code = _run(arguments)
+    return code if argv is not None else _ended(code)
+
+
+@contextlib.contextmanager
+def _escaped_streams() -> Iterator[None]:
+    """Control characters in what is printed are shown escaped: all of standard error, and standard
+    output on a terminal. In a pipe standard output holds names as they are.
+    """
+    from s2rstore.text import escaping
+
+    with contextlib.ExitStack() as streams:
+        streams.enter_context(contextlib.redirect_stderr(escaping(sys.stderr)))
+        if sys.stdout.isatty():
+            streams.enter_context(contextlib.redirect_stdout(escaping(sys.stdout)))
+        yield
+
+
+def _run(arguments: list[str]) -> int:
     debug = "--debug" in arguments
     parser = _parser(arguments)
     options = parser.parse_args([word for word in arguments if word != "--debug"])
@@ -52,8 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not hasattr(options, "execute"):
         parser.print_help()
         return 2
-    code = _guarded(options)
-    return code if argv is not None else _ended(code)
+    return _guarded(options)
 
 
 def _ended(code: int) -> int:
@@ -84,7 +104,9 @@ class _Parser(argparse.ArgumentParser):
     """Says in one line what is wrong."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"s2r: {message}; see `{self.prog} --help`\n")
+        from s2rstore.text import printable
+
+        self.exit(2, f"s2r: {printable(message)}; see `{self.prog} --help`\n")
 
 
 def _with_default_command(arguments: list[str]) -> list[str]:

@@ -14,6 +14,7 @@ import duckdb
 from s2rstore import history_schema, layout, safe_files, sandbox
 from s2rstore.errors import RequestError
 from s2rstore.stats import Interval
+from s2rstore.text import printable
 
 _MEMORY = "64MB"
 Stamp = tuple[int, int, int]
@@ -215,7 +216,12 @@ def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:
     names = ", ".join(f'"{name}"' for name in known.column_names)
     query = f'SELECT {names} FROM history."{table}" ORDER BY {", ".join(known.order)}'
     found = connection.execute(query).fetchall()
-    return [dict(zip(known.column_names, row, strict=True)) for row in found]
+    shown = (tuple(_shown(value) for value in row) for row in found)
+    return [dict(zip(known.column_names, row, strict=True)) for row in shown]
+
+
+def _shown(value: Any) -> Any:
+    return printable(value) if isinstance(value, str) else value
 
 
 def _grouped(rows: Sequence[Row], made: Any) -> dict[int, tuple[Any, ...]]:

@@ -138,9 +138,7 @@ def inside(root: Path, relative: str | Path) -> Path:
 def checked_hash(text: object, what: str) -> str:
     """`text` where it is 16 to 64 lowercase hexadecimal digits, else RequestError."""
     if not isinstance(text, str) or not _HASH.match(text):
-        raise RequestError(
-            f"{what}: {str(text)[:80]!r} is not a hash (16 to 64 digits of 0-9, a-f)"
-        )
+        raise RequestError(f"{what} {repr(text)[:80]}: not 16 to 64 hexadecimal digits (0-9, a-f)")
     return text
 
 

@@ -82,7 +82,8 @@ class Store(Tables):
     @cached_property
     def instances(self) -> InstanceColumns:
         """Ground truth, aligned by iid; each column is read when it is first asked for."""
-        return dense.instances(self._dense)
+        names = tuple(trajectory.trajectory for trajectory in self.trajectories)
+        return dense.instances(self._dense, names, self.stored_rooms)
 
     def run_columns(self, run: str) -> RunColumns:
         """Predictions of a computed run, aligned by iid; read and kept as `instances` are."""

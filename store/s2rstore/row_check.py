@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 from s2rstore import layout
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES
+from s2rstore.text import printable_values
 
 Row = dict[str, Any]
 
@@ -72,7 +73,7 @@ class RowChecker:
             )
 
     def parsed(self, column: str, kind: type) -> Any:
-        """The JSON value of a column, which must be of this type."""
+        """The JSON value of a column, which must be of this type; its texts are printable."""
         text = self._row[column]
         if not isinstance(text, str) or len(text) > LONGEST_JSON:
             self.refuse(column, "not a JSON text")
@@ -82,7 +83,7 @@ class RowChecker:
             self.refuse(column, f"not valid JSON ({type(error).__name__})")
         if not isinstance(value, kind):
             self.refuse(column, f"not a JSON {'list' if kind is list else 'object'}")
-        return value
+        return printable_values(value)
 
 
 def check_dataset(index: Path, row: Row) -> None:
@@ -203,6 +204,10 @@ def check_arrays(index: Path, rows: Sequence[Row]) -> list[Row]:
             check.refuse("axes", f"{row['axes']} does not name the axes of {row['shape']}")
         check.number("scale", -1e30, 1e30)
         check.number("zero", -1e30, 1e30)
+        if row["metadata_sha256"] is not None:
+            layout.checked_hash(
+                row["metadata_sha256"], f"{index}: table zarr_array: metadata_sha256"
+            )
         made.append({**row, "shape": tuple(shape), "axes": tuple(axes)})
     return made
 

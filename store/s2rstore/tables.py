@@ -25,6 +25,10 @@ from s2rstore.records import (
     Run,
     Trajectory,
 )
+from s2rstore.text import printable, printable_lines, printable_values
+
+_JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention")
+"""Columns of JSON, whose strings become printable once they are parsed."""
 
 
 class Tables:
@@ -88,7 +92,16 @@ class Tables:
         return self.connection().execute(sql, parameters or []).fetchall()
 
     def _rows(self, table: str) -> list[dict[str, Any]]:
-        """All rows; columns that an earlier release did not write are None."""
+        """The rows of a table, with texts in printable characters.
+
+        Columns that an earlier release did not write are None.
+        """
+        return [
+            {name: _shown(name, value) for name, value in row.items()}
+            for row in self._stored_rows(table)
+        ]
+
+    def _stored_rows(self, table: str) -> list[dict[str, Any]]:
         known = schema.BY_NAME[table]
         lacking = self.lacking(table)
         listed = ["NULL" if name in lacking else f'"{name}"' for name in known.column_names]
@@ -124,9 +137,27 @@ class Tables:
     @cached_property
     def rooms(self) -> tuple[Room, ...]:
         """Rectangles in order of precedence."""
-        rows = self._rows("room")
+        rows = self._stored_rows("room")
         row_check.check_rooms(self._index, rows)
-        return tuple(Room(**row) for row in rows)
+        shown = {stored: name for name, stored in self.stored_rooms.items()}
+        return tuple(Room(**row | {"room": shown[row["room"]]}) for row in rows)
+
+    @cached_property
+    def stored_rooms(self) -> dict[str, str]:
+        """The names of rooms as they are shown and typed, with the index's own, by precedence.
+
+        They differ where a name holds characters that are not printable. Raises RequestError
+        where two names would be shown alike.
+        """
+        names: dict[str, str] = {}
+        for row in self._stored_rows("room"):
+            shown = printable(row["room"])
+            if names.setdefault(shown, row["room"]) != row["room"]:
+                raise RequestError(
+                    f'{self.path}: two rooms are both shown as "{shown}", because one name holds '
+                    "control characters; rename it in the source and ingest again"
+                )
+        return names
 
     @cached_property
     def domains(self) -> dict[str, Domain]:
@@ -178,7 +209,7 @@ class Tables:
         found = self.execute(
             "SELECT key, value FROM provenance WHERE what = ? ORDER BY key", [what]
         )
-        return dict(found)
+        return {printable(key): printable_lines(value) for key, value in found}
 
     @cached_property
     def checksums(self) -> dict[str, str]:
@@ -211,11 +242,17 @@ class Tables:
         return list(self._array_records.get(self.run(run).run, ()))
 
 
+def _shown(column: str, value: Any) -> Any:
+    if not isinstance(value, str):
+        return value
+    return printable_lines(value) if column in _JSON else printable(value)
+
+
 def _domain(row: dict[str, Any]) -> Domain:
     figures = ("fx", "fy", "cx", "cy", "pitch")
     rgb, depth = (
         Intrinsics(*(row.pop(f"{image}_{figure}") for figure in figures))
         for image in ("rgb", "depth")
     )
-    sources = json.loads(row.pop("source") or "{}")
+    sources = printable_values(json.loads(row.pop("source") or "{}"))
     return Domain(rgb=rgb, depth=depth, sources=sources, **row)
