@@ -10,6 +10,8 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
+from s2rstore import working_folder
+
 COMMANDS: dict[str, str] = {
     "demo": "the default world, or your images, from nothing to findings on the screen",
     "ingest": "make a store from paired images, or from the default world",
@@ -42,6 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; gives its exit code: 0, 1 not so, 2 wrong request, 3 inconclusive, 70."""
     for name, value in _TORCH_ENVIRONMENT.items():
         os.environ.setdefault(name, value)
+    working_folder.distrust()
     arguments = _with_default_command(list(sys.argv[1:] if argv is None else argv))
     if not _usable(arguments):
         return 2

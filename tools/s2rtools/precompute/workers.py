@@ -12,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
+from s2rstore import working_folder
 from s2rstore.errors import S2RError
 from s2rtools.precompute.units import Unit
 
@@ -35,6 +36,7 @@ def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -
             compute(unit)
             yield unit
         return
+    working_folder.distrust()
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context, _start, (root, opener, threads)) as pool:
         futures = {pool.submit(_work, unit): unit for unit in units}
