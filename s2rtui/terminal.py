@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from codecs import IncrementalDecoder
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
@@ -90,15 +88,3 @@ def prepare_environment(terminal: Terminal) -> None:
         os.environ["NO_COLOR"] = "1"
     else:
         os.environ["TEXTUAL_COLOR_SYSTEM"] = names[terminal.mode]
-
-
-def accept_any_bytes() -> None:
-    """What is no UTF-8 becomes U+FFFD: Textual's reader of keys would end the application."""
-    from codecs import getincrementaldecoder
-
-    from textual.drivers import linux_driver
-
-    def lenient(encoding: str) -> partial[IncrementalDecoder]:
-        return partial(getincrementaldecoder(encoding), errors="replace")
-
-    vars(linux_driver)["getincrementaldecoder"] = lenient
