@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -24,10 +25,21 @@ class Served:
     port: int
     process: subprocess.Popen[str]
     data_home: Path
+    token: str
+
+    @property
+    def root(self) -> str:
+        return f"http://127.0.0.1:{self.port}/"
 
     @property
     def url(self) -> str:
-        return f"http://127.0.0.1:{self.port}/"
+        """The address of the page."""
+        return f"{self.root}?token={self.token}"
+
+    @property
+    def socket(self) -> str:
+        """The address of a session."""
+        return f"{self.root}ws/{self.token}"
 
     @property
     def applications(self) -> list[int]:
@@ -59,9 +71,10 @@ def serve(tiny_store: Path, tmp_path: Path) -> Iterator[StartServer]:
         process = subprocess.Popen(
             [*words, *options], stdout=subprocess.PIPE, text=True, env=environment
         )
-        started.append(Served(port, process, data_home))
         assert process.stdout is not None
         line = process.stdout.readline()
+        token = re.search(r"token=([\w-]+)", line)
+        started.append(Served(port, process, data_home, token[1] if token else ""))
         assert "tiny.s2r" in line, line
         assert wait_until(lambda: _listens(port))
         return started[-1]
