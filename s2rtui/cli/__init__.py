@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from s2rstore import working_folder
+from s2rtui.cli import interrupts, streams
 
 COMMANDS: dict[str, str] = {
     "demo": "the default world, or your images, from nothing to findings on the screen",
@@ -40,6 +41,7 @@ COMMANDS: dict[str, str] = {
 _TORCH_ENVIRONMENT = {"OMP_WAIT_POLICY": "PASSIVE", "GOMP_SPINCOUNT": "0"}
 
 
+@interrupts.ended_quietly
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; gives its exit code: 0, 1 not so, 2 wrong request, 3 inconclusive, 70."""
     for name, value in _TORCH_ENVIRONMENT.items():
@@ -48,6 +50,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _with_default_command(list(sys.argv[1:] if argv is None else argv))
     if not _usable(arguments):
         return 2
+    if argv is None:
+        interrupts.watch(next((word for word in arguments if word in COMMANDS), None))
     debug = "--debug" in arguments
     parser = _parser(arguments)
     options = parser.parse_args([word for word in arguments if word != "--debug"])
@@ -67,9 +71,9 @@ def _ended(code: int) -> int:
 
 def _usable(arguments: list[str]) -> bool:
     """Whether there is an output to write to and arguments that can be encoded."""
-    if sys.stdout is None or sys.stderr is None:
-        if sys.stderr is not None:
-            print("s2r: the standard output is closed", file=sys.stderr)
+    streams.fill_closed()
+    if sys.stdout is None:
+        print("s2r: the standard output is closed", file=sys.stderr)
         return False
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -114,7 +118,7 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
             module = importlib.import_module(f"s2rtui.cli.{name}_command")
             command.add_argument("--debug", action="store_true", help="show tracebacks")
             module.add_arguments(command)
-            command.set_defaults(execute=module.execute)
+            command.set_defaults(execute=module.execute, command=name)
     return parser
 
 
@@ -132,7 +136,7 @@ def _guarded(options: argparse.Namespace) -> int:
     from s2rstore.text import printable
 
     try:
-        return int(options.execute(options) or 0)
+        return int(interrupts.interruptible(options) or 0)
     except S2RError as error:
         if options.debug:
             raise
@@ -147,8 +151,8 @@ def _guarded(options: argparse.Namespace) -> int:
         )
         return 2
     except KeyboardInterrupt:
-        print("s2r: interrupted; finished work units are kept", file=sys.stderr)
-        return 130
+        interrupts.tell(options.command)
+        return interrupts.CODE
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from pathlib import Path
 
 from s2rstore import working_folder
@@ -39,7 +40,8 @@ def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -
     working_folder.distrust()
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context, _start, (root, opener, threads)) as pool:
-        futures = {pool.submit(_work, unit): unit for unit in units}
+        with _interrupts_blocked():
+            futures = {pool.submit(_work, unit): unit for unit in units}
         try:
             for future in as_completed(futures):
                 future.result()
@@ -50,9 +52,18 @@ def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -
             pool.shutdown(wait=True, cancel_futures=True)
 
 
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Processes that are started meanwhile do not hear ctrl+c, not even while they import."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _start(root: Path, opener: Opener, threads: int) -> None:
     global _compute
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     _die_with_parent()
     _compute = opener(root, threads)
 
