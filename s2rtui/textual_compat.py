@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from textual import events
-from textual._xterm_parser import XTermParser
+from textual._xterm_parser import BRACKETED_PASTE_END, XTermParser
 from textual.driver import Driver
 from textual.geometry import Size
 from textual.message import Message
@@ -29,26 +29,44 @@ if TYPE_CHECKING:
 
 _LONGEST_PASTE = 1 << 16
 """Characters; a terminal that begins a paste and does not end it would fill the memory."""
+_MOUSE = ("terminal_size", "terminal_pixel_size", "mouse_pixels")
+"""Attributes of Textual's parser: how the terminal's pixels become cells."""
 _BATCH = 128
 """Messages that are sent before the application is waited for."""
 
 
 class _BoundedParser(XTermParser):
-    """Forgets input that does not become a key, a paste or another event for too long.
+    """Drops a paste that is too long; Textual has no option for this and keeps all of it."""
 
-    Textual has no option for this, and keeps a paste until the terminal ends it.
-    """
-
-    _pending = 0
+    def __init__(self, debug: bool = False) -> None:
+        super().__init__(debug)
+        self._pending = 0
+        self._dropped: str | None = None
 
     def feed(self, data: str) -> Iterable[Message]:
+        """Events of what was read. Only a paste is long without becoming one."""
+        if self._dropped is not None:
+            data = self._after_paste(self._dropped + data)
         self._pending += len(data)
-        for message in super().feed(data):
+        for message in super().feed(data) if data or self._dropped is None else ():
             self._pending = 0
             yield message
         if self._pending > _LONGEST_PASTE:
-            self._pending = 0
-            XTermParser.__init__(self)
+            self._begin_anew()
+            self._dropped = data[-len(BRACKETED_PASTE_END) :]
+
+    def _after_paste(self, data: str) -> str:
+        """What follows the end of a paste that is dropped; empty where it goes on."""
+        _, end, rest = data.partition(BRACKETED_PASTE_END)
+        self._dropped = None if end else data[1 - len(BRACKETED_PASTE_END) :]
+        return rest
+
+    def _begin_anew(self) -> None:
+        """Forget the paste but not what is known of the terminal's mouse."""
+        known = {name: vars(self)[name] for name in _MOUSE}
+        XTermParser.__init__(self)
+        vars(self).update(known)
+        self._pending = 0
 
 
 class _BoundedDriver(Driver):

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from s2rtui.cli import main
-from tests.serve.conftest import StartServer
 from tests.support.processes import is_alive, wait_until
+from tests.support.serving import StartServer
 
 aiohttp = pytest.importorskip("aiohttp")
 

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from s2rstore import working_folder
@@ -40,9 +40,9 @@ def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -
     working_folder.distrust()
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context, _start, (root, opener, threads)) as pool:
-        with _interrupts_blocked():
-            futures = {pool.submit(_work, unit): unit for unit in units}
         try:
+            with _interrupts_deferred():
+                futures = {pool.submit(_work, unit): unit for unit in units}
             for future in as_completed(futures):
                 future.result()
                 yield futures[future]
@@ -53,13 +53,21 @@ def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -
 
 
 @contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Processes that are started meanwhile do not hear ctrl+c, not even while they import."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+def _interrupts_deferred() -> Iterator[None]:
+    """Hold back ctrl+c while processes are started; they never hear it, even while they import."""
+    came: list[int] = []
+    handler = signal.getsignal(signal.SIGINT)
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
+        with suppress(ValueError):  # not the main thread, which alone is interrupted
+            signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        with suppress(ValueError):
+            signal.signal(signal.SIGINT, handler)
+    if came:
+        raise KeyboardInterrupt
 
 
 def _start(root: Path, opener: Opener, threads: int) -> None:
