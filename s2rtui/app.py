@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
-import signal
 from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -13,6 +11,7 @@ from typing import ClassVar
 from textual import events
 from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
+from textual.driver import Driver
 from textual.geometry import Size
 from textual.screen import Screen
 
@@ -26,6 +25,7 @@ from s2rtui.arrivals import Arrivals
 from s2rtui.brushes import Brushes
 from s2rtui.canvas import ColourMode, Look
 from s2rtui.drawing import Drawing
+from s2rtui.ending import end_on_signals
 from s2rtui.feeds.feeding import Feeding
 from s2rtui.later import later
 from s2rtui.messages import Fed, Progressed
@@ -33,6 +33,7 @@ from s2rtui.papers import Papers
 from s2rtui.savings import Savings
 from s2rtui.session import Session, adjusting, sharing, showing
 from s2rtui.terminal import Terminal
+from s2rtui.textual_compat import bounded
 from s2rtui.themes import textual_theme
 from s2rtui.views import BY_NAME as VIEW_BY_NAME
 from s2rtui.views import VIEWS, Resources
@@ -89,6 +90,9 @@ class S2RApp(Brushes, Papers, Savings):
         self.terminal: Terminal | None = None
         self.wall: Wall | None = None
 
+    def get_driver_class(self) -> type[Driver]:
+        return bounded(super().get_driver_class())
+
     def compose(self) -> ComposeResult:
         yield Bar("status")
         views = [
@@ -113,9 +117,8 @@ class S2RApp(Brushes, Papers, Savings):
         self.call_after_refresh(self._feed)
         later(self, _FIRST_SCREEN, self._feed)  # a key may put another screen before the first
         self.set_interval(WATCH_SECONDS, self._watch)
-        for number in (signal.SIGTERM, signal.SIGHUP):
-            with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
-                asyncio.get_running_loop().add_signal_handler(number, self.exit)
+        if not self.is_headless:
+            end_on_signals(self.exit)
         if self.first_run:
             self.action_tour()
 

@@ -37,10 +37,11 @@ class Snapshot:
         rows = ("".join(segment.text for segment in line).rstrip() for line in self.lines)
         return "\n".join(rows) + "\n"
 
-    def png(self, look: Look) -> bytes:
+    def png(self, look: Look, size: tuple[int, int] | None = None) -> bytes:
+        """As PNG, in the upper left of `size` pixels where given."""
         from s2rtui.paint import paint_png
 
-        return paint_png(self.lines, theme=look.theme)
+        return paint_png(self.lines, theme=look.theme, size=size)
 
 
 def is_key(name: str) -> bool:
@@ -93,9 +94,10 @@ def snapshot(
 
 
 def screen_of(path: Path, state: State, size: tuple[int, int], look: Look) -> bytes:
-    """The screen of one state as PNG."""
-    shot = asyncio.run(_snapshot(path, size, (), look, state.run, state))
-    return shot.png(look)
+    """The screen of one state as PNG of `size` pixels: cells of 10 x 20, the rest is ground."""
+    cells = (size[0] // 10, size[1] // 20)
+    shot = asyncio.run(_snapshot(path, cells, (), look, state.run, state))
+    return shot.png(look, size)
 
 
 async def _snapshot(

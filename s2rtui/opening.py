@@ -12,9 +12,10 @@ from s2rtui import background, notebook
 from s2rtui.access import Access
 from s2rtui.app import S2RApp
 from s2rtui.canvas import ColourMode, Look
+from s2rtui.ending import terminal_mode
 from s2rtui.notebook import Notebook
 from s2rtui.session import Session
-from s2rtui.terminal import Terminal, accept_any_bytes
+from s2rtui.terminal import Terminal
 
 _PATIENCE = 0.3
 """Seconds that work in the background is given when the application is left."""
@@ -41,7 +42,7 @@ def run_app(
         from s2rtui.graphics.hanging import hang
 
         hang(app, terminal.graphics)
-    accept_any_bytes()
+    terminal_mode.remember()
     app.run(mouse=terminal.mode is not ColourMode.NONE)
     background.rest(_PATIENCE)
     with contextlib.suppress(OSError):  # the terminal may be gone

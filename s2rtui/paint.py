@@ -122,18 +122,18 @@ class _Page:
             self.fg[row, span], self.bg[row, span] = fg, bg
             self.lined[row, span] = underline
 
-    def picture(self) -> NDArray[np.uint8]:
-        """(rows * height, columns * width, 3)."""
-        rows, columns = self.index.shape
-        ink = np.stack(self.masks)[self.index].astype(np.int32)
-        if self.lined.any():
+    def row(self, number: int) -> NDArray[np.uint8]:
+        """(height, columns * width, 3) pixels of one row of cells."""
+        ink = np.stack([self.masks[index] for index in self.index[number]]).astype(np.int32)
+        lined = self.lined[number]
+        if lined.any():
             at = round(self.height * 0.88)
-            ink[self.lined, at : at + max(1, self.width // 9)] = 255
-        ink = ink.transpose(0, 2, 1, 3)[..., None]
-        low = self.bg.astype(np.int32)[:, None, :, None, :]
-        high = self.fg.astype(np.int32)[:, None, :, None, :]
+            ink[lined, at : at + max(1, self.width // 9)] = 255
+        ink = ink.transpose(1, 0, 2)[..., None]
+        low = self.bg[number].astype(np.int32)[None, :, None, :]
+        high = self.fg[number].astype(np.int32)[None, :, None, :]
         mixed = low + ((high - low) * ink + 127) // 255
-        return mixed.astype(np.uint8).reshape(rows * self.height, columns * self.width, 3)
+        return mixed.astype(np.uint8).reshape(self.height, -1, 3)
 
 
 def paint(
@@ -141,26 +141,26 @@ def paint(
     columns: int | None = None,
     theme: Theme = DARK,
     cell_width: int = 10,
+    size: tuple[int, int] | None = None,
 ) -> Image.Image:
     """Lines (Textual strips or lists of rich segments) as an RGB picture.
 
     A cell is `cell_width` x twice that in pixels; `theme` gives the colours where a style has
-    none; `columns` defaults to the longest line.
+    none; `columns` defaults to the longest line. `size` is that of the picture in pixels, where it
+    is not that of the cells: they stand in its upper left.
     """
     held = [list(line) for line in lines]
     if columns is None:
         columns = max((sum(part.cell_length for part in line) for line in held), default=1)
-    page = _Page(max(1, columns), max(1, len(held)), 2 * cell_width, cell_width, theme)
+    cells = max(1, columns), max(1, len(held))
+    page = _Page(*cells, 2 * cell_width, cell_width, theme)
+    whole = cells[0] * cell_width, cells[1] * 2 * cell_width
+    picture = Image.new("RGB", size or whole, theme.background)
     for row, line in enumerate(held):
         page.line(row, line)
-    return Image.fromarray(page.picture(), mode="RGB")
-
-
-def on_ground(picture: bytes, size: tuple[int, int], theme: Theme) -> bytes:
-    """A PNG in the upper left of another one of `size` pixels."""
-    page = Image.new("RGB", size, theme.background)
-    page.paste(Image.open(BytesIO(picture)), (0, 0))
-    return _png(page)
+    for row in range(cells[1]):  # one at a time: a large screen takes hundreds of MB as it is
+        picture.paste(Image.fromarray(page.row(row), mode="RGB"), (0, row * 2 * cell_width))
+    return picture
 
 
 def paint_png(
@@ -168,12 +168,10 @@ def paint_png(
     columns: int | None = None,
     theme: Theme = DARK,
     cell_width: int = 10,
+    size: tuple[int, int] | None = None,
 ) -> bytes:
     """`paint` as the bytes of a PNG."""
-    return _png(paint(lines, columns, theme, cell_width))
-
-
-def _png(picture: Image.Image) -> bytes:
+    picture = paint(lines, columns, theme, cell_width, size)
     stream = BytesIO()
     picture.save(stream, format="PNG", compress_level=6)
     return stream.getvalue()

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import IO, Any, Literal
 
 import s2rstore
-from s2rstore import locks
+from s2rstore import locks, working_folder
 from s2rstore.geometry.move import UNMOVED
 from s2rstore.records import SIDES, Side
 from s2rstore.sides import run_move
@@ -85,6 +85,7 @@ class Saving:
         self._changed = threading.Condition()
         self._left = False
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
+        working_folder.drop_empty_entries(os.environ)
         command = [sys.executable, "-P", "-m", "s2rtui", "precompute", str(root.absolute()),
                    "--run", run, "--progress", "json"]  # fmt: skip
         self._process = subprocess.Popen(

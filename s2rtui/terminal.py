@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import os
-import sys
-from codecs import IncrementalDecoder
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
@@ -17,6 +14,7 @@ if TYPE_CHECKING:
     from s2rtui.graphics.probe import Graphics
 
 COLOURS = ("auto", *(mode.value for mode in ColourMode))
+_STREAMS = (0, 1, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +67,12 @@ def refuse_unusable(
     environment: Mapping[str, str] | None = None,
     instead: str = "`s2r snapshot` writes the screen to a file",
 ) -> None:
-    """RequestError with the reason, and what to do instead, where no application can run."""
+    """RequestError with the reason, and what to do instead, where no application can run.
+
+    Keys come from standard input; the screen is drawn on standard error.
+    """
     env = os.environ if environment is None else environment
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if not all(os.isatty(number) for number in _STREAMS):
         raise RequestError(f"no terminal here; {instead}")
     if env.get("TERM", "") in ("dumb", ""):
         raise RequestError(
@@ -90,15 +91,3 @@ def prepare_environment(terminal: Terminal) -> None:
         os.environ["NO_COLOR"] = "1"
     else:
         os.environ["TEXTUAL_COLOR_SYSTEM"] = names[terminal.mode]
-
-
-def accept_any_bytes() -> None:
-    """What is no UTF-8 becomes U+FFFD: Textual's reader of keys would end the application."""
-    from codecs import getincrementaldecoder
-
-    from textual.drivers import linux_driver
-
-    def lenient(encoding: str) -> partial[IncrementalDecoder]:
-        return partial(getincrementaldecoder(encoding), errors="replace")
-
-    vars(linux_driver)["getincrementaldecoder"] = lenient

@@ -7,6 +7,8 @@ import os
 import signal
 import sys
 import termios
+import threading
+import time
 import tty
 from collections.abc import Callable, Iterable, MutableMapping
 from contextlib import suppress
@@ -17,6 +19,8 @@ from typing import Any
 from s2rtui.access.rights import Access
 
 WEB_DRIVER = "textual.drivers.web_driver:WebDriver"
+SERVER_VARIABLE = "S2R_SERVER"
+"""Names the process id of the server that started a session."""
 
 _PR_SET_PDEATHSIG = 1
 _DEVICES = ("/dev/null", "/dev/tty")
@@ -47,10 +51,32 @@ def clean_environment(environment: MutableMapping[str, str]) -> None:
         environment["TEXTUAL_DRIVER"] = WEB_DRIVER
 
 
-def end_with_parent() -> None:
-    """Have this process ended when its parent ends, however that happens (Linux)."""
-    with suppress(AttributeError, OSError):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+def end_with_parent(number: int = signal.SIGTERM, parent: int | None = None) -> None:
+    """Have this process ended by a signal when its parent ends, however that happens.
+
+    `parent` is the id of the process that started this one; where that has ended already, so does
+    this one. Linux does it in the kernel; elsewhere a thread looks every half second.
+    """
+    parent = os.getppid() if parent is None else parent
+    if sys.platform == "linux":
+        with suppress(AttributeError, OSError):
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
+    else:
+        threading.Thread(target=_watch, args=(parent, number), daemon=True).start()
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def server_id(environment: MutableMapping[str, str] | None = None) -> int | None:
+    """The process id of the server of a served session."""
+    told = (os.environ if environment is None else environment).get(SERVER_VARIABLE, "")
+    return int(told) if told.isdecimal() else None
+
+
+def _watch(parent: int, number: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os.kill(os.getpid(), number)
 
 
 def confine(access: Access) -> None:

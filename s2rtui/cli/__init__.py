@@ -11,6 +11,9 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
+from s2rstore import working_folder
+from s2rtui.cli import interrupts, streams
+
 COMMANDS: dict[str, str] = {
     "demo": "the default world, or your images, from nothing to findings on the screen",
     "ingest": "make a store from paired images, or from the default world",
@@ -39,13 +42,17 @@ COMMANDS: dict[str, str] = {
 _TORCH_ENVIRONMENT = {"OMP_WAIT_POLICY": "PASSIVE", "GOMP_SPINCOUNT": "0"}
 
 
+@interrupts.ended_quietly
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; gives its exit code: 0, 1 not so, 2 wrong request, 3 inconclusive, 70."""
     for name, value in _TORCH_ENVIRONMENT.items():
         os.environ.setdefault(name, value)
+    working_folder.distrust()
     arguments = _with_default_command(list(sys.argv[1:] if argv is None else argv))
     if not _usable(arguments):
         return 2
+    if argv is None:
+        interrupts.watch(next((word for word in arguments if word in COMMANDS), None))
     with _escaped_streams():
         code = _run(arguments)
     return code if argv is not None else _ended(code)
@@ -58,10 +65,10 @@ def _escaped_streams() -> Iterator[None]:
     """
     from s2rstore.text import escaping
 
-    with contextlib.ExitStack() as streams:
-        streams.enter_context(contextlib.redirect_stderr(escaping(sys.stderr)))
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(contextlib.redirect_stderr(escaping(sys.stderr)))
         if sys.stdout.isatty():
-            streams.enter_context(contextlib.redirect_stdout(escaping(sys.stdout)))
+            stack.enter_context(contextlib.redirect_stdout(escaping(sys.stdout)))
         yield
 
 
@@ -84,9 +91,9 @@ def _ended(code: int) -> int:
 
 def _usable(arguments: list[str]) -> bool:
     """Whether there is an output to write to and arguments that can be encoded."""
-    if sys.stdout is None or sys.stderr is None:
-        if sys.stderr is not None:
-            print("s2r: the standard output is closed", file=sys.stderr)
+    streams.fill_closed()
+    if sys.stdout is None:
+        print("s2r: the standard output is closed", file=sys.stderr)
         return False
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -133,7 +140,7 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
             module = importlib.import_module(f"s2rtui.cli.{name}_command")
             command.add_argument("--debug", action="store_true", help="show tracebacks")
             module.add_arguments(command)
-            command.set_defaults(execute=module.execute)
+            command.set_defaults(execute=module.execute, command=name)
     return parser
 
 
@@ -151,7 +158,7 @@ def _guarded(options: argparse.Namespace) -> int:
     from s2rstore.text import printable
 
     try:
-        code = int(options.execute(options) or 0)
+        code = int(interrupts.interruptible(options) or 0)
         sys.stdout.flush()
         return code
     except S2RError as error:
@@ -168,8 +175,8 @@ def _guarded(options: argparse.Namespace) -> int:
         )
         return 2
     except KeyboardInterrupt:
-        print("s2r: interrupted; finished work units are kept", file=sys.stderr)
-        return 130
+        interrupts.tell(options.command)
+        return interrupts.CODE
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0

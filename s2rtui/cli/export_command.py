@@ -61,19 +61,16 @@ def _size(text: str | None) -> Pixels | None:
 
     if text is None:
         return None
-    found = re.fullmatch(r"(\d{3,5})x(\d{3,5})", text)
+    found = re.fullmatch(r"([0-9]{3,5})x([0-9]{3,5})", text)
     if not found or not all(200 <= int(part) <= 8000 for part in found.groups()):
         raise RequestError(f"--size {text}: pixels from 200x200 to 8000x8000")
     return int(found[1]), int(found[2])
 
 
 def _screen(store: Path, wanted: Wanted, size: Pixels, theme: Theme) -> bytes:
-    """The application's screen in cells of 10 x 20 pixels; the rest is ground."""
     from s2rtui.canvas import Look
     from s2rtui.headless import screen_of
     from s2rtui.offstage import staged
-    from s2rtui.paint import on_ground
 
     with staged(store, wanted) as scene:
-        cells = (size[0] // 10, size[1] // 20)
-        return on_ground(screen_of(store, scene.state, cells, Look(theme)), size, theme)
+        return screen_of(store, scene.state, size, Look(theme))

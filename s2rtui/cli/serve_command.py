@@ -17,7 +17,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--users", type=int, default=8, help="pages at a time (default 8)")
     parser.add_argument(
         "--public", action="store_true",
-        help="allow other addresses than loopback: there is no password",
+        help="allow other addresses than loopback: whoever has the address with its token "
+        "reads the store, and nothing is encrypted",
     )  # fmt: skip
 
 
@@ -28,14 +29,14 @@ def execute(options: argparse.Namespace) -> int:
     _check(options)
     s2rstore.open(options.store).close()
     try:
-        from s2rtui.web.server import StoreServer
+        from s2rtui.web.server import Served, StoreServer
     except ModuleNotFoundError as error:
         raise RequestError(f"serve: {error.name} is missing; it {_INSTALL}") from error
     _prepare_environment()
     where = options.host, options.port
-    server = StoreServer(options.store, *where, options.users, options.public)
+    served = Served(options.store, *where, options.users, options.public)
     try:
-        server.serve()
+        StoreServer(served).serve()
     except OSError as error:
         told = f"{options.host}:{options.port}: cannot be listened on"
         raise RequestError(
@@ -53,7 +54,7 @@ def _check(options: argparse.Namespace) -> None:
         raise RequestError(f"--users {options.users}: at least 1")
     if not options.public and not _is_loopback(options.host):
         raise RequestError(
-            f"--host {options.host}: whoever reaches it could read the store, without a password; "
+            f"--host {options.host}: others could reach it, and nothing is encrypted; "
             "keep 127.0.0.1 and use `ssh -L`, or give --public where that is meant"
         )
 

@@ -24,9 +24,7 @@ def execute(options: argparse.Namespace) -> int:
     from s2rstore.errors import RequestError
     from s2rtui.canvas import DARK, LIGHT, ColourMode, Look
 
-    found = re.fullmatch(r"(\d{1,3})x(\d{1,3})", options.size)
-    if not found or int(found[1]) < 20 or int(found[2]) < 5:
-        raise RequestError(f"--size {options.size}: 20x5 .. 999x999 columns x rows, as 120x40")
+    size = _size(options.size)
     if options.out.suffix not in (".png", ".txt"):
         raise RequestError(f"--out {options.out}: must end in .png or .txt")
     try:
@@ -40,7 +38,17 @@ def execute(options: argparse.Namespace) -> int:
     unknown = [key for key in keys if not is_key(key)]
     if unknown:
         raise RequestError(f"--keys {unknown[0]}: no key; letters, or such as enter, right, tab")
-    shot = snapshot(options.store, (int(found[1]), int(found[2])), keys, look, options.run)
+    shot = snapshot(options.store, size, keys, look, options.run)
     content = shot.text.encode() if options.out.suffix == ".txt" else shot.png(look)
     output.write_file(options.out, content)
     return 0
+
+
+def _size(text: str) -> tuple[int, int]:
+    from s2rstore.errors import RequestError
+    from s2rtui.bounds import COLUMNS, ROWS
+
+    found = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text)
+    if not found or not (20 <= int(found[1]) <= COLUMNS and 5 <= int(found[2]) <= ROWS):
+        raise RequestError(f"--size {text}: 20x5 .. {COLUMNS}x{ROWS} columns x rows, as 120x40")
+    return int(found[1]), int(found[2])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.errors import RequestError
     from s2rtui.access import Access
-    from s2rtui.access.process import confine, end_with_parent, is_served
+    from s2rtui.access.process import confine, end_with_parent, is_served, server_id
     from s2rtui.terminal import detect, prepare_environment, refuse_unusable
 
     if options.graphics and options.ascii:
@@ -45,7 +46,7 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError("--history: a restricted session shows the store's own history only")
     if options.restricted:
         if is_served():
-            end_with_parent()
+            end_with_parent(signal.SIGKILL, server_id())
         else:
             refuse_unusable(instead=_FORCED)
         access = Access.of(options.store, restricted=True)

@@ -624,7 +624,7 @@ def test_the_screen_of_a_state_shows_its_nights(
     opened: list[Session] = []
     monkeypatch.setattr(headless, "S2RApp", lambda made, look: opened.append(made) or 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        headless.screen_of(store, session.state, (80, 24), Look())
+        headless.screen_of(store, session.state, (800, 480), Look())
     assert opened[0].state is session.state
     assert opened[0].store.in_use == {session.state.run}
     assert not opened[0].notice()

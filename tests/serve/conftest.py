@@ -1,38 +1,13 @@
-"""`s2r serve` as a process of its own."""
+"""Servers for the tests of this folder."""
 
 from __future__ import annotations
 
-import os
-import socket
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.support.processes import applications_below, wait_until
-
-StartServer = Callable[..., "Served"]
-
-
-@dataclass(frozen=True, slots=True)
-class Served:
-    """A running server."""
-
-    port: int
-    process: subprocess.Popen[str]
-    data_home: Path
-
-    @property
-    def url(self) -> str:
-        return f"http://127.0.0.1:{self.port}/"
-
-    @property
-    def applications(self) -> list[int]:
-        """Ids of the applications that it has opened."""
-        return applications_below(self.process.pid)
+from tests.support.serving import StartServer, servers
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -46,41 +21,5 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def serve(tiny_store: Path, tmp_path: Path) -> Iterator[StartServer]:
     """Starts servers of the tiny store; they end with the test."""
     pytest.importorskip("textual_serve")
-    started: list[Served] = []
-    data_home = tmp_path / "data"
-    (data_home / "s2rtui").mkdir(parents=True)
-    (data_home / "s2rtui" / "toured").touch()
-
-    def start(*options: str) -> Served:
-        port = _free_port()
-        words = [sys.executable, "-m", "s2rtui", "serve", str(tiny_store), "--port", str(port)]
-        path = os.pathsep.join(part for part in sys.path if part)
-        environment = {**os.environ, "PYTHONPATH": path, "XDG_DATA_HOME": str(data_home)}
-        process = subprocess.Popen(
-            [*words, *options], stdout=subprocess.PIPE, text=True, env=environment
-        )
-        started.append(Served(port, process, data_home))
-        assert process.stdout is not None
-        line = process.stdout.readline()
-        assert "tiny.s2r" in line, line
-        assert wait_until(lambda: _listens(port))
-        return started[-1]
-
-    yield start
-    for server in started:
-        server.process.terminate()
-        server.process.communicate(timeout=30)
-
-
-def _listens(port: int) -> bool:
-    try:
-        socket.create_connection(("127.0.0.1", port), 1).close()
-    except OSError:
-        return False
-    return True
-
-
-def _free_port() -> int:
-    with socket.socket() as held:
-        held.bind(("127.0.0.1", 0))
-        return int(held.getsockname()[1])
+    with servers(tiny_store, tmp_path / "data") as start:
+        yield start

@@ -8,8 +8,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.serve.conftest import StartServer
 from tests.support.processes import wait_until
+from tests.support.serving import StartServer
 
 pytest.importorskip("aiohttp")
 

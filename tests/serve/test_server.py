@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from s2rtui.cli import main
-from tests.serve.conftest import StartServer
 from tests.support.processes import is_alive, wait_until
+from tests.support.serving import StartServer
 
 aiohttp = pytest.importorskip("aiohttp")
 
@@ -30,7 +30,7 @@ async def test_the_page_names_the_store_and_no_other_machine(serve: StartServer)
     assert "<title>tiny.s2r</title>" in page
     assert re.findall(r"https?://[^\"' ]+", page) == []
     for file in re.findall(r'(?:href|src)="(static/[^"]+)"|url\("(static/[^"]+)"\)', page):
-        status, content = await _get_bytes(server.url + "".join(file))
+        status, content = await _get_bytes(server.root + "".join(file))
         assert status == 200
         assert len(content) > 1000
 
@@ -53,18 +53,18 @@ async def test_addresses_follow_the_one_that_was_asked(serve: StartServer) -> No
 )
 async def test_strangers_are_refused(serve: StartServer, headers: dict[str, str]) -> None:
     server = serve()
-    for path in ("", "ws"):
-        status, _ = await _get(server.url + path, **headers)
+    for url in (server.url, server.socket):
+        status, _ = await _get(url, **headers)
         assert status == 403
     assert server.applications == []
 
 
 async def test_more_pages_than_users_are_refused(serve: StartServer) -> None:
     server = serve("--users", "1")
-    async with aiohttp.ClientSession() as session, session.ws_connect(server.url + "ws") as first:
+    async with aiohttp.ClientSession() as session, session.ws_connect(server.socket) as first:
         assert await _received(first, b"of 40")
         with pytest.raises(aiohttp.WSServerHandshakeError):
-            await session.ws_connect(server.url + "ws")
+            await session.ws_connect(server.socket)
 
 
 async def _received(socket: Any, wanted: bytes) -> bool:
@@ -81,7 +81,7 @@ async def _received(socket: Any, wanted: bytes) -> bool:
 async def test_a_closed_page_ends_its_application(serve: StartServer) -> None:
     server = serve()
     async with aiohttp.ClientSession() as session:
-        async with session.ws_connect(server.url + "ws") as socket:
+        async with session.ws_connect(server.socket) as socket:
             assert await _received(socket, b"of 40")
             running = server.applications
             assert len(running) == 1
@@ -91,7 +91,7 @@ async def test_a_closed_page_ends_its_application(serve: StartServer) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="the kernel must tell of a parent's end")
 async def test_a_killed_server_leaves_nothing_running(serve: StartServer) -> None:
     server = serve()
-    async with aiohttp.ClientSession() as session, session.ws_connect(server.url + "ws") as socket:
+    async with aiohttp.ClientSession() as session, session.ws_connect(server.socket) as socket:
         assert await _received(socket, b"of 40")
         running = server.applications
         os.kill(server.process.pid, signal.SIGKILL)

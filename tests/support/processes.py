@@ -41,6 +41,14 @@ def proportional_bytes(pid: int) -> int:
     return 0
 
 
+def peak_bytes(pid: int) -> int:
+    """The most memory that a process has held at a time; 0 where it is gone."""
+    for line in _read(pid, "status").splitlines():
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) * 1024
+    return 0
+
+
 def processor_seconds(pid: int) -> float:
     """Processor time that a process has used."""
     fields = _read(pid, "stat").rpartition(")")[2].split()

@@ -108,6 +108,10 @@ class Screen:
     def resize(self, columns: int, rows: int) -> None:
         with self._changed:
             self._emulator.resize(rows, columns)
+        self.resize_terminal(columns, rows)
+
+    def resize_terminal(self, columns: int, rows: int) -> None:
+        """Only what the program is told, for sizes that the emulator cannot hold."""
         self._set_size((columns, rows))
         os.kill(self.pid, signal.SIGWINCH)
 

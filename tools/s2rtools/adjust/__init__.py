@@ -92,10 +92,9 @@ def parse(text: str) -> dict[str, list[dict[str, Any]]]:
     for step in rest.split(","):
         name, equals, number = step.strip().partition("=")
         adjustment = _known(name.strip())
-        if not equals and adjustment.needs_renderer:
-            raise RequestError(
-                f"--adjust {name}: needs a value, such as {name}={adjustment.step:g}"
-            )
+        if not equals and adjustment is not erase.BLACK:
+            such = adjustment.neutral + adjustment.step
+            raise RequestError(f"--adjust {text}: {name} needs a value, such as {name}={such:g}")
         try:
             value = float(number) if equals else adjustment.highest
         except ValueError:

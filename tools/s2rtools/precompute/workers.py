@@ -10,9 +10,11 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from pathlib import Path
 
+from s2rstore import working_folder
 from s2rstore.errors import RequestError
 from s2rtools.precompute.units import Unit
 
@@ -36,11 +38,13 @@ def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -
             compute(unit)
             yield unit
         return
+    working_folder.distrust()
     context = multiprocessing.get_context("spawn")
     _start_quiet_tracker()
     with ProcessPoolExecutor(workers, context, _start, (root, opener, threads)) as pool:
-        futures = {pool.submit(_work, unit): unit for unit in units}
         try:
+            with _interrupts_deferred():
+                futures = {pool.submit(_work, unit): unit for unit in units}
             for future in as_completed(futures):
                 future.result()
                 yield futures[future]
@@ -71,9 +75,26 @@ def _start_quiet_tracker() -> None:
             os.environ["PYTHONWARNINGS"] = before
 
 
+@contextmanager
+def _interrupts_deferred() -> Iterator[None]:
+    """Hold back ctrl+c while processes are started; they never hear it, even while they import."""
+    came: list[int] = []
+    handler = signal.getsignal(signal.SIGINT)
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        with suppress(ValueError):  # not the main thread, which alone is interrupted
+            signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        with suppress(ValueError):
+            signal.signal(signal.SIGINT, handler)
+    if came:
+        raise KeyboardInterrupt
+
+
 def _start(root: Path, opener: Opener, threads: int) -> None:
     global _compute
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     _die_with_parent()
     _compute = opener(root, threads)
 

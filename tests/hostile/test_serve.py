@@ -1,0 +1,286 @@
+"""`s2r serve` among hostile pages, requests and signals."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.support.processes import applications_below, is_alive, peak_bytes, wait_until
+from tests.support.serving import Served, StartServer, servers
+
+aiohttp = pytest.importorskip("aiohttp")
+pytest.importorskip("textual_serve")
+
+LIMIT = 600 << 20
+PROMPT = 2.0
+HUGE = 30_000
+
+
+@pytest.fixture
+def serve(tiny_store: Path, tmp_path: Path) -> Iterator[StartServer]:
+    with servers(tiny_store, tmp_path / "data") as start:
+        yield start
+
+
+def _asked(server: Served, target: str, *headers: str, method: str = "GET") -> tuple[int, str, str]:
+    """Status, head and body of the answer to a request as it is written here."""
+    lines = "".join(f"{line}\r\n" for line in (f"{method} {target} HTTP/1.1", *headers))
+    with socket.create_connection(("127.0.0.1", server.port), 10) as connection:
+        connection.sendall(f"{lines}Connection: close\r\n\r\n".encode("latin-1"))
+        answer = b""
+        while piece := connection.recv(1 << 16):
+            answer += piece
+    head, _, body = answer.decode("latin-1").partition("\r\n\r\n")
+    return int(head.split()[1]), head, body
+
+
+def test_hosts_are_parsed_strictly(serve: StartServer) -> None:
+    server = serve()
+    page = f"/?token={server.token}"
+    for host in ("127.0.0.1", "localhost", "localhost:9999", "[::1]", f"127.0.0.1:{server.port}"):
+        assert _asked(server, page, f"Host: {host}")[0] == 200, host
+    for host in ("evil@127.0.0.1", "evil.example", "127.0.0.1.evil.example", "localhost.", "[::2]"):
+        assert _asked(server, page, f"Host: {host}")[0] == 403, host
+    for host in ("[::1", "[::1]x", "localhost:", "localhost:99999", "user:word@localhost:1", ""):
+        assert _asked(server, page, f"Host: {host}")[0] == 400, host
+    assert _asked(server, page)[0] == 400
+    assert _asked(server, page, "Host: localhost", "Host: localhost")[0] == 400
+
+
+def test_pages_of_other_sites_are_refused(serve: StartServer) -> None:
+    server = serve()
+    page = f"/?token={server.token}"
+    for origin in ("null", "https://localhost", "http://localhost:1", "http://evil.example", "x"):
+        status, _, _ = _asked(server, page, "Host: localhost", f"Origin: {origin}")
+        assert status == 403, origin
+    assert _asked(server, page, "Host: localhost", "Origin: http://localhost")[0] == 200
+
+
+def test_without_the_token_nothing_opens(serve: StartServer) -> None:
+    server, other = serve(), serve()
+    assert len(server.token) >= 32
+    assert server.token != other.token
+    for target in ("/", "/?token=", f"/?token={other.token}", "/ws", "/ws/x", "/ws?token=%ff%00"):
+        status, _, body = _asked(server, target, "Host: localhost")
+        assert status == 403, target
+        assert body.count("\n") == 1
+        assert "the whole address that `s2r serve` printed" in body
+    assert server.applications == []
+
+
+def test_only_the_page_and_its_own_files_are_served(serve: StartServer) -> None:
+    server = serve()
+    static = (
+        "",
+        "/",
+        "/js",
+        "/js/",
+        "/images/background.png",
+        "/../server.py",
+        "/%2e%2e/server.py",
+    )
+    for target in (*(f"/static{rest}" for rest in static), "/download/x", "/x"):
+        assert _asked(server, target, "Host: localhost")[0] == 404, target
+    assert _asked(server, "/", "Host: localhost", method="POST")[0] == 405
+    page = _asked(server, f"/?token={server.token}", "Host: localhost")
+    assert page[0] == 200
+    others = (_asked(server, target, "Host: localhost") for target in ("/page.js", "/x"))
+    for _, head, _ in (page, *others):
+        assert "X-Content-Type-Options: nosniff" in head
+        assert "Referrer-Policy: no-referrer" in head
+        assert "Content-Security-Policy: default-src 'none'" in head
+        assert "Cache-Control: no-store" in head
+        assert "aiohttp" not in head
+
+
+def test_oversized_requests_are_refused_in_silence(serve: StartServer) -> None:
+    server = serve()
+    assert _asked(server, "/" + "a" * 50_000, "Host: localhost")[0] == 400
+    many = [f"X-{number}: 1" for number in range(2000)]
+    assert _asked(server, "/", "Host: localhost", *many)[0] == 400
+    assert is_alive(server.process.pid)
+
+
+async def _opened(session: Any, server: Served, size: str = "?width=80&height=24") -> Any:
+    """A page's socket, once its session draws."""
+    page = await session.ws_connect(server.socket + size, max_msg_size=1 << 27)
+    message = await page.receive(60)
+    assert message.type is aiohttp.WSMsgType.BINARY
+    return page
+
+
+async def _becomes(holds: Callable[[], bool]) -> bool:
+    """Whether something comes true in time, while this side of the connections goes on."""
+    return await asyncio.to_thread(wait_until, holds, 2 * PROMPT)
+
+
+async def _closed(page: Any, patience: float = 30) -> int | None:
+    """The code that a page is closed with."""
+    limit = time.monotonic() + patience
+    while time.monotonic() < limit:
+        message = await page.receive(patience)
+        if message.type in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED):
+            return int(page.close_code)
+    return None
+
+
+async def _heard(page: Any, wanted: str) -> bool:
+    """Whether a text arrives."""
+    async for message in page:
+        if message.type is aiohttp.WSMsgType.TEXT and wanted in message.data:
+            return True
+    return False
+
+
+MALFORMED = [
+    "{}", "[]", "[1]", '["stdin", 1]', '["stdin"]', '["resize", {"width": "a"}]', '["unknown"]',
+    '["resize", {"width": true, "height": 1}]', '["resize", {"width": -1, "height": 1}]',
+    '["resize", {"width": 1e400, "height": 1}]', '["ping", {"a": 1}]', "9" * 5000,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", MALFORMED)
+def test_malformed_messages_mean_nothing(text: str) -> None:
+    from s2rtui.web.protocol import MessageError, read_message
+
+    with pytest.raises(MessageError):
+        read_message(text)
+
+
+async def test_a_malformed_message_ends_its_own_session_only(serve: StartServer) -> None:
+    server = serve()
+    malformed = ("no JSON", '["stdin", 1]', "[" * 60_000, b"binary")
+    async with aiohttp.ClientSession() as session:
+        kept = await _opened(session, server)
+        (running,) = server.applications
+        for message in malformed:
+            page = await session.ws_connect(server.socket)
+            send = page.send_bytes if isinstance(message, bytes) else page.send_str
+            await send(message)
+            assert await _closed(page) == aiohttp.WSCloseCode.POLICY_VIOLATION, message
+        page = await session.ws_connect(server.socket)
+        await page.send_str(json.dumps(["stdin", "x" * (1 << 18)]))
+        assert await _closed(page) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
+        await kept.send_str('["stdin", "\\ud800\\u0000"]')
+        await kept.send_str('["ping", "still here"]')
+        assert await _heard(kept, "still here")
+        assert await _becomes(lambda: server.applications == [running])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+async def test_a_page_of_any_size_takes_little_memory(serve: StartServer) -> None:
+    server = serve()
+    async with aiohttp.ClientSession() as session:
+        await _opened(session, server, f"?width={HUGE}&height={HUGE}")
+        page = await _opened(session, server)
+        await page.send_str(json.dumps(["resize", {"width": HUGE, "height": HUGE}]))
+        drawn = 0
+        while drawn < 1 << 18:  # a whole large screen
+            message = await page.receive(60)
+            assert message.type is aiohttp.WSMsgType.BINARY
+            drawn += len(message.data)
+        assert len(server.applications) == 2
+        for pid in (*server.applications, server.process.pid):
+            assert 0 < peak_bytes(pid) < LIMIT
+        server.process.terminate()
+        began = time.monotonic()
+        assert await asyncio.to_thread(server.process.wait, 30) == 0
+        assert time.monotonic() - began < 2 * PROMPT
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+async def test_a_flood_of_keys_takes_little_memory_and_leaves_others_alone(
+    serve: StartServer,
+) -> None:
+    server = serve()
+    async with aiohttp.ClientSession() as session:
+        kept, flooding = await _opened(session, server), await _opened(session, server)
+        keys = json.dumps(["stdin", "w&c" * 20_000])
+        paste = json.dumps(["stdin", "\x1b[200~" + "x" * 60_000])
+        for _ in range(300):
+            await asyncio.wait_for(flooding.send_str(keys), 60)
+            await asyncio.wait_for(flooding.send_str(paste), 60)
+        await kept.send_str('["ping", "still here"]')
+        assert await asyncio.wait_for(_heard(kept, "still here"), 60)
+        for pid in (*server.applications, server.process.pid):
+            assert 0 < peak_bytes(pid) < LIMIT
+        flooding._response.connection.transport.abort()
+        assert await _becomes(lambda: len(server.applications) == 1)
+
+
+async def test_no_race_lets_in_more_pages_than_users(serve: StartServer) -> None:
+    server = serve("--users", "2")
+    async with aiohttp.ClientSession() as session:
+        tries = [session.ws_connect(server.socket) for _ in range(12)]
+        pages = await asyncio.gather(*tries, return_exceptions=True)
+        refused = [page for page in pages if isinstance(page, aiohttp.WSServerHandshakeError)]
+        assert [error.status for error in refused] == [503] * 10
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel must tell of a parent's end")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL, signal.SIGINT])
+async def test_sessions_end_with_the_server_however_busy_they_are(
+    serve: StartServer, number: int
+) -> None:
+    server = serve("--users", "3")
+    async with aiohttp.ClientSession() as session:
+        busy, stopped = await _opened(session, server), await _opened(session, server)
+        await session.ws_connect(server.socket)  # just begun
+        running = server.applications
+        assert len(running) >= 2
+        await busy.send_str(json.dumps(["resize", {"width": 1000, "height": 500}]))
+        os.kill(running[0], signal.SIGSTOP)  # as one that hears nothing
+        began = time.monotonic()
+        os.kill(server.process.pid, number)
+        await asyncio.to_thread(server.process.wait, 30)
+        assert await _becomes(lambda: not any(is_alive(pid) for pid in running))
+        assert time.monotonic() - began < 2 * PROMPT
+        assert not stopped.closed
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel must tell of a parent's end")
+def test_a_session_whose_server_is_gone_already_does_not_begin(tiny_store: Path) -> None:
+    path = os.pathsep.join(part for part in sys.path if part)
+    driver = "textual.drivers.web_driver:WebDriver"
+    served = {"TEXTUAL_DRIVER": driver, "S2R_SERVER": "1", "PYTHONPATH": path}
+    words = [sys.executable, "-P", "-m", "s2rtui", "tui", "--restricted", str(tiny_store)]
+    session = subprocess.Popen(
+        words, env={**os.environ, **served}, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    try:
+        drawn, _ = session.communicate(timeout=30) if _ends(session) else (b"still running", b"")
+        assert drawn == b""
+    finally:
+        session.kill()
+        session.communicate()
+
+
+def _ends(process: subprocess.Popen[bytes]) -> bool:
+    return wait_until(lambda: process.poll() is not None, 10)
+
+
+async def test_a_page_that_reads_nothing_ends_with_its_connection(serve: StartServer) -> None:
+    server = serve()
+    path = re.sub(r"^http://[^/]*", "", server.socket)
+    key = "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA=="
+    with socket.create_connection(("127.0.0.1", server.port)) as page:
+        page.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        head = f"GET {path}?width=900&height=400 HTTP/1.1\r\nHost: localhost\r\n"
+        upgrade = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+        page.sendall(f"{head}{upgrade}{key}\r\n\r\n".encode())
+        assert b"101" in page.recv(64)
+        assert wait_until(lambda: len(applications_below(server.process.pid)) == 1)
+        running = server.applications
+    assert wait_until(lambda: not is_alive(running[0]), 2 * PROMPT)

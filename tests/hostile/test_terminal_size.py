@@ -1,0 +1,164 @@
+"""A terminal of any size, and any input from it, takes bounded memory, and SIGTERM ends it."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from s2rtui.cli import main
+from tests.support.processes import peak_bytes, wait_until
+from tests.support.screen import Screen
+
+LIMIT = 600 << 20
+PROMPT = 2.0
+OpenScreen = Callable[..., Screen]
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+
+
+@pytest.fixture
+def command(tiny_store: Path) -> list[str]:
+    return [sys.executable, "-P", "-m", "s2rtui", "tui", "--restricted", str(tiny_store)]
+
+
+@pytest.fixture
+def open_screen(command: list[str], tmp_path: Path) -> Iterator[OpenScreen]:
+    """Applications on terminals whose bytes are only kept; no tour is shown."""
+    opened: list[Screen] = []
+    (tmp_path / "data" / "s2rtui").mkdir(parents=True)
+    (tmp_path / "data" / "s2rtui" / "toured").touch()
+    path = os.pathsep.join(part for part in sys.path if part)
+    environment = {"PYTHONPATH": path, "XDG_DATA_HOME": str(tmp_path / "data")}
+
+    def start(columns: int, rows: int, **more: str) -> Screen:
+        opened.append(Screen(command, (80, 24), {**environment, **more}, draws=False))
+        opened[-1].resize_terminal(columns, rows)
+        return opened[-1]
+
+    yield start
+    for screen in opened:
+        screen.kill()
+        screen.close()
+
+
+def _ends_promptly(screen: Screen) -> bool:
+    began = time.monotonic()
+    with suppress(ProcessLookupError):
+        os.kill(screen.pid, signal.SIGTERM)
+    screen.wait_for_end(30)
+    return time.monotonic() - began < 2 * PROMPT
+
+
+def _drawn(screen: Screen, size: int) -> bool:
+    return screen.wait_for_bytes(size, 60)
+
+
+def test_the_largest_terminal(open_screen: OpenScreen) -> None:
+    screen = open_screen(65_535, 65_535)
+    assert _drawn(screen, 1 << 18)
+    assert peak_bytes(screen.pid) < LIMIT
+    assert _ends_promptly(screen)
+
+
+def test_a_size_that_the_environment_names(open_screen: OpenScreen) -> None:
+    screen = open_screen(80, 24, COLUMNS="100000", LINES="100000")
+    assert _drawn(screen, 1 << 18)
+    assert peak_bytes(screen.pid) < LIMIT
+    assert _ends_promptly(screen)
+
+
+def test_a_size_that_the_terminal_reports_in_its_input(open_screen: OpenScreen) -> None:
+    screen = open_screen(80, 24)
+    assert _drawn(screen, 4000)
+    screen.press("\x1b[?2048;2$y")
+    screen.press("\x1b[48;50000;50000;9;9t")
+    assert _drawn(screen, 1 << 18)
+    assert peak_bytes(screen.pid) < LIMIT
+    assert _ends_promptly(screen)
+
+
+def test_a_paste_without_an_end(open_screen: OpenScreen) -> None:
+    screen = open_screen(80, 24)
+    assert _drawn(screen, 4000)
+    screen.press("\x1b[200~")
+    for _ in range(300):
+        screen.press(b"x" * 4000)
+    screen.press("\x1b[201~?")
+    before = screen.received
+    assert screen.wait_for_bytes(before, 60)
+    assert peak_bytes(screen.pid) < LIMIT
+    assert _ends_promptly(screen)
+
+
+def test_a_terminal_that_takes_no_output(command: list[str], tmp_path: Path) -> None:
+    """Its buffer is full, and the event loop waits for it."""
+    primary, secondary = os.openpty()
+    path = os.pathsep.join(part for part in sys.path if part)
+    names = {"PYTHONPATH": path, "XDG_DATA_HOME": str(tmp_path), "TERM": "xterm-256color"}
+    size = {"COLUMNS": "400", "LINES": "200"}
+    process = subprocess.Popen(
+        command, stdin=secondary, stdout=secondary, stderr=secondary,
+        env={**os.environ, **names, **size},
+    )  # fmt: skip
+    try:
+        assert wait_until(lambda: _waiting(primary) >= 2048, 60)
+        began = time.monotonic()
+        process.terminate()
+        process.wait(30)
+        assert time.monotonic() - began < 2 * PROMPT
+    finally:
+        process.kill()
+        process.wait()
+        os.close(primary)
+        os.close(secondary)
+
+
+def _waiting(primary: int) -> int:
+    """Bytes in the buffer of a terminal."""
+    return int(struct.unpack("i", fcntl.ioctl(primary, termios.FIONREAD, bytes(4)))[0])
+
+
+@pytest.mark.parametrize("size", ["100000x100000", "1001x500", "1000x501", "9x9", "0x0", "٣٠x٣٠"])
+def test_sizes_of_snapshots_are_bounded(
+    tiny_store: Path, tmp_path: Path, size: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.png"
+    assert main(["snapshot", str(tiny_store), "--size", size, "--out", str(out)]) == 2
+    assert "20x5 .. 1000x500" in capsys.readouterr().err
+    words = ["export", str(tiny_store), "--view", "map", "--size", size, "--out", str(out)]
+    if size in ("100000x100000", "9x9", "0x0"):
+        assert main(words) == 2
+        assert "8000x8000" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("snapshot", "--size", "1000x500"), ("export", "--view", "workbench", "--size", "8000x8000")],
+)
+def test_the_largest_pictures_take_bounded_memory(
+    tiny_store: Path, tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    command, *options = words
+    path = os.pathsep.join(part for part in sys.path if part)
+    program = [sys.executable, "-P", "-m", "s2rtui", command, str(tiny_store), *options]
+    out = tmp_path / "out.png"
+    process = subprocess.Popen(
+        [*program, "--out", str(out)], env={**os.environ, "PYTHONPATH": path}
+    )
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0
+    assert usage.ru_maxrss * 1024 < LIMIT
+    assert out.stat().st_size > 10_000

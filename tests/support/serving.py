@@ -1,0 +1,92 @@
+"""`s2r serve` as a process of its own."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.support.processes import applications_below, wait_until
+
+StartServer = Callable[..., "Served"]
+
+
+@dataclass(frozen=True, slots=True)
+class Served:
+    """A running server."""
+
+    port: int
+    process: subprocess.Popen[str]
+    data_home: Path
+    token: str
+
+    @property
+    def root(self) -> str:
+        return f"http://127.0.0.1:{self.port}/"
+
+    @property
+    def url(self) -> str:
+        """The address of the page."""
+        return f"{self.root}?token={self.token}"
+
+    @property
+    def socket(self) -> str:
+        """The address of a session."""
+        return f"{self.root}ws/{self.token}".rstrip("/")
+
+    @property
+    def applications(self) -> list[int]:
+        """Ids of the applications that it has opened."""
+        return applications_below(self.process.pid)
+
+
+@contextmanager
+def servers(store: Path, data_home: Path) -> Iterator[StartServer]:
+    """Starts servers of a store, in the folder `cwd` if given; they end with the context."""
+    started: list[Served] = []
+    (data_home / "s2rtui").mkdir(parents=True)
+    (data_home / "s2rtui" / "toured").touch()
+
+    def start(*options: str, cwd: Path | None = None) -> Served:
+        port = _free_port()
+        words = [sys.executable, "-P", "-m", "s2rtui", "serve", str(store), "--port", str(port)]
+        path = os.pathsep.join(part for part in sys.path if part)
+        environment = {**os.environ, "PYTHONPATH": path, "XDG_DATA_HOME": str(data_home)}
+        environment.pop("PYTHONSAFEPATH", None)
+        process = subprocess.Popen(
+            [*words, *options], stdout=subprocess.PIPE, text=True, env=environment, cwd=cwd
+        )
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        token = re.search(r"token=([\w-]+)", line)
+        started.append(Served(port, process, data_home, token[1] if token else ""))
+        assert store.name in line, line
+        assert wait_until(lambda: _listens(port))
+        return started[-1]
+
+    try:
+        yield start
+    finally:
+        for server in started:
+            server.process.terminate()
+            server.process.communicate(timeout=30)
+
+
+def _listens(port: int) -> bool:
+    try:
+        socket.create_connection(("127.0.0.1", port), 1).close()
+    except OSError:
+        return False
+    return True
+
+
+def _free_port() -> int:
+    with socket.socket() as held:
+        held.bind(("127.0.0.1", 0))
+        return int(held.getsockname()[1])
