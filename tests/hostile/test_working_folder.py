@@ -124,15 +124,14 @@ def test_figures_do_not_follow_its_matplotlibrc(
         words = ("--view", "rooms", "--size", "400x300", "--out", str(picture))
         done = hostile.command(program, "export", str(tiny_store), *words)
         assert (done.returncode, done.stderr) == (0, "")
-        settings = "axes.edgecolor: red\nxtick.color: red\naxes.linewidth: 5\n"
-        (hostile.folder / "matplotlibrc").write_text(settings)
+        (hostile.folder / "matplotlibrc").write_text("text.usetex: True\naxes.linewidth: 5\n")
     assert pictures[0].read_bytes() == pictures[1].read_bytes()
 
 
 def test_compiled_code_does_not_follow_its_numba_settings(
     hostile: Hostile, program: Path, tmp_path: Path
 ) -> None:
-    (hostile.folder / ".numba_config.yaml").write_text("opt: hostile\n")
+    (hostile.folder / ".numba_config.yaml").write_text("opt: [\n")
     words = ("world", "--instances", "2", "--size", "16", "--store", str(tmp_path / "w.s2r"))
     done = hostile.command(program, "ingest", *words)
     assert done.returncode == 0, done.stderr
