@@ -65,7 +65,8 @@ class _BoundedParser(XTermParser):
         """Forget the paste but not what is known of the terminal's mouse."""
         known = {name: vars(self)[name] for name in _MOUSE}
         XTermParser.__init__(self)
-        vars(self).update(known)
+        for name, value in known.items():
+            setattr(self, name, value)
         self._pending = 0
 
 

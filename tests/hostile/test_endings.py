@@ -104,7 +104,7 @@ def _started(*words: str) -> subprocess.Popen[str]:
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @pytest.mark.parametrize("query", [_LONG, _LONG_CHUNK])
 def test_ctrl_c_ends_a_query(tiny_store: Path, query: str) -> None:
-    process = _started("sql", str(tiny_store), query)
+    process = _started("sql", str(tiny_store), "--memory", "4GB", query)
     assert wait_until(lambda: processor_seconds(process.pid) > 2, 60)
     os.killpg(process.pid, signal.SIGINT)
     out, told = process.communicate(timeout=20)
