@@ -97,7 +97,10 @@ def _png_chunks(content: bytes, check: bool) -> Iterator[tuple[bytes, int]]:
         end = at + 12 + length
         if end > len(content):
             return
-        if check and zlib.crc32(view[at + 4 : end - 4]) != struct.unpack_from(">I", view, end - 4)[0]:
+        if (
+            check
+            and zlib.crc32(view[at + 4 : end - 4]) != struct.unpack_from(">I", view, end - 4)[0]
+        ):
             raise ValueError(f"chunk {kind.decode('ascii', 'replace')} does not fit its checksum")
         yield kind, at
         if kind == b"IEND":
@@ -222,7 +225,8 @@ def _pnm(content: bytes) -> ImageHeader:
 
 def _pnm_fields(content: bytes) -> tuple[int, int, int, int]:
     """Width, height, highest value and the first byte of the pixels."""
-    at, fields = 2, []
+    at = 2
+    fields: list[int] = []
     head = content[:4096]
     while len(fields) < 3:
         while head[at : at + 1].isspace():

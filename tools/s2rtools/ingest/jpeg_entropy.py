@@ -9,6 +9,7 @@ Source: ITU-T T.81, annexes B, F and G.
 
 from __future__ import annotations
 
+import math
 import struct
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -90,11 +91,10 @@ def _declare(frame: _Frame, marker: int, segment: bytes) -> None:
         while segment:
             wide, number = segment[0] >> 4, segment[0] & 15
             size = 128 if wide else 64
-            kind = ">u2" if wide else "u1"
-            table = np.frombuffer(segment[1 : 1 + size], dtype=kind)
-            if table.size != 64:
+            steps = np.frombuffer(segment[1 : 1 + size], dtype=">u2" if wide else "u1")
+            if steps.size != 64:
                 raise IndexError
-            frame.quantisation[number] = table.astype(np.float64)
+            frame.quantisation[number] = steps.astype(np.float64)
             segment = segment[1 + size :]
     elif marker == 0xC4:
         while segment:
@@ -149,9 +149,7 @@ def _scan(data: NDArray[np.uint8], at: int, frame: _Frame, segment: bytes) -> in
     parts = [frame.components[name] for name in names]
     units, order = _units(frame, parts)
     nothing = np.zeros(1 << 16, dtype=np.uint16)
-    codes = [
-        frame.codes[table >> 4] if first == 0 and not before else nothing for table in tables
-    ]
+    codes = [frame.codes[table >> 4] if first == 0 and not before else nothing for table in tables]
     codes += [frame.codes[16 | table & 15] if last else nothing for table in tables]
     scales = np.stack([frame.quantisation[part.table] for part in parts])
     seen = np.zeros(0, dtype=np.uint8)
@@ -174,16 +172,20 @@ def _units(frame: _Frame, parts: list[_Component]) -> tuple[int, NDArray[np.int6
     tallest = max(part.down for part in frame.components.values())
     if len(parts) == 1:
         part = parts[0]
-        across = -(-(-(-frame.width * part.across // widest)) // 8)
-        down = -(-(-(-frame.height * part.down // tallest)) // 8)
+        across = _blocks(math.ceil(frame.width * part.across / widest))
+        down = _blocks(math.ceil(frame.height * part.down / tallest))
         return across * down, np.zeros(1, dtype=np.int64)
-    units = -(-frame.width // (8 * widest)) * -(-frame.height // (8 * tallest))
+    units = math.ceil(frame.width / (8 * widest)) * math.ceil(frame.height / (8 * tallest))
     order = [number for number, part in enumerate(parts) for _ in range(part.across * part.down)]
     return units, np.array(order, dtype=np.int64)
 
 
+def _blocks(pixels: int) -> int:
+    return math.ceil(pixels / 8)
+
+
 @njit(cache=True, nogil=True)
-def _fill(data, at, buffer, bits):  # type: ignore[no-untyped-def]
+def _fill(data, at, buffer, bits):
     """Take whole bytes until more than 48 bits wait or a marker comes."""
     while bits <= 48 and at < data.size:
         value = data[at]
@@ -198,7 +200,7 @@ def _fill(data, at, buffer, bits):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _next_code(table, buffer, bits):  # type: ignore[no-untyped-def]
+def _next_code(table, buffer, bits):
     """Length times 256 plus symbol of the code that comes next; 0 = none."""
     if bits >= 16:
         window = buffer >> np.uint64(bits - 16)
@@ -209,14 +211,14 @@ def _next_code(table, buffer, bits):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _take(buffer, bits, count):  # type: ignore[no-untyped-def]
+def _take(buffer, bits, count):
     """The next `count` <= 16 bits as a number."""
     mask = (np.uint64(1) << np.uint64(count)) - np.uint64(1)
     return np.int64((buffer >> np.uint64(bits - count)) & mask)
 
 
 @njit(cache=True, nogil=True)
-def _walk(data, at, codes, scales, order, units, restart, band, seen):  # type: ignore[no-untyped-def]
+def _walk(data, at, codes, scales, order, units, restart, band, seen):
     """Follow all codes of a scan. `codes` holds the DC tables of its components, then the AC ones;
     `band` is first and last coefficient, previous and present bit shift. Gives the reason (0 =
     whole) and the position of the marker behind the scan.
