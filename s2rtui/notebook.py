@@ -7,7 +7,6 @@ entries that cannot be read are left as they are.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.input_files import read_json
 from s2rstore.language import ExpressionError, Node, parse
 from s2rstore.language.nodes import Ids, Saved, leaves
 from s2rstore.language.text import quoted
@@ -186,15 +186,11 @@ class Notebook:
 
     def _read(self) -> Notes:
         try:
-            content = json.loads(self.path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            return Notes()
-        except OSError as error:
-            told = f"{self.path}: cannot be read ({error.strerror}); move it away"
-            raise RequestError(told) from error
-        except (ValueError, RecursionError) as error:
-            told = f"{self.path}: is no JSON ({error}); mend it, or move it away"
-            raise RequestError(told) from error
+            if not self.path.exists():
+                return Notes()
+            content = read_json(self.path)
+        except (OSError, RequestError) as error:
+            raise RequestError(f"{error}; mend it, or move it away") from error
         if not pages.is_notebook(content, self._hash):
             raise RequestError(f"{self.path}: is no notebook of this data set; move it away")
         return Notes(*pages.read(content))

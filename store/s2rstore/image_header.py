@@ -11,9 +11,16 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
+
+from s2rstore.errors import RequestError
+from s2rstore.input_files import read_bytes
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 JPEG_MAGIC = b"\xff\xd8\xff"
+MOST_PLAN_PIXELS = 1 << 22
+"""Pixels of a store's floor plan; ingest writes at most 1056 x 1056."""
+MOST_PLAN_BYTES = 32 << 20
 _MOST_SIDE = 100_000
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 _TIFF_CODECS = {1: "none", 5: "LZW", 8: "deflate", 32773: "PackBits", 32946: "deflate"}
@@ -58,6 +65,24 @@ def read_header(content: bytes) -> ImageHeader:
                 raise ValueError(f"its header declares {found.width}x{found.height} pixels")
             return found
     raise ValueError("no PNG, JPEG, TIFF, WebP, BMP, PGM or PPM image")
+
+
+def floor_plan_bytes(path: Path) -> bytes:
+    """The content of a store's floor plan, a whole PNG of a size that can be shown.
+
+    Raises RequestError, before anything is decoded.
+    """
+    content = read_bytes(path, MOST_PLAN_BYTES)
+    try:
+        header = read_header(content)
+        if header.format != "PNG":
+            raise ValueError(f"a {header.format} image, not PNG")
+        if header.pixels > MOST_PLAN_PIXELS:
+            raise ValueError(f"{header.width}x{header.height} pixels are too many")
+        check_integrity(content, header)
+    except ValueError as error:
+        raise RequestError(f"{path}: the floor plan is damaged ({error})") from error
+    return content
 
 
 def check_integrity(content: bytes, header: ImageHeader) -> None:

@@ -126,6 +126,14 @@ def parse_json(text: str | bytes, where: str) -> Any:
         raise RequestError(f"{where}: no JSON ({_reason(error)})") from error
 
 
+def parse_object(text: str | bytes, where: str) -> dict[str, Any]:
+    """The same for a text that must be a JSON object."""
+    found = parse_json(text, where)
+    if not isinstance(found, dict):
+        raise RequestError(f"{where}: no JSON object")
+    return found
+
+
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     made = dict(pairs)
     if len(made) < len(pairs):

@@ -104,7 +104,7 @@ class Ledger:
 def _parsed(line: bytes) -> Entry | None:
     try:
         return Entry(**json.loads(line))
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         return None
 
 
