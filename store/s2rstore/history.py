@@ -95,11 +95,13 @@ class Night:
 class History:
     """All rows of a history, by night and order of writing; equal only to itself.
 
-    `recorded` is the first night that saw a part of the evidence, by configuration and part.
+    `recorded` is the first night that saw a part of the evidence, by configuration and part;
+    `last_id` is the largest id that was ever used, withdrawn nights included.
     """
 
     nights: tuple[Night, ...] = ()
     recorded: Mapping[tuple[str, str], datetime.date] = field(default_factory=dict)
+    last_id: int = 0
 
     def counting(self, name: str) -> tuple[Night, ...]:
         """The nights of one configuration, each once."""
@@ -141,6 +143,7 @@ def read(path: Path) -> History:
     with _opened(path) as connection:
         names = [table.name for table in history_schema.TABLES if table.name != "report"]
         rows = {name: _rows(connection, name) for name in names}
+        last_id = max([row["id"] for row in rows["night"]] + _withdrawn_ids(connection), default=0)
     axes = _grouped(rows["axis"], _axis)
     estimates = _grouped(rows["estimate"], _estimate)
     nights = []
@@ -155,7 +158,7 @@ def read(path: Path) -> History:
     recorded: dict[tuple[str, str], datetime.date] = {}
     for row in rows["recorded"]:
         recorded.setdefault((row["name"], row["part"]), row["night"])
-    return History(tuple(nights), recorded)
+    return History(tuple(nights), recorded, last_id)
 
 
 def report_text(path: Path, measured: int) -> str:
@@ -202,6 +205,14 @@ def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:
     query = f'SELECT {names} FROM history."{table}" ORDER BY {", ".join(known.order)}'
     found = connection.execute(query).fetchall()
     return [dict(zip(known.column_names, row, strict=True)) for row in found]
+
+
+def _withdrawn_ids(connection: duckdb.DuckDBPyConnection) -> list[int]:
+    name = history_schema.WITHDRAWN.name
+    known = "SELECT table_name FROM duckdb_tables() WHERE database_name = 'history'"
+    if (name,) not in connection.execute(known).fetchall():
+        return []
+    return [row[0] for row in connection.execute(f"SELECT id FROM history.{name}").fetchall()]
 
 
 def _grouped(rows: Sequence[Row], made: Any) -> dict[int, tuple[Any, ...]]:

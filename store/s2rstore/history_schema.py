@@ -120,6 +120,27 @@ TABLES: tuple[Table, ...] = (
     ),
 )
 
+
+def _table(name: str) -> Table:
+    return next(table for table in TABLES if table.name == name)
+
+
+WITHDRAWN = Table(
+    "withdrawn",
+    "rows of `night` that were taken back; there once a night was withdrawn",
+    (
+        *_table("night").columns,
+        Column("withdrawn_at", "VARCHAR", "UTC, ISO 8601"),
+    ),
+    ("night", "id"),
+)
+WITHDRAWN_EVIDENCE = Table(
+    "withdrawn_recorded",
+    "rows of `recorded` that withdrawn nights had written",
+    _table("recorded").columns,
+    _table("recorded").order,
+)
+
 _VIEW = """
     CREATE VIEW gap AS
     SELECT n.name, n.night, n.dataset, n.run, n.outcome, n.threshold, a.axis, a.state,

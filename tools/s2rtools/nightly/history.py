@@ -6,9 +6,10 @@ import datetime
 import json
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,13 @@ from s2rstore import history, history_schema, layout, schema
 from s2rstore.errors import RequestError
 from s2rstore.history import History, Night
 from s2rstore.outcomes import EXIT_CODES
+from s2rstore.schema import Table, statements_of
 from s2rtools.nightly.config import Config
 from s2rtools.nightly.key import Inputs, version
 from s2rtools.nightly.measuring import Estimates, Report
 from s2rtools.nightly.outcome import outcome
 
+Change = Callable[[duckdb.DuckDBPyConnection], None]
 Rows = dict[str, list[dict[str, Any]]]
 _FIGURES = ("value", "floor", "gap")
 _ENDS = ("", "_low", "_high")
@@ -55,10 +58,12 @@ def measurement(found: History, key: str) -> int | None:
     return next((n.measured for n in found.nights if n.key == key and not n.refused), None)
 
 
-def tells(night: Night | None, tonight: Tonight) -> bool:
+def tells(night: Night | None, tonight: Tonight, found: History) -> bool:
     """Whether a row already says what tonight would."""
     if night is None or night.key != tonight.inputs.key:
         return False
+    if night.evidence_since < max(_seen(tonight, found).values()):
+        return False  # it was dated by a night that has been withdrawn
     refused = tonight.report.get("refused")
     if refused is None:
         return not night.refused
@@ -70,7 +75,7 @@ def tells(night: Night | None, tonight: Tonight) -> bool:
 
 def rows(tonight: Tonight, found: History, now: datetime.datetime) -> Rows:
     """The rows that tonight adds to each table."""
-    number = max((each.id for each in found.nights), default=0) + 1
+    number = found.last_id + 1
     measured = number if tonight.measured is None else tonight.measured
     seen = _seen(tonight, found)
     made: Rows = {
@@ -151,13 +156,22 @@ def _axis_rows(report: Report) -> list[dict[str, Any]]:
 
 def append(path: Path, added: Rows) -> None:
     """Add rows, all or none, durably; hold the file's lock. RequestError where it cannot be."""
+    _replace(path, partial(_add, added))
+
+
+def move(path: Path, name: str, night: datetime.date, now: str) -> None:
+    """Move the rows of one night to the tables of withdrawn ones, as `append` adds rows."""
+    _replace(path, partial(_withdraw, name, night, now))
+
+
+def _replace(path: Path, change: Change) -> None:
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
         for left in path.parent.glob(f".{path.name}.*.new*"):
             left.unlink(missing_ok=True)
         if path.exists():
             shutil.copyfile(path, beside)
-        _grow(beside, added)
+        _changed(beside, change)
         beside.chmod(0o644)
         layout.sync_file(beside)
         beside.replace(path)
@@ -171,7 +185,7 @@ def append(path: Path, added: Rows) -> None:
                 name.unlink(missing_ok=True)
 
 
-def _grow(path: Path, added: Rows) -> None:
+def _changed(path: Path, change: Change) -> None:
     name, fresh = str(path).replace("'", "''"), not path.exists()
     connection = duckdb.connect(config={"threads": 1})
     try:
@@ -181,15 +195,42 @@ def _grow(path: Path, added: Rows) -> None:
         connection.execute("BEGIN")
         for statement in history_schema.statements() if fresh else ():
             connection.execute(statement)
-        for table, listed in added.items():
-            for row in listed:
-                _insert(connection, table, row)
+        change(connection)
         connection.execute("COMMIT")
         connection.execute("CHECKPOINT history")
         connection.execute("USE memory")
         connection.execute("DETACH history")
     finally:
         connection.close()
+
+
+def _add(added: Rows, connection: duckdb.DuckDBPyConnection) -> None:
+    for table, listed in added.items():
+        for row in listed:
+            _insert(connection, table, row)
+
+
+def _withdraw(
+    name: str, night: datetime.date, now: str, connection: duckdb.DuckDBPyConnection
+) -> None:
+    pairs: tuple[tuple[str, Table, dict[str, str]], ...] = (
+        ("night", history_schema.WITHDRAWN, {"withdrawn_at": now}),
+        ("recorded", history_schema.WITHDRAWN_EVIDENCE, {}),
+    )
+    known = {
+        row[0] for row in connection.execute("SELECT table_name FROM duckdb_tables()").fetchall()
+    }
+    for source, target, added in pairs:
+        for statement in () if target.name in known else statements_of(target):
+            connection.execute(statement)
+        names = ", ".join(f'"{each}"' for each in target.column_names if each not in added)
+        values = "".join(", ?" for _ in added)
+        connection.execute(
+            f"INSERT INTO {target.name} SELECT {names}{values} FROM {source} "
+            "WHERE name = ? AND night = ?",
+            [*added.values(), name, night],
+        )
+        connection.execute(f"DELETE FROM {source} WHERE name = ? AND night = ?", [name, night])
 
 
 def _insert(connection: duckdb.DuckDBPyConnection, table: str, row: Mapping[str, Any]) -> None:
