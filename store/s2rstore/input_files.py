@@ -59,8 +59,13 @@ def open_regular(path: Path) -> Iterator[io.BufferedReader]:
         if special:
             _refuse_special(path, path.stat())
         raise RequestError(f"{path}: cannot be read ({_reason(error)})") from error
-    with os.fdopen(descriptor, "rb") as file:
+    try:
         _refuse_special(path, os.fstat(descriptor))
+        file = os.fdopen(descriptor, "rb")
+    except BaseException:
+        os.close(descriptor)
+        raise
+    with file:
         try:
             yield file
         except OSError as error:

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from s2rtools.compiled import njit
 
 _SEQUENTIAL, _PROGRESSIVE = (0xC0, 0xC1), 0xC2
-_FULL_RANGE = 1280.0
-"""Largest magnitude of a dequantised coefficient: 1024 for 8-bit samples, and a quarter more for
-encoders that overshoot on purpose."""
+_DC_RANGE, _AC_RANGE = 1060.0, 1160.0
+"""Largest magnitudes of dequantised coefficients: 1024 and 928 for 8-bit samples, and more for
+encoders that overshoot on purpose to hide ringing."""
 _MOST_PADDING = 64
 """Bytes of 0 or 255 between a scan and its marker; some cameras fill up to a multiple."""
 _REASONS = {
@@ -267,7 +267,7 @@ def _walk(data, at, codes, scales, order, units, restart, band, seen):
                         value -= (1 << size) - 1
                     sums[part] += value
                     scale = scales[part, 0]
-                    if abs(sums[part] << shift) * scale > _FULL_RANGE + scale:
+                    if abs(sums[part] << shift) * scale > _DC_RANGE + scale * (1 << shift):
                         return 4, at
                 k = 1
             if run:
@@ -347,7 +347,7 @@ def _walk(data, at, codes, scales, order, units, restart, band, seen):
                     if value < 1 << (size - 1):
                         value -= (1 << size) - 1
                     scale = scales[part, k]
-                    if abs(value << shift) * scale > _FULL_RANGE + scale:
+                    if abs(value << shift) * scale > _AC_RANGE + scale * (1 << shift):
                         return 4, at
                     if first:
                         seen[64 * unit + k] = 1
