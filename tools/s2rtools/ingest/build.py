@@ -7,6 +7,7 @@ import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -24,6 +25,7 @@ from s2rtools.ingest.floor_plan import read_floor_plan
 from s2rtools.ingest.index import write_index
 from s2rtools.ingest.leftovers import Say, building_folder, remove_leftovers
 from s2rtools.ingest.scan import Checked, Facts, Problem, Scan, Sighting, View
+from s2rtools.ingest.view_cache import ViewCache
 
 SHARD_ROWS = 64
 _PLAN_SIDE = 1056
@@ -92,10 +94,10 @@ def _write_trajectory(
 ) -> Iterator[tuple[Sighting, dict[str, Facts]]]:
     """Write the usable instances of one trajectory; two passes keep memory small.
 
-    The first pass checks every view, so that the arrays get their final length at once.
+    The first pass decodes and checks every view, so that the arrays get their final length at once.
     """
-    with ThreadPoolExecutor(_threads(sightings)) as pool:
-        usable = _usable(scan, pool, sightings, progress)
+    with ViewCache(root) as cache, ThreadPoolExecutor(_threads(sightings)) as pool:
+        usable = _usable(scan, pool, sightings, cache, progress)
         if not usable:
             return
         facts: dict[str, list[Facts]] = {}
@@ -114,13 +116,15 @@ def _threads(sightings: list[Sighting]) -> int:
 
 
 def _usable(
-    scan: Scan, pool: Executor, sightings: list[Sighting], progress: Progress
+    scan: Scan,
+    pool: Executor,
+    sightings: list[Sighting],
+    cache: ViewCache,
+    progress: Progress,
 ) -> list[Sighting]:
     """The sightings whose views all decode to one type of depth per domain."""
     good: list[tuple[Sighting, dict[str, Checked]]] = []
-    for sighting, found in zip(
-        sightings, ahead(pool, partial(_checked, scan), sightings), strict=True
-    ):
+    for sighting, found in ahead(pool, partial(_checked, scan, cache), sightings):
         progress(len(sighting.images))
         bad = [problem for problem in found.values() if isinstance(problem, Problem)]
         scan.problems += bad
@@ -143,11 +147,19 @@ def _usable(
     return usable
 
 
-def _checked(scan: Scan, sighting: Sighting) -> dict[str, Checked | Problem]:
-    """What was found of each domain's view."""
-    return {
-        name: picture.check(scan, scan.domains[name]) for name, picture in sighting.images.items()
-    }
+def _checked(
+    scan: Scan, cache: ViewCache, sighting: Sighting
+) -> tuple[Sighting, dict[str, Checked | Problem]]:
+    """What was found of each domain's view; views that were decoded for it are kept in the cache."""
+    images = dict(sighting.images)
+    found: dict[str, Checked | Problem] = {}
+    for name, picture in sighting.images.items():
+        checked = picture.check(scan, scan.domains[name])
+        if isinstance(checked, Checked) and checked.view is not None:
+            images[name] = cache.add(picture, checked.view)
+            checked = replace(checked, view=None)
+        found[name] = checked
+    return replace(sighting, images=images), found
 
 
 def _report_outside(scan: Scan) -> None:

@@ -45,27 +45,26 @@ class Images:
         found = decode(scan, domain, self)
         if isinstance(found, Problem):
             return found
-        return Checked(str(found.depth.dtype), found.notes)
+        return Checked(str(found.depth.dtype), found.notes, found)
 
     def view(self, scan: Scan, domain: Domain) -> View | Problem:
-        return decode(scan, domain, self, check=False)
+        return decode(scan, domain, self)
 
 
-def decode(scan: Scan, domain: Domain, images: Images, check: bool = True) -> View | Problem:
+def decode(scan: Scan, domain: Domain, images: Images) -> View | Problem:
     """Read, check and resize one view; a Problem names the file that cannot be used.
 
     RGB is averaged over areas. Depth takes the nearest source pixel, so that every stored value
-    is one of the file and validity needs no second mask. Without `check` the compressed data is
-    taken to be whole, which a first reading has found.
+    is one of the file and validity needs no second mask.
     """
     digest = hashlib.sha256()
-    rgb = _read(scan, images.rgb, images.rgb_size, cv2.IMREAD_COLOR_RGB, digest, check)
+    rgb = _read(scan, images.rgb, images.rgb_size, cv2.IMREAD_COLOR_RGB, digest)
     if isinstance(rgb, Problem):
         return rgb
     height, width = scan.frame
     small, bits = _resized_rgb(rgb.pixels, (width, height)), rgb.bits
     del rgb
-    depth = _read(scan, images.depth, images.depth_size, cv2.IMREAD_UNCHANGED, digest, check)
+    depth = _read(scan, images.depth, images.depth_size, cv2.IMREAD_UNCHANGED, digest)
     if isinstance(depth, Problem):
         return depth
     name = scan.relative(images.depth)
@@ -95,7 +94,7 @@ class _Decoded:
 
 
 def _read(
-    scan: Scan, path: Path, size: tuple[int, int], mode: int, digest: Any, check: bool
+    scan: Scan, path: Path, size: tuple[int, int], mode: int, digest: Any
 ) -> _Decoded | Problem:
     """Decode an image of an expected (height, width); nothing is decoded for another one."""
     name = scan.relative(path)
@@ -112,17 +111,13 @@ def _read(
         return Problem("unreadable image", name, str(error))
     if header.size not in (size, size[::-1]):
         return _wrong_size(name, header.size, size)
-    if check:
-        try:
-            check_integrity(content, header)
-        except ValueError as error:
-            kind = "truncated image" if "before its" in str(error) else "damaged image"
-            return Problem(kind, name, str(error))
+    try:
+        check_integrity(content, header)
         if header.format == "JPEG":
-            try:
-                check_jpeg(content)
-            except ValueError as error:
-                return Problem("damaged image", name, str(error))
+            check_jpeg(content)
+    except ValueError as error:
+        kind = "truncated image" if "before its" in str(error) else "damaged image"
+        return Problem(kind, name, str(error))
     try:
         image = cv2.imdecode(np.frombuffer(content, np.uint8), mode)
     except (cv2.error, MemoryError):

@@ -44,7 +44,7 @@ class _Frame:
     """What the segments before a scan have declared."""
 
     quantisation: dict[int, NDArray[np.float64]] = field(default_factory=dict)
-    codes: dict[int, NDArray[np.uint16]] = field(default_factory=dict)
+    codes: dict[int, bytes] = field(default_factory=dict)
     components: dict[int, _Component] = field(default_factory=dict)
     width: int = 0
     height: int = 0
@@ -99,7 +99,7 @@ def _declare(frame: _Frame, marker: int, segment: bytes) -> None:
     elif marker == 0xC4:
         while segment:
             end = 17 + sum(segment[1:17])
-            frame.codes[segment[0]] = _lookup(segment[1:end])
+            frame.codes[segment[0]] = segment[1:end]
             segment = segment[end:]
     elif marker == 0xDD:
         (frame.restart,) = struct.unpack_from(">H", segment)
@@ -118,12 +118,18 @@ def _declare(frame: _Frame, marker: int, segment: bytes) -> None:
         raise ValueError("its kind of JPEG is not read (arithmetic or lossless); save it as usual")
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
+def _lookups(*tables: bytes) -> NDArray[np.uint16]:
+    """Per table and the next 16 bits of data: length of the code times 256, plus its symbol; 0 is
+    no code.
+    """
+    return np.stack([_lookup(table) for table in tables])
+
+
 def _lookup(table: bytes) -> NDArray[np.uint16]:
-    """By the next 16 bits of data: length of the code times 256, plus its symbol; 0 = no code."""
     found = np.zeros(1 << 16, dtype=np.uint16)
     code, place = 0, 16
-    for length in range(1, 17):
+    for length in range(1, 17 if table else 1):
         for _ in range(table[length - 1]):
             first = code << (16 - length)
             if first + (1 << (16 - length)) > found.size:
@@ -148,19 +154,22 @@ def _scan(data: NDArray[np.uint8], at: int, frame: _Frame, segment: bytes) -> in
         raise IndexError
     parts = [frame.components[name] for name in names]
     units, order = _units(frame, parts)
-    nothing = np.zeros(1 << 16, dtype=np.uint16)
-    codes = [frame.codes[table >> 4] if first == 0 and not before else nothing for table in tables]
-    codes += [frame.codes[16 | table & 15] if last else nothing for table in tables]
+    specified = [frame.codes[table >> 4] if not first and not before else b"" for table in tables]
+    specified += [frame.codes[16 | table & 15] if last else b"" for table in tables]
+    codes = _lookups(*specified)
     scales = np.stack([frame.quantisation[part.table] for part in parts])
     seen = np.zeros(0, dtype=np.uint8)
     if frame.progressive and first:
         if parts[0].seen is None:
             parts[0].seen = np.zeros(64 * units, dtype=np.uint8)
         seen = parts[0].seen
-    status, at = _walk(
-        data, at, np.stack(codes), scales, order, units, frame.restart,
-        np.array([first, last, before, shift]), seen,
-    )  # fmt: skip
+    if frame.progressive:
+        band = np.array([first, last, before, shift])
+        status, at = _walk(data, at, codes, scales, order, units, frame.restart, band, seen)
+    else:
+        limits = np.floor(_AC_RANGE / scales + 1).astype(np.int64)
+        limits[:, 0] = np.floor(_DC_RANGE / scales[:, 0] + 1)
+        status, at = _walk_sequential(data, at, codes, limits, order, units, frame.restart)
     if status:
         raise ValueError(f"its compressed data is damaged ({_REASONS[int(status)]})")
     return int(at)
@@ -218,6 +227,112 @@ def _take(buffer, bits, count):
 
 
 @njit(cache=True, nogil=True)
+def _walk_sequential(data, at, codes, limits, order, units, restart):
+    """Follow all codes of a sequential scan; as `_walk`, and four times as fast.
+
+    The buffer keeps its `bits` at the upper end, with zeros behind them.
+    """
+    parts = limits.shape[0]
+    sums = np.zeros(parts, dtype=np.int64)
+    buffer, bits = np.uint64(0), np.int64(0)
+    marker = 0
+    end = data.size
+    for unit in range(units):
+        if restart and unit and unit % restart == 0:
+            if bits >= 8:
+                return 5, at
+            at, lost = _restart(data, at, marker)
+            if lost:
+                return 6, at
+            marker = (marker + 1) % 8
+            buffer, bits = np.uint64(0), np.int64(0)
+            sums[:] = 0
+        for place in range(order.size):
+            part = order[place]
+            k = np.int64(0)
+            while k < 64:
+                if bits < 32:
+                    while bits <= 48 and at < end:
+                        value = data[at]
+                        if value == 255:
+                            if at + 1 >= end or data[at + 1] != 0:
+                                break
+                            at += 1
+                        at += 1
+                        buffer |= np.uint64(value) << np.uint64(56 - bits)
+                        bits += 8
+                code = codes[part if k == 0 else parts + part, np.int64(buffer >> np.uint64(48))]
+                if code == 0:
+                    return 1 if bits >= 16 else 2, at
+                length, size = np.int64(code >> 8), np.int64(code & 15)
+                if k == 0:
+                    if code & 255 > 11:
+                        return 4, at
+                else:
+                    skip = np.int64(code >> 4) & 15
+                    if size == 0:
+                        if length > bits:
+                            return 2, at
+                        buffer <<= np.uint64(length)
+                        bits -= length
+                        if skip == 15:
+                            k += 16
+                            if k > 63:
+                                return 3, at
+                            continue
+                        if skip:
+                            return 1, at
+                        break
+                    k += skip
+                    if k > 63:
+                        return 3, at
+                    if size > 10:
+                        return 4, at
+                if length + size > bits:
+                    return 2, at
+                buffer <<= np.uint64(length)
+                found = np.int64(0)
+                if size:
+                    found = np.int64(buffer >> np.uint64(64 - size))
+                    if found < 1 << (size - 1):
+                        found -= (1 << size) - 1
+                    buffer <<= np.uint64(size)
+                bits -= length + size
+                if k == 0:
+                    sums[part] += found
+                    found = sums[part]
+                if found > limits[part, k] or found < -limits[part, k]:
+                    return 4, at
+                k += 1
+    return _padding(data, at, buffer >> np.uint64(64 - bits) if bits else np.uint64(0), bits)
+
+
+@njit(cache=True, nogil=True)
+def _restart(data, at, marker):
+    """The position behind the expected restart marker, and whether it is lost."""
+    while at + 1 < data.size and data[at] == 255 and data[at + 1] == 255:
+        at += 1
+    lost = at + 1 >= data.size or data[at] != 255 or data[at + 1] != 208 + marker
+    return at + 2, lost
+
+
+@njit(cache=True, nogil=True)
+def _padding(data, at, buffer, bits):
+    """Judge what stands between the last block and the marker, whose position it gives."""
+    count = 0
+    while True:
+        at, buffer, bits = _fill(data, at, buffer, bits)
+        if bits < 8:
+            return 0, at
+        bits -= bits % 8
+        value = _take(buffer, bits, 8)
+        bits -= 8
+        count += 1
+        if count > _MOST_PADDING or (value != 0 and value != 255):
+            return 5, at
+
+
+@njit(cache=True, nogil=True)
 def _walk(data, at, codes, scales, order, units, restart, band, seen):
     """Follow all codes of a scan. `codes` holds the DC tables of its components, then the AC ones;
     `band` is first and last coefficient, previous and present bit shift. Gives the reason (0 =
@@ -234,12 +349,10 @@ def _walk(data, at, codes, scales, order, units, restart, band, seen):
             at, buffer, bits = _fill(data, at, buffer, bits)
             if bits >= 8 or run:
                 return 5, at
-            while at + 1 < data.size and data[at] == 255 and data[at + 1] == 255:
-                at += 1
-            if at + 1 >= data.size or data[at] != 255 or data[at + 1] != 208 + marker:
+            at, lost = _restart(data, at, marker)
+            if lost:
                 return 6, at
             marker = (marker + 1) % 8
-            at += 2
             buffer, bits = np.uint64(0), 0
             sums[:] = 0
         for place in range(order.size):
@@ -354,15 +467,4 @@ def _walk(data, at, codes, scales, order, units, restart, band, seen):
                 k += 1
     if run:
         return 5, at
-    padding = 0
-    while True:
-        at, buffer, bits = _fill(data, at, buffer, bits)
-        if bits < 8:
-            break
-        bits -= bits % 8
-        value = _take(buffer, bits, 8)
-        bits -= 8
-        padding += 1
-        if padding > _MOST_PADDING or (value != 0 and value != 255):
-            return 5, at
-    return 0, at
+    return _padding(data, at, buffer, bits)

@@ -56,10 +56,13 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """A usable view: the type of its raw depth values, and the notes on it."""
+    """A usable view: the type of its raw depth values, the notes on it, and where it was decoded
+    for that, the view itself.
+    """
 
     depth_type: str
     notes: tuple[Problem, ...] = ()
+    view: View | None = None
 
 
 class Picture(Protocol):
@@ -76,7 +79,7 @@ class Picture(Protocol):
         """Read the view and check everything about it."""
 
     def view(self, scan: Scan, domain: Domain) -> View | Problem:
-        """The pixels of a view that was checked; a Problem names the file that has changed."""
+        """The pixels; a Problem names the file that cannot be used."""
 
 
 @dataclass(frozen=True, slots=True)
