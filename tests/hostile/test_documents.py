@@ -44,7 +44,8 @@ def test_a_header_is_refused_in_one_line(
 ) -> None:
     manifest, path = header(tmp_path, text, suffix)
     words = ["ingest", "csv", str(manifest), "--header", str(path), "--store", str(tmp_path / "s")]
-    assert main(words) == 2
+    with deadline():
+        assert main(words) == 2
     told = capsys.readouterr().err
     assert told.startswith(f"s2r: {path}")
     assert word in told

@@ -126,6 +126,7 @@ def test_links_out_of_the_sim2realviz_layout_are_refused(
         (b'trajectory,seq\n"' + b"x\n" * (1 << 19), "field"),
         (b"trajectory,seq\n\xff\xfe\n", "UTF-8"),
     ],
+    ids=["nul", "columns", "line", "field", "encoding"],
 )
 def test_what_is_no_csv_is_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes, word: str

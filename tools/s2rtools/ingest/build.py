@@ -150,7 +150,7 @@ def _usable(
 def _checked(
     scan: Scan, cache: ViewCache, sighting: Sighting
 ) -> tuple[Sighting, dict[str, Checked | Problem]]:
-    """What was found of each domain's view; views that were decoded for it are kept in the cache."""
+    """What was found of each domain's view; decoded ones are kept in the cache."""
     images = dict(sighting.images)
     found: dict[str, Checked | Problem] = {}
     for name, picture in sighting.images.items():
