@@ -43,7 +43,7 @@ def build(path: Path, n: int, seed: int = 11) -> Path:
             "instance",
             {
                 "iid": np.arange(n, dtype=np.int32),
-                "trajectory": _words([f"walk {i:02d}" for i in range(_TRAJECTORIES)], number),
+                "trajectory": _words([f"walk-{i:02d}" for i in range(_TRAJECTORIES)], number),
                 "seq": np.arange(n) - number * per,
                 "x": x,
                 "y": y,
@@ -78,7 +78,7 @@ def _dataset(draft: Draft, n: int, per: int) -> None:
     for index in range(_TRAJECTORIES):
         count = max(0, min(per, n - index * per))
         if count:
-            row = {"trajectory": f"walk {index:02d}", "instances": count}
+            row = {"trajectory": f"walk-{index:02d}", "instances": count}
             draft.insert_row("trajectory", row)
     for room in ROOMS:
         draft.insert_row("room", {name: getattr(room, name) for name in room.__slots__})

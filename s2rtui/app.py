@@ -17,6 +17,7 @@ from textual.geometry import Size
 from textual.screen import Screen
 
 from s2rstore.errors import S2RError
+from s2rstore.text import printable_lines
 from s2rtui import arrangement, background, going
 from s2rtui.access import Access
 from s2rtui.actions import ACTIONS, BY_NAME, named, offered
@@ -126,6 +127,11 @@ class S2RApp(Brushes, Papers, Savings):
         if self.session.notebook is not None:  # last: its file may be slow, or another's just now
             with contextlib.suppress(S2RError, OSError):
                 self.session.notebook.remember((*state.past, state.expression))
+
+    async def on_event(self, event: events.Event) -> None:
+        if isinstance(event, events.Paste):
+            event.text = printable_lines(event.text)
+        await super().on_event(event)
 
     def on_resize(self, event: events.Resize) -> None:
         if event.size != self._sized:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from textual.content import Content
-
 from s2rtui.actions import footer
 from s2rtui.arrangement import SMALLEST
 from s2rtui.prompts import Prompts
 from s2rtui.titles import StatusLine, message, shown, status_line
 from s2rtui.views import VIEWS
 from s2rtui.widgets import Bar, PlotView
+from s2rtui.widgets.bar import Piece
 from s2rtui.widgets.query import QueryLine
 
 
@@ -26,8 +25,8 @@ class Drawing:
 
     def all(self) -> None:
         """The whole state."""
-        before, count, after = (_safe(part) for part in self.status)
-        self._bar("status").say(f"{before}[b]{count}[/b]{after}")
+        before, text, after = self.status
+        self._bar("status").say(before, (text, "bold"), after)
         self.words()
         self._keys()
         self._views()
@@ -48,14 +47,17 @@ class Drawing:
             state = self._app.session.state
             text = message(state, self._app.resources)
             classes = "error" if state.is_error else "whole" if self._app.prompting else ""
-            self._bar("message").say(_safe(text), classes)
+            self._bar("message").say(text, classes=classes)
 
     def _keys(self) -> None:
         app = self._app
         pairs = footer(app.size.width - 2, app.session.state, app.access)
         if app.prompting:
             pairs = app.query_one(QueryLine).keys
-        self._bar("keys").say("  ".join(f"[b]{_safe(key)}[/b] {word}" for key, word in pairs))
+        pieces: list[Piece] = []
+        for key, word in pairs:
+            pieces += ["  " if pieces else "", (key, "bold"), f" {word}"]
+        self._bar("keys").say(*pieces)
 
     def _views(self) -> None:
         scene = self._app.scene
@@ -68,7 +70,3 @@ class Drawing:
 
     def _bar(self, name: str) -> Bar:
         return self._app.query_one(f"#{name}", Bar)
-
-
-def _safe(text: str) -> str:
-    return Content(text).markup

@@ -7,6 +7,9 @@ entries that cannot be read are left as they are.
 
 from __future__ import annotations
 
+import json
+import os
+import stat
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -18,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.input_files import read_json
 from s2rstore.language import ExpressionError, Node, parse
 from s2rstore.language.nodes import Ids, Saved, leaves
 from s2rstore.language.text import quoted
-from s2rstore.layout import write_atomic
+from s2rstore.layout import checked_hash, write_atomic
 from s2rstore.locks import file_lock
+from s2rstore.text import printable
 from s2rtui import pages
 from s2rtui.own import own_folder
 from s2rtui.pages import Remark, SavedSelection, Unread, checked
@@ -32,6 +35,8 @@ __all__ = ["Notebook", "Notes", "ReadNotebook", "Remark", "SavedSelection", "che
 
 _MOST_HISTORY = 500
 _MOST_TEXT = 2000
+_MOST_BYTES = 32 * 2**20
+"""Size of a notebook's file; 100,000 tagged instances take a fifth of it."""
 _PATIENCE = 2.0
 """Seconds that another session's change is waited for."""
 
@@ -77,10 +82,10 @@ class Notebook:
     def __init__(
         self, dataset_hash: str, folder: Path | None = None, patient: bool = False
     ) -> None:
-        """A damaged file raises RequestError; the `patient` notebook is empty until it is mended,
-        and `trouble` says so.
+        """Raises RequestError for what is no hash, and for a damaged file; the `patient` notebook
+        is empty until that is mended, and `trouble` says so.
         """
-        self._hash = dataset_hash
+        self._hash = checked_hash(dataset_hash, "the data set's hash")
         self.path = (folder or own_folder()) / f"{dataset_hash[:16]}.json"
         self.notes, self.trouble = Notes(), ""
         try:
@@ -124,7 +129,7 @@ class Notebook:
 
     def note(self, iid: int, text: str) -> None:
         """What is to be remembered of an instance; an empty text removes it."""
-        text = " ".join(text.split())[:_MOST_TEXT].encode("utf-8", "replace").decode()
+        text = printable(" ".join(text.split())[:_MOST_TEXT])
 
         def change(notes: Notes) -> Notes:
             self._writable(notes, iid)
@@ -177,6 +182,8 @@ class Notebook:
                 write_atomic(self.path, self._written(notes))
         except OSError as error:
             raise RequestError(f"{self.path}: {error.strerror}") from error
+        except RecursionError as error:
+            raise RequestError(f"{self.path}: is nested too deeply; move it away") from error
         self.notes = notes
 
     def _written(self, notes: Notes) -> bytes:
@@ -186,14 +193,33 @@ class Notebook:
 
     def _read(self) -> Notes:
         try:
-            if not self.path.exists():
-                return Notes()
-            content = read_json(self.path)
-        except (OSError, RequestError) as error:
-            raise RequestError(f"{error}; mend it, or move it away") from error
+            content = json.loads(self._content())
+        except FileNotFoundError:
+            return Notes()
+        except OSError as error:
+            told = f"{self.path}: cannot be read ({error.strerror}); move it away"
+            raise RequestError(told) from error
+        except (ValueError, RecursionError) as error:
+            told = f"{self.path}: is no JSON ({error}); mend it, or move it away"
+            raise RequestError(told) from error
         if not pages.is_notebook(content, self._hash):
             raise RequestError(f"{self.path}: is no notebook of this data set; move it away")
         return Notes(*pages.read(content))
+
+    def _content(self) -> str:
+        """The file's text. Raises OSError, ValueError, and RequestError for other than a file."""
+        if self.path.is_symlink():
+            raise RequestError(f"{self.path}: is a symbolic link; move it away")
+        descriptor = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
+        with os.fdopen(descriptor, "rb") as file:
+            found = os.fstat(descriptor)
+            if not stat.S_ISREG(found.st_mode):
+                raise RequestError(f"{self.path}: is no regular file; move it away")
+            if found.st_size > _MOST_BYTES:
+                raise RequestError(
+                    f"{self.path}: larger than {_MOST_BYTES // 2**20} MB; move it away"
+                )
+            return file.read(_MOST_BYTES).decode()
 
 
 class ReadNotebook(Notebook):

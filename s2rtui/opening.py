@@ -21,7 +21,12 @@ _PATIENCE = 0.3
 
 
 def run_app(
-    path: Path, run: str | None, terminal: Terminal, access: Access, nights: Path | None = None
+    path: Path,
+    run: str | None,
+    terminal: Terminal,
+    access: Access,
+    nights: Path | None = None,
+    safe_csv: bool = False,
 ) -> None:
     """Open the application on a store; the environment was prepared for the terminal.
 
@@ -30,6 +35,7 @@ def run_app(
     """
     look = Look(mode=terminal.mode, ascii=terminal.ascii)
     app = S2RApp(Session(path, run, partial(Notebook, patient=True), nights), look, access=access)
+    app.safe_csv = safe_csv
     app.first_run, app.terminal = notebook.first_run(), terminal
     if terminal.graphics is not None:
         from s2rtui.graphics.hanging import hang

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, TypeVar
 
 from s2rstore.errors import RequestError
+from s2rstore.text import printable
 
 VERSION = 1
 _SECTIONS = ("selections", "remarks", "history")
@@ -85,7 +86,7 @@ def read(content: dict[str, Any]) -> Pages:
     selections, odd = _entries(sections["selections"], _selection)
     remarks, strange = _entries(sections["remarks"], _remark)
     unread = Unread(odd, strange, others)
-    return selections, remarks, tuple(str(text) for text in history), unread
+    return selections, remarks, tuple(_expression(str(text)) for text in history), unread
 
 
 def _entries(
@@ -109,21 +110,33 @@ def _selection(name: str, entry: Any) -> tuple[str, SavedSelection]:
         raise ValueError(name)
     view = entry.get("trajectories") if isinstance(entry, dict) else None
     found = SavedSelection(
-        str(entry["expression"]), int(entry["generation"]), str(entry["run"]),
-        int(entry["count"]), None if view is None else tuple(str(part) for part in view),
+        _expression(str(entry["expression"])), int(entry["generation"]),
+        printable(str(entry["run"])), int(entry["count"]),
+        None if view is None else tuple(printable(str(part)) for part in view),
     )  # fmt: skip
     return name, found
 
 
 def _remark(iid: str, entry: Any) -> tuple[int, Remark]:
-    if str(int(iid)) != iid or int(iid) < 0:
+    if str(int(iid)) != iid or not 0 <= int(iid) < 2**31:
         raise ValueError(iid)
     if not isinstance(entry["tags"], list):
         raise TypeError(iid)
     tags = tuple(str(tag) for tag in entry["tags"])
     if any(checked(tag, "tag") != tag for tag in tags):
         raise ValueError(iid)
-    return int(iid), Remark(tags, str(entry["note"]))
+    return int(iid), Remark(tags, printable(str(entry["note"])))
+
+
+def _expression(text: str) -> str:
+    """An expression in printable characters, with the meaning that it has.
+
+    What is escaped stands in quotation marks, where a backslash is written twice.
+    """
+    text = " ".join(text.splitlines()).replace("\t", " ") if not text.isprintable() else text
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else printable(c).replace("\\", "\\\\") for c in text)
 
 
 def written(

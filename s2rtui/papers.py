@@ -28,6 +28,7 @@ class Papers(Prompts):
     """Files are numbered, never replaced, and written where the session may write."""
 
     files_at: Path
+    safe_csv = False
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
@@ -143,7 +144,7 @@ class Papers(Prompts):
 
         asked = state.expression, state.run, state.trajectories, notes
         found = picked(store, *asked, selected=state.selected)
-        save(path, found.names, found.rows, found.facts.told())
+        save(path, found.names, found.rows, found.facts.told(), self.safe_csv)
         return f": {found.facts.count} instances"
 
     def _begin_file(self, target: Path, fill: Fill, others: Iterable[Path] = ()) -> None:

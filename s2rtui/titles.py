@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 from s2rstore.reader import Store
+from s2rstore.text import printable
 from s2rtui.canvas import Canvas, Look
 from s2rtui.session.state import SIGNS, State
 from s2rtui.views import Resources, Scene, View
@@ -45,7 +46,7 @@ def _parts(store: Store, state: State) -> tuple[dict[str, str], dict[str, str]]:
     """What stands before the expression, and after it, by the words of `_LEAST`."""
     view = state.trajectories
     before = {
-        "store": store.path.name,
+        "store": printable(store.path.name),
         "everywhere" if view is None else "trajectories": f"traj {', '.join(view or ('all',))}",
         "run": f"run {state.run}{_coming(state)}",
         "count": state.count,

@@ -9,6 +9,7 @@ from textual.actions import ActionParseResult
 from textual.app import App
 from textual.dom import DOMNode
 
+from s2rstore.text import printable
 from s2rtui.access.rights import Access
 from s2rtui.actions import named
 
@@ -25,7 +26,7 @@ class GuardedApp(App[None]):
 
     def tell_refusal(self, told: str) -> None:
         """Show why an action did not run."""
-        self.notify(told, severity="warning")
+        self.notify(printable(told), severity="warning", markup=False)
 
     def refusal(self, name: str, parameters: tuple[object, ...] = ()) -> str:
         """Why an action of the application may not run; empty where it may."""

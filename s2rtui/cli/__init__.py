@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
 COMMANDS: dict[str, str] = {
@@ -45,6 +46,26 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _with_default_command(list(sys.argv[1:] if argv is None else argv))
     if not _usable(arguments):
         return 2
+    with _escaped_streams():
+        code = _run(arguments)
+    return code if argv is not None else _ended(code)
+
+
+@contextlib.contextmanager
+def _escaped_streams() -> Iterator[None]:
+    """Control characters in what is printed are shown escaped: all of standard error, and standard
+    output on a terminal. In a pipe standard output holds names as they are.
+    """
+    from s2rstore.text import escaping
+
+    with contextlib.ExitStack() as streams:
+        streams.enter_context(contextlib.redirect_stderr(escaping(sys.stderr)))
+        if sys.stdout.isatty():
+            streams.enter_context(contextlib.redirect_stdout(escaping(sys.stdout)))
+        yield
+
+
+def _run(arguments: list[str]) -> int:
     debug = "--debug" in arguments
     parser = _parser(arguments)
     options = parser.parse_args([word for word in arguments if word != "--debug"])
@@ -52,8 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not hasattr(options, "execute"):
         parser.print_help()
         return 2
-    code = _guarded(options)
-    return code if argv is not None else _ended(code)
+    return _guarded(options)
 
 
 def _ended(code: int) -> int:
@@ -84,7 +104,9 @@ class _Parser(argparse.ArgumentParser):
     """Says in one line what is wrong."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"s2r: {message}; see `{self.prog} --help`\n")
+        from s2rstore.text import printable
+
+        self.exit(2, f"s2r: {printable(message)}; see `{self.prog} --help`\n")
 
 
 def _with_default_command(arguments: list[str]) -> list[str]:
@@ -129,7 +151,9 @@ def _guarded(options: argparse.Namespace) -> int:
     from s2rstore.text import printable
 
     try:
-        return int(options.execute(options) or 0)
+        code = int(options.execute(options) or 0)
+        sys.stdout.flush()
+        return code
     except S2RError as error:
         if options.debug:
             raise
@@ -152,8 +176,9 @@ def _guarded(options: argparse.Namespace) -> int:
     except OSError as error:
         if options.debug:
             raise
-        where = error.filename if error.filename is not None else "standard output"
-        print(f"s2r: {printable(str(where))}: {error.strerror or error}", file=sys.stderr)
+        where = error.filename if error.filename is not None else _failing_output(error)
+        reason = str(error.strerror or error)
+        print(f"s2r: {printable(f'{where}: {reason}' if where else reason)}", file=sys.stderr)
         return 2
     except Exception as error:
         if options.debug:
@@ -161,6 +186,21 @@ def _guarded(options: argparse.Namespace) -> int:
         text = f"{type(error).__name__}: {_line(error)}"
         print(f"s2r: a fault of the program: {text} (--debug shows where)", file=sys.stderr)
         return 70
+
+
+def _failing_output(error: OSError) -> str:
+    """What to name for an error without a file name: standard output, where a command wrote to it.
+
+    What could not be written is dropped, so that the end of the program does not try again.
+    """
+    innermost = error.__traceback__
+    while innermost is not None and innermost.tb_next is not None:
+        innermost = innermost.tb_next
+    module = "" if innermost is None else str(innermost.tb_frame.f_globals.get("__name__"))
+    if not module.startswith("s2rtui.cli"):
+        return ""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return "standard output"
 
 
 def _line(error: Exception) -> str:

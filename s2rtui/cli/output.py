@@ -19,7 +19,7 @@ FORMATS = ("table", "csv", "json", "parquet")
 
 
 def add_format(parser: argparse.ArgumentParser, with_parquet: bool = True) -> None:
-    """Add `--format`, `--json` and `--out` to a command."""
+    """Add `--format`, `--json`, `--out` and `--safe-csv` to a command."""
     formats = FORMATS if with_parquet else FORMATS[:-1]
     parser.add_argument("--format", choices=formats, default="table")
     parser.add_argument(
@@ -30,6 +30,15 @@ def add_format(parser: argparse.ArgumentParser, with_parquet: bool = True) -> No
         help="the same as --format json",
     )
     parser.add_argument("--out", type=Path, help="write to this file, not to standard output")
+    add_safe_csv(parser)
+
+
+def add_safe_csv(parser: argparse.ArgumentParser) -> None:
+    """Add `--safe-csv` to a command."""
+    parser.add_argument(
+        "--safe-csv", action="store_true",
+        help="CSV for spreadsheets: text that could run as a formula begins with an apostrophe",
+    )  # fmt: skip
 
 
 def write(
@@ -44,7 +53,10 @@ def write(
             raise RequestError("--format parquet: give a file with --out")
         write_parquet(names, rows, options.out, facts)
         return
-    text = {"table": table, "csv": csv_text, "json": json_text}[options.format](names, rows, facts)
+    if options.format == "csv":
+        text = csv_text(names, rows, facts, options.safe_csv)
+    else:
+        text = {"table": table, "json": json_text}[options.format](names, rows, facts)
     if options.out is None:
         sys.stdout.write(text)
         return
@@ -64,6 +76,7 @@ def write_file(path: Path, content: bytes) -> None:
 
 def table(names: Sequence[str], rows: Rows, facts: Told | None = None) -> str:
     """Aligned columns under their names; before them a `key: value` line per fact."""
+    names = [_cell(name) for name in names]
     cells = [[_cell(value) for value in row] for row in rows]
     widths = [
         max([len(name), *(len(row[column]) for row in cells)]) for column, name in enumerate(names)
@@ -90,4 +103,4 @@ def _cell(value: Any) -> str:
         return "-"
     if isinstance(value, float):
         return f"{value:.4g}" if abs(value) < 1e6 else f"{value:.6g}"
-    return printable(str(value)).replace("\n", " ")
+    return printable(str(value))

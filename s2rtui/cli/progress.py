@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Literal, Protocol
 
+from s2rstore.text import printable, unescaped
+
 Style = Literal["auto", "json"]
 STYLES: tuple[Style, ...] = ("auto", "json")
 _LOG_SECONDS = 10.0
@@ -80,14 +82,14 @@ class BarReporter:
         self._task: Any = None
 
     def begin(self, what: str, total: int) -> None:
-        self._task = self._progress.add_task(what, total=total)
+        self._task = self._progress.add_task(printable(what), total=total)
 
     def advance(self, steps: int) -> None:
         if self._task is not None:
             self._progress.advance(self._task, steps)
 
     def say(self, line: str) -> None:
-        self._progress.console.print(line, highlight=False, markup=False)
+        self._progress.console.print(printable(line), highlight=False, markup=False)
 
 
 def percent(told: Reporter, what: str) -> Callable[[float, float, float], None]:
@@ -123,7 +125,7 @@ def reporter(style: Style = "auto") -> Iterator[Reporter]:
         TimeRemainingColumn,
     )
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
                TimeRemainingColumn())  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    with Progress(*columns, console=Console(file=unescaped(sys.stderr))) as progress:
         yield BarReporter(progress)

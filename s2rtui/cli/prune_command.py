@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from s2rtui.cli import output
@@ -18,15 +19,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.errors import RequestError
     from s2rstore.prune import prune
+    from s2rstore.text import printable
 
     if options.keep < 1:
         raise RequestError("--keep: at least 1")
     pruned = prune(options.store, options.keep, options.dry_run)
+    for link in pruned.links:
+        told = printable(f"{options.store / link}: a symbolic link, left alone; remove it yourself")
+        print(f"note: {told}", file=sys.stderr)
     if options.format != "table":
         output.write(("path",), [(path,) for path in pruned.paths], options)
         return 0
     verb = "would remove" if options.dry_run else "removed"
     for path in pruned.paths:
-        print(f"{verb} {path}")
+        print(f"{verb} {printable(path)}")
     print(f"{verb} {len(pruned.paths)} entries, {pruned.bytes / 1e6:.1f} MB")
     return 0

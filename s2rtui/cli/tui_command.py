@@ -6,6 +6,8 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+from s2rtui.cli import output
+
 _FORCED = "this account opens the application and nothing else; connect with `ssh -t`"
 
 
@@ -14,6 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--run", help="the run to begin with (default: the first)")
     parser.add_argument("--history", type=Path, metavar="FILE",
                         help="nights of the gap (default: the store's own)")  # fmt: skip
+    output.add_safe_csv(parser)
     parser.add_argument("--ascii", action="store_true", help="ASCII characters only")
     parser.add_argument(
         "--colour", default="auto", choices=("auto", "truecolor", "256", "16", "none"),
@@ -58,5 +61,5 @@ def execute(options: argparse.Namespace) -> int:
     prepare_environment(terminal)
     from s2rtui.opening import run_app
 
-    run_app(options.store, options.run, terminal, access, options.history)
+    run_app(options.store, options.run, terminal, access, options.history, options.safe_csv)
     return 0

@@ -15,11 +15,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rstore.verify import verify
+    from s2rstore.text import printable
+    from s2rstore.verify import check
 
-    found = verify(options.store)
-    if found or options.format == "json":
+    report = check(options.store)
+    found = report.damages
+    if found or options.format != "table":
         output.write(("where", "what"), [(d.where, d.what) for d in found], options)
+    for note in report.notes:
+        print(f"note: {printable(note)}", file=sys.stderr)
     if not found:
-        print(f"{options.store}: nothing wrong", file=sys.stderr)
+        quiet = options.format != "table" or options.out is not None
+        line = f"{printable(str(options.store))}: nothing wrong"
+        print(line, file=sys.stderr if quiet else sys.stdout)
     return 1 if found else 0

@@ -20,7 +20,6 @@ from s2rtui.figures.style import (
     heading,
     new_figure,
     page_of,
-    plain,
     unit,
     written,
 )
@@ -125,7 +124,7 @@ def _panel(
     if box[0] > LEFT:
         sheet.axes.set_ylabel("")
         sheet.axes.tick_params(labelleft=False)
-    label = sheet.axes.set_title(plain(title), loc="left", fontsize=10, pad=6)
+    label = sheet.axes.set_title(title, loc="left", fontsize=10, pad=6)
     label.set_color(unit(ink))
     label.set_fontweight("bold")
     return sheet

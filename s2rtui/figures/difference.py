@@ -10,7 +10,7 @@ from s2rstore.records import Bounds
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme
 from s2rtui.figures.geomap_marks import draw_others
 from s2rtui.figures.map_sheet import MANY, MapSheet, map_sheet, marker_legend
-from s2rtui.figures.style import Pixels, colour_scale, page_of, plain, unit, written
+from s2rtui.figures.style import Pixels, colour_scale, page_of, unit, written
 from s2rtui.plots.difference import tint
 from s2rtui.plots.difference_model import DifferenceModel, by_size, difference_model, verdicts
 from s2rtui.plots.geomap_model import default_view
@@ -95,7 +95,7 @@ def difference_legend(
     left, top = corner
     high = high or min(2.0, (top - 0.6) * 0.42)
     box = sheet.page.box(left, top - 0.52 - high, 0.16, high)
-    label = plain(f"{view.names[0]} −\n{view.names[1]} ({view.unit})")
+    label = f"{view.names[0]} −\n{view.names[1]} ({view.unit})"
     ends = (-model.scale, model.scale)
     colour_scale(
         sheet.figure, sheet.page, box, ends, label, lambda shares: tint(2 * shares - 1, 1.0)

@@ -15,7 +15,6 @@ from s2rtui.figures.style import (
     heading,
     new_figure,
     page_of,
-    plain,
     unit,
     written,
 )
@@ -58,7 +57,7 @@ def _axis_name(view: HistogramInput, model: HistogramModel) -> str:
     name = f"{view.label} ({view.unit})" if view.unit else view.label
     if model.sim.beyond + model.real.beyond:
         name += f", last bar: {short(model.upper)} and more"
-    return plain(name)
+    return name
 
 
 def _side(
@@ -91,7 +90,7 @@ def _side(
         at = min(errors.median, model.upper)
         axes.axvline(at, color=unit(theme.text), linewidth=1.2, linestyle=(0, (3, 2)), zorder=4)
         text = f"median {short(errors.median)} {view.unit}".rstrip()
-        note = axes.set_title(plain(text), loc="right", fontsize=9, pad=6)
+        note = axes.set_title(text, loc="right", fontsize=9, pad=6)
         note.set_color(unit(theme.text))
     if errors.cursor is not None:
         at = min(errors.cursor, model.upper)

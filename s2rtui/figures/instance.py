@@ -16,7 +16,6 @@ from s2rtui.figures.style import (
     heading,
     new_figure,
     page_of,
-    plain,
     unit,
     written,
 )
@@ -100,7 +99,7 @@ def _caption(
     label = figure.text(
         box[0] / wide,
         (box[1] + box[3] + 0.06) / high,
-        plain(text),
+        text,
         ha="left",
         va="bottom",
         fontsize=11,
@@ -156,7 +155,7 @@ def _numbers(
     inks = {"truth": theme.truth, "sim": theme.sim, "real": theme.real}
 
     def put(x: float, y: float, text: str, ink: tuple[int, int, int], **style: object) -> None:
-        label = figure.text(x / wide, y / high, plain(text), fontsize=9, va="top")
+        label = figure.text(x / wide, y / high, text, fontsize=9, va="top")
         label.set(color=unit(ink), **style)
 
     columns = (0.92, 1.42, 2.02)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from s2rstore.records import Bounds, Room
 from s2rtui.canvas.colour import Rgb, Theme, luma, mix, turbo
 from s2rtui.canvas.raster import resample
-from s2rtui.figures.style import Box, Page, broken, dress, heading, new_figure, plain, unit
+from s2rtui.figures.style import Box, Page, broken, dress, heading, new_figure, unit
 from s2rtui.plots.frame import MapFrame, fit
 from s2rtui.plots.geomap_cells import dots
 from s2rtui.plots.geomap_layers import DIMMED, heat_scale, seen_cells
@@ -122,7 +122,7 @@ def marker_legend(
             markersize=6,
             color=unit(ink),
             markerfacecolor=unit(ink) if filled else "none",
-            label=plain(broken(name)),
+            label=broken(name),
         )
         for name, marker, ink, filled in marks
     ]
@@ -218,7 +218,7 @@ def _name(axes: Axes, room: Room, top: float, theme: Theme, scale: float) -> Non
     ]
     broad = len(room.room) * LETTER > (room.x1 - room.x0) * scale
     label = axes.annotate(
-        plain(room.room.replace(" ", "\n") if broad else room.room),
+        room.room.replace(" ", "\n") if broad else room.room,
         (room.x0, top),
         xytext=(4, -4),
         textcoords="offset points",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from s2rtui.canvas.colour import LIGHT, Theme
-from s2rtui.figures.style import Page, Pixels, heading, new_figure, page_of, plain, unit, written
+from s2rtui.figures.style import Page, Pixels, heading, new_figure, page_of, unit, written
 from s2rtui.plots.dial import RING
 from s2rtui.plots.inputs import OrientationInput
 from s2rtui.plots.orientation_model import (
@@ -120,6 +120,6 @@ def _words(
     bold: bool,
 ) -> None:
     x, y = place[0] / page.inches[0], place[1] / page.inches[1]
-    label = figure.text(x, y, plain(text), ha="center", va="center", fontsize=11 if bold else 9)
+    label = figure.text(x, y, text, ha="center", va="center", fontsize=11 if bold else 9)
     label.set_color(unit(ink))
     label.set_fontweight("bold" if bold else "normal")

@@ -15,7 +15,6 @@ from s2rtui.figures.style import (
     heading,
     new_figure,
     page_of,
-    plain,
     unit,
     written,
 )
@@ -117,7 +116,7 @@ def _name(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> N
     theme = page.theme
     name = row.run if len(row.run) <= 32 else row.run[:31] + "…"
     label = axes.annotate(
-        plain(name),
+        name,
         (0, y),
         xycoords=("axes fraction", "data"),
         xytext=(-10, 0),
@@ -130,7 +129,7 @@ def _name(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> N
     label.set_fontweight("bold" if selected else "normal")
     if row.sim_accuracy is None and row.real_accuracy is None:
         axes.annotate(
-            plain(row.note or "n/a"),
+            row.note or "n/a",
             (0.02, y),
             xycoords=("axes fraction", "data"),
             va="center",

@@ -14,7 +14,6 @@ from s2rtui.figures.style import (
     heading,
     new_figure,
     page_of,
-    plain,
     unit,
     written,
 )
@@ -76,7 +75,7 @@ def _column(
     axes.set_yticks(rows if index == 0 else [])
     if index == 0:
         names = [name if len(name) <= 28 else name[:27] + "…" for name in model.names]
-        axes.set_yticklabels([plain(name) for name in names])
+        axes.set_yticklabels(names)
         axes.tick_params(axis="y", length=0, pad=9, labelcolor=unit(theme.text))
     points = min(8.0, 72 * height / max(count, 1) * 0.7)
     for row in rows.tolist():

@@ -91,10 +91,15 @@ def page_of(size: Pixels, theme: Theme) -> Page:
 
 
 def new_figure(page: Page) -> Figure:
-    """An empty figure on the page's ground, drawn by Agg and without pyplot."""
+    """An empty figure on the page's ground, drawn by Agg and without pyplot.
+
+    No text in it is a formula: names hold dollar signs.
+    """
+    from matplotlib import rcParams
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    rcParams["text.parse_math"] = False
     figure = Figure(figsize=page.inches, dpi=page.dpi, facecolor=unit(page.theme.background))
     FigureCanvasAgg(figure)
     return figure
@@ -146,16 +151,11 @@ def heading(figure: Figure, page: Page, title: str, subtitle: str = "") -> float
         room = max(12, int((page.inches[0] - 0.45) / (size * LETTER)))
         for line in textwrap.wrap(text, room, max_lines=most, placeholder=" …"):
             x, top = 0.25 / page.inches[0], y / page.inches[1]
-            label = figure.text(x, top, plain(line), ha="left", va="top", fontsize=size)
+            label = figure.text(x, top, line, ha="left", va="top", fontsize=size)
             label.set_fontweight(weight)
             label.set_color(unit(colour))
             y -= drop
     return max(0.2, y - 0.1)
-
-
-def plain(text: str) -> str:
-    """Text that matplotlib takes literally (a dollar sign starts no formula)."""
-    return text.replace("$", r"\$")
 
 
 def broken(label: str) -> str:
@@ -185,5 +185,5 @@ def colour_scale(
     axes.tick_params(colors=unit(page.theme.muted), labelsize=8, width=0.8, length=3)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    title = axes.set_title(plain(label), loc="left", fontsize=9, pad=6)
+    title = axes.set_title(label, loc="left", fontsize=9, pad=6)
     title.set_color(unit(page.theme.text))

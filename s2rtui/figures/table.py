@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme
-from s2rtui.figures.style import Page, Pixels, heading, new_figure, page_of, plain, unit, written
+from s2rtui.figures.style import Page, Pixels, heading, new_figure, page_of, unit, written
 from s2rtui.plots.table import TableColumn, TableInput
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def _put(
     text = text if len(text) <= most else text[: most - 1] + "…"
     wide, high = page.inches
     x = end if column.right else start
-    label = figure.text(x / wide, y / high, plain(text), va="center", fontsize=9)
+    label = figure.text(x / wide, y / high, text, va="center", fontsize=9)
     label.set_horizontalalignment("right" if column.right else "left")
     label.set_color(unit(ink))
     label.set_fontweight("bold" if bold else "normal")

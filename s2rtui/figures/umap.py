@@ -15,7 +15,6 @@ from s2rtui.figures.style import (
     heading,
     new_figure,
     page_of,
-    plain,
     unit,
     written,
 )
@@ -122,7 +121,7 @@ def _panel(
     sim = name == "sim"
     layer = model.sim if sim else model.real
     told = f"{name}   {layer.selected} of {layer.total}" if layer.total else f"{name}   none"
-    label = axes.set_title(plain(told), loc="left", fontsize=10, pad=6)
+    label = axes.set_title(told, loc="left", fontsize=10, pad=6)
     label.set_color(unit(theme.sim if sim else theme.real))
     label.set_fontweight("bold")
     points = np.asarray(view.sim if sim else view.real, dtype=np.float64)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 
+from s2rstore.text import printable_lines
 from s2rtui.canvas import DARK, LIGHT, Rgb, Theme
 from s2rtui.report.content import Example, Facts, Picture, Report, RunPart, Section, Table
 
@@ -59,8 +60,8 @@ def _hex(ink: Rgb) -> str:
 
 
 def _text(text: str) -> str:
-    """Text as text, without what HTML knows no character for."""
-    return escape("".join(c if c.isprintable() or c == "\n" else "\ufffd" for c in text))
+    """Text as text, in printable characters and lines."""
+    return escape(printable_lines(text))
 
 
 def _header(report: Report) -> str:

@@ -18,20 +18,43 @@ from s2rstore.text import printable
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""How a cell begins that a spreadsheet may run; the last four are the full-width signs."""
 Rows = Sequence[Sequence[Any]]
 Told = Mapping[str, Any]
 
 
-def csv_text(names: Sequence[str], rows: Rows, facts: Told | None = None) -> str:
-    """A line of names, then the rows; before them a `# key: value` line per fact."""
+def csv_text(
+    names: Sequence[str], rows: Rows, facts: Told | None = None, safe: bool = False
+) -> str:
+    """A line of names, then the rows; before them a `# key: value` line per fact.
+
+    `safe` text runs as a formula in no spreadsheet: every text is quoted, and begins with an
+    apostrophe where a formula could begin.
+    """
     buffer = io.StringIO()
+    writer = csv.writer(
+        buffer,
+        lineterminator="\n",
+        quoting=csv.QUOTE_NONNUMERIC if safe else csv.QUOTE_MINIMAL,
+    )
     for key, value in (facts or {}).items():
-        told = " ".join(printable(_text(value)).splitlines())
-        buffer.write(f"# {key}: {told}\n")
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows(rows)
+        fact = f"# {key}: {printable(' '.join(_text(value).splitlines()))}"
+        if safe:
+            writer.writerow([fact])
+        else:
+            buffer.write(f"{fact}\n")
+    writer.writerow([_literal(name) for name in names] if safe else names)
+    writer.writerows([[_literal(value) for value in row] for row in rows] if safe else rows)
     return buffer.getvalue()
+
+
+def _literal(value: Any) -> Any:
+    """A cell that a spreadsheet takes as text, where it is text."""
+    if not isinstance(value, str):
+        plain = value is None or isinstance(value, int | float | Decimal)
+        return value if plain else _literal(str(value))
+    return f"'{value}" if value.startswith(_FORMULA) else value
 
 
 def json_text(names: Sequence[str], rows: Rows, facts: Told | None = None) -> str:
@@ -45,12 +68,19 @@ def json_text(names: Sequence[str], rows: Rows, facts: Told | None = None) -> st
     return json.dumps(whole, indent=1, default=str, allow_nan=False) + "\n"
 
 
-def save(target: Path, names: Sequence[str], rows: Rows, facts: Told | None = None) -> None:
+def save(
+    target: Path,
+    names: Sequence[str],
+    rows: Rows,
+    facts: Told | None = None,
+    safe_csv: bool = False,
+) -> None:
     """Write a file in the format that its end names. Raises RequestError, OSError."""
     if target.suffix == ".parquet":
         write_parquet(names, rows, target, facts)
     else:
-        text = {".csv": csv_text, ".json": json_text}[target.suffix](names, rows, facts)
+        is_csv = target.suffix == ".csv"
+        text = csv_text(names, rows, facts, safe_csv) if is_csv else json_text(names, rows, facts)
         target.write_text(text, encoding="utf-8")
 
 

@@ -118,8 +118,11 @@ def _column(store: Store, run: str, name: str, notes: Notes) -> Callable[[int], 
     if name in fields.TEXT:
         text = fields.TEXT[name]
         truth = store.instances
-        words = {"rooms": truth.room_names, "trajectories": truth.trajectory_names,
-                 "splits": SPLITS}[text.vocabulary]  # fmt: skip
+        words = {
+            "rooms": tuple(store.stored_rooms.values()),
+            "trajectories": truth.trajectory_names,
+            "splits": SPLITS,
+        }[text.vocabulary]
         codes = _values(store, run, text.path)
         return lambda iid: words[codes[iid]] if codes[iid] >= 0 else None
     if name not in fields.NUMERIC:

@@ -15,6 +15,7 @@ from s2rstore.errors import RequestError
 from s2rstore.language import Node, parse
 from s2rstore.language.nodes import Not
 from s2rstore.reader import Store
+from s2rstore.text import printable
 from s2rtui.notebook import Notebook, Notes
 from s2rtui.session import arriving, begin, generations, loading, walking
 from s2rtui.session.generations import INDEX_MEMORY
@@ -50,7 +51,7 @@ class Session:
         self._told = ""
         self._retired: list[Store] = []
         self._selecting = Selecting()
-        self._nights = nights or history.path_in(self.store.path)
+        self._nights = nights.resolve() if nights else history.path_in(self.store.path)
         self.state = begin.empty(self.store, run, self._history())
         first, told = begin.finding(self.store, self.state.run)
         begun = with_heat(self.store, self.selected(self.state, first))
@@ -88,8 +89,8 @@ class Session:
 
     def tell(self, message: str, is_error: bool = False) -> State:
         """Show a message; an error stays until the next change."""
-        self._told = message
-        return self.set(replace(self.state, message=message, is_error=is_error))
+        self._told = printable(message)
+        return self.set(replace(self.state, message=self._told, is_error=is_error))
 
     @property
     def told(self) -> str:

@@ -9,6 +9,7 @@ from textual.binding import BindingType
 from textual.containers import VerticalScroll
 from textual.widgets import Static
 
+from s2rstore.text import printable_lines
 from s2rtui.access import Access
 from s2rtui.actions import help_text
 from s2rtui.widgets.leaving import Leaving
@@ -27,7 +28,7 @@ class HelpScreen(Leaving[None]):
 
     def compose(self) -> ComposeResult:
         with VerticalScroll(id="help"):
-            yield Static(help_text(self._access), markup=False)
+            yield Static(printable_lines(help_text(self._access)), markup=False)
 
     def on_mount(self) -> None:
         self.query_one("#help", VerticalScroll).focus()

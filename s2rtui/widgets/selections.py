@@ -12,6 +12,7 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from s2rstore.errors import S2RError
+from s2rstore.text import printable
 from s2rtui.notebook import at
 from s2rtui.session import Session
 from s2rtui.session.anew import where
@@ -38,7 +39,7 @@ class SelectionsScreen(Leaving[str | None]):
     def compose(self) -> ComposeResult:
         with Vertical(id="selections"):
             yield Static(_TITLE, id="selections-title", markup=False)
-            yield OptionList(id="selections-list", compact=True)
+            yield OptionList(id="selections-list", compact=True, markup=False)
             yield Static("enter takes one   d forgets a saved one   escape leaves", markup=False)
 
     def on_mount(self) -> None:
@@ -51,11 +52,11 @@ class SelectionsScreen(Leaving[str | None]):
         self._texts = {}
         for name, saved in notes.selections.items():
             label = f"{at(name)}   {saved.expression}   {where(saved)}"
-            options.append(Option(Content(label), id=f"@{name}"))
+            options.append(Option(Content(printable(label)), id=f"@{name}"))
             self._texts[f"@{name}"] = written(saved, self._session.store.dataset.hash)
         past = dict.fromkeys(reversed((*notes.history, *state.past, state.expression)))
         for number, expression in enumerate(list(past)[:_MOST]):
-            options.append(Option(Content(expression), id=f"past-{number}"))
+            options.append(Option(Content(printable(expression)), id=f"past-{number}"))
             self._texts[f"past-{number}"] = expression
         listed = self.query_one(OptionList)
         listed.clear_options()
@@ -84,4 +85,4 @@ class SelectionsScreen(Leaving[str | None]):
         self._fill(row)
 
     def _say(self, words: str) -> None:
-        self.query_one("#selections-title", Static).update(Content(words))
+        self.query_one("#selections-title", Static).update(Content(printable(words)))

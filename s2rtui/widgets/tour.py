@@ -46,7 +46,8 @@ class TourScreen(Leaving[None]):
 
     def compose(self) -> ComposeResult:
         with VerticalScroll(id="tour"):
-            yield Static("Where and why does the model fail in reality?", id="tour-title")
+            title = "Where and why does the model fail in reality?"
+            yield Static(title, id="tour-title", markup=False)
             yield Static(tour_text(), markup=False)
 
     def on_key(self, event: events.Key) -> None:

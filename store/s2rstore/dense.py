@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -63,22 +63,16 @@ class Index:
         return column
 
 
-def instances(index: Index) -> InstanceColumns:
-    """All instances in iid order."""
-    connection = index.connect()
-    trajectories, rooms = (
-        tuple(row[0] for row in connection.execute(sql).fetchall())
-        for sql in (
-            "SELECT trajectory FROM trajectory ORDER BY trajectory",
-            "SELECT room FROM room GROUP BY room ORDER BY min(position)",
-        )
-    )
-    names = {"trajectory": trajectories, "room": rooms}
+def instances(
+    index: Index, trajectories: tuple[str, ...], rooms: Mapping[str, str]
+) -> InstanceColumns:
+    """All instances in iid order; `rooms` are names as shown with those in the index."""
+    stored = {"trajectory": trajectories, "room": tuple(rooms.values())}
 
     def read(name: str) -> NDArray[Any]:
-        return index.kept.get(("instance", name), partial(_of_instances, index, name, names))
+        return index.kept.get(("instance", name), partial(_of_instances, index, name, stored))
 
-    return InstanceColumns(read, index.n, trajectories, rooms)
+    return InstanceColumns(read, index.n, trajectories, tuple(rooms))
 
 
 def _of_instances(index: Index, name: str, names: dict[str, tuple[str, ...]]) -> NDArray[Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -12,11 +11,13 @@ from typing import Any
 
 import duckdb
 
-from s2rstore import history_schema, layout
+from s2rstore import history_schema, layout, safe_files, sandbox
 from s2rstore.errors import RequestError
+from s2rstore.schema import Table
 from s2rstore.stats import Interval
+from s2rstore.text import printable
 
-_CONFIG: dict[str, Any] = {"threads": 1, "memory_limit": "64MB", "temp_directory": ""}
+_MEMORY = "64MB"
 Stamp = tuple[int, int, int]
 Row = dict[str, Any]
 
@@ -129,6 +130,16 @@ def path_in(store: Path) -> Path:
     return store / layout.HISTORY / "gap.duckdb"
 
 
+def check_place(path: Path) -> None:
+    """Raises RequestError where a store's own history is a link, a folder or a device.
+
+    A history that lies elsewhere is the user's, who may link it.
+    """
+    store = path.parent.parent
+    if path == path_in(store) and safe_files.kind(store, layout.CURRENT) is not None:
+        safe_files.checked_path(store, path.relative_to(store))
+
+
 def stamp(path: Path) -> Stamp | None:
     """What changes whenever the file is replaced; None where there is none."""
     try:
@@ -141,9 +152,10 @@ def stamp(path: Path) -> Stamp | None:
 def read(path: Path) -> History:
     """Everything but the reports. Raises RequestError for a file that is missing or no history."""
     with _opened(path) as connection:
-        names = [table.name for table in history_schema.TABLES if table.name != "report"]
-        rows = {name: _rows(connection, name) for name in names}
-        last_id = max([row["id"] for row in rows["night"]] + _withdrawn_ids(connection), default=0)
+        names = [table.name for table in tables_of(connection, "history")]
+        rows = {name: _rows(connection, name) for name in names if name != "report"}
+    used = [*rows["night"], *rows.get(history_schema.WITHDRAWN.name, ())]
+    last_id = max((row["id"] for row in used), default=0)
     axes = _grouped(rows["axis"], _axis)
     estimates = _grouped(rows["estimate"], _estimate)
     nights = []
@@ -171,32 +183,44 @@ def report_text(path: Path, measured: int) -> str:
     return str(found[0])
 
 
-_opening = threading.Lock()
+def check(path: Path) -> None:
+    """Read everything, reports included, which holds every block against its checksum.
+
+    Raises RequestError for a file that is missing, damaged or no history.
+    """
+    read(path)
+    with _opened(path) as connection:
+        connection.execute("SELECT measured, report, version FROM history.report").fetchall()
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
-    """A connection that can reach no other file.
+    """A connection that can reach no other file, with the file attached as `history`.
 
     The file is attached to a database of its own each time: DuckDB would give a second connection
     to one path the content that the first one saw.
     """
+    check_place(path)
     if not path.is_file():
         raise RequestError(f"{path}: no history; `s2r nightly CONFIG.toml` writes one")
-    name = str(path).replace("'", "''")
-    with _opening:
-        connection = duckdb.connect(config=_CONFIG)
-        try:
-            connection.execute(f"ATTACH '{name}' AS history (READ_ONLY)")
-            connection.execute("SET enable_external_access = false")
-            connection.execute("SET lock_configuration = true")
-            yield connection
-        except duckdb.Error as error:
-            told = str(error).splitlines()[0]
-            message = f"{path}: no history that this version reads ({told})"
-            raise RequestError(message) from error
-        finally:
-            connection.close()
+    connection = sandbox.connect_empty([path.absolute().parent], _MEMORY)
+    try:
+        sandbox.attach_read_only(
+            connection, path, "history", history_schema.TABLES, history_schema.VIEWS
+        )
+        yield connection
+    except duckdb.Error as error:
+        reason = sandbox.first_line(error)
+        raise RequestError(f"{path}: no history that this version reads ({reason})") from error
+    finally:
+        connection.close()
+
+
+def tables_of(connection: duckdb.DuckDBPyConnection, database: str) -> tuple[Table, ...]:
+    """The known tables that an attached history has; old ones lack those of withdrawn nights."""
+    query = "SELECT table_name FROM duckdb_tables() WHERE database_name = ?"
+    there = {row[0] for row in connection.execute(query, [database]).fetchall()}
+    return tuple(table for table in history_schema.TABLES if table.name in there)
 
 
 def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:
@@ -204,15 +228,12 @@ def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:
     names = ", ".join(f'"{name}"' for name in known.column_names)
     query = f'SELECT {names} FROM history."{table}" ORDER BY {", ".join(known.order)}'
     found = connection.execute(query).fetchall()
-    return [dict(zip(known.column_names, row, strict=True)) for row in found]
+    shown = (tuple(_shown(value) for value in row) for row in found)
+    return [dict(zip(known.column_names, row, strict=True)) for row in shown]
 
 
-def _withdrawn_ids(connection: duckdb.DuckDBPyConnection) -> list[int]:
-    name = history_schema.WITHDRAWN.name
-    known = "SELECT table_name FROM duckdb_tables() WHERE database_name = 'history'"
-    if (name,) not in connection.execute(known).fetchall():
-        return []
-    return [row[0] for row in connection.execute(f"SELECT id FROM history.{name}").fetchall()]
+def _shown(value: Any) -> Any:
+    return printable(value) if isinstance(value, str) else value
 
 
 def _grouped(rows: Sequence[Row], made: Any) -> dict[int, tuple[Any, ...]]:

@@ -23,7 +23,7 @@ def _bounds(name: str, comment: str) -> tuple[Column, ...]:
     )
 
 
-TABLES: tuple[Table, ...] = (
+_MEASURED: tuple[Table, ...] = (
     Table(
         "night",
         "one row per night that said something new; of several for one night the last counts",
@@ -121,25 +121,21 @@ TABLES: tuple[Table, ...] = (
 )
 
 
-def _table(name: str) -> Table:
-    return next(table for table in TABLES if table.name == name)
+def _withdrawn(name: str, *added: Column) -> Table:
+    """A table for the rows that withdrawn nights had in another one."""
+    table = next(each for each in _MEASURED if each.name == name)
+    return Table(
+        "withdrawn" if name == "night" else f"withdrawn_{name}",
+        f"rows of `{name}` of nights that were taken back",
+        (*table.columns, *added),
+        table.order,
+        optional=True,
+    )
 
 
-WITHDRAWN = Table(
-    "withdrawn",
-    "rows of `night` that were taken back; there once a night was withdrawn",
-    (
-        *_table("night").columns,
-        Column("withdrawn_at", "VARCHAR", "UTC, ISO 8601"),
-    ),
-    ("night", "id"),
-)
-WITHDRAWN_EVIDENCE = Table(
-    "withdrawn_recorded",
-    "rows of `recorded` that withdrawn nights had written",
-    _table("recorded").columns,
-    _table("recorded").order,
-)
+WITHDRAWN = _withdrawn("night", Column("withdrawn_at", "VARCHAR", "UTC, ISO 8601"))
+WITHDRAWN_RECORDED = _withdrawn("recorded")
+TABLES: tuple[Table, ...] = (*_MEASURED, WITHDRAWN, WITHDRAWN_RECORDED)
 
 _VIEW = """
     CREATE VIEW gap AS
@@ -148,6 +144,9 @@ _VIEW = """
     FROM night n JOIN axis a USING (measured)
     WHERE n.id IN (SELECT max(id) FROM night GROUP BY name, night)
 """
+
+VIEWS: tuple[str, ...] = (_VIEW,)
+"""The statements that make the views of a history."""
 
 
 def statements() -> list[str]:

@@ -6,10 +6,12 @@ import hashlib
 import json
 import os
 import re
+import secrets
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from s2rstore import safe_files
 from s2rstore.errors import RequestError
 
 CURRENT = "CURRENT.json"
@@ -22,6 +24,8 @@ ASSETS = "assets"
 HISTORY = "history"
 DRIVES = "drives"
 
+_HASH = re.compile(r"[0-9a-f]{16,64}\Z")
+_CURRENT_BYTES = 65_536
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,79}\Z")
 
 
@@ -54,12 +58,17 @@ def read_current(root: Path) -> Current:
     """
     path = root / CURRENT
     try:
-        current = Current(**json.loads(path.read_bytes()))
+        content = safe_files.read(root, CURRENT, _CURRENT_BYTES)
     except (FileNotFoundError, NotADirectoryError):
         kind = f"no {CURRENT} in it" if root.is_dir() else "no such folder"
         kind = "a file, no folder" if root.is_file() else kind
         raise RequestError(f"{root}: not a store ({kind}); make one with `s2r ingest`") from None
-    except (OSError, ValueError, TypeError, RecursionError) as error:
+    except OSError as error:
+        where, reason = error.filename or path, safe_files.explained(error)
+        raise RequestError(f"{where}: cannot be read ({reason}); check its permissions") from error
+    try:
+        current = Current(**json.loads(content))
+    except (ValueError, TypeError, RecursionError) as error:
         raise RequestError(f"{path}: damaged ({type(error).__name__}); restore it") from error
     numbers = current.generation, current.bytes, current.schema
     if not all(type(number) is int for number in numbers) or (
@@ -72,7 +81,7 @@ def read_current(root: Path) -> Current:
 def write_current(root: Path, current: Current) -> None:
     """Make `current` the published generation, atomically and durably."""
     content = json.dumps(asdict(current), indent=2) + "\n"
-    write_atomic(root / CURRENT, content.encode())
+    safe_files.write(root, CURRENT, content.encode())
 
 
 def write_atomic(path: Path, content: bytes) -> None:
@@ -89,9 +98,9 @@ def write_atomic(path: Path, content: bytes) -> None:
 
 def write_beside(path: Path, content: bytes) -> Path:
     """The content on the disk, in a hidden file that is to take the place of `path`."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    beside = path.with_name(f".{path.name[:64]}.{secrets.token_hex(8)}{safe_files.PARTIAL}")
     try:
-        with beside.open("wb") as file:
+        with beside.open("xb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
@@ -122,10 +131,15 @@ def file_sha256(path: Path) -> str:
 
 def inside(root: Path, relative: str | Path) -> Path:
     """A path that a store's content names; RequestError where it leads out of the store."""
-    path = Path(relative)
-    if path.is_absolute() or ".." in path.parts or "\0" in str(path):
-        raise RequestError(f"{root}: names {str(relative)!r}, which lies outside; do not trust it")
-    return root / path
+    safe_files.parts_of(root, relative)
+    return root / relative
+
+
+def checked_hash(text: object, what: str) -> str:
+    """`text` where it is 16 to 64 lowercase hexadecimal digits, else RequestError."""
+    if not isinstance(text, str) or not _HASH.match(text):
+        raise RequestError(f"{what} {repr(text)[:80]}: not 16 to 64 hexadecimal digits (0-9, a-f)")
+    return text
 
 
 def checked_name(name: str, what: str) -> str:

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import socket
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from s2rstore import layout
+from s2rstore import layout, safe_files
+
+_COMPACTED = f"{layout.LEDGER}/compacted.jsonl"
+_SHA256 = re.compile(r"[0-9a-f]{64}\Z")
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,17 +36,27 @@ class Ledger:
 
     def __init__(self, root: Path) -> None:
         self._root = root
-        self._folder = root / layout.LEDGER
 
     def entries(self) -> Iterator[Entry]:
         """Every entry that was completely written, in no particular order."""
-        for path in sorted(self._folder.glob("*.jsonl")):
-            if not path.is_file():
-                continue
-            for line in path.read_bytes().split(b"\n"):
-                entry = _parsed(line)
-                if entry is not None:
-                    yield entry
+        for line in self._lines():
+            entry = _parsed(line)
+            if entry is not None:
+                yield entry
+
+    def unreadable_lines(self) -> int:
+        """How many lines are no entry: unfinished by a killed process, or damaged."""
+        return sum(_parsed(line) is None for line in self._lines())
+
+    def _lines(self) -> Iterator[bytes]:
+        for name in self._files():
+            for line in safe_files.read(self._root, name).split(b"\n"):
+                if line:
+                    yield line
+
+    def _files(self) -> list[str]:
+        found = safe_files.names(self._root, layout.LEDGER)
+        return [e.path for e in found if e.name.endswith(".jsonl") and e.kind in ("file", "link")]
 
     def add(self, key: str, files: list[tuple[str, int]]) -> None:
         """Record a unit whose files, given as (path inside the store, count), are complete.
@@ -51,20 +65,13 @@ class Ledger:
         """
         lines = []
         for relative, count in files:
-            path = self._root / relative
-            layout.sync_file(path)
-            layout.sync_folder(path.parent)
-            entry = Entry(key, relative, path.stat().st_size, layout.file_sha256(path), count)
-            lines.append(json.dumps(asdict(entry), separators=(",", ":")) + "\n")
-        self._folder.mkdir(exist_ok=True)
-        own = self._folder / f"{socket.gethostname()}-{os.getpid()}.jsonl"
-        with own.open("ab") as file:
-            if file.tell() and not _ends_with_newline(own):
-                file.write(b"\n")
-            file.write("".join(lines).encode())
-            file.flush()
-            os.fsync(file.fileno())
-        layout.sync_folder(self._folder)
+            safe_files.sync(self._root, relative)
+            size = safe_files.size(self._root, relative)
+            checksum = safe_files.sha256(self._root, relative)
+            lines.append(_line(Entry(key, relative, size, checksum, count)))
+        own = f"{layout.LEDGER}/{socket.gethostname()}-{os.getpid()}.jsonl"
+        safe_files.append_lines(self._root, own, "".join(lines).encode())
+        safe_files.sync(self._root, own)
 
     def by_path(self) -> dict[str, list[Entry]]:
         """Entries grouped by file: a file that was made again has several."""
@@ -74,41 +81,53 @@ class Ledger:
         return grouped
 
     def proves(self, entries: list[Entry]) -> bool:
-        """Whether one of the entries of a file tells the size and checksum of what lies there."""
+        """Whether one of the entries of a file states its size and checksum.
+
+        Raises LinkError where the path leads through a symbolic link.
+        """
+        return self.proof(entries) is not None
+
+    def proof(self, entries: list[Entry]) -> Entry | None:
+        """The entry that states the size and checksum of the file that lies there."""
         if not entries:
-            return False
-        path = self._root / entries[0].path
+            return None
+        path = entries[0].path
         try:
-            size = path.stat().st_size
+            size = safe_files.size(self._root, path)
             if not any(entry.bytes == size for entry in entries):
-                return False
-            checksum = layout.file_sha256(path)
+                return None
+            checksum = safe_files.sha256(self._root, path)
         except OSError:
-            return False
-        return any((entry.bytes, entry.checksum) == (size, checksum) for entry in entries)
+            return None
+        known = (each for each in entries if (each.bytes, each.checksum) == (size, checksum))
+        return next(known, None)
 
     def forget(self, gone: set[str]) -> None:
         """Drop the entries of files that were removed, by their paths inside the store.
 
         Only for the holder of the store's compute lock: other processes must not be adding.
         """
-        kept = [entry for entry in self.entries() if entry.path not in gone]
-        lines = "".join(json.dumps(asdict(e), separators=(",", ":")) + "\n" for e in kept)
-        old = sorted(self._folder.glob("*.jsonl"))
-        layout.write_atomic(self._folder / "compacted.jsonl", lines.encode())
+        lines = "".join(_line(entry) for entry in self.entries() if entry.path not in gone)
+        old = self._files()
+        safe_files.write(self._root, _COMPACTED, lines.encode())
         for path in old:
-            if path.name != "compacted.jsonl":
-                path.unlink()
+            if path != _COMPACTED:
+                safe_files.remove(self._root, path)
+
+
+def _line(entry: Entry) -> str:
+    return json.dumps(asdict(entry), separators=(",", ":")) + "\n"
 
 
 def _parsed(line: bytes) -> Entry | None:
     try:
-        return Entry(**json.loads(line))
+        entry = Entry(**json.loads(line))
     except (ValueError, TypeError, RecursionError):
         return None
-
-
-def _ends_with_newline(path: Path) -> bool:
-    with path.open("rb") as file:
-        file.seek(-1, os.SEEK_END)
-        return file.read(1) == b"\n"
+    sizes = entry.bytes, entry.count
+    if not all(type(size) is int and size >= 0 for size in sizes):
+        return None
+    words = entry.key, entry.path, entry.checksum
+    if not all(isinstance(word, str) for word in words) or not _SHA256.match(entry.checksum):
+        return None
+    return entry

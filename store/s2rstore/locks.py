@@ -10,11 +10,12 @@ import fcntl
 import os
 import socket
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
-from s2rstore import layout
+from s2rstore import layout, safe_files
 from s2rstore.errors import RequestError, StoreBusyError
 
 
@@ -35,25 +36,28 @@ def compute_lock(root: Path, patience: float = 0.0) -> Iterator[None]:
 @contextmanager
 def file_lock(path: Path, patience: float = 120.0) -> Iterator[None]:
     """Wait up to `patience` seconds for others that replace this file; StoreBusyError after it."""
-    with _held(path.with_name(f".{path.name}.lock"), path, "writing", patience):
+    with suppress(OSError):
+        path.parent.mkdir(exist_ok=True)
+    lock = path.with_name(f".{path.name}.lock")
+    with _held(partial(safe_files.lock_beside, lock), path, "writing", patience):
         yield
 
 
 @contextmanager
 def _locked(root: Path, what: str, patience: float) -> Iterator[None]:
-    with _held(root / layout.LEDGER / f"{what}.lock", root, what, patience):
+    lock = f"{layout.LEDGER}/{what}.lock"
+    with _held(partial(safe_files.lock_file, root, lock), root, what, patience):
         yield
 
 
 @contextmanager
-def _held(path: Path, root: Path, what: str, patience: float) -> Iterator[None]:
+def _held(opened: Callable[[], int], named: Path, what: str, patience: float) -> Iterator[None]:
     try:
-        path.parent.mkdir(exist_ok=True)
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o664)
+        descriptor = opened()
     except OSError as error:
-        raise RequestError(f"{root}: cannot be written ({error.strerror})") from error
+        raise RequestError(f"{named}: cannot be written ({error.strerror})") from error
     try:
-        _wait(descriptor, root, what, patience)
+        _wait(descriptor, named, what, patience)
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
         yield

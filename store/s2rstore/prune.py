@@ -1,59 +1,90 @@
-"""Removing what no kept generation needs."""
+"""Removing what no kept generation needs, and what killed writes have left.
+
+Nothing outside the store is removed but folders that an interrupted `s2r ingest` has left beside
+it. Links are neither followed nor removed: they are reported.
+"""
 
 from __future__ import annotations
 
+import os
+import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2rstore import layout, locks, sandbox, schema
+from s2rstore import layout, locks, safe_files, sandbox, schema
 from s2rstore.errors import RequestError
 from s2rstore.ledger import Ledger
+from s2rstore.safe_files import Entry
+
+_PROCESS = re.compile(r"\.(\d+)\.new(\.wal)?$")
 
 
 @dataclass(frozen=True, slots=True)
 class Pruned:
-    """What was removed, as paths inside the store, and how many bytes that freed."""
+    """What was removed, as paths inside the store, and how many bytes that freed.
+
+    `links` are symbolic links, which were left alone with what they lead to.
+    """
 
     paths: tuple[str, ...]
     bytes: int
+    links: tuple[str, ...] = ()
 
 
 def prune(root: Path, keep: int = 3, dry_run: bool = False) -> Pruned:
     """Keep the newest `keep` generations and what they reference; remove the rest.
 
-    Takes the compute lock, so that no half-written unit is mistaken for refuse. Raises
-    StoreBusyError while a precompute runs, RequestError for a store that another release wrote
-    or whose published index is missing.
+    Takes the compute lock, so that no half-written unit is mistaken for refuse. Where there is no
+    store, only what an interrupted ingest of it has left beside it is removed. Raises
+    StoreBusyError while a precompute runs, RequestError for a store that another release wrote or
+    whose published index is missing.
     """
+    beside = building_folders(root)
+    if beside and not root.exists():
+        return _with_beside(Pruned((), 0), beside, dry_run)
     layout.read_current(root)
     with locks.compute_lock(root), locks.publish_lock(root):
         current = layout.read_current(root)
         if current.schema != schema.VERSION:
             raise RequestError(f"{root}: schema {current.schema}; prune it with its own release")
-        if not (root / current.index).is_file():
+        if safe_files.kind(root, current.index) is None:
             raise RequestError(f"{root / current.index}: the published index is missing")
         indexes = sorted(
-            (number, path)
-            for path in (root / layout.INDEX).glob("index-*.duckdb")
-            if (number := layout.generation_of(path)) is not None
+            (number, entry)
+            for entry in _files(root, layout.INDEX)
+            if (number := layout.generation_of(Path(entry.path))) is not None
         )
         wanted = {number for number, _ in indexes if number <= current.generation}
         kept = sorted(wanted)[-max(1, keep) :]
-        gone = [path for number, path in indexes if number not in kept]
-        keep_paths = [path for number, path in indexes if number in kept]
-        gone += _unreferenced(root, keep_paths)
-        size = sum(_bytes(path) for path in gone)
+        gone = [entry.path for number, entry in indexes if number not in kept]
+        gone += _unreferenced(root, [entry.path for number, entry in indexes if number in kept])
+        gone += [path for path in _unfinished(root) if not _is_below(path, gone)]
+        below = {path: _below(root, path) for path in gone}
+        size = sum(entry.bytes for entries in below.values() for entry in entries)
+        links = tuple(entry.path for entry in safe_files.walk(root) if entry.kind == "link")
         if not dry_run:
-            _remove(root, gone)
-    return Pruned(tuple(path.relative_to(root).as_posix() for path in gone), size)
+            _remove(root, below)
+    return _with_beside(Pruned(tuple(gone), size, links), beside, dry_run)
 
 
-def _unreferenced(root: Path, indexes: list[Path]) -> list[Path]:
+def _files(root: Path, folder: str) -> list[Entry]:
+    if safe_files.kind(root, folder) != "folder":
+        return []
+    return [entry for entry in safe_files.names(root, folder) if entry.kind == "file"]
+
+
+def _folders(root: Path, folder: str) -> list[Entry]:
+    if safe_files.kind(root, folder) != "folder":
+        return []
+    return [entry for entry in safe_files.names(root, folder) if entry.kind == "folder"]
+
+
+def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
     arrays: set[str] = set()
     weights: set[str] = set()
     for index in indexes:
-        connection = sandbox.connect(index)
+        connection = sandbox.connect(safe_files.checked_path(root, index))
         try:
             arrays |= {
                 row[0] for row in connection.execute("SELECT path FROM zarr_array").fetchall()
@@ -61,36 +92,82 @@ def _unreferenced(root: Path, indexes: list[Path]) -> list[Path]:
             weights |= {row[0] for row in connection.execute("SELECT sha256 FROM model").fetchall()}
         finally:
             connection.close()
-    used = {"/".join(path.split("/")[:2]) for path in arrays}
-    runs = root / layout.RUNS
+    used = {f"{layout.RUNS}/{'/'.join(path.split('/')[:2])}" for path in arrays}
     gone = [
-        folder
-        for folder in sorted(runs.glob("*/*"))
-        if folder.is_dir() and folder.relative_to(runs).as_posix() not in used
+        key.path
+        for run in _folders(root, layout.RUNS)
+        for key in _folders(root, run.path)
+        if key.path not in used
     ]
-    gone += [
-        path
-        for path in sorted((root / layout.MODELS).glob("*"))
-        if path.name.split(".")[0] not in weights
-    ]
-    return gone
+    models = _files(root, layout.MODELS)
+    return gone + [entry.path for entry in models if entry.name.split(".")[0] not in weights]
 
 
-def _bytes(path: Path) -> int:
-    if path.is_file():
-        return path.stat().st_size
-    return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+def _unfinished(root: Path) -> list[str]:
+    """Files that killed writes have left; not those that a process still writes without a lock."""
+    found = []
+    for entry in safe_files.leftovers(root):
+        process = _PROCESS.search(entry.name)
+        in_history = entry.path.startswith(f"{layout.HISTORY}/")
+        if process and is_running(int(process[1])):
+            continue
+        if in_history and process is None:
+            continue
+        found.append(entry.path)
+    return found
 
 
-def _remove(root: Path, gone: list[Path]) -> None:
-    files: set[str] = set()
-    for path in gone:
-        if path.is_dir():
-            files |= {f.relative_to(root).as_posix() for f in path.rglob("*") if f.is_file()}
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
-    Ledger(root).forget(files)
-    for folder in (root / layout.RUNS).glob("*"):
-        if folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()
+def _is_below(path: str, folders: list[str]) -> bool:
+    return any(path == folder or path.startswith(f"{folder}/") for folder in folders)
+
+
+def _below(root: Path, path: str) -> list[Entry]:
+    """The files at and below a path."""
+    if safe_files.kind(root, path) == "folder":
+        return [entry for entry in safe_files.walk(root, path) if entry.kind == "file"]
+    return [Entry(path, "file", safe_files.size(root, path))]
+
+
+def _remove(root: Path, below: dict[str, list[Entry]]) -> None:
+    for path in below:
+        safe_files.remove(root, path)
+    Ledger(root).forget({entry.path for entries in below.values() for entry in entries})
+    for run in _folders(root, layout.RUNS):
+        if not safe_files.names(root, run.path):
+            safe_files.remove(root, run.path)
+
+
+def building_folders(root: Path) -> list[Path]:
+    """Folders beside a store that interrupted ingests of it have left."""
+    start = f".{root.name}.building-"
+    try:
+        found = sorted(path for path in root.parent.iterdir() if path.name.startswith(start))
+    except OSError:
+        return []
+    return [path for path in found if _is_abandoned(path, path.name.removeprefix(start))]
+
+
+def _is_abandoned(path: Path, process: str) -> bool:
+    is_folder = path.is_dir() and not path.is_symlink()
+    return is_folder and process.isdecimal() and not is_running(int(process))
+
+
+def is_running(process: int) -> bool:
+    """Whether this machine has a process of that number."""
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return process > 0
+
+
+def _with_beside(pruned: Pruned, folders: list[Path], dry_run: bool) -> Pruned:
+    """With the folders that interrupted ingests have left beside the store."""
+    size = sum(entry.bytes for folder in folders for entry in safe_files.walk(folder))
+    if not dry_run:
+        for folder in folders:
+            shutil.rmtree(folder, ignore_errors=True)
+    paths = (*pruned.paths, *(f"../{folder.name}" for folder in folders))
+    return Pruned(paths, pruned.bytes + size, pruned.links)

@@ -7,20 +7,18 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore import arrays, dense, layout
+from s2rstore import arrays, dense, layout, safe_files
+from s2rstore.arrays import StoredArray
 from s2rstore.columns import InstanceColumns, RunColumns
 from s2rstore.errors import RequestError
 from s2rstore.recent import Recent
 from s2rstore.records import ArrayRecord, Side
 from s2rstore.tables import Tables
-
-if TYPE_CHECKING:
-    import zarr
 
 # Which plane of a heatmap's leading axis each mode shows.
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
@@ -55,7 +53,7 @@ class Store(Tables):
         self.in_use: frozenset[str] = frozenset()
         self._runs_columns: dict[str, RunColumns] = {}
         self._columns = Recent(_COLUMN_BYTES)
-        self._arrays: dict[Path, zarr.Array[Any]] = {}
+        self._arrays: dict[str, StoredArray] = {}
         self.evaluated = Recent(_EVALUATED_BYTES)
         self.embeddings = Recent(_EMBEDDING_BYTES)
 
@@ -84,7 +82,8 @@ class Store(Tables):
     @cached_property
     def instances(self) -> InstanceColumns:
         """Ground truth, aligned by iid; each column is read when it is first asked for."""
-        return dense.instances(self._dense)
+        names = tuple(trajectory.trajectory for trajectory in self.trajectories)
+        return dense.instances(self._dense, names, self.stored_rooms)
 
     def run_columns(self, run: str) -> RunColumns:
         """Predictions of a computed run, aligned by iid; read and kept as `instances` are."""
@@ -118,9 +117,8 @@ class Store(Tables):
         if not 0 <= iid < len(columns):
             raise RequestError(f"instance {iid}: the store holds 0 .. {len(columns) - 1}")
         row, trajectory = self._row_in_trajectory(iid)
-        folder = self.path / layout.FRAMES / domain / trajectory
         rgb, depth = (
-            arrays.read_rows(self._array(folder / image), row, row + 1)[0]
+            self.frames_array(domain, trajectory, image).rows(row, row + 1)[0]
             for image in ("rgb", "depth")
         )
         valid = (depth >= record.depth_raw_min) & (depth <= record.depth_raw_max)
@@ -136,10 +134,9 @@ class Store(Tables):
             count = self._counts[trajectory]
             low, high = max(start, first), min(stop, first + count)
             if low < high:
-                folder = self.path / layout.FRAMES / domain / trajectory
                 for image in images:
-                    array = self._array(folder / image)
-                    parts[image].append(arrays.read_rows(array, low - first, high - first))
+                    array = self.frames_array(domain, trajectory, image)
+                    parts[image].append(array.rows(low - first, high - first))
         return {image: _joined(rows) for image, rows in parts.items()}
 
     def first_iid(self, trajectory: str) -> int:
@@ -160,20 +157,42 @@ class Store(Tables):
         name = self.instances.trajectory_names[int(self.instances.trajectory[iid])]
         return iid - self.first_iid(name), name
 
-    def _array(self, path: Path) -> zarr.Array[Any]:
+    def frames_array(self, domain: str, trajectory: str, image: str) -> StoredArray:
+        """A trajectory's images of one kind, `rgb` or `depth`, of one domain.
+
+        RequestError where the array is not what the index says.
+        """
+        relative = f"{layout.FRAMES}/{domain}/{trajectory}/{image}"
         with self._lock:
-            if path not in self._arrays:
-                self._arrays[path] = arrays.open_read(path)
-            return self._arrays[path]
+            if relative not in self._arrays:
+                found = arrays.open_read(self.path / relative, self.path)
+                size = self._counts[trajectory], self.dataset.frame_height, self.dataset.frame_width
+                shape = (*size, 3) if image == "rgb" else size
+                types = ("uint8",) if image == "rgb" else ("uint8", "uint16")
+                stated = self.checksums.get(f"{relative}/{arrays.METADATA}")
+                _agree(found, shape, types, stated)
+                self._arrays[relative] = found
+            return self._arrays[relative]
+
+    def stored(self, record: ArrayRecord) -> StoredArray:
+        """The array of a record. RequestError where it is not what the index says."""
+        relative = f"{layout.RUNS}/{record.path}"
+        with self._lock:
+            if relative not in self._arrays:
+                path = layout.inside(self.path, relative)
+                self._arrays[relative] = arrays.open_read(path, self.path)
+            found = self._arrays[relative]
+        _agree(found, record.shape, (record.dtype,), record.metadata_sha256)
+        return found
 
     def array(
         self, run: str, kind: str, side: Side | None = None, mode: str | None = None
-    ) -> tuple[ArrayRecord, zarr.Array[Any]]:
+    ) -> tuple[ArrayRecord, StoredArray]:
         """A published array and its record; RequestError names what the run has."""
         candidates = self.arrays(run)
         for record in candidates:
             if record.kind == kind and record.side in (side, None) and record.mode == mode:
-                return record, self._array(layout.inside(self.path / layout.RUNS, record.path))
+                return record, self.stored(record)
         known = ", ".join(sorted({record.kind for record in candidates})) or "nothing"
         asked = " ".join(part for part in (kind, side, mode) if part)
         raise RequestError(f"run {run!r} has no {asked} (has: {known}); run `s2r precompute`")
@@ -228,9 +247,27 @@ class Store(Tables):
         return np.asarray(arrays.read_rows(array, row, row + 1)[0], dtype=np.float32)
 
     def floor_plan_path(self) -> Path | None:
-        """The picture of the floor plan; None where the data set has none."""
+        """The picture of the floor plan; None where the data set has none.
+
+        Raises RequestError where a link leads to it, and where it is no file.
+        """
         name = self.dataset.floor_plan
-        return layout.inside(self.path, name) if name else None
+        return safe_files.checked_path(self.path, name) if name else None
+
+
+def _agree(
+    array: StoredArray, shape: tuple[int, ...], types: tuple[str, ...], sha256: str | None
+) -> None:
+    """Raises RequestError where an array's metadata is not what the index says."""
+    if array.shape != shape or array.layout.dtype not in types:
+        raise RequestError(
+            f"{array.path}: {array.layout.dtype} {array.shape} in place of {' or '.join(types)} "
+            f"{shape}, as the index says; run `s2r verify`"
+        )
+    if sha256 is not None and array.metadata_sha256 != sha256:
+        raise RequestError(
+            f"{array.path}: its metadata is not what was published; run `s2r verify`"
+        )
 
 
 def _joined(rows: list[NDArray[Any]]) -> NDArray[Any]:

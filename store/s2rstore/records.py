@@ -144,7 +144,8 @@ class Run:
 class ArrayRecord:
     """One published Zarr array of a run. `side` is None where both sides share it.
 
-    Real value = (stored - zero) * scale. `path` is relative to `runs.zarr`.
+    Real value = (stored - zero) * scale. `path` is relative to `runs.zarr`. `metadata_sha256` is
+    that of its `zarr.json`, None in stores that version 0.1.0 wrote.
     """
 
     run: str
@@ -158,3 +159,4 @@ class ArrayRecord:
     scale: float
     zero: float
     unit: str
+    metadata_sha256: str | None = None

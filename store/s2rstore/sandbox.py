@@ -1,42 +1,147 @@
-"""A connection to an index that can neither write nor reach any other file.
+"""Connections to DuckDB files that came from outside.
 
-`read_only` alone is not enough: such a connection still reads and writes other files through
-table functions and COPY.
+Such a file can hold views, macros and a write-ahead log made by anybody, and a connection that is
+only `read_only` still reads and writes other files. Every connection made here has external access
+off and its configuration locked before the first statement, and nothing is read from a file before
+its catalog was compared with the known tables (`catalog_check`).
 """
 
 from __future__ import annotations
 
+import os
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 import duckdb
 
+from s2rstore import catalog_check, schema
 from s2rstore.errors import RequestError
 
-_locking = threading.Lock()
-"""Connections of one process to one file share a configuration, which can be locked once."""
+DEFAULT_MEMORY = "2GB"
+"""What DuckDB may hold of one file and take for queries, unless a caller says otherwise."""
+
+_CLOSED: dict[str, str | bool | int | float | list[str]] = {
+    "enable_external_access": "false",
+    "temp_directory": "",
+}
+_SETTINGS = {
+    "autoinstall_known_extensions": "false",
+    "autoload_known_extensions": "false",
+    "threads": str(min(8, os.cpu_count() or 1)),
+}
+_opening = threading.Lock()
+"""Connections of one process to one file share a configuration, which is locked once."""
+_checked: dict[tuple[int, ...], None] = {}
+"""Identities of the files whose catalog was found right; a published file never changes."""
 
 
-def connect(index: Path, memory: str = "") -> duckdb.DuckDBPyConnection:
-    """A connection whose configuration is locked.
+def connect(
+    path: Path,
+    memory: str = "",
+    tables: Sequence[schema.Table] = schema.TABLES,
+    views: Sequence[str] = schema.VIEWS,
+) -> duckdb.DuckDBPyConnection:
+    """A locked read-only connection to a file that holds `tables`, `views` and no other code.
+
+    By default those of an index.
 
     `memory`, as DuckDB writes it (128MB), bounds what it holds of the file and what queries may
     take; the first to open a file in a process decides. Raises RequestError where the file is
-    missing or no index.
+    missing, is not such a database, or does not hold what it should.
     """
+    require_regular(path)
     try:
-        connection = duckdb.connect(
-            str(index),
-            read_only=True,
-            config={"enable_external_access": "false", "temp_directory": ""},
-        )
-        with _locking:
-            locked = connection.execute("SELECT current_setting('lock_configuration')").fetchone()
-            if locked != (True,):
-                if memory:
-                    connection.execute(f"SET memory_limit = '{memory}'")
-                connection.execute("SET lock_configuration = true")
-        return connection
+        connection = duckdb.connect(literal_path(path), read_only=True, config=_CLOSED)
+        with _opening:
+            _lock(connection, memory or DEFAULT_MEMORY)
     except duckdb.Error as error:
-        first_line = str(error).splitlines()[0]
-        raise RequestError(f"{index}: cannot be opened ({first_line}); run `s2r verify`") from error
+        reason = first_line(error)
+        raise RequestError(f"{path}: cannot be opened ({reason}); run `s2r verify`") from error
+    try:
+        identity = _identity(path)
+        if identity not in _checked:
+            catalog_check.check(connection, tables, views, path)
+            _checked[identity] = None
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def connect_empty(
+    folders: Sequence[Path], memory: str = DEFAULT_MEMORY
+) -> duckdb.DuckDBPyConnection:
+    """A locked connection to an empty database that can attach files in `folders` alone."""
+    connection = duckdb.connect()
+    listed = ", ".join(f"'{escaped(literal_path(folder))}'" for folder in folders)
+    connection.execute(f"SET allowed_directories = [{listed}]")
+    connection.execute("SET temp_directory = ''")
+    connection.execute("SET enable_external_access = false")
+    _lock(connection, memory)
+    return connection
+
+
+def attach_read_only(
+    connection: duckdb.DuckDBPyConnection,
+    path: Path,
+    name: str,
+    tables: Sequence[schema.Table] = schema.TABLES,
+    views: Sequence[str] = schema.VIEWS,
+) -> None:
+    """Attach a file of a folder that the connection may reach, and check its catalog."""
+    require_regular(path)
+    connection.execute(f"ATTACH '{escaped(literal_path(path))}' AS {name} (READ_ONLY)")
+    catalog_check.check(connection, tables, views, path, name)
+
+
+def _lock(connection: duckdb.DuckDBPyConnection, memory: str) -> None:
+    """Bound memory and threads and lock the configuration, unless another connection did so."""
+    settings = {**_SETTINGS, "memory_limit": memory} if memory else _SETTINGS
+    try:
+        for name, value in settings.items():
+            connection.execute(f"SET {name} = '{value}'")
+        connection.execute("SET lock_configuration = true")
+    except duckdb.InvalidInputException as error:
+        if "locked" not in str(error):
+            raise
+
+
+def require_regular(path: Path) -> None:
+    """Raises RequestError where `path` is no regular file, or a write-ahead log lies beside it.
+
+    DuckDB would replay the log, so that a published file said something else than its checksum.
+    """
+    if path.is_symlink() or not path.is_file():
+        what = "a link" if path.is_symlink() else "missing" if not path.exists() else "not a file"
+        raise RequestError(f"{path}: {what}; run `s2r verify`")
+    log = path.with_name(f"{path.name}.wal")
+    if os.path.lexists(log):
+        raise RequestError(f"{log}: a write-ahead log beside a published file; remove it")
+
+
+def literal_path(path: Path) -> str:
+    """The absolute path, which DuckDB takes literally; a relative one could name an extension.
+
+    Raises RequestError for characters that DuckDB gives a meaning of its own.
+    """
+    absolute = str(path.absolute())
+    for character in "?\\":
+        if character in absolute:
+            raise RequestError(f"{path}: DuckDB cannot open a path with {character}; rename it")
+    return absolute
+
+
+def escaped(text: str) -> str:
+    """Text between single quotes of SQL."""
+    return text.replace("'", "''")
+
+
+def first_line(error: BaseException) -> str:
+    """What an error says first; DuckDB adds the statement below it."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def _identity(path: Path) -> tuple[int, ...]:
+    found = path.stat()
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns

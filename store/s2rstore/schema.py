@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 VERSION = 1
 
+CHECKSUMS = "checksums"
+"""What of `provenance`: key is a file's path inside the store, value its SHA-256."""
+
 # Readable by every DuckDB release from 1.4 on.
 STORAGE_VERSION = "v1.4.0"
 
@@ -25,10 +28,13 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Table:
+    """A table; files of older releases may lack an `optional` one."""
+
     name: str
     comment: str
     columns: tuple[Column, ...]
     order: tuple[str, ...]
+    optional: bool = False
 
     @property
     def column_names(self) -> tuple[str, ...]:
@@ -208,6 +214,7 @@ TABLES: tuple[Table, ...] = (
         ("scale", "DOUBLE", "see the table's comment"),
         ("zero", "DOUBLE", "see the table's comment"),
         ("unit", "VARCHAR", "of the real value"),
+        ("metadata_sha256", "VARCHAR", "SHA-256 of its zarr.json; NULL = not recorded", True),
     ),
     _table(
         "provenance",
@@ -235,11 +242,14 @@ _SIDE_COLUMNS = (
 )
 
 
-def _pair_view() -> str:
+def _pair_view(lacking: frozenset[str] = frozenset()) -> str:
+    """The statement that makes the view; `lacking` are columns of the predictions to leave out."""
     truth = [name for name in BY_NAME["instance"].column_names if name != "iid"]
     parts = ["s.run", "s.iid", *(f"i.{name}" for name in truth)]
     for side, alias in (("sim", "s"), ("real", "r")):
-        parts += [f"{alias}.{name} AS {side}_{name}" for name, _ in _SIDE_COLUMNS]
+        parts += [
+            f"{alias}.{name} AS {side}_{name}" for name, _ in _SIDE_COLUMNS if name not in lacking
+        ]
         parts += [f"{alias}p.u AS {side}_u", f"{alias}p.v AS {side}_v"]
     parts.append("r.error - s.error AS gap")
     parts.append("sqrt((r.x - s.x) * (r.x - s.x) + (r.y - s.y) * (r.y - s.y)) AS shift")
@@ -251,6 +261,10 @@ def _pair_view() -> str:
         LEFT JOIN projection sp ON sp.run = s.run AND sp.iid = s.iid AND sp.side = 'sim'
         LEFT JOIN projection rp ON rp.run = s.run AND rp.iid = s.iid AND rp.side = 'real'
     """
+
+
+VIEWS: tuple[str, ...] = (_pair_view(), _pair_view(frozenset({"outlier"})))
+"""The statements that this release and earlier ones make the views of an index with."""
 
 
 def _pair_comments() -> list[tuple[str, str]]:
@@ -270,7 +284,7 @@ def _pair_comments() -> list[tuple[str, str]]:
 def statements() -> list[str]:
     """The SQL that makes an empty index, comments included."""
     made = [statement for table in TABLES for statement in statements_of(table)]
-    made.append(_pair_view())
+    made.append(VIEWS[0])
     made.append("COMMENT ON VIEW pair IS 'one row per run and instance: truth and both sides'")
     made += [
         f"COMMENT ON COLUMN pair.{name} IS '{_quoted(comment)}'"

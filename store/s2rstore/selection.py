@@ -77,7 +77,9 @@ def sql(
     words = vocabulary(store, saved)
     return to_sql(
         parse(expression),
-        SqlContext(store.run(run).run, words, names, _neighbours(store), lacking),
+        SqlContext(
+            store.run(run).run, words, names, _neighbours(store), lacking, store.stored_rooms
+        ),
     )
 
 

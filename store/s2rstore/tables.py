@@ -11,7 +11,7 @@ from typing import Any
 
 import duckdb
 
-from s2rstore import layout, sandbox, schema
+from s2rstore import layout, row_check, safe_files, sandbox, schema
 from s2rstore.errors import RequestError
 from s2rstore.geometry.alignment import Correction
 from s2rstore.input_files import parse_object
@@ -26,6 +26,10 @@ from s2rstore.records import (
     Run,
     Trajectory,
 )
+from s2rstore.text import printable, printable_lines, printable_values
+
+_JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention")
+"""Columns of JSON, whose strings become printable once they are parsed."""
 
 
 class Tables:
@@ -44,9 +48,22 @@ class Tables:
                 "use the release that wrote it, or ingest again"
             )
         self.generation = current.generation if generation is None else generation
-        self._index = self.path / layout.index_name(self.generation)
+        name = layout.index_name(self.generation)
+        self._index = safe_files.checked_path(self.path, name)
         self._lock = RLock()
         self._opened: duckdb.DuckDBPyConnection | None = sandbox.connect(self._index, memory)
+        try:
+            self._check_rows()
+        except BaseException:
+            self._opened.close()
+            raise
+
+    def _check_rows(self) -> None:
+        """Raises RequestError where a small table holds what the program must not rely on."""
+        filled = self.execute("SELECT count(*) FROM dataset") != [(0,)]
+        tables = ["trajectories", "rooms", "domains", "models", "runs"]
+        for table in ["dataset", *tables] if filled else tables:
+            getattr(self, table)  # checks what it reads
 
     def close(self) -> None:
         """Let the index go."""
@@ -76,13 +93,26 @@ class Tables:
         return self.connection().execute(sql, parameters or []).fetchall()
 
     def _rows(self, table: str) -> list[dict[str, Any]]:
+        """The rows of a table, with texts in printable characters.
+
+        Columns that an earlier release did not write are None.
+        """
+        return [
+            {name: _shown(name, value) for name, value in row.items()}
+            for row in self._stored_rows(table)
+        ]
+
+    def _stored_rows(self, table: str) -> list[dict[str, Any]]:
         known = schema.BY_NAME[table]
-        names = ", ".join(f'"{name}"' for name in known.column_names)
+        lacking = self.lacking(table)
+        listed = ["NULL" if name in lacking else f'"{name}"' for name in known.column_names]
+        query = f'SELECT {", ".join(listed)} FROM "{table}" ORDER BY {", ".join(known.order)}'
         try:
-            found = self.execute(f'SELECT {names} FROM "{table}" ORDER BY {", ".join(known.order)}')
+            found = self.execute(query)
         except duckdb.Error as error:
+            reason = sandbox.first_line(error)
             raise RequestError(
-                f"{self._index}: no table {table} as this program knows it; run `s2r verify`"
+                f"{self._index}: table {table}: {reason}; run `s2r verify`"
             ) from error
         return [dict(zip(known.column_names, row, strict=True)) for row in found]
 
@@ -91,7 +121,10 @@ class Tables:
         rows = self._rows("dataset")
         if not rows:
             raise RequestError(f"{self.path}: holds no data set; run `s2r ingest`")
+        if len(rows) > 1:
+            raise RequestError(f"{self._index}: table dataset: more than one row; run `s2r verify`")
         row = rows[0]
+        row_check.check_dataset(self._index, row)
         bounds = Bounds(*(row.pop(f"bounds_{name}") for name in ("x0", "y0", "x1", "y1")))
         return Dataset(bounds=bounds, **row)
 
@@ -99,16 +132,39 @@ class Tables:
     def trajectories(self) -> tuple[Trajectory, ...]:
         """In the order of their instances."""
         rows = self._rows("trajectory")
-        return tuple(Trajectory(**row) for row in rows if self._name(row, "trajectory"))
+        row_check.check_trajectories(self._index, rows)
+        return tuple(Trajectory(**row) for row in rows)
 
     @cached_property
     def rooms(self) -> tuple[Room, ...]:
         """Rectangles in order of precedence."""
-        return tuple(Room(**row) for row in self._rows("room"))
+        rows = self._stored_rows("room")
+        row_check.check_rooms(self._index, rows)
+        shown = {stored: name for name, stored in self.stored_rooms.items()}
+        return tuple(Room(**row | {"room": shown[row["room"]]}) for row in rows)
+
+    @cached_property
+    def stored_rooms(self) -> dict[str, str]:
+        """The names of rooms as they are shown and typed, with the index's own, by precedence.
+
+        They differ where a name holds characters that are not printable. Raises RequestError
+        where two names would be shown alike.
+        """
+        names: dict[str, str] = {}
+        for row in self._stored_rows("room"):
+            shown = printable(row["room"])
+            if names.setdefault(shown, row["room"]) != row["room"]:
+                raise RequestError(
+                    f'{self.path}: two rooms are both shown as "{shown}", because one name holds '
+                    "control characters; rename it in the source and ingest again"
+                )
+        return names
 
     @cached_property
     def domains(self) -> dict[str, Domain]:
-        return {self._name(row, "domain"): _domain(row) for row in self._rows("domain")}
+        rows = self._rows("domain")
+        row_check.check_domains(self._index, rows)
+        return {row["domain"]: _domain(row) for row in rows}
 
     def domain(self, name: str) -> Domain:
         """Raises RequestError with the known names."""
@@ -119,24 +175,15 @@ class Tables:
 
     @cached_property
     def models(self) -> dict[str, Model]:
-        return {self._name(row, "model"): Model(**row) for row in self._rows("model")}
+        rows = self._rows("model")
+        row_check.check_models(self._index, rows)
+        return {row["model"]: Model(**row) for row in rows}
 
     @cached_property
     def runs(self) -> dict[str, Run]:
         """In order of creation."""
-        runs = {}
-        for row in self._rows("run"):
-            for side in ("sim", "real"):
-                row[f"{side}_adjustments"] = json.loads(row[f"{side}_adjustments"])
-            runs[self._name(row, "run")] = Run(**row)
-        return runs
-
-    def _name(self, row: dict[str, Any], what: str) -> str:
-        """A name that paths are made of; RequestError where it could lead out of the store."""
-        try:
-            return layout.checked_name(row[what], what)
-        except RequestError as error:
-            raise RequestError(f"{self.path}: {error}") from error
+        rows = row_check.check_runs(self._index, self._rows("run"))
+        return {row["run"]: Run(**row) for row in rows}
 
     def run(self, name: str | None = None) -> Run:
         """The named run, by default the first computed one; RequestError with the known names."""
@@ -152,17 +199,23 @@ class Tables:
 
     def lacking(self, table: str) -> frozenset[str]:
         """The columns that this index, written by an earlier release, does not have."""
-        cursor = self.connection().execute(f'SELECT * FROM "{table}" LIMIT 0')
-        found = {column[0] for column in cursor.description}
         optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
-        return frozenset(optional - found)
+        if not optional:
+            return frozenset()
+        cursor = self.connection().execute(f'SELECT * FROM "{table}" LIMIT 0')
+        return frozenset(optional - {column[0] for column in cursor.description})
 
     def provenance(self, what: str) -> dict[str, str]:
         """Facts about how `what` came to be, such as `dataset` or `model:NAME`."""
         found = self.execute(
             "SELECT key, value FROM provenance WHERE what = ? ORDER BY key", [what]
         )
-        return dict(found)
+        return {printable(key): printable_lines(value) for key, value in found}
+
+    @cached_property
+    def checksums(self) -> dict[str, str]:
+        """SHA-256 of files by their paths inside the store; empty where version 0.1.0 wrote it."""
+        return self.provenance(schema.CHECKSUMS)
 
     def provenance_object(self, what: str, key: str) -> dict[str, Any]:
         """One fact that is a JSON object; empty where it was not noted. Raises RequestError."""
@@ -186,9 +239,7 @@ class Tables:
     @cached_property
     def _array_records(self) -> dict[str, list[ArrayRecord]]:
         grouped: dict[str, list[ArrayRecord]] = {}
-        for row in self._rows("zarr_array"):
-            row["shape"] = tuple(json.loads(row["shape"]))
-            row["axes"] = tuple(json.loads(row["axes"]))
+        for row in row_check.check_arrays(self._index, self._rows("zarr_array")):
             grouped.setdefault(row["run"], []).append(ArrayRecord(**row))
         return grouped
 
@@ -197,11 +248,17 @@ class Tables:
         return list(self._array_records.get(self.run(run).run, ()))
 
 
+def _shown(column: str, value: Any) -> Any:
+    if not isinstance(value, str):
+        return value
+    return printable_lines(value) if column in _JSON else printable(value)
+
+
 def _domain(row: dict[str, Any]) -> Domain:
     figures = ("fx", "fy", "cx", "cy", "pitch")
     rgb, depth = (
         Intrinsics(*(row.pop(f"{image}_{figure}") for figure in figures))
         for image in ("rgb", "depth")
     )
-    sources = json.loads(row.pop("source") or "{}")
+    sources = printable_values(json.loads(row.pop("source") or "{}"))
     return Domain(rgb=rgb, depth=depth, sources=sources, **row)

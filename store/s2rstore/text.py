@@ -1,13 +1,76 @@
-"""Text from a store or a user on its way to a terminal."""
+"""Text from outside (a store, a file, a user) made safe to show.
+
+Characters that are not printable (`str.isprintable`: control characters, escape sequences,
+bidirectional overrides, line separators, invisible spaces) become a visible escape such as `\\x1b`
+or `\\u202e`, as Python's `repr` writes them. Printable text is given back as it is.
+"""
 
 from __future__ import annotations
 
+import re
+from typing import Any, TextIO, cast
+
+_ODD = re.compile(r"[^\x20-\x7e]")
+
 
 def printable(text: str) -> str:
-    """The text with every character that could steer a terminal replaced by U+FFFD.
+    """One line without control characters; a line break becomes `\\n`, a tab `\\t`."""
+    return text if text.isprintable() else _ODD.sub(_escape, text)
 
-    Line breaks and tabs stay.
-    """
+
+def printable_lines(text: str) -> str:
+    """The same for text of several lines: line feeds and tabs stay."""
     if text.isprintable():
         return text
-    return "".join(c if c.isprintable() or c in "\n\t" else "\ufffd" for c in text)
+    return _ODD.sub(lambda found: found[0] if found[0] in "\n\t" else _escape(found), text)
+
+
+def printable_values(value: Any) -> Any:
+    """Parsed JSON with every string in it, keys too, in printable characters."""
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, list):
+        return [printable_values(item) for item in value]
+    if isinstance(value, dict):
+        return {printable_values(key): printable_values(item) for key, item in value.items()}
+    return value
+
+
+def _escape(found: re.Match[str]) -> str:
+    character = found[0]
+    if character.isprintable():
+        return character
+    if character in "\n\r\t":
+        return {"\n": "\\n", "\r": "\\r", "\t": "\\t"}[character]
+    code = ord(character)
+    return f"\\x{code:02x}" if code < 0x100 else (
+        f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+    )  # fmt: skip
+
+
+class PrintableStream:
+    """A text stream whose output holds no control characters but line feeds and tabs."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        self.stream.write(printable_lines(text))
+        return len(text)
+
+    def writelines(self, lines: Any) -> None:
+        for line in lines:
+            self.write(line)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+
+def escaping(stream: TextIO) -> TextIO:
+    """`stream` as a `PrintableStream`; as it is where it is one already."""
+    return stream if isinstance(stream, PrintableStream) else cast(TextIO, PrintableStream(stream))
+
+
+def unescaped(stream: TextIO) -> TextIO:
+    """The stream beneath a `PrintableStream`, for a library that moves the cursor."""
+    return stream.stream if isinstance(stream, PrintableStream) else stream

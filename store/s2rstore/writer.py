@@ -13,7 +13,7 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore import layout, locks, schema
+from s2rstore import layout, locks, safe_files, sandbox, schema
 from s2rstore.errors import RequestError
 
 ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
@@ -83,6 +83,15 @@ class Draft:
             text = value if isinstance(value, str) else _text(value)
             self.insert_row("provenance", {"what": what, "key": key, "value": text})
 
+    def note_checksums(self, checksums: Mapping[str, str]) -> None:
+        """Record the SHA-256 of files, by their paths inside the store."""
+        self._connection.execute(
+            "DELETE FROM provenance WHERE what = ? AND key IN (SELECT unnest(?::VARCHAR[]))",
+            [schema.CHECKSUMS, list(checksums)],
+        )
+        rows = {"what": [schema.CHECKSUMS] * len(checksums), "key": list(checksums)}
+        self.insert("provenance", {**rows, "value": list(checksums.values())})
+
     def rows(self, query: str, parameters: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
         """Read from the draft."""
         return self._connection.execute(query, list(parameters)).fetchall()
@@ -97,30 +106,34 @@ def edit(root: Path) -> Iterator[Draft]:
     """
     check_writable(root)
     with locks.publish_lock(root):
-        base = layout.read_current(root) if (root / layout.CURRENT).exists() else None
+        is_new = safe_files.kind(root, layout.CURRENT) is None
+        base = None if is_new else layout.read_current(root)
         _remove_leftovers(root)
-        beside = root / layout.INDEX / f".building-{os.getpid()}.duckdb"
-        connection = duckdb.connect()
+        building = f"{layout.INDEX}/.building-{os.getpid()}.duckdb"
+        beside = safe_files.checked_path(root, building)
+        connection = sandbox.connect_empty([root / layout.INDEX])
         try:
-            _begin(connection, beside, root / base.index if base else None)
+            old = safe_files.checked_path(root, base.index) if base else None
+            _begin(connection, beside, old)
             yield Draft(connection)
             dataset_hash = _finish(connection)
             connection.close()
-            _publish(root, beside, _next_generation(root, base), dataset_hash)
+            _publish(root, building, _next_generation(root, base), dataset_hash)
         except duckdb.IOException as error:
             reason = " ".join(str(error).split())
             raise RequestError(f"{root}: the index cannot be written ({reason})") from error
         finally:
             connection.close()
-            beside.unlink(missing_ok=True)
-            beside.with_name(beside.name + ".wal").unlink(missing_ok=True)
+            safe_files.remove(root, building)
+            safe_files.remove(root, f"{building}.wal")
 
 
 def check_writable(root: Path) -> None:
     """Raises RequestError where no generation can be published."""
     folder = root / layout.INDEX
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        root.mkdir(parents=True, exist_ok=True)
+        safe_files.make_folder(root, layout.INDEX)
     except OSError as error:
         raise RequestError(f"{folder}: cannot be written ({error.strerror})") from error
     if not os.access(folder, os.W_OK | os.X_OK):
@@ -129,13 +142,13 @@ def check_writable(root: Path) -> None:
 
 def _begin(connection: duckdb.DuckDBPyConnection, beside: Path, base: Path | None) -> None:
     connection.execute(
-        f"ATTACH '{_sql_path(beside)}' AS draft (STORAGE_VERSION '{schema.STORAGE_VERSION}')"
+        f"ATTACH '{_literal(beside)}' AS draft (STORAGE_VERSION '{schema.STORAGE_VERSION}')"
     )
     connection.execute("USE draft")
     for statement in schema.statements():
         connection.execute(statement)
     if base is not None:
-        connection.execute(f"ATTACH '{_sql_path(base)}' AS base (READ_ONLY)")
+        sandbox.attach_read_only(connection, base, "base")
         for table in schema.TABLES:
             names = ", ".join(f'"{name}"' for name in _shared(connection, table))
             rows = f'SELECT {names} FROM base."{table.name}"'
@@ -158,37 +171,36 @@ def _finish(connection: duckdb.DuckDBPyConnection) -> str:
     return str(found[0][0]) if found else ""
 
 
-def _publish(root: Path, beside: Path, generation: int, dataset_hash: str) -> None:
-    target = root / layout.index_name(generation)
-    layout.sync_file(beside)
-    beside.rename(target)
-    layout.sync_folder(target.parent)
-    layout.write_current(
-        root,
-        layout.Current(
-            generation=generation,
-            index=layout.index_name(generation),
-            sha256=layout.file_sha256(target),
-            bytes=target.stat().st_size,
-            schema=schema.VERSION,
-            dataset_hash=dataset_hash,
-        ),
+def _publish(root: Path, building: str, generation: int, dataset_hash: str) -> None:
+    name = layout.index_name(generation)
+    safe_files.sync(root, building)
+    safe_files.rename(root, building, name)
+    current = layout.Current(
+        generation=generation,
+        index=name,
+        sha256=safe_files.sha256(root, name),
+        bytes=safe_files.size(root, name),
+        schema=schema.VERSION,
+        dataset_hash=dataset_hash,
     )
+    layout.write_current(root, current)
 
 
 def _next_generation(root: Path, base: layout.Current | None) -> int:
     """One above every number that was ever used: a name is never used again."""
-    used = [layout.generation_of(path) or 0 for path in (root / layout.INDEX).iterdir()]
+    found = safe_files.names(root, layout.INDEX)
+    used = [layout.generation_of(Path(entry.path)) or 0 for entry in found]
     return max([*used, base.generation if base else 0]) + 1
 
 
 def _remove_leftovers(root: Path) -> None:
-    for path in (root / layout.INDEX).glob(".building-*"):
-        path.unlink(missing_ok=True)
+    for entry in safe_files.names(root, layout.INDEX):
+        if entry.name.startswith(".building-"):
+            safe_files.remove(root, entry.path)
 
 
-def _sql_path(path: Path) -> str:
-    return str(path).replace("'", "''")
+def _literal(path: Path) -> str:
+    return sandbox.escaped(sandbox.literal_path(path))
 
 
 def _column(values: NDArray[Any] | Sequence[Any]) -> NDArray[Any]:

@@ -33,7 +33,7 @@ from s2rstore.language.nodes import (
     Node,
     Not,
     Nothing,
-    Or,
+    chain,
 )
 from s2rstore.recent import Recent
 
@@ -96,14 +96,22 @@ def _kept(context: MaskContext, key: Hashable, make: Callable[[], Mask]) -> Mask
 
 
 def _evaluate(node: Node, context: MaskContext, base: Mask) -> Mask:
+    first, links = chain(node)
+    found = _operand(first, context, base)
+    for link in links:
+        right = _evaluate(link.right, context, base)
+        if isinstance(link, And):
+            found = found & right
+        elif isinstance(link, Minus):
+            found = found & ~right
+        else:
+            found = found | right
+    return found
+
+
+def _operand(node: Node, context: MaskContext, base: Mask) -> Mask:
     if isinstance(node, Not):
         return ~_evaluate(node.inner, context, base)
-    if isinstance(node, And):
-        return _evaluate(node.left, context, base) & _evaluate(node.right, context, base)
-    if isinstance(node, Minus):
-        return _evaluate(node.left, context, base) & ~_evaluate(node.right, context, base)
-    if isinstance(node, Or):
-        return _evaluate(node.left, context, base) | _evaluate(node.right, context, base)
     if isinstance(node, Everything):
         return base
     if isinstance(node, Nothing):

@@ -165,8 +165,23 @@ Node = (
 
 def leaves(node: Node) -> list[Node]:
     """Every node without operands, from left to right."""
-    if isinstance(node, Not):
-        return leaves(node.inner)
-    if isinstance(node, And | Minus | Or):
-        return leaves(node.left) + leaves(node.right)
-    return [node]
+    found: list[Node] = []
+    waiting = [node]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, Not):
+            waiting.append(node.inner)
+        elif isinstance(node, And | Minus | Or):
+            waiting += [node.right, node.left]
+        else:
+            found.append(node)
+    return found
+
+
+def chain(node: Node) -> tuple[Node, list[And | Minus | Or]]:
+    """The first operand of a chain of operators, and the operators in order."""
+    links: list[And | Minus | Or] = []
+    while isinstance(node, And | Minus | Or):
+        links.append(node)
+        node = node.left
+    return node, links[::-1]

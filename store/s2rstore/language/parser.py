@@ -30,6 +30,7 @@ from s2rstore.language.nodes import (
     Or,
     Saved,
 )
+from s2rstore.text import printable
 
 _EXPECTED = {
     "NAME": "a word, field or function",
@@ -54,6 +55,7 @@ _EXPECTED = {
 }
 MAX_LENGTH, MAX_DEPTH, MAX_TERMS, MAX_NUMBER = 20_000, 100, 200, 1e12
 _SHORT = re.compile(r"(worst|best|min|max)15\Z")
+_QUOTED = re.compile(r'"(?:\\.|[^"\\])*"')
 _WHICH: dict[str, Literal["worst", "best"]] = {
     "worst": "worst",
     "min": "worst",
@@ -89,12 +91,21 @@ def _check_size(text: str) -> None:
     """Refuse what no person writes, before it exhausts the stack."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(MAX_LENGTH, f"longer than {MAX_LENGTH} characters")
-    if sum(text.count(sign) for sign in "&|") > MAX_TERMS or text.count(" - ") > MAX_TERMS:
+    bare = _QUOTED.sub(lambda found: "_" * len(found[0]), text)
+    if sum(bare.count(sign) for sign in "&|") > MAX_TERMS or bare.count(" - ") > MAX_TERMS:
         raise ExpressionError(1, f"more than {MAX_TERMS} parts; save some of it and use @name")
-    depth = 0
-    for column, character in enumerate(text, 1):
-        depth += (character in "(!") - (character == ")")
-        if depth > MAX_DEPTH:
+    groups, signs = [0], 0  # the depth at which each open parenthesis stands; ! before an operand
+    for column, character in enumerate(bare, 1):
+        if character == "!":
+            signs += 1
+        elif character == "(":
+            groups.append(groups[-1] + signs + 1)
+            signs = 0
+        elif not character.isspace():
+            signs = 0
+            if character == ")" and len(groups) > 1:
+                groups.pop()
+        if groups[-1] + signs > MAX_DEPTH:
             raise ExpressionError(column, f"more than {MAX_DEPTH} of ( and ! within each other")
 
 
@@ -243,4 +254,4 @@ def _head(name: Token | Head) -> Head:
 
 def _unquoted(token: Token) -> str:
     text = str(token)
-    return re.sub(r"\\(.)", r"\1", text[1:-1]) if token.type == "STRING" else text
+    return printable(re.sub(r"\\(.)", r"\1", text[1:-1])) if token.type == "STRING" else text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,6 +29,7 @@ from s2rstore.language.nodes import (
     Not,
     Nothing,
     Or,
+    chain,
 )
 
 _STRAIGHT_BELOW = 10.0
@@ -38,7 +40,8 @@ class SqlContext:
     """The current run and the trajectories in view (None = all).
 
     `neighbours` finds what `like` means; `lacking` are columns of view `pair` that the index,
-    written by an earlier release, does not have.
+    written by an earlier release, does not have. `stored_rooms` gives the index's own name of a
+    room for the one that is shown, where they differ.
     """
 
     run: str
@@ -46,6 +49,7 @@ class SqlContext:
     trajectories: tuple[str, ...] | None = None
     neighbours: Neighbours | None = None
     lacking: frozenset[str] = frozenset()
+    stored_rooms: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -68,10 +72,10 @@ class _Writer:
 def to_sql(node: Node, context: SqlContext) -> tuple[str, list[Any]]:
     """`SELECT iid ... ORDER BY iid` and its parameters. Raises ExpressionError."""
     writer = _Writer(context)
-    base = _base(writer, None, "p")
+    base = _base(writer, None, "q")
     condition = _condition(expand(node, context.words), writer)
     return (
-        f"SELECT p.iid FROM pair p WHERE {base} AND {condition} ORDER BY p.iid",
+        f"SELECT q.iid FROM pair q WHERE {base} AND {condition} ORDER BY q.iid",
         writer.parameters,
     )
 
@@ -94,13 +98,26 @@ def _known(column: str) -> str:
 
 
 def _condition(node: Node, writer: _Writer) -> str:
+    """A condition in parentheses; a chain of one operator takes one pair."""
+    first, links = chain(node)
+    if not links:
+        return _operand(first, writer)
+    parts, joined = [_operand(first, writer)], _joined(links[0])
+    for link in links:
+        if _joined(link) != joined:
+            parts, joined = [f"({f' {joined} '.join(parts)})"], _joined(link)
+        right = _condition(link.right, writer)
+        parts.append(f"NOT {right}" if isinstance(link, Minus) else right)
+    return f"({f' {joined} '.join(parts)})"
+
+
+def _joined(link: And | Minus | Or) -> str:
+    return "OR" if isinstance(link, Or) else "AND"
+
+
+def _operand(node: Node, writer: _Writer) -> str:
     if isinstance(node, Not):
         return f"(NOT {_condition(node.inner, writer)})"
-    if isinstance(node, And | Minus | Or):
-        left = _condition(node.left, writer)
-        right = _condition(node.right, writer)
-        word = {And: "AND", Minus: "AND NOT", Or: "OR"}[type(node)]
-        return f"({left} {word} {right})"
     return _leaf(node, writer)
 
 
@@ -111,7 +128,7 @@ def _leaf(node: Node, writer: _Writer) -> str:
         case Nothing():
             return "false"
         case Ids(ranges):
-            parts = [f"p.iid BETWEEN {writer.bind(a)} AND {writer.bind(b)}" for a, b in ranges]
+            parts = [f"q.iid BETWEEN {writer.bind(a)} AND {writer.bind(b)}" for a, b in ranges]
             return f"({' OR '.join(parts) or 'false'})"
         case Compare(field, operator, value):
             column = writer.column(field)
@@ -146,14 +163,12 @@ def _leaf(node: Node, writer: _Writer) -> str:
         case Like():
             context = writer.context
             found = resolved(node, context.run, context.trajectories, context.neighbours)
-            return f"p.iid IN (SELECT unnest({writer.bind(found.tolist())}::INTEGER[]))"
+            return f"q.iid IN (SELECT unnest({writer.bind(found.tolist())}::INTEGER[]))"
         case Bend(straight):
             sign = "<" if straight else ">="
-            column = "i.curvature"
-            return (
-                f"p.iid IN (SELECT i.iid FROM instance i WHERE {_known(column)} AND "
-                f"abs({column}) {sign} {writer.bind(_STRAIGHT_BELOW)})"
-            )
+            column = "q.curvature"
+            limit = writer.bind(_STRAIGHT_BELOW)
+            return f"coalesce({_known(column)} AND abs({column}) {sign} {limit}, false)"
         case _:
             raise TypeError(f"{type(node).__name__} is no leaf")
 
@@ -161,12 +176,16 @@ def _leaf(node: Node, writer: _Writer) -> str:
 def _among(writer: _Writer, field: Field, condition: Any) -> str:
     """The instances whose row of the field's run satisfies a condition on alias q.
 
-    Ground truth is the instance's own, whatever the run.
+    Ground truth is the instance's own, whatever the run. The row of the current run is at hand;
+    that of another one takes a subquery, whose q hides the outer one.
     """
     if fields.is_truth(field.name):
-        return f"p.iid IN (SELECT q.iid FROM instance q WHERE {condition(writer)})"
+        return f"coalesce({condition(writer)}, false)"
+    joins = field.name in fields.TEXT  # a room of a prediction: slow unless it has its own query
+    if field.run in (None, writer.context.run) and not joins:
+        return f"coalesce({condition(writer)}, false)"
     run = writer.bind(field.run or writer.context.run)
-    return f"p.iid IN (SELECT q.iid FROM pair q WHERE q.run = {run} AND {condition(writer)})"
+    return f"q.iid IN (SELECT q.iid FROM pair q WHERE q.run = {run} AND {condition(writer)})"
 
 
 def _scale(field: Field) -> float:
@@ -215,12 +234,15 @@ def _lasso(node: Lasso, writer: _Writer) -> str:
 
 def _named(node: Named, writer: _Writer) -> str:
     side, _, name = node.field.name.rpartition(".")
+    value = node.value
+    if name == "room":
+        value = writer.context.stored_rooms.get(value, value)
     if name != "room" or not side:
-        return f"q.{fields.TEXT[node.field.name].column} = {writer.bind(node.value)}"
+        return f"q.{fields.TEXT[node.field.name].column} = {writer.bind(value)}"
     x, y = f"q.{side}_x", f"q.{side}_y"
     return (
         "(SELECT arg_min(r.room, r.position) FROM room r WHERE "
-        f"{x} >= r.x0 AND {x} <= r.x1 AND {y} >= r.y0 AND {y} <= r.y1) = {writer.bind(node.value)}"
+        f"{x} >= r.x0 AND {x} <= r.x1 AND {y} >= r.y0 AND {y} <= r.y1) = {writer.bind(value)}"
     )
 
 
@@ -236,4 +258,4 @@ def _extreme(node: Extreme, writer: _Writer) -> str:
         count = f"(SELECT ceil({amount} * count(*) / 100)::BIGINT FROM pair b WHERE {base})"
     else:
         count = writer.bind(int(node.amount))
-    return f"p.iid IN ({inner} ORDER BY {column} {direction}, q.iid LIMIT {count})"
+    return f"q.iid IN ({inner} ORDER BY {column} {direction}, q.iid LIMIT {count})"

@@ -26,10 +26,12 @@ from s2rstore.language.nodes import (
     Nothing,
     Or,
     Saved,
+    chain,
 )
 
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
 _OR, _AND, _NOT, _LEAF = range(4)
+_SIGNS = {Or: "|", And: "&", Minus: "-"}
 
 
 def to_text(node: Node) -> str:
@@ -38,11 +40,23 @@ def to_text(node: Node) -> str:
 
 
 def _written(node: Node) -> tuple[str, int]:
-    if isinstance(node, Or):
-        return f"{_inside(node.left, _OR)} | {_inside(node.right, _AND)}", _OR
-    if isinstance(node, And | Minus):
-        sign = "&" if isinstance(node, And) else "-"
-        return f"{_inside(node.left, _AND)} {sign} {_inside(node.right, _NOT)}", _AND
+    """The text, and how tightly its operator binds."""
+    first, links = chain(node)
+    text, level = _operand(first)
+    if not links:
+        return text, level
+    parts: list[str] = []
+    for link in links:
+        own = _OR if isinstance(link, Or) else _AND
+        if level < own:
+            parts = ["(", *parts, text, ")"]
+        else:
+            parts.append(text)
+        text, level = f" {_SIGNS[type(link)]} {_inside(link.right, own + 1)}", own
+    return "".join([*parts, text]), level
+
+
+def _operand(node: Node) -> tuple[str, int]:
     if isinstance(node, Not):
         return f"!{_inside(node.inner, _NOT)}", _NOT
     return _leaf(node), _LEAF

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from s2rstore import layout, selection
+from s2rstore import layout, safe_files, selection
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.reader import Store
 from s2rtools.gap import axes, defaults, golden, reference
@@ -151,8 +151,8 @@ def _across(found_on: Evidence, request: Request) -> dict[str, object] | None:
 def _drives(store: Store, request: Request) -> tuple[Drive, ...]:
     wanted = request.drives
     if wanted is None:
-        own = store.path / layout.DRIVES
-        return tuple(read_drives(own, request.topic)) if own.is_dir() else ()
+        own = safe_files.checked_folder(store.path, layout.DRIVES)
+        return () if own is None else tuple(read_drives(own, request.topic))
     if wanted == defaults.ODOMETRY:
         return tuple(odometry(store, request.rate))
     return tuple(read_drives(Path(wanted), request.topic))

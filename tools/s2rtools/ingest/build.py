@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from s2rstore import arrays, layout
+from s2rstore import arrays, layout, safe_files
 from s2rstore.errors import RequestError
 from s2rstore.ledger import Ledger
 from s2rstore.records import Domain
@@ -71,10 +71,12 @@ def build(
             scan.drives(beside / layout.DRIVES)
         with edit(beside) as draft:
             write_index(draft, scan, kept, plan, command)
+            draft.note_checksums(_checksums(beside))
         beside.rename(target)
         layout.sync_folder(target.parent)
     except OSError as error:
-        raise RequestError(f"{target}: cannot be written ({error.strerror})") from error
+        where = error.filename or target
+        raise RequestError(f"{where}: cannot be written ({error.strerror})") from error
     finally:
         shutil.rmtree(beside, ignore_errors=True)
 
@@ -194,8 +196,8 @@ def _write_frames(
             relative = folder / image
             if shard == 0:
                 plan = arrays.plan(count, rows.shape[1:], str(rows.dtype), SHARD_ROWS)
-                arrays.create(root / relative, plan)
-            file = arrays.write_shard(root / relative, shard, rows)
+                arrays.create(root / relative, plan, root=root)
+            file = arrays.write_shard(root / relative, shard, rows, root)
             key = f"frames:{domain.domain}:{trajectory}:{image}:{shard}"
             ledger.add(key, [(file.relative_to(root).as_posix(), len(rows))])
         shard += 1
@@ -215,7 +217,19 @@ def _write_floor_plan(scan: Scan, root: Path) -> str | None:
     scale = min(1.0, _PLAN_SIDE / max(picture.shape[:2]))
     size = round(picture.shape[1] * scale), round(picture.shape[0] * scale)
     small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    (root / layout.ASSETS).mkdir()
     name = f"{layout.ASSETS}/floor_plan.png"
-    cv2.imwrite(str(root / name), small)
+    safe_files.write(root, name, cv2.imencode(".png", small)[1].tobytes())
     return name
+
+
+def _checksums(root: Path) -> dict[str, str]:
+    """Of every file that the ledger does not prove: metadata of arrays, floor plan, drives."""
+    return {
+        entry.path: safe_files.sha256(root, entry.path)
+        for entry in safe_files.walk(root)
+        if entry.kind == "file"
+        and (
+            entry.name == arrays.METADATA
+            or entry.path.startswith((f"{layout.ASSETS}/", f"{layout.DRIVES}/"))
+        )
+    }

@@ -19,7 +19,7 @@ from safetensors.torch import load as load_safetensors
 from safetensors.torch import save as save_safetensors
 from torch import Tensor, nn
 
-from s2rstore import layout
+from s2rstore import layout, safe_files
 from s2rstore.errors import RequestError
 from s2rstore.input_files import check_regular, read_bytes
 from s2rstore.ledger import Ledger
@@ -31,6 +31,7 @@ from s2rtools.models.contract import LoadedModel, OutputConvention, PoseNetwork
 from s2rtools.models.opaque import TORCHSCRIPT, OpaqueNetwork
 from s2rtools.models.weights_file import (
     MOST_OPAQUE,
+    check_archive,
     check_tensors,
     most_bytes,
     parameter_bytes,
@@ -76,7 +77,7 @@ def read_weights(path: Path, architecture: str, trust: bool = False) -> Weights:
         return Weights(architecture, digest, content, ".torchscript", network.input_size, outputs)
     check_regular(path)
     network = _empty_network(architecture, trust)
-    content = _content_for(network, path)
+    content = read_weights_file(path, _most_bytes(network))
     digest = hashlib.sha256(content).hexdigest()
     state = read_state(path, content)
     _load(network, state, str(path))
@@ -98,9 +99,9 @@ def pack(network: PoseNetwork) -> Weights:
     )
 
 
-def _content_for(network: PoseNetwork, path: Path) -> bytes:
-    """A weights file of a size that fits the network."""
-    return read_weights_file(path, most_bytes(parameter_bytes(_keeper(network).state_dict())))
+def _most_bytes(network: PoseNetwork) -> int:
+    """The size that a weights file of the network may have."""
+    return most_bytes(parameter_bytes(_keeper(network).state_dict()))
 
 
 def _keeper(network: PoseNetwork) -> nn.Module:
@@ -125,11 +126,10 @@ def register(
             f"model {name}: convention {convention.heading} reads {convention.width} outputs, "
             f"the network gives {weights.outputs}; another --convention?"
         )
-    folder = root / layout.MODELS
-    folder.mkdir(exist_ok=True)
-    file = folder / f"{weights.sha256}{weights.suffix}"
-    layout.write_atomic(file, weights.content)
-    Ledger(root).add(f"model:{weights.sha256}", [(file.relative_to(root).as_posix(), 1)])
+    file = f"{layout.MODELS}/{weights.sha256}{weights.suffix}"
+    safe_files.write(root, file, weights.content)
+    Ledger(root).add(f"model:{weights.sha256}", [(file, 1)])
+    draft.note_checksums({file: hashlib.sha256(weights.content).hexdigest()})
     draft.insert_row(
         "model",
         {
@@ -149,21 +149,33 @@ def load_model(store: Store, name: str, trust: bool = False) -> LoadedModel:
     if name not in store.models:
         raise RequestError(f"model {name!r}: not in {store.path} (has: {', '.join(store.models)})")
     record = store.models[name]
-    folder = store.path / layout.MODELS
-    found = sorted(folder.glob(f"{record.sha256}.*"))
-    if not found:
-        raise RequestError(f"{folder / record.sha256}: missing; add the model again")
     if record.architecture == TORCHSCRIPT:
         _need_trust(trust, f"model {name!r} (TorchScript)")
-        content = read_bytes(found[0], MOST_OPAQUE)
-        network: PoseNetwork = OpaqueNetwork.from_torchscript(content, str(found[0]))
+        path, content = _stored_weights(store, record.sha256, MOST_OPAQUE)
+        network: PoseNetwork = OpaqueNetwork.from_torchscript(content, str(path))
     else:
         network = _empty_network(record.architecture, trust)
-        content = _content_for(network, found[0])
-        _load(network, read_state(found[0], content), str(found[0]))
+        path, content = _stored_weights(store, record.sha256, _most_bytes(network))
+        check_archive(path, content)
+        _load(network, read_state(path, content), str(path))
     network.eval().requires_grad_(False)
     convention = OutputConvention.from_json(record.convention)
     return LoadedModel(name, record.architecture, network, convention, record.sha256)
+
+
+def _stored_weights(store: Store, sha256: str, most: int) -> tuple[Path, bytes]:
+    """The path and content of a model's file, which must not be a link."""
+    start = f"{layout.MODELS}/{sha256}."
+    try:
+        lying = safe_files.names(store.path, layout.MODELS)
+        found = next((entry.path for entry in lying if entry.path.startswith(start)), None)
+        if found is None:
+            raise RequestError(f"{store.path / start}*: missing; add the model again")
+        return store.path / found, safe_files.read(store.path, found, most)
+    except OSError as error:
+        reason = safe_files.explained(error)
+        where = error.filename or store.path / layout.MODELS
+        raise RequestError(f"{where}: cannot be read ({reason})") from error
 
 
 def _empty_network(architecture: str, trust: bool) -> PoseNetwork:

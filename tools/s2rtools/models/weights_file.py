@@ -40,12 +40,14 @@ def read_weights_file(path: Path, most: int) -> bytes:
             if declared > min(_MOST_HEADER, max(path.stat().st_size - 8, 0)):
                 raise RequestError(f"{path}: no safetensors (its header declares {declared} bytes)")
     content = read_bytes(path, most)
-    if content.startswith(b"PK"):
-        _check_archive(path, content)
+    check_archive(path, content)
     return content
 
 
-def _check_archive(path: Path, content: bytes) -> None:
+def check_archive(path: Path, content: bytes) -> None:
+    """Raises RequestError for an archive whose entries are compressed, or larger than itself."""
+    if not content.startswith(b"PK"):
+        return
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             entries = archive.infolist()

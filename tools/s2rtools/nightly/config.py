@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from s2rstore import history, layout
+from s2rstore import history, layout, safe_files
 from s2rstore.errors import RequestError
 from s2rstore.input_files import read_toml
 from s2rtools.gap import defaults
@@ -124,8 +124,11 @@ def _axes(given: Given) -> tuple[str, ...]:
 
 
 def _drives(given: Given, store: Path) -> str | None:
-    own = store / layout.DRIVES
-    return given.drives("folder", "drives") or (str(own) if own.is_dir() else None)
+    wanted = given.drives("folder", "drives")
+    if wanted is None:
+        own = safe_files.checked_folder(store, layout.DRIVES) if store.is_dir() else None
+        wanted = None if own is None else str(own)
+    return wanted
 
 
 def _replicates(given: Given) -> int:

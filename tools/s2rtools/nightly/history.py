@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 import json
 import os
-import shutil
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,11 +14,11 @@ from typing import Any
 
 import duckdb
 
-from s2rstore import history, history_schema, layout, schema
+from s2rstore import history, history_schema, layout, sandbox
 from s2rstore.errors import RequestError
 from s2rstore.history import History, Night
 from s2rstore.outcomes import EXIT_CODES
-from s2rstore.schema import Table, statements_of
+from s2rstore.schema import STORAGE_VERSION, Table
 from s2rtools.nightly.config import Config
 from s2rtools.nightly.key import Inputs, version
 from s2rtools.nightly.measuring import Estimates, Report
@@ -165,13 +164,12 @@ def move(path: Path, name: str, night: datetime.date, now: str) -> None:
 
 
 def _replace(path: Path, change: Change) -> None:
+    history.check_place(path)
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
         for left in path.parent.glob(f".{path.name}.*.new*"):
             left.unlink(missing_ok=True)
-        if path.exists():
-            shutil.copyfile(path, beside)
-        _changed(beside, change)
+        _write(beside, path if path.exists() else None, change)
         beside.chmod(0o644)
         layout.sync_file(beside)
         beside.replace(path)
@@ -185,18 +183,25 @@ def _replace(path: Path, change: Change) -> None:
                 name.unlink(missing_ok=True)
 
 
-def _changed(path: Path, change: Change) -> None:
-    name, fresh = str(path).replace("'", "''"), not path.exists()
-    connection = duckdb.connect(config={"threads": 1})
+def _write(path: Path, base: Path | None, change: Change) -> None:
+    """A new file with the rows of `base`, changed; its views are made anew."""
+    connection = sandbox.connect_empty([path.absolute().parent])
     try:
-        options = f" (STORAGE_VERSION '{schema.STORAGE_VERSION}')" if fresh else ""
-        connection.execute(f"ATTACH '{name}' AS history{options}")
+        name = sandbox.escaped(sandbox.literal_path(path))
+        connection.execute(f"ATTACH '{name}' AS history (STORAGE_VERSION '{STORAGE_VERSION}')")
         connection.execute("USE history")
-        connection.execute("BEGIN")
-        for statement in history_schema.statements() if fresh else ():
+        for statement in history_schema.statements():
             connection.execute(statement)
+        if base is not None:
+            sandbox.attach_read_only(
+                connection, base, "base", history_schema.TABLES, history_schema.VIEWS
+            )
+            for table in history.tables_of(connection, "base"):
+                names = ", ".join(f'"{column}"' for column in table.column_names)
+                rows = f'SELECT {names} FROM base."{table.name}"'
+                connection.execute(f'INSERT INTO history."{table.name}" ({names}) {rows}')
+            connection.execute("DETACH base")
         change(connection)
-        connection.execute("COMMIT")
         connection.execute("CHECKPOINT history")
         connection.execute("USE memory")
         connection.execute("DETACH history")
@@ -215,14 +220,9 @@ def _withdraw(
 ) -> None:
     pairs: tuple[tuple[str, Table, dict[str, str]], ...] = (
         ("night", history_schema.WITHDRAWN, {"withdrawn_at": now}),
-        ("recorded", history_schema.WITHDRAWN_EVIDENCE, {}),
+        ("recorded", history_schema.WITHDRAWN_RECORDED, {}),
     )
-    known = {
-        row[0] for row in connection.execute("SELECT table_name FROM duckdb_tables()").fetchall()
-    }
     for source, target, added in pairs:
-        for statement in () if target.name in known else statements_of(target):
-            connection.execute(statement)
         names = ", ".join(f'"{each}"' for each in target.column_names if each not in added)
         values = "".join(", ?" for _ in added)
         connection.execute(

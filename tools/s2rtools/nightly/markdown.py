@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from s2rstore.text import printable
 from s2rtools.nightly import content as c
 
 
@@ -29,7 +30,7 @@ def _table(names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def _cell(text: str) -> str:
     """Text that neither ends a cell nor begins markup."""
-    kept = "".join(letter if letter.isprintable() else " " for letter in text)
+    kept = printable(text)
     for sign in "\\|<>*_`[]":
         kept = kept.replace(sign, f"\\{sign}")
     return kept

@@ -6,6 +6,7 @@ import base64
 from collections.abc import Sequence
 from html import escape
 
+from s2rstore.text import printable
 from s2rtools.nightly import content as c
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
@@ -105,5 +106,5 @@ def _facts(told: c.Content) -> str:
 
 
 def _text(text: str) -> str:
-    """Text as text, without what HTML knows no character for."""
-    return escape("".join(c if c.isprintable() else "\ufffd" for c in text))
+    """Text as text, in printable characters."""
+    return escape(printable(text))

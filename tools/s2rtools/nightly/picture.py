@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 GROUND, TEXT, MUTED, FAINT, LIMIT = "#fafaf8", "#1c212a", "#626a78", "#ced2d9", "#b07a00"
 MARKS = {"PASS": ("o", "#1d5fce"), "FAIL": ("^", "#d02c30"), "INCONCLUSIVE": ("s", "#8a6000")}
-_SETTINGS = {"font.family": "DejaVu Sans", "savefig.bbox": None}
+_SETTINGS = {"font.family": "DejaVu Sans", "savefig.bbox": None, "text.parse_math": False}
 _WIDE, _PANEL, _DPI = 9.6, 1.5, 125
 _LOWEST, _HIGHEST = -20.0, 120.0
 """G is clipped to these for display only."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import s2rstore
-from s2rstore import arrays, layout, stats
+from s2rstore import stats
 from s2rstore.input_files import parse_object
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
@@ -53,7 +53,7 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
         for record in kept:
             draft.insert_row("zarr_array", asdict(record))
         for spec in specs:
-            draft.insert_row("zarr_array", _array_row(run, spec))
+            draft.insert_row("zarr_array", _array_row(root, run, spec))
         draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
         draft.note(f"run:{run}", _provenance(specs, backend, ranges, noted))
     return True
@@ -64,7 +64,7 @@ def _identity(spec: ArraySpec) -> tuple[str, str | None, str | None]:
 
 
 def _array(store: Store, run: str, spec: ArraySpec) -> np.ndarray:
-    return np.asarray(arrays.open_read(store.path / layout.RUNS / spec.path(run))[:])
+    return np.asarray(spec.opened(store.path, run)[:])
 
 
 def _predictions(
@@ -104,7 +104,7 @@ def _projections(
     return found
 
 
-def _array_row(run: str, spec: ArraySpec) -> dict[str, Any]:
+def _array_row(root: Path, run: str, spec: ArraySpec) -> dict[str, Any]:
     return {
         "run": run,
         "kind": spec.kind,
@@ -117,6 +117,7 @@ def _array_row(run: str, spec: ArraySpec) -> dict[str, Any]:
         "scale": 1.0,
         "zero": 0.0,
         "unit": spec.unit,
+        "metadata_sha256": spec.opened(root, run).metadata_sha256,
     }
 
 
@@ -127,7 +128,7 @@ def _heat_ranges(store: Store, run: str, specs: Sequence[ArraySpec]) -> dict[str
     """
     parts: dict[str, list[np.ndarray]] = {}
     for spec in (s for s in specs if s.kind in KINDS):
-        array = arrays.open_read(store.path / layout.RUNS / spec.path(run))
+        array = spec.opened(store.path, run)
         rows = np.unique(np.linspace(0, spec.rows - 1, min(spec.rows, _RANGE_ROWS)).astype(int))
         values = np.asarray(array.oindex[rows], dtype=np.float32)
         planes = KINDS[spec.kind].planes

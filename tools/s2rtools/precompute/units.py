@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore import arrays, layout
+from s2rstore.arrays import StoredArray
+from s2rstore.errors import RequestError
 from s2rstore.ledger import Ledger
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
@@ -50,6 +52,16 @@ class ArraySpec:
     def path(self, run: str) -> str:
         """Inside runs.zarr."""
         return f"{run}/{self.key}/{self.name}"
+
+    def opened(self, root: Path, run: str) -> StoredArray:
+        """The stored array. RequestError where it is not as this describes it."""
+        found = arrays.open_read(root / layout.RUNS / self.path(run), root)
+        if (found.shape, found.layout.dtype) != ((self.rows, *self.item), self.dtype):
+            raise RequestError(
+                f"{found.path}: {found.layout.dtype} {found.shape} in place of {self.dtype} "
+                f"{(self.rows, *self.item)}; run `s2r verify`"
+            )
+        return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +96,8 @@ class Stage:
         """Make the stage's empty arrays, or leave those that are there."""
         for spec in self.specs:
             plan = arrays.plan(spec.rows, spec.item, spec.dtype, self.shard_rows)
-            arrays.create(root / layout.RUNS / spec.path(self.run), plan, dict(spec.attributes))
+            path = root / layout.RUNS / spec.path(self.run)
+            arrays.create(path, plan, dict(spec.attributes), root)
 
     def kept(self, root: Path) -> Callable[[str, str], Any] | None:
         """Where the arrays of rendered frames are among the sources; None without any."""
@@ -93,11 +106,11 @@ class Stage:
             return None
         return partial(self.source, root)
 
-    def source(self, root: Path, kind: str, side: str, mode: str | None = None) -> Any:
-        """The Zarr array of a source."""
+    def source(self, root: Path, kind: str, side: str, mode: str | None = None) -> StoredArray:
+        """The stored array of a source."""
         for spec in self.sources:
             if spec.kind == kind and spec.side in (side, None) and spec.mode == mode:
-                return arrays.open_read(root / layout.RUNS / spec.path(self.run))
+                return spec.opened(root, self.run)
         raise KeyError(f"stage {self.name} has no source {kind} {side} {mode}")
 
     def valid(self, root: Path) -> NDArray[np.bool_]:
@@ -114,7 +127,8 @@ class Stage:
         """Write one shard of each given array and record them in the ledger."""
         files = []
         for spec, rows in values.items():
-            file = arrays.write_shard(root / layout.RUNS / spec.path(self.run), shard, rows)
+            path = root / layout.RUNS / spec.path(self.run)
+            file = arrays.write_shard(path, shard, rows, root)
             files.append((file.relative_to(root).as_posix(), len(rows)))
         Ledger(root).add(self.unit_key(shard), files)
 

@@ -10,9 +10,10 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import resource_tracker
 from pathlib import Path
 
-from s2rstore.errors import S2RError
+from s2rstore.errors import RequestError
 from s2rtools.precompute.units import Unit
 
 Compute = Callable[[Unit], None]
@@ -26,7 +27,7 @@ def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -
     """Compute units and give each when it is done.
 
     `opener(root, threads)` is called once in each process and gives the function that computes
-    a unit. Raises S2RError when a worker dies.
+    a unit. Raises RequestError when a worker process is killed.
     """
     threads = max(1, (os.cpu_count() or 1) // workers)
     if workers == 1:
@@ -36,6 +37,7 @@ def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -
             yield unit
         return
     context = multiprocessing.get_context("spawn")
+    _start_quiet_tracker()
     with ProcessPoolExecutor(workers, context, _start, (root, opener, threads)) as pool:
         futures = {pool.submit(_work, unit): unit for unit in units}
         try:
@@ -43,9 +45,30 @@ def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -
                 future.result()
                 yield futures[future]
         except BrokenProcessPool as error:
-            raise S2RError("a worker died (out of memory?); run again with --workers 1") from error
+            raise RequestError(
+                f"{root}: a worker process was killed (out of memory?); finished units are kept: "
+                "run the command again, with --workers 1 if memory is short"
+            ) from error
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _start_quiet_tracker() -> None:
+    """Start the process that removes the semaphores of killed workers, without its warning.
+
+    Libraries that workers import make semaphores. The tracker removes those of a killed worker
+    either way; its warning would only follow the error that names the reason.
+    """
+    before = os.environ.get("PYTHONWARNINGS")
+    quiet = "ignore:resource_tracker:UserWarning"
+    os.environ["PYTHONWARNINGS"] = quiet if before is None else f"{before},{quiet}"
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        if before is None:
+            del os.environ["PYTHONWARNINGS"]
+        else:
+            os.environ["PYTHONWARNINGS"] = before
 
 
 def _start(root: Path, opener: Opener, threads: int) -> None:

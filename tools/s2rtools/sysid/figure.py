@@ -41,7 +41,7 @@ def convergence_figure(courses: Sequence[Course], title: str) -> bytes:
     axes.set_xlim(left=0)
     axes.set_xlabel("evaluations of the objective", color=_INK)
     axes.set_ylabel("mean square residual / noise variance", color=_INK)
-    axes.set_title(title, loc="left", fontsize=11, color=_INK)
+    axes.set_title(title, loc="left", fontsize=11, color=_INK, parse_math=False)
     axes.grid(color=_GRID, linewidth=0.6)
     axes.tick_params(colors=_INK)
     for side in ("top", "right"):

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import s2rstore
+from s2rstore import layout, safe_files
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
@@ -82,7 +83,7 @@ def keep(store: Store, name: str) -> None:
     if data is None or not data.matches(store):
         raise RequestError(f"{store.path}: its images are not what is rendered now; train again")
     model, noted = store.models[name], store.provenance(f"model:{name}")
-    content = (store.path / "models" / f"{model.sha256}.safetensors").read_bytes()
+    content = safe_files.read(store.path, f"{layout.MODELS}/{model.sha256}.safetensors")
     told = {key: _plain(text) for key, text in noted.items() if not key.startswith("split:")}
     recipe = store.provenance_object("world", "recipe")
     told["command"] = str(told["command"]).split(" --store")[0]

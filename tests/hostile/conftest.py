@@ -1,0 +1,18 @@
+"""A store whose every free text column is hostile."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.support import hostile
+
+
+@pytest.fixture(scope="session")
+def poisoned_store(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store that no test writes to, with a history; see `hostile.HOSTILE`."""
+    folder = tmp_path_factory.mktemp("poisoned")
+    return hostile.with_nights(
+        hostile.poisoned(tiny_store, folder / "bad [ [@click=app.quit]x.s2r")
+    )

@@ -1,0 +1,401 @@
+"""Control characters and escape sequences in texts from outside reach no terminal, no error line
+and no figure; a pipe of CSV or JSON holds them as data.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+from textual.screen import ModalScreen
+
+import s2rstore
+from s2rstore import history, selection
+from s2rstore.errors import RequestError
+from s2rstore.language import complete
+from s2rstore.language.text import string
+from s2rstore.text import escaping, printable, printable_lines, printable_values
+from s2rtui.actions import ACTIONS
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.cli import main
+from s2rtui.headless import settle
+from s2rtui.notebook import Notebook
+from s2rtui.session import Session
+from s2rtui.views import STORED, VIEWS
+from tests.support import hostile
+from tests.support.copies import copied
+from tests.support.hostile import CLIPBOARD, HOSTILE, control_characters
+from tests.support.screen import Screen
+
+RAW = ("\x1b]52", "\x07", "\x9b", "\x85", "\u202e", "\u2066", "\u2028", "\x7f", "\x1b[31m")
+"""What no terminal may get, whatever the program itself sends there."""
+TABLES = (("runs",), ("verify",), ("query", "all", "--columns", "iid,room,traj"),
+          ("sql", "SELECT room, what, value FROM room, provenance"),
+          ("sql", f'SELECT 1 AS "{CLIPBOARD}", room AS "\u202e" FROM room'),
+          *(("show", name) for name in STORED), *(("show", name, "--words") for name in STORED),
+          ("gap",), ("doctor",))  # fmt: skip
+
+
+def command(words: tuple[str, ...], store: Path) -> list[str]:
+    """A command line on a store; `doctor` takes none."""
+    return list(words) if words[0] == "doctor" else [words[0], str(store), *words[1:]]
+
+
+# --- the function ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("raw", "shown"),
+    [
+        ("plain [b] ünï ☃ 名", "plain [b] ünï ☃ 名"),
+        ("\x1b]0;t\x07", "\\x1b]0;t\\x07"),
+        ("\x9b31m", "\\x9b31m"),
+        ("a\u202eb\u2066", "a\\u202eb\\u2066"),
+        ("a\u2028b\x7f", "a\\u2028b\\x7f"),
+        ("a\nb\tc\r", "a\\nb\\tc\\r"),
+        ("\U000e0041\ud800", "\\U000e0041\\ud800"),
+        ("\xa0", "\\xa0"),
+    ],
+)
+def test_what_is_not_printable_is_escaped(raw: str, shown: str) -> None:
+    assert printable(raw) == shown
+    assert printable(printable(raw)) == shown
+
+
+def test_every_character_is_printable_or_escaped() -> None:
+    everything = "".join(chr(code) for code in range(0x30000))
+    assert printable(everything).isprintable()
+    assert control_characters(printable_lines(everything)) == {"\t"}
+    assert printable_values({"\x1b": ["\x9b", 1, None]}) == {"\\x1b": ["\\x9b", 1, None]}
+
+
+def test_a_stream_escapes_what_is_written() -> None:
+    beneath = io.StringIO()
+    stream = escaping(beneath)
+    print("a\x1b[31m\n\tb\u202e", file=stream)
+    assert escaping(stream) is stream
+    assert beneath.getvalue() == "a\\x1b[31m\n\tb\\u202e\n"
+
+
+# --- where text enters -----------------------------------------------------------------------
+
+
+def test_records_hold_no_control_characters(poisoned_store: Path) -> None:
+    with s2rstore.open(poisoned_store) as store:
+        listed = [store.dataset, store.rooms, store.trajectories, store.domains, store.models,
+                  store.runs, store.provenance("dataset"), store.instances.room_names,
+                  *(store.arrays(run) for run in store.runs)]  # fmt: skip
+        whole = repr(listed)
+        assert "CLICK" in whole
+        texts = [store.dataset.name, *store.instances.room_names, store.runs["vanilla"].created_at,
+                 store.runs["vanilla"].sim_adjustments[0]["name"],
+                 store.domains["sim"].sources["cameras"],
+                 store.arrays("vanilla")[0].unit]  # fmt: skip
+        values = [*store.provenance("dataset"), *store.provenance("dataset").values()]
+    assert not control_characters("".join(texts))
+    assert control_characters("".join(values)) <= {"\t"}
+
+
+def test_nights_hold_no_control_characters(poisoned_store: Path) -> None:
+    found = history.read(history.path_in(poisoned_store))
+    night = found.nights[0]
+    texts = [night.dataset, night.reason, night.axes[0].axis, str(night.worst), night.name]
+    assert all("CLICK" in text for text in texts)
+    assert not control_characters("".join(texts))
+
+
+# --- inside the application ------------------------------------------------------------------
+
+
+def shown(app: S2RApp) -> str:
+    """All text of the screen, and the escape codes of its strips without those of colours."""
+    console = Console(file=io.StringIO(), force_terminal=True)
+    strips = app.screen._compositor.render_strips()
+    text = "".join(segment.text for strip in strips for segment in strip)
+    codes = "".join(strip.render(console) for strip in strips)
+    assert not any(raw in codes for raw in RAW if raw != "\x1b[31m")
+    return text
+
+
+@pytest.mark.parametrize("size", [(80, 24), (150, 44)])
+async def test_every_view_and_screen(
+    poisoned_store: Path, own_things: Path, tmp_path: Path, size: tuple[int, int]
+) -> None:
+    book = hostile.saved(f'room:"{HOSTILE}"', run=HOSTILE, trajectories=[HOSTILE])
+    hostile.notebook(own_things, selections={"mine": book}, history=[HOSTILE],
+                     remarks={"3": {"tags": [], "note": HOSTILE}})  # fmt: skip
+    app = S2RApp(Session(poisoned_store, "vanilla", Notebook), Look(), tmp_path)
+    app.feeding.rest_seconds = 0.001
+    seen = ""
+    async with app.run_test(size=size) as pilot:
+        await settle(app, pilot)
+        keys = [action.keys[0] for action in ACTIONS
+                if action.name not in ("quit", "report", "adjust", "save_run")]  # fmt: skip
+        views = [view.key for view in VIEWS if view.stored]
+        for key in [*keys, "N", *views, "ctrl+p", "slash"]:
+            await pilot.press(key)
+            await settle(app, pilot)
+            seen += shown(app)
+            if app.prompting:
+                await pilot.press(*'room:"', "tab", "tab", "up", "up")
+                await pilot.pause()
+                seen += shown(app)
+            while isinstance(app.screen, ModalScreen) or app.prompting:
+                await pilot.press("escape")
+        app.session.choose(f"room:{string(HOSTILE + 'right')}")
+        app.session.tell(HOSTILE)
+        app.refresh_views()
+        await pilot.pause()
+        seen += shown(app)
+        assert app.fault is None
+    assert "\\x1b]52;c;" in seen
+    assert not control_characters(seen)
+
+
+async def test_pasted_text_is_escaped(poisoned_store: Path) -> None:
+    from textual import events
+
+    app = S2RApp(Session(poisoned_store), Look())
+    app.feeding.rest_seconds = 0.001
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("slash")
+        app.post_message(events.Paste(f"worst15{CLIPBOARD}\u202e"))
+        await pilot.pause()
+        text = shown(app)
+        assert "\\x1b]52" in text
+        assert not control_characters(text)
+
+
+def test_the_bytes_on_a_terminal(poisoned_store: Path, own_things: Path) -> None:
+    book = hostile.saved(f'room:"{HOSTILE}"', run=HOSTILE)
+    hostile.notebook(own_things, selections={"mine": book}, history=[HOSTILE])
+    own_things.joinpath("toured").touch()
+    environment = {"XDG_DATA_HOME": str(own_things.parent), "COLORTERM": "truecolor",
+                   "PYTHONPATH": os.pathsep.join(sys.path)}  # fmt: skip
+    words = [sys.executable, "-m", "s2rtui", "tui", str(poisoned_store), "--run", "vanilla"]
+    screen = Screen(words, (150, 44), environment)
+    try:
+        screen.wait_for("vanilla")
+        screen.press("N")
+        screen.wait_for("\\x1b]52;c;")
+        screen.press("f")
+        screen.wait_for("saved selections")
+        screen.press(b"\x1b")
+        screen.wait_for(lambda text: "saved selections" not in text)
+        screen.press("/")
+        screen.wait_for("complete")
+        screen.press(b" & room:\t")
+        screen.wait_for("\\x1b]52;c;")
+        screen.press(b"\x1b")
+        screen.wait_for(lambda text: "complete" not in text)
+        screen.press("q")
+        assert screen.wait_for_end() == 0
+    finally:
+        screen.close()
+    raw = bytes(screen.raw)
+    for text in (CLIPBOARD, "\x1b]52", "\x9b", "\u202e", "\u2066", "\u2028", "\x85"):
+        assert text.encode() not in raw
+
+
+# --- commands --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("words", TABLES, ids=" ".join)
+def test_tables_words_and_errors(
+    poisoned_store: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    main(command(words, poisoned_store))
+    told = capsys.readouterr()
+    assert told.out + told.err
+    assert not control_characters(told.out.replace("\t", ""))
+    assert not control_characters(told.err)
+
+
+class Terminal(io.StringIO):
+    """Standard output as a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("form", ["table", "csv", "json"])
+@pytest.mark.parametrize("asked", [("query", "all"), ("sql", "SELECT room FROM room")])
+def test_on_a_terminal_every_format_is_escaped(
+    poisoned_store: Path, monkeypatch: pytest.MonkeyPatch, form: str, asked: tuple[str, str]
+) -> None:
+    out = Terminal()
+    monkeypatch.setattr(sys, "stdout", out)
+    assert main([asked[0], str(poisoned_store), asked[1], "--format", form]) == 0
+    assert "1b]52;c;" in out.getvalue()
+    assert control_characters(out.getvalue()) <= {"\t"}
+
+
+def test_in_a_pipe_csv_and_json_hold_the_data(
+    poisoned_store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one = f"room:{string(HOSTILE + 'right')}"
+    for words in (("query", one), ("query", "all", "--columns", "room")):
+        asked = [words[0], str(poisoned_store), *words[1:]]
+        assert main([*asked, "--format", "csv"]) == 0
+        rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out, newline="")))
+        assert f"{HOSTILE}right" in {row["room"] for row in rows}
+        assert main([*asked, "--json"]) == 0
+        listed = json.loads(capsys.readouterr().out)
+        assert f"{HOSTILE}right" in {row["room"] for row in listed}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("query", f"/none{HOSTILE}", "all"),
+        ("query", "{store}", f'room:"{HOSTILE}"'),
+        ("query", "{store}", HOSTILE),
+        ("query", "{store}", "all", "--run", HOSTILE),
+        ("query", "{store}", "all", "--columns", HOSTILE),
+        ("query", "{store}", "all", HOSTILE),
+        ("query", "{store}", "all", f"--{HOSTILE}"),
+        ("query", "{store}", "all", "--format", HOSTILE),
+        ("query", "{store}", "all", "--format", "csv", "--out", f"/none/{HOSTILE}"),
+        ("sql", "{store}", f"SELECT '{HOSTILE}"),
+        ("show", "{store}", HOSTILE),
+        ("show", "{store}", "rooms", "--select", HOSTILE),
+        ("export", "{store}", "--view", "rooms", "--out", f"/none/{HOSTILE}.png"),
+        ("gap", "{store}", "--run", HOSTILE),
+        ("report", "{store}", "--select", HOSTILE, "--out", "/none/x.html"),
+        ("tui", f"/none{HOSTILE}"),
+        (f"{HOSTILE}",),
+    ],
+    ids=lambda words: " ".join(words)[:40],
+)
+def test_error_lines(
+    poisoned_store: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    try:
+        code = main([word.replace("{store}", str(poisoned_store)) for word in words])
+    except SystemExit as stopped:
+        code = int(str(stopped.code))
+    told = capsys.readouterr()
+    assert code == 2, told
+    assert not control_characters(told.err)
+    assert told.err.count("\n") == 1, told.err
+
+
+# --- identity --------------------------------------------------------------------------------
+
+
+def test_rooms_are_typed_as_they_are_shown(poisoned_store: Path) -> None:
+    with s2rstore.open(poisoned_store) as store:
+        words = selection.vocabulary(store)
+        offered = [text for text, _ in complete("room:", words)]
+        assert len(offered) == 2
+        for text, stored in zip(offered, store.stored_rooms.values(), strict=True):
+            assert text.isprintable()
+            for expression in (
+                text,
+                f"real.{text} | sim.{text}",
+                f"room:{string(stored)}",
+                f"!{text}",
+            ):
+                chosen = np.flatnonzero(selection.select(store, expression))
+                sql, parameters = selection.sql(store, expression)
+                assert chosen.size
+                assert [row[0] for row in store.execute(sql, parameters)] == chosen.tolist()
+
+
+def test_names_that_are_shown_alike_are_refused(
+    own_store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hostile.edit(own_store, ("UPDATE room SET room = ? WHERE room = 'right'", ["a\x1b"]),
+                 ("UPDATE room SET room = ? WHERE room <> ?", ["a\\x1b", "a\x1b"]))  # fmt: skip
+    assert main(["query", str(own_store), "all"]) == 2
+    told = capsys.readouterr().err
+    assert "two rooms are both shown as" in told
+    assert told.count("\n") == 1
+    with pytest.raises(RequestError, match="shown as"):
+        s2rstore.open(own_store)
+
+
+@pytest.mark.parametrize(
+    ("table", "column"),
+    [("run", "run"), ("model", "model"), ("domain", "domain"), ("trajectory", "trajectory"),
+     ("dataset", "hash"), ("dataset", "floor_plan"), ("zarr_array", "kind"),
+     ("zarr_array", "path"), ("zarr_array", "dtype"), ("zarr_array", "mode"),
+     ("run", "key"), ("prediction", "split"), ("domain", "kind")],
+)  # fmt: skip
+async def test_names_that_are_more_than_text(
+    tiny_store: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    table: str,
+    column: str,
+) -> None:
+    store = copied(tiny_store, tmp_path / "bad.s2r")
+    hostile.edit(store, (f'UPDATE "{table}" SET "{column}" = ?', [HOSTILE]))
+    for words in (["runs"], ["query", "all"], ["show", "instance"], ["verify"]):
+        code = main([words[0], str(store), *words[1:]])
+        told = capsys.readouterr()
+        assert code in (0, 1, 2), (words, told.err)
+        assert not control_characters(told.out + told.err)
+
+
+# --- files -----------------------------------------------------------------------------------
+
+
+def test_figures_draw_no_control_characters(
+    poisoned_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from matplotlib.text import Text
+
+    drawn: list[str] = []
+    put = Text.set_text
+
+    def set_text(self: Text, text: object) -> None:
+        drawn.append(str(text))
+        put(self, text)
+
+    monkeypatch.setattr(Text, "set_text", set_text)
+    for view in ("overview", "map", "rooms", "instance", "list", "history"):
+        out = tmp_path / f"{view}.svg"
+        words = ["export", str(poisoned_store), "--view", view, "--run", "vanilla"]
+        code = main([*words, "--room-names", "--select", "worst15", "--out", str(out)])
+        assert code == 0 or view == "history"
+    assert any("CLICK" in text for text in drawn)
+    assert not control_characters("".join(drawn))
+
+
+def test_a_dollar_in_a_name_is_no_formula(own_store: Path, tmp_path: Path) -> None:
+    hostile.edit(own_store, ("UPDATE room SET room = '$\\frac$' || room", []),
+                 ("UPDATE instance SET room = '$\\frac$' || room", []))  # fmt: skip
+    for view in ("rooms", "map", "overview", "errors", "umap", "orientation", "instance", "list"):
+        out = tmp_path / f"{view}.png"
+        words = ["export", str(own_store), "--view", view, "--out", str(out), "--room-names"]
+        assert main([*words, "--select", 'room:"$\\\\frac$right"']) == 0, view
+
+
+def test_a_report_holds_no_control_characters(poisoned_store: Path, tmp_path: Path) -> None:
+    out = tmp_path / "r.html"
+    assert main(["report", str(poisoned_store), "--run", "vanilla", "--select", "worst15",
+                 "--title", HOSTILE, "--out", str(out)]) == 0  # fmt: skip
+    text = out.read_text(encoding="utf-8")
+    assert "CLICK" in text
+    assert control_characters(text) <= {"\t"}
+
+
+def test_nothing_raw_in_a_pipe_of_errors(poisoned_store: Path) -> None:
+    """As a user runs it: another process, standard error into a pipe."""
+    words = [sys.executable, "-m", "s2rtui", "query", str(poisoned_store), f'room:"{CLIPBOARD}"']
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(words, capture_output=True, check=False, env=environment)
+    assert done.returncode == 2
+    assert b"\\x1b]52;c;" in done.stderr.replace(b"\\\\", b"\\")
+    assert not control_characters(done.stderr.decode())

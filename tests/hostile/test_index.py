@@ -1,0 +1,192 @@
+"""An index that somebody edited runs nothing, reads nothing else, and is refused in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import duckdb
+import pytest
+
+import s2rstore
+from bench.edited_index import edited
+from s2rstore import layout
+from s2rstore.errors import RequestError
+from s2rstore.writer import edit
+from s2rtui.cli import main
+from tests.support.copies import copied
+
+CODE = {
+    "view that reads a file": (
+        "DROP TABLE provenance",
+        "CREATE VIEW provenance AS SELECT 'x' AS what, filename AS key, content AS value "
+        "FROM read_text('/etc/passwd')",
+    ),
+    "view that lists folders": (
+        "DROP TABLE provenance",
+        "CREATE VIEW provenance AS SELECT 'x' AS what, 'x' AS key, file AS value FROM glob('/*')",
+    ),
+    "view that never ends": (
+        "DROP VIEW pair",
+        "DROP TABLE instance",
+        "CREATE VIEW instance AS SELECT range::INTEGER AS iid, 'a' AS trajectory, 0 AS seq, "
+        "0.0 AS x, 0.0 AS y, 0.0 AS heading, NULL AS room, 0.0 AS curvature, NULL AS odom_x, "
+        "NULL AS odom_y, NULL AS odom_heading, NULL AS timestamp FROM range(10000000000)",
+    ),
+    "extra view": ("CREATE VIEW rooms AS SELECT 1 AS one",),
+    "macro in place of a function": ("CREATE MACRO sqrt(x) AS 0.0",),
+    "macro in place of the catalog": (
+        "CREATE MACRO duckdb_functions() AS TABLE SELECT 'x' AS function_name, true AS internal",
+        "CREATE MACRO sqrt(x) AS 0.0",
+    ),
+    "macro in another schema": ("CREATE SCHEMA s", "CREATE MACRO s.f(x) AS x"),
+    "pair with another formula": (
+        "CREATE OR REPLACE VIEW pair AS SELECT s.run, s.iid, 0.0 AS gap FROM prediction s",
+    ),
+    "type": ("CREATE TYPE side AS ENUM ('sim', 'real')",),
+    "sequence": ("CREATE SEQUENCE numbers",),
+    "default that is computed": (
+        "ALTER TABLE provenance ALTER value SET DEFAULT (random()::VARCHAR)",
+    ),
+    "rows that fill the memory": (
+        "DELETE FROM instance",
+        "INSERT INTO instance (iid, trajectory) SELECT 0, 'a' FROM range(10000000)",
+    ),
+}
+
+
+@pytest.mark.parametrize("statements", CODE.values(), ids=CODE.keys())
+def test_an_index_that_holds_code_is_refused_and_never_copied(
+    own_store: Path, statements: tuple[str, ...], capsys
+) -> None:
+    index = edited(own_store, statements)
+    with pytest.raises(RequestError, match=layout.INDEX):
+        s2rstore.open(own_store)
+    with pytest.raises(RequestError), edit(own_store):
+        pytest.fail("a generation was begun from a hostile index")
+    adds = ["run", "add", "more", "--model", "vanilla", "--store", str(own_store)]
+    for command in (adds, ["runs", str(own_store)], ["sql", str(own_store), "SELECT 1"]):
+        assert main(command) == 2
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        assert printed.err.count("\n") == 1
+        assert "root:" not in printed.err
+    assert list((own_store / layout.INDEX).iterdir()) == [
+        path for path in (own_store / layout.INDEX).iterdir() if path.name <= index.name
+    ]
+
+
+def test_a_log_beside_the_index_changes_nothing(own_store: Path) -> None:
+    current = layout.read_current(own_store)
+    index = own_store / current.index
+    copy = own_store.parent / index.name
+    copy.write_bytes(index.read_bytes())
+    connection = duckdb.connect(str(copy), config={"checkpoint_threshold": "1TB"})
+    connection.execute("PRAGMA disable_checkpoint_on_shutdown")
+    connection.execute("UPDATE prediction SET x = 0")
+    log = copy.with_name(f"{copy.name}.wal").read_bytes()
+    connection.close()
+    index.with_name(f"{index.name}.wal").write_bytes(log)
+    with pytest.raises(RequestError, match="write-ahead log"):
+        s2rstore.open(own_store)
+
+
+ROWS = {
+    "adjustments that are no JSON": "UPDATE run SET sim_adjustments = '[{' WHERE run = 'vanilla'",
+    "adjustments that are nested": "UPDATE run SET sim_adjustments = repeat('[', 60000)",
+    "adjustments that are no list": "UPDATE run SET real_adjustments = '{}'",
+    "adjustments without a name": "UPDATE run SET real_adjustments = '[1]'",
+    "adjustments that are NULL": "UPDATE run SET real_adjustments = NULL",
+    "a bound that is NULL": "UPDATE dataset SET bounds_x0 = NULL",
+    "a bound that is NaN": "UPDATE dataset SET bounds_y1 = 'NaN'",
+    "a bound that is infinite": "UPDATE dataset SET bounds_x1 = 'inf'",
+    "bounds without a size": "UPDATE dataset SET bounds_x1 = bounds_x0",
+    "a scale of 0": "UPDATE dataset SET accuracy_scale = 0",
+    "frames without rows": "UPDATE dataset SET frame_height = 0",
+    "frames of a million rows": "UPDATE dataset SET frame_height = 1000000",
+    "a name that is NULL": "UPDATE dataset SET name = NULL",
+    "a hash that is a path": "UPDATE dataset SET hash = '../../../../tmp/x'",
+    "weights that are a path": "UPDATE model SET sha256 = '../secret'",
+    "two data sets": "INSERT INTO dataset SELECT * FROM dataset",
+    "two rooms of one position": "UPDATE room SET position = 0",
+    "a room without a position": "UPDATE room SET position = NULL WHERE room = 'right'",
+    "a room that is NaN wide": "UPDATE room SET x0 = 'NaN' WHERE room = 'right'",
+    "a room without a name": "UPDATE room SET room = NULL WHERE room = 'right'",
+    "a room of a million characters": "UPDATE room SET room = repeat('a', 1000000)",
+    "a trajectory that is a path": "UPDATE trajectory SET trajectory = '../x'",
+    "a trajectory of -1 instances": "UPDATE trajectory SET instances = -1",
+    "a kind of domain": "UPDATE domain SET kind = 'other'",
+    "a focal length of 0": "UPDATE domain SET rgb_fx = 0",
+    "a camera that is NaN high": "UPDATE domain SET camera_height = 'NaN'",
+    "sources that are no JSON": "UPDATE domain SET source = 'declared'",
+    "a convention that is no JSON": "UPDATE model SET convention = 'map'",
+    "a key that is a path": "UPDATE run SET key = '../../x'",
+    "a table that is missing": "DROP VIEW pair; DROP TABLE room",
+    "a column that is missing": "DROP VIEW pair; ALTER TABLE prediction DROP COLUMN error",
+    "a column of another type": "ALTER TABLE provenance ALTER value TYPE INTEGER[] USING [1]",
+}
+
+
+@pytest.mark.parametrize("statements", ROWS.values(), ids=ROWS.keys())
+def test_rows_that_make_no_sense_are_one_line(own_store: Path, statements: str, capsys) -> None:
+    edited(own_store, statements.split("; "))
+    for command in (["runs"], ["query", "worst15"], ["show", "rooms"], ["sql", "SELECT 1"]):
+        arguments = [command[0], str(own_store), *command[1:]]
+        assert main(arguments) == 2, command
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        assert printed.err.count("\n") == 1
+    assert main(["verify", str(own_store)]) == 1
+
+
+ARRAYS = {
+    "a shape that is no JSON": "UPDATE zarr_array SET shape = '[40'",
+    "a shape of texts": """UPDATE zarr_array SET shape = '["40"]'""",
+    "a shape of 10^18 rows": "UPDATE zarr_array SET shape = '[1000000000000000000]'",
+    "axes of another number": "UPDATE zarr_array SET axes = '[]'",
+    "a type that is no number": "UPDATE zarr_array SET dtype = 'object'",
+    "a scale that is NaN": "UPDATE zarr_array SET scale = 'NaN'",
+    "a kind with an escape sequence": "UPDATE zarr_array SET kind = chr(27) || ']52;c;eA=='",
+    "a path that leads out": "UPDATE zarr_array SET path = '../../../etc'",
+    "a side that is none": "UPDATE zarr_array SET side = 'left'",
+}
+
+
+@pytest.mark.parametrize("statement", ARRAYS.values(), ids=ARRAYS.keys())
+def test_records_of_arrays_that_make_no_sense_are_one_line(
+    own_store: Path, statement: str, tmp_path: Path, capsys
+) -> None:
+    edited(own_store, [statement])
+    out = tmp_path / "out.png"
+    arguments = ["export", str(own_store), "--view", "instance", "--heat", "activation"]
+    assert main([*arguments, "--out", str(out)]) == 2
+    printed = capsys.readouterr()
+    assert printed.err.count("\n") == 1
+    assert "\x1b" not in printed.err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("name", ["md:x", "~", "a'b", "*", "[a]", "s3:"])
+def test_a_store_may_have_an_odd_name(
+    tiny_store: Path, tmp_path: Path, name: str, monkeypatch, capsys
+) -> None:
+    copied(tiny_store, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    assert main(["verify", name]) == 0
+    assert main(["run", "add", "more", "--model", "vanilla", "--store", name]) == 0
+    capsys.readouterr()
+    assert main(["sql", name, "SELECT run FROM run ORDER BY run", "--format", "csv"]) == 0
+    assert capsys.readouterr().out == "run\ndataaug\nmore\nvanilla\n"
+
+
+@pytest.mark.parametrize("name", ["a?b", "a?access_mode=read_write", "\\a", "a\\b"])
+def test_a_name_that_duckdb_cannot_open_is_no_damage(
+    tiny_store: Path, tmp_path: Path, name: str, monkeypatch, capsys
+) -> None:
+    copied(tiny_store, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    add = ["run", "add", "more", "--model", "vanilla", "--store", name]
+    for command in (["verify", name], ["runs", name], ["sql", name, "SELECT 1"], add):
+        assert main(command) == 2
+        printed = capsys.readouterr()
+        assert "rename" in printed.err
+        assert printed.out == ""

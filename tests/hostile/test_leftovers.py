@@ -1,0 +1,125 @@
+"""What killed writes leave is told and removed; what cannot be read or written is named."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.prune import prune
+from s2rstore.verify import check
+from s2rtools.precompute.workers import run_units
+
+LEFT = (
+    "frames.zarr/sim/a/rgb/c/0/0/0/0.0123456789abcdef0123456789abcdef.partial",
+    "runs.zarr/vanilla/key0/activation.real/zarr.0123456789abcdef0123456789abcdef.partial",
+    "index/.building-99999999.duckdb",
+    ".CURRENT.json.99999999",
+    ".CURRENT.json.0123456789abcdef.partial",
+)
+GONE = 2**22 + 1
+"""A process number that Linux gives to none by default."""
+
+
+def test_leftovers_are_told_and_removed(own_store: Path) -> None:
+    for path in LEFT:
+        (own_store / path).write_bytes(b"half")
+    beside = own_store.with_name(f".{own_store.name}.building-{GONE}")
+    (beside / "frames.zarr").mkdir(parents=True)
+    report = check(own_store)
+    assert report.damages == ()
+    for path in (*LEFT, beside.name):
+        assert any(path in note and "prune" in note for note in report.notes)
+    pruned = prune(own_store)
+    assert {*LEFT, f"../{beside.name}"} <= set(pruned.paths)
+    assert not any((own_store / path).exists() for path in LEFT)
+    assert not beside.exists()
+    assert not [note for note in check(own_store).notes if "killed" in note]
+
+
+def test_an_ingest_that_never_finished_is_removed_without_a_store(tmp_path: Path) -> None:
+    beside = tmp_path / f".s.s2r.building-{GONE}"
+    (beside / "frames.zarr").mkdir(parents=True)
+    assert prune(tmp_path / "s.s2r").paths == (f"../{beside.name}",)
+    assert not beside.exists()
+
+
+def test_what_is_wrong_with_the_current_file_is_said(own_store: Path) -> None:
+    current = own_store / "CURRENT.json"
+    content = current.read_bytes()
+    current.unlink()
+    current.mkdir()
+    with pytest.raises(RequestError, match="a folder, not a file"):
+        s2rstore.open(own_store)
+    current.rmdir()
+    current.write_bytes(content + b" " * 10**6)
+    with pytest.raises(RequestError, match="at most"):
+        s2rstore.open(own_store)
+    current.write_bytes(b"{")
+    with pytest.raises(RequestError, match="damaged"):
+        s2rstore.open(own_store)
+
+
+_FULL = """
+import resource, signal, sys
+from argparse import Namespace
+from pathlib import Path
+import numpy as np
+from s2rstore import arrays
+from s2rtui import cli
+
+root = Path(sys.argv[1])
+path = root / "runs.zarr/vanilla/key9/large"
+arrays.create(path, arrays.plan(64, (64, 64), "float32", 64))
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+rows = np.random.default_rng(0).random((64, 64, 64)).astype(np.float32)
+def write(options):
+    arrays.write_shard(path, 0, rows)
+raise SystemExit(cli._guarded(Namespace(execute=write, debug=False)))
+"""
+
+
+def test_a_full_disk_names_the_file_of_the_store(own_store: Path) -> None:
+    assert resource.RLIMIT_FSIZE is not None
+    command = [sys.executable, "-c", _FULL, str(own_store)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert str(own_store / "runs.zarr/vanilla/key9/large/c/0/0/0") in done.stderr
+    assert "standard output" not in done.stderr
+    assert not [note for note in check(own_store).notes if "killed" in note]
+
+
+_KILLED = """
+import multiprocessing, os, signal
+from pathlib import Path
+from s2rstore.errors import S2RError
+from s2rtools.precompute.workers import run_units
+
+kept = []
+def opener(root, threads):
+    kept.append(multiprocessing.get_context("spawn").RLock())
+    return work
+def work(unit):
+    os.kill(os.getpid(), signal.SIGKILL)
+if __name__ == "__main__":
+    try:
+        list(run_units(Path("s.s2r"), range(4), opener, 2))
+    except S2RError as error:
+        print(error.exit_code, error)
+"""
+
+
+def test_a_killed_worker_is_told_in_one_line(tmp_path: Path) -> None:
+    assert callable(run_units)
+    (tmp_path / "killed.py").write_text(_KILLED)
+    command = [sys.executable, str(tmp_path / "killed.py")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout.startswith("2 ")
+    assert "worker" in done.stdout
+    assert done.stderr == ""

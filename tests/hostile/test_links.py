@@ -1,0 +1,173 @@
+"""A symbolic link, a pipe or a device inside a store leads nowhere."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore import arrays, layout
+from s2rstore.errors import RequestError
+from s2rstore.ledger import Ledger
+from s2rstore.prune import prune
+from s2rstore.verify import verify
+from s2rstore.writer import edit
+
+SHARD = "frames.zarr/sim/a/rgb/c/0/0/0/0"
+ARRAY = "runs.zarr/vanilla/key0/activation.real"
+
+
+def _moved_out(root: Path, relative: str, outside: Path) -> Path:
+    """Move a part of a store elsewhere and leave a link to it."""
+    outside.mkdir(exist_ok=True)
+    target = outside / Path(relative).name
+    (root / relative).rename(target)
+    (root / relative).symlink_to(target)
+    return target
+
+
+def _index(root: Path) -> str:
+    return layout.read_current(root).index
+
+
+def _read(root: Path) -> None:
+    with s2rstore.open(root) as store:
+        store.frame(0, "sim")
+        store.heatmap("vanilla", "activation", "real", 0)
+
+
+@pytest.mark.parametrize(
+    "relative",
+    [
+        "CURRENT.json", "index", "frames.zarr", "frames.zarr/sim", "frames.zarr/sim/a/rgb", SHARD,
+        "frames.zarr/sim/a/rgb/zarr.json", "frames.zarr/sim/a/rgb/c", "runs.zarr",
+        "runs.zarr/vanilla", f"{ARRAY}/zarr.json", f"{ARRAY}/c/0/0/0/0",
+    ],
+)  # fmt: skip
+def test_no_link_is_read_through(own_store: Path, tmp_path: Path, relative: str) -> None:
+    _moved_out(own_store, relative, tmp_path / "outside")
+    with pytest.raises(RequestError, match="symbolic link"):
+        _read(own_store)
+    found = verify(own_store)
+    assert any("symbolic link" in damage.what for damage in found)
+
+
+def test_the_published_index_may_not_be_a_link(own_store: Path, tmp_path: Path) -> None:
+    _moved_out(own_store, _index(own_store), tmp_path / "outside")
+    assert verify(own_store)
+    with pytest.raises(RequestError, match="symbolic link"), edit(own_store) as draft:
+        draft.note("a", {"b": 1})
+
+
+def test_a_store_that_is_reached_by_a_link_is_read(own_store: Path, tmp_path: Path) -> None:
+    (tmp_path / "link.s2r").symlink_to(own_store)
+    _read(tmp_path / "link.s2r")
+    assert verify(tmp_path / "link.s2r") == []
+
+
+def _keys(root: Path, outside: Path) -> None:
+    (root / "runs.zarr" / "x").symlink_to(outside)
+
+
+def _key(root: Path, outside: Path) -> None:
+    (root / "runs.zarr" / "vanilla" / "x").symlink_to(outside)
+
+
+def _models(root: Path, outside: Path) -> None:
+    (root / "models").symlink_to(outside)
+
+
+def _runs(root: Path, outside: Path) -> None:
+    (root / "runs.zarr").rename(root / "elsewhere")
+    (root / "runs.zarr").symlink_to(outside)
+
+
+def _old_index(root: Path, outside: Path) -> None:
+    (root / "index" / "index-000000.duckdb").symlink_to(outside / "folder" / "file")
+
+
+def _building(root: Path, outside: Path) -> None:
+    (root / f".{root.name}.building-1").symlink_to(outside)
+    (root.parent / f".{root.name}.building-99999999").symlink_to(outside)
+
+
+def _nested(root: Path, outside: Path) -> None:
+    orphan = root / "runs.zarr" / "vanilla" / "orphan"
+    orphan.mkdir()
+    (orphan / "link").symlink_to(outside)
+
+
+@pytest.mark.parametrize(
+    "harm", [_keys, _key, _models, _runs, _old_index, _building, _nested], ids=lambda f: f.__name__
+)
+def test_prune_removes_nothing_outside(
+    own_store: Path, tmp_path: Path, harm: Callable[[Path, Path], None]
+) -> None:
+    outside = tmp_path / "outside"
+    (outside / "folder").mkdir(parents=True)
+    (outside / "folder" / "file").write_text("kept")
+    (outside / "file.safetensors").write_text("kept")
+    for number in range(3):
+        with edit(own_store) as draft:
+            draft.note("n", {"number": number})
+    harm(own_store, outside)
+    prune(own_store, keep=1)
+    assert (outside / "folder" / "file").read_text() == "kept"
+    assert (outside / "file.safetensors").read_text() == "kept"
+
+
+def test_prune_names_the_links_that_it_leaves(own_store: Path, tmp_path: Path) -> None:
+    _keys(own_store, tmp_path)
+    pruned = prune(own_store)
+    assert pruned.links == ("runs.zarr/x",)
+    assert (own_store / "runs.zarr" / "x").is_symlink()
+
+
+def test_nothing_is_written_through_a_link(own_store: Path, tmp_path: Path) -> None:
+    outside = tmp_path / "outside"
+    _moved_out(own_store, "runs.zarr/vanilla", outside)
+    before = sorted(outside.rglob("*"))
+    with pytest.raises(RequestError, match="symbolic link"):
+        arrays.create(own_store / "runs.zarr/vanilla/new/a", arrays.plan(4, (2,), "float32", 4))
+    rows = np.zeros((16, 4, 4, 4), np.float32)
+    with pytest.raises(RequestError, match="symbolic link"):
+        arrays.write_shard(own_store / ARRAY, 0, rows)
+    assert sorted(outside.rglob("*")) == before
+
+
+def test_the_ledger_and_locks_are_not_written_through_links(
+    own_store: Path, tmp_path: Path
+) -> None:
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "lock").write_text("a secret that a lock would overwrite")
+    lock = own_store / "ledger" / "compute.lock"
+    lock.unlink(missing_ok=True)
+    lock.symlink_to(outside / "lock")
+    with pytest.raises(RequestError, match="symbolic link"):
+        prune(own_store)
+    assert "secret" in (outside / "lock").read_text()
+    lock.unlink()
+    _moved_out(own_store, "ledger", outside)
+    before = sorted(outside.rglob("*"))
+    with pytest.raises(RequestError, match="symbolic link"):
+        Ledger(own_store).add("unit", [(SHARD, 16)])
+    assert sorted(outside.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    "relative", ["CURRENT.json", SHARD, f"{ARRAY}/zarr.json", "ledger/a.jsonl"]
+)
+def test_a_pipe_is_refused_and_nobody_waits_for_it(own_store: Path, relative: str) -> None:
+    (own_store / relative).unlink(missing_ok=True)
+    os.mkfifo(own_store / relative)
+    command = [sys.executable, "-m", "s2rtui", "verify", str(own_store)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert "pipe" in done.stdout

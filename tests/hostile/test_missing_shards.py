@@ -1,0 +1,74 @@
+"""A shard that is not there is an error that names it, for every reader."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore import arrays, selection
+from s2rstore.errors import RequestError
+from s2rstore.ledger import Ledger
+from s2rstore.similarity import embedding
+from s2rstore.writer import edit
+from s2rtools.precompute.projection import principal_components
+
+N, WIDTH = 40, 8
+
+
+@pytest.fixture
+def embedded(own_store: Path) -> Path:
+    """A store with embeddings of both sides of a run, in shards of 16 rows."""
+    rng = np.random.default_rng(0)
+    with edit(own_store) as draft:
+        for side in ("sim", "real"):
+            relative = f"vanilla/key0/embedding.{side}"
+            path = own_store / "runs.zarr" / relative
+            arrays.create(path, arrays.plan(N, (WIDTH,), "float32", 16))
+            rows = rng.normal(size=(N, WIDTH)).astype(np.float32)
+            for shard in range(3):
+                block = rows[16 * shard : 16 * shard + 16]
+                file = arrays.write_shard(path, shard, block)
+                name = file.relative_to(own_store).as_posix()
+                Ledger(own_store).add(f"{relative}:{shard}", [(name, len(block))])
+            draft.insert_row(
+                "zarr_array",
+                {"run": "vanilla", "kind": "embedding", "side": side, "path": relative,
+                 "dtype": "float32", "shape": [N, WIDTH], "axes": ["iid", "feature"],
+                 "scale": 1.0, "zero": 0.0, "unit": ""},
+            )  # fmt: skip
+    return own_store
+
+
+@pytest.mark.parametrize("gone", ["c/1/0", "c"])
+def test_every_reader_names_what_is_missing(embedded: Path, gone: str) -> None:
+    for side in ("sim", "real"):
+        path = embedded / f"runs.zarr/vanilla/key0/embedding.{side}" / gone
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    with s2rstore.open(embedded) as store:
+        _, sim = store.array("vanilla", "embedding", "sim")
+        _, real = store.array("vanilla", "embedding", "real")
+        readers = (
+            lambda: sim[:],
+            lambda: sim[17:18],
+            lambda: sim[20],
+            lambda: np.asarray(sim),
+            lambda: sim.oindex[np.array([3, 17])],
+            lambda: embedding(store, "vanilla", "sim"),
+            lambda: selection.select(store, "like(1, 5)"),
+            lambda: principal_components((sim, real), np.ones(N, bool)),
+        )
+        for read in readers:
+            with pytest.raises(RequestError, match=r"embedding.*missing"):
+                read()
+
+
+def test_rows_of_other_shards_are_read(embedded: Path) -> None:
+    (embedded / "runs.zarr/vanilla/key0/embedding.sim/c/1/0").unlink()
+    with s2rstore.open(embedded) as store:
+        _, array = store.array("vanilla", "embedding", "sim")
+        assert array[:16].shape == (16, WIDTH)
+        assert array[32:].shape == (8, WIDTH)

@@ -1,0 +1,98 @@
+"""`--safe-csv`: cells that a spreadsheet would run as a formula are text."""
+
+from __future__ import annotations
+
+import csv
+import io
+from decimal import Decimal
+from pathlib import Path
+
+import pytest
+
+from s2rtui.app import S2RApp
+from s2rtui.canvas import Look
+from s2rtui.cli import main
+from s2rtui.headless import settle
+from s2rtui.rows.formats import csv_text
+from s2rtui.session import Session
+from tests.support import hostile
+
+FORMULA = '=HYPERLINK("http://evil", "x")'
+
+
+@pytest.fixture
+def formula_store(own_store: Path) -> Path:
+    return hostile.edit(
+        own_store,
+        ("UPDATE room SET room = ? || room", [FORMULA]),
+        ("UPDATE instance SET room = ? || room", [FORMULA]),
+        ("UPDATE dataset SET name = ?", [f"a,{FORMULA}"]),
+    )
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "\n=1", "＝1"])
+def test_text_that_could_run(text: str) -> None:
+    ((cell, *_),) = csv.reader(io.StringIO(csv_text((text,), [], safe=True), newline=""))
+    assert cell == f"'{text}"
+
+
+def test_numbers_stay_numbers() -> None:
+    row = (-1, -0.5, Decimal("-2.5"), None, True, "plain", "a=b")
+    written = csv_text(("a", "b", "c", "d", "e", "f", "g"), [row], safe=True)
+    assert written.splitlines()[1] == '-1,-0.5,-2.5,"",True,"plain","a=b"'
+
+
+def test_without_the_option_nothing_is_changed() -> None:
+    assert csv_text(("=a",), [("=1",), (None,)]) == '=a\n=1\n""\n'
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("query", "all", "--with-expression"),
+        ("query", "all", "--columns", "iid,room"),
+        ("sql", 'SELECT room, name AS "=1" FROM room, dataset'),
+        ("show", "rooms"),
+        ("runs",),
+    ],
+    ids=lambda words: words[0],
+)
+def test_of_commands(
+    formula_store: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    asked = [words[0], str(formula_store), *words[1:], "--format", "csv", "--safe-csv"]
+    assert main(asked) == 0
+    text = capsys.readouterr().out
+    cells = [cell for row in csv.reader(io.StringIO(text)) for cell in row]
+    assert (FORMULA in text.replace('""', '"')) == (words[0] != "runs")
+    for cell in cells:
+        assert cell[:1] not in ("=", "@")
+        assert cell[:1] not in ("+", "-") or _number(cell)
+
+
+def _number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("safe", [False, True])
+async def test_of_the_application(formula_store: Path, tmp_path: Path, safe: bool) -> None:
+    app = S2RApp(Session(formula_store), Look(), tmp_path)
+    app.safe_csv = safe
+    app.feeding.rest_seconds = 0.001
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("c", "F", "enter")
+        await settle(app, pilot)
+    (written,) = tmp_path.glob("s2r-selection*.csv")
+    assert ("'=HYPERLINK" in written.read_text()) == safe
+
+
+def test_the_option_is_documented(capsys: pytest.CaptureFixture[str]) -> None:
+    for command in ("query", "sql", "show", "runs", "verify", "tui"):
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        assert "--safe-csv" in capsys.readouterr().out

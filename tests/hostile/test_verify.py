@@ -1,0 +1,166 @@
+"""`verify` finds every damage, and reports none where there is none."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.verify import verify
+from s2rstore.writer import edit
+from tests.support.copies import copied
+from tests.support.ingested import ingested
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An ingested store with floor plan, drives and weights, which no test writes to."""
+    return ingested(tmp_path_factory.mktemp("ingested"))
+
+
+@pytest.fixture
+def store(whole: Path, tmp_path: Path) -> Path:
+    return copied(whole, tmp_path / "own.s2r")
+
+
+def test_a_new_store_is_whole(store: Path) -> None:
+    assert verify(store) == []
+
+
+WATCHED = (
+    "drives/one/real.csv", "drives/one/sim.csv", "drives/two/untuned.csv",
+    "drives/two/commands.csv", "assets/floor_plan.png", "frames.zarr/sim/traj1/rgb/zarr.json",
+    "frames.zarr/real/traj1/depth/zarr.json", f"models/{'a' * 64}.safetensors",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("path", WATCHED)
+@pytest.mark.parametrize("bit", [1, 5])
+def test_a_flipped_bit_is_found(store: Path, path: str, bit: int) -> None:
+    content = bytearray((store / path).read_bytes())
+    content[len(content) // 2] ^= 1 << bit
+    (store / path).write_bytes(content)
+    assert [damage for damage in verify(store) if damage.where in path or path in damage.where]
+
+
+@pytest.mark.parametrize("path", WATCHED)
+def test_a_removed_file_is_found(store: Path, path: str) -> None:
+    (store / path).unlink()
+    assert verify(store)
+
+
+@pytest.mark.parametrize("folder", ["drives", "drives/one", "assets", "models"])
+def test_a_removed_folder_is_found(store: Path, folder: str) -> None:
+    shutil.rmtree(store / folder)
+    assert verify(store)
+
+
+def test_readers_check_metadata_when_they_open_an_array(store: Path) -> None:
+    path = store / "frames.zarr/sim/traj1/rgb/zarr.json"
+    document = json.loads(path.read_text())
+    path.write_text(json.dumps(document))
+    with s2rstore.open(store) as opened, pytest.raises(RequestError, match="metadata"):
+        opened.frame(0, "sim")
+    assert verify(store)
+
+
+def test_the_metadata_of_computed_arrays_is_checked(own_store: Path) -> None:
+    relative = "vanilla/key0/activation.real"
+    path = own_store / "runs.zarr" / relative
+    with s2rstore.open(own_store) as store:
+        _, array = store.array("vanilla", "activation", "real")
+    with edit(own_store) as draft:
+        values = {"metadata_sha256": array.metadata_sha256}
+        draft.update("zarr_array", {"path": relative}, values)
+    assert verify(own_store) == []
+    document = json.loads((path / "zarr.json").read_text())
+    (path / "zarr.json").write_text(json.dumps(document, indent=1))
+    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="published"):
+        store.heatmap("vanilla", "activation", "real", 0)
+    assert verify(own_store)
+
+
+def _entries(root: Path, change: Callable[[dict[str, object]], None]) -> None:
+    for file in (root / "ledger").glob("*.jsonl"):
+        lines = [json.loads(line) for line in file.read_text().splitlines()]
+        for line in lines:
+            change(line)
+        file.write_text("".join(json.dumps(line) + "\n" for line in lines))
+
+
+def test_weights_are_checked_whatever_the_ledger_calls_them(store: Path) -> None:
+    _entries(store, lambda entry: entry.update(key="x"))
+    weights = next((store / "models").iterdir())
+    weights.write_bytes(weights.read_bytes()[:-1] + b"\0")
+    assert any(damage.where.startswith("models/") for damage in verify(store))
+
+
+def test_a_ledger_that_counts_other_rows_is_found(own_store: Path) -> None:
+    _entries(own_store, lambda entry: entry.update(count=7))
+    assert verify(own_store)
+
+
+@pytest.mark.parametrize("line", ["[]", "[" * 5000, '{"key": 1}', "\0", "null"])
+def test_a_ledger_line_that_cannot_be_read_proves_nothing(own_store: Path, line: str) -> None:
+    file = next((own_store / "ledger").glob("*.jsonl"))
+    lines = file.read_text().splitlines()
+    lines[0] = line
+    file.write_text("\n".join(lines) + "\n")
+    assert any("no ledger entry" in damage.what for damage in verify(own_store))
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e6, 1e150])
+def test_far_predictions_are_no_damage(own_store: Path, factor: float) -> None:
+    """As of a model that answers in millimetres."""
+    with edit(own_store) as draft:
+        run = draft._connection.execute
+        run(f"UPDATE prediction SET x = x * {factor}, y = y * {factor}")
+        run(
+            "UPDATE prediction SET error = sqrt((x - tx) * (x - tx) + (y - ty) * (y - ty)) "
+            "FROM (SELECT iid AS n, x AS tx, y AS ty FROM instance) AS i WHERE i.n = iid"
+        )
+        run("UPDATE prediction SET loss = 0.3 * heading_error + error * 0.7 * error")
+        run("UPDATE prediction SET accuracy = greatest(0, 1 - error / 12)")
+        run(
+            "UPDATE prediction SET rank = p.place FROM (SELECT run AS r, side AS s, iid AS n, "
+            "row_number() OVER (PARTITION BY run, side ORDER BY error, iid) AS place "
+            "FROM prediction) AS p WHERE p.r = run AND p.s = side AND p.n = iid"
+        )
+    assert verify(own_store) == []
+
+
+def test_a_loss_that_is_a_little_off_is_damage(own_store: Path) -> None:
+    with edit(own_store) as draft:
+        draft._connection.execute("UPDATE prediction SET loss = loss * 1.000001 WHERE iid = 3")
+    assert any("loss" in damage.what for damage in verify(own_store))
+
+
+def _command(store: Path, *words: str, out: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "s2rtui", "verify", str(store), *words]
+    if out is None:
+        return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    with out.open("w") as file:
+        return subprocess.run(
+            command, stdout=file, stderr=subprocess.PIPE, text=True, timeout=60, check=False
+        )
+
+
+@pytest.mark.parametrize("words", [(), ("--json",)])
+def test_a_verdict_that_cannot_be_written_is_an_error(tiny_store: Path, words) -> None:
+    done = _command(tiny_store, *words, out=Path("/dev/full"))
+    assert done.returncode == 2
+    assert "standard output: No space left on device" in done.stderr
+
+
+def test_what_has_no_checksum_is_noted_in_one_line(tiny_store: Path) -> None:
+    done = _command(tiny_store)
+    assert done.returncode == 0
+    (line,) = [line for line in done.stderr.splitlines() if "no checksums" in line]
+    assert "metadata of frames" in line

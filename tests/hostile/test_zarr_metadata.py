@@ -1,0 +1,254 @@
+"""Arrays are opened only in the form that the store itself writes."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zarr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import s2rstore
+from s2rstore import arrays, layout
+from s2rstore.errors import RequestError
+from s2rstore.verify import verify
+from s2rstore.writer import edit
+from tests.support import tiny
+
+ARRAY = "runs.zarr/vanilla/key0/activation.real"
+FRAMES = "frames.zarr/sim/a/rgb"
+
+
+def _change(path: Path, change: Callable[[dict[str, Any]], Any]) -> None:
+    document = json.loads((path / "zarr.json").read_text())
+    change(document)
+    (path / "zarr.json").write_text(json.dumps(document, indent=2))
+
+
+def _sharding(document: dict[str, Any]) -> dict[str, Any]:
+    return document["codecs"][0]["configuration"]
+
+
+def _read(root: Path) -> None:
+    with s2rstore.open(root) as store:
+        store.heatmap("vanilla", "activation", "real", 0)
+
+
+CHANGES: dict[str, Callable[[dict[str, Any]], Any]] = {
+    "another codec": lambda d: _sharding(d)["codecs"].append({"name": "vlen-utf8"}),
+    "gzip": lambda d: _sharding(d)["codecs"].__setitem__(
+        1, {"name": "gzip", "configuration": {"level": 1}}
+    ),
+    "a numcodecs codec": lambda d: _sharding(d)["codecs"].append(
+        {"name": "numcodecs.pickle", "configuration": {}}
+    ),
+    "big endian": lambda d: _sharding(d)["codecs"][0]["configuration"].update(endian="big"),
+    "index at the start": lambda d: _sharding(d).update(index_location="start"),
+    "no checksum": lambda d: _sharding(d)["index_codecs"].pop(),
+    "a fill value": lambda d: d.update(fill_value=1.0),
+    "objects": lambda d: d.update(data_type="object"),
+    "integers": lambda d: d.update(data_type="int32"),
+    "strings": lambda d: d.update(data_type="string"),
+    "more rows": lambda d: d["shape"].__setitem__(0, 41),
+    "fewer rows": lambda d: d["shape"].__setitem__(0, 39),
+    "huge": lambda d: d.update(shape=[40, 2**20, 2**20, 4]),
+    "a negative size": lambda d: d.update(shape=[-1, 4, 4, 4]),
+    "a size that is no integer": lambda d: d.update(shape=[40.0, 4, 4, 4]),
+    "other shards": lambda d: d["chunk_grid"]["configuration"]["chunk_shape"].__setitem__(0, 32),
+    "other chunks": lambda d: _sharding(d)["chunk_shape"].__setitem__(0, 8),
+    "no shards": lambda d: d.update(codecs=_sharding(d)["codecs"]),
+    "another separator": lambda d: d["chunk_key_encoding"]["configuration"].update(separator="."),
+    "a transformer": lambda d: d["storage_transformers"].append({"name": "x"}),
+    "an unknown key": lambda d: d.update(must_understand_me={}),
+    "an attribute": lambda d: d["attributes"].update(scale="2"),
+    "a group": lambda d: d.update(node_type="group"),
+    "format 2": lambda d: d.update(zarr_format=2),
+    "unsafe shuffle": lambda d: _sharding(d)["codecs"][1]["configuration"].update(
+        shuffle="noshuffle"
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_another_document_is_refused_with_the_arrays_name(own_store: Path, name: str) -> None:
+    _change(own_store / ARRAY, CHANGES[name])
+    with pytest.raises(RequestError, match=r"activation\.real"):
+        _read(own_store)
+    assert any("activation.real" in damage.where for damage in verify(own_store))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"[]", b"null", b"{", b"[" * 50_000, b'{"shape": NaN}', b" " * 100_000,
+     b'{"zarr_format": 3, "zarr_format": 3}'],
+)  # fmt: skip
+def test_no_document_is_refused(own_store: Path, content: bytes) -> None:
+    (own_store / ARRAY / "zarr.json").write_bytes(content)
+    with pytest.raises(RequestError, match=r"activation\.real"):
+        _read(own_store)
+
+
+def test_an_array_of_format_2_is_not_opened(own_store: Path, tmp_path: Path) -> None:
+    (own_store / ARRAY / "zarr.json").unlink()
+    document = {
+        "zarr_format": 2, "shape": [40, 4, 4, 4], "chunks": [16, 4, 4, 4], "dtype": "<f4",
+        "order": "C", "fill_value": 0, "compressor": None, "filters": None,
+    }  # fmt: skip
+    (own_store / ARRAY / ".zarray").write_text(json.dumps(document))
+    with pytest.raises(RequestError, match="format 2"):
+        _read(own_store)
+
+
+def test_a_shape_beyond_the_limits_is_refused_even_where_the_index_agrees(own_store: Path) -> None:
+    shape = [40, 4, 100_000, 100_000]
+
+    def grow(document: dict[str, Any]) -> None:
+        document["shape"] = shape
+        document["chunk_grid"]["configuration"]["chunk_shape"] = [16, *shape[1:]]
+        _sharding(document)["chunk_shape"] = [1, *shape[1:]]
+
+    _change(own_store / ARRAY, grow)
+    path = ARRAY.removeprefix("runs.zarr/")
+    with edit(own_store) as draft:
+        draft.update("zarr_array", {"path": path}, {"shape": json.dumps(shape)})
+    with pytest.raises(RequestError, match="bytes a row"):
+        _read(own_store)
+
+
+@pytest.mark.parametrize("column", ["shape", "dtype"])
+def test_what_the_index_says_otherwise_is_refused(own_store: Path, column: str) -> None:
+    value = {"shape": "[40, 4, 2, 8]", "dtype": "float64"}[column]
+    path = ARRAY.removeprefix("runs.zarr/")
+    with edit(own_store) as draft:
+        draft.update("zarr_array", {"path": path}, {column: value})
+    with pytest.raises(RequestError, match="as the index says"):
+        _read(own_store)
+
+
+def test_frames_must_have_the_size_that_the_index_says(own_store: Path) -> None:
+    with edit(own_store) as draft:
+        draft.update("dataset", {"name": "tiny"}, {"frame_width": 32})
+    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="as the index says"):
+        store.frame(0, "sim")
+
+
+def _bomb(content: bytearray) -> None:
+    content[4:8] = struct.pack("<I", 2**31 - 20)
+
+
+def _cut_chunk(content: bytearray) -> None:
+    content[12:16] = struct.pack("<I", 20)
+
+
+def _far_chunk(content: bytearray) -> None:
+    _reindexed(content, 2**62, 100)
+
+
+def _long_chunk(content: bytearray) -> None:
+    _reindexed(content, 0, 2**40)
+
+
+def _no_chunk(content: bytearray) -> None:
+    _reindexed(content, 2**64 - 1, 2**64 - 1)
+
+
+def _reindexed(content: bytearray, offset: int, size: int) -> None:
+    import google_crc32c
+
+    index = struct.pack("<QQ", offset, size)
+    content[-20:] = index + struct.pack("<I", google_crc32c.value(index))
+
+
+@pytest.mark.parametrize(
+    "harm", [_bomb, _cut_chunk, _far_chunk, _long_chunk, _no_chunk], ids=lambda f: f.__name__
+)
+def test_a_chunk_that_lies_is_refused(own_store: Path, harm: Callable[[bytearray], None]) -> None:
+    shard = own_store / ARRAY / "c/0/0/0/0"
+    content = bytearray(shard.read_bytes())
+    harm(content)
+    shard.write_bytes(content)
+    with pytest.raises(RequestError, match=r"activation\.real.*damaged"):
+        _read(own_store)
+
+
+def test_a_shard_that_is_too_large_is_refused(own_store: Path) -> None:
+    shard = own_store / ARRAY / "c/0/0/0/0"
+    content = shard.read_bytes()
+    with shard.open("wb") as file:
+        file.truncate(10 * 2**30)
+        file.seek(-len(content), 2)
+        file.write(content)
+    with pytest.raises(RequestError, match=r"activation\.real.*bytes"):
+        _read(own_store)
+
+
+def test_a_flipped_bit_of_metadata_without_checksum_changes_nothing_in_silence(
+    tmp_path: Path,
+) -> None:
+    """As in stores of version 0.1.0: every byte in turn is refused, or has no effect."""
+    root = tiny.build(tmp_path / "t.s2r", n=6, runs=("vanilla",))
+    silent = []
+    with s2rstore.open(root) as store:
+        record, array = store.array("vanilla", "activation", "real")
+        frames = store.frames_array("sim", "a", "rgb")
+        found = {frames.path: frames[:], array.path: array[:]}
+    for path, before in found.items():
+        content = (path / "zarr.json").read_bytes()
+        for place in range(len(content)):
+            changed = bytearray(content)
+            changed[place] ^= 1 << place % 8
+            (path / "zarr.json").write_bytes(changed)
+            try:
+                with_flip = _opened(root, path, record)
+            except RequestError:
+                continue
+            if with_flip.dtype != before.dtype or not np.array_equal(with_flip, before):
+                silent.append((path.name, place))
+        (path / "zarr.json").write_bytes(content)
+    assert silent == []
+
+
+def _opened(root: Path, path: Path, record: Any) -> np.ndarray:
+    """The array's values, where its shape and type are those of the index."""
+    array = arrays.open_read(path, root)
+    is_frame = layout.FRAMES in path.parts
+    shape, dtype = ((3, 16, 16, 3), "uint8") if is_frame else (record.shape, record.dtype)
+    if array.shape != shape or array.dtype != np.dtype(dtype):
+        raise RequestError("not what the index says")
+    return np.asarray(array[:])
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    rows=st.integers(1, 40), shard=st.integers(1, 16),
+    item=st.sampled_from([(), (3,), (2, 5), (40, 40, 3)]),
+    dtype=st.sampled_from(["uint8", "uint16", "float16", "float32", "float64"]),
+    seed=st.integers(0, 99),
+)  # fmt: skip
+def test_any_zarr_reader_reads_what_is_written(
+    tmp_path_factory: pytest.TempPathFactory, rows: int, shard: int, item: tuple[int, ...],
+    dtype: str, seed: int,
+) -> None:  # fmt: skip
+    path = tmp_path_factory.mktemp("array") / "a"
+    plan = arrays.plan(rows, item, dtype, shard)
+    arrays.create(path, plan, {"method": "as tested"})
+    rng = np.random.default_rng(seed)
+    data = (rng.integers(0, 2, (rows, *item)) * rng.random((rows, *item)) * 200).astype(dtype)
+    for number in range(plan.shards):
+        arrays.write_shard(path, number, data[number * shard : (number + 1) * shard])
+    theirs = zarr.open_array(path, mode="r")
+    mine = arrays.open_read(path)
+    assert (theirs.shape, theirs.dtype, theirs.chunks, theirs.shards) == (
+        mine.shape, mine.dtype, mine.chunks, mine.shards,
+    )  # fmt: skip
+    assert dict(theirs.attrs) == mine.attrs
+    picked = rng.integers(0, rows, 7)
+    for selection in (slice(None), slice(1, -1), slice(0, rows, 2), -1, (slice(1, None), ...)):
+        assert np.array_equal(theirs[selection], mine[selection])
+    assert np.array_equal(data[picked], mine.oindex[picked])

@@ -1,0 +1,38 @@
+"""A small store as `s2r ingest` writes it, with a floor plan, drives and weights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from s2rstore.writer import edit
+from s2rtools.ingest import IMPORTERS
+from s2rtools.ingest.build import build
+from s2rtools.ingest.scan import ScanOptions
+from s2rtools.models.conventions import OutputConvention
+from s2rtools.models.library import Weights, register
+from tests.support import pairs
+
+LOGS = ("real", "sim", "untuned", "commands")
+
+
+def ingested(folder: Path, n: int = 4) -> Path:
+    """Write the store in `folder` and give its path."""
+    header = pairs.sim2realviz(folder / "data", n=n)
+    scan = IMPORTERS["sim2realviz"](folder / "data", ScanOptions(header=header, frame=(16, 16)))
+    scan.floor_plan = np.random.default_rng(0).integers(0, 255, (40, 60, 3)).astype(np.uint8)
+    scan.drives = _drives
+    build(scan, folder / "s.s2r", "s2r ingest", False, lambda steps: None)
+    content = bytes(range(256)) * 4
+    weights = Weights("resposenet", "a" * 64, content, ".safetensors", (16, 16), 4)
+    with edit(folder / "s.s2r") as draft:
+        register(folder / "s.s2r", draft, "m", weights, OutputConvention("cos_sin"))
+    return folder / "s.s2r"
+
+
+def _drives(folder: Path) -> None:
+    for name in ("one", "two"):
+        (folder / name).mkdir(parents=True)
+        for log in LOGS:
+            (folder / name / f"{log}.csv").write_text("time,x,y,heading\n0,0,0,0\n1,1,0,0\n")
