@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -152,14 +151,15 @@ _OPTIONS = {"count": "--instances", "survey": "--survey", "seed": "--seed", "fac
 def _refuse_other(options: argparse.Namespace, store: Path, **asked: int | None) -> None:
     """Raises RequestError where a store was not made by the options of now."""
     from s2rstore.errors import RequestError
+    from s2rstore.input_files import parse_json
 
     noted = _asked(store, lambda opened: opened.provenance("world").get("recipe"))
     if noted is None:
         raise RequestError(f"{store}: holds other data; choose another --out")
     try:
-        held = dict(json.loads(noted))
+        held = dict(parse_json(noted, str(store)))
         severities = held["factors"] = {name: float(v) for name, v in held["factors"].items() if v}
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
+    except (RequestError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise RequestError(f"{store}: its note on the world's recipe makes no sense") from error
     wanted = {**asked, "seed": options.seed, "factors": _severities(options.factors)}
     for name, value in wanted.items():
@@ -188,9 +188,11 @@ def _text(value: object) -> str:
 
 def _is_complete(store: Store) -> bool:
     """Whether the score that the store keeps is of all runs as they are."""
+    from s2rstore.errors import RequestError
+
     try:
-        noted = dict(json.loads(store.provenance("score").get("report", "{}")).get("runs", {}))
-    except (ValueError, TypeError, AttributeError):
+        noted = dict(store.provenance_object("score", "report").get("runs", {}))
+    except (RequestError, ValueError, TypeError):
         return False
     return bool(store.runs) and all(
         run.key is not None and noted.get(run.run) == run.key for run in store.runs.values()

@@ -23,6 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "--calibration", "--header", dest="header", type=Path,
             help="TOML or JSON with bounds, rooms and cameras",
         )  # fmt: skip
+        files.add_argument(
+            "--allow-outside", action="store_true",
+            help="read files that the data names outside of its folder, and tell which folders",
+        )  # fmt: skip
     for layout in (pictures, manifest, world):
         size = 128 if layout is world else 256
         layout.add_argument("--store", type=Path, required=True, help="the store to make")
@@ -47,6 +51,7 @@ def execute(options: argparse.Namespace) -> int:
     import shlex
 
     from s2rstore.errors import RequestError
+    from s2rstore.text import printable
     from s2rtools.ingest import IMPORTERS
     from s2rtools.ingest.build import build
     from s2rtools.ingest.scan import ScanOptions
@@ -57,14 +62,22 @@ def execute(options: argparse.Namespace) -> int:
     world = _world(options) if options.layout == "world" else {}
     frame = options.size, options.size
     header = getattr(options, "header", None)
-    scan_options = ScanOptions(tuple(options.trajectory), header, frame, world)
+    allow_outside = getattr(options, "allow_outside", False)
+    scan_options = ScanOptions(tuple(options.trajectory), header, frame, world, allow_outside)
     scan = IMPORTERS[options.layout](getattr(options, "path", Path()), scan_options)
     views = sum(len(s.images) for rows in scan.trajectories.values() for s in rows)
+    for folder, count in sorted(scan.outside.items()):
+        files = "1 file" if count == 1 else f"{count} files"
+        print(printable(f"outside of the data's folder: {folder} ({files})"), file=sys.stderr)
     command = shlex.join(["s2r", *sys.argv[1:]])
     try:
         with reporter() as told:
             told.begin("ingest", 2 * views)
-            build(scan, options.store, command, options.strict, told.advance)
+            build(scan, options.store, command, options.strict, told.advance, told.say)
+    except KeyboardInterrupt:
+        kept = f"{options.store} is complete" if options.store.exists() else "nothing was kept"
+        print(printable(f"s2r: interrupted; {kept}"), file=sys.stderr)
+        return 130
     finally:
         _report(scan.problems)
     _tell(options.store)

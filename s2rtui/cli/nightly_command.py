@@ -18,6 +18,14 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("config", type=Path, metavar="CONFIG.toml")
     parser.add_argument("--night", metavar="YYYY-MM-DD", help="default: today, UTC")
+    parser.add_argument(
+        "--far-night", action="store_true",
+        help="accept a date far from the newest night: over a month before it, or a year after it",
+    )  # fmt: skip
+    parser.add_argument(
+        "--withdraw", metavar="YYYY-MM-DD",
+        help="measure nothing; take a night back, which stays in the history's table `withdrawn`",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true")
 
 
@@ -26,7 +34,9 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtools.nightly.run import nightly
 
     config = configs.read(options.config)
-    done = nightly(config, _night(options.night))
+    if options.withdraw is not None:
+        return _withdraw(config, options)
+    done = nightly(config, _night(options.night), far=options.far_night)
     if options.json:
         print(json.dumps(_facts(config, done), indent=1, sort_keys=True))
     else:
@@ -44,13 +54,39 @@ def _night(text: str | None) -> datetime.date:
     today = datetime.datetime.now(datetime.UTC).date()
     if text is None:
         return today
-    try:
-        night = datetime.date.fromisoformat(text)
-    except ValueError as error:
-        raise RequestError(f"--night {text}: a date such as {today}") from error
+    night = _date("--night", text)
     if night > today + datetime.timedelta(days=7):
         raise RequestError(f"--night {text}: later than a week from today, {today}")
     return night
+
+
+def _date(option: str, text: str) -> datetime.date:
+    import datetime
+
+    from s2rstore.errors import RequestError
+
+    try:
+        return datetime.date.fromisoformat(text)
+    except ValueError as error:
+        raise RequestError(f"{option} {text}: a date such as 2026-11-21") from error
+
+
+def _withdraw(config: Config, options: argparse.Namespace) -> int:
+    from s2rstore.errors import RequestError
+    from s2rtools.nightly.withdraw import withdraw
+
+    if options.night is not None:
+        raise RequestError("--withdraw measures nothing; leave out --night")
+    night = _date("--withdraw", options.withdraw)
+    gone = withdraw(config, night)
+    if options.json:
+        rows = [each.id for each in gone]
+        facts = {"name": config.name, "withdrawn": str(night), "rows": rows}
+        print(json.dumps({**facts, "history": str(config.history)}, indent=1, sort_keys=True))
+    else:
+        print(f"{night}: withdrawn from {config.name}; kept in table `withdrawn` of "
+              f"{config.history}; its reports stay in {config.reports / str(night)}")  # fmt: skip
+    return 0
 
 
 def _tell(config: Config, done: Done) -> None:

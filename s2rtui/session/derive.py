@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 
 from s2rstore import headlines, similarity
 from s2rstore.errors import RequestError
+from s2rstore.image_header import floor_plan_bytes
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtui.plots import GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView, UmapInput
@@ -194,7 +197,8 @@ def floor_plan(path: str) -> Pixels:
     """The floor plan's picture, (H, W, 3)."""
     from PIL import Image
 
-    with Image.open(path) as picture:
+    content = floor_plan_bytes(Path(path))
+    with Image.open(BytesIO(content), formats=["PNG"]) as picture:
         return np.asarray(picture.convert("RGB"))
 
 

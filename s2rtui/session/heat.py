@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import lru_cache
@@ -63,9 +62,12 @@ def unit(store: Store, run: str, heat: HeatChoice) -> str:
 
 def run_range(store: Store, run: str, heat: HeatChoice) -> tuple[float, float] | None:
     """The run's own 1st .. 99th percentile of a heatmap kind; None where it was not noted."""
-    noted = json.loads(store.provenance(f"run:{run}").get("heat ranges", "{}"))
+    noted = store.provenance_object(f"run:{run}", "heat ranges")
     found = noted.get(":".join(part for part in (heat.kind, heat.mode) if part))
-    return (float(found[0]), float(found[1])) if found else None
+    if not isinstance(found, list) or len(found) != 2:
+        return None
+    low, high = found
+    return (float(low), float(high)) if all(isinstance(v, int | float) for v in found) else None
 
 
 def ray_of(heat: HeatChoice) -> Ray:
@@ -154,7 +156,7 @@ def _project(
     dataset, truth = store.dataset, store.instances
     frame = dataset.frame_height, dataset.frame_width
     own, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
-    noted = json.loads(store.provenance(f"run:{run.run}").get("surfaces", "{}"))
+    noted = store.provenance_object(f"run:{run.run}", "surfaces")
     correction = store.correction(run.sim_domain, run.real_domain)
     surface = Surface(own, other, frame, heat.side == "real", correction, noted.get(heat.kind))
 

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass, replace
 
 from s2rstore.errors import RequestError
+from s2rstore.input_files import parse_json
 from s2rstore.language import parse, to_text
 from s2rtui.notebook import SavedSelection
 from s2rtui.session import arriving, loading
@@ -60,8 +61,10 @@ def read(text: str) -> Shared:
         return Shared(text)
     expression, names = text[: found.start()], found["trajectories"]
     try:
-        view = tuple(str(name) for name in json.loads(f"[{names}]")) if names else None
-    except ValueError:
+        view = (
+            tuple(str(name) for name in parse_json(f"[{names}]", "trajectories")) if names else None
+        )
+    except RequestError:
         return Shared(text)
     saved = SavedSelection(
         expression, int(found["generation"]), found["run"], int(found["count"]), view

@@ -102,6 +102,8 @@ def _check_tables(
     for table, column, kind, default in connection.execute(_COLUMNS, [database] * 2).fetchall():
         found.setdefault(table, {})[column] = (kind, default)
     for known in tables:
+        if known.name not in found and known.optional:
+            continue
         if known.name not in found:
             raise RequestError(f"{path}: no table {known.name}; run `s2r verify`")
         for wanted in known.columns:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from s2rstore import headlines
+from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.text import printable
 
@@ -70,8 +70,8 @@ def _score_lines(store: Store) -> list[str]:
     if noted is None:
         return []
     try:
-        return _told(store, json.loads(noted))
-    except (ValueError, TypeError, KeyError, AttributeError):
+        return _told(store, store.provenance_object("score", "report"))
+    except (RequestError, ValueError, TypeError, KeyError, AttributeError):
         return ["the noted score makes no sense; run `s2r score` again"]
 
 

@@ -13,6 +13,7 @@ import duckdb
 
 from s2rstore import history_schema, layout, safe_files, sandbox
 from s2rstore.errors import RequestError
+from s2rstore.schema import Table
 from s2rstore.stats import Interval
 from s2rstore.text import printable
 
@@ -95,11 +96,13 @@ class Night:
 class History:
     """All rows of a history, by night and order of writing; equal only to itself.
 
-    `recorded` is the first night that saw a part of the evidence, by configuration and part.
+    `recorded` is the first night that saw a part of the evidence, by configuration and part;
+    `last_id` is the largest id that was ever used, withdrawn nights included.
     """
 
     nights: tuple[Night, ...] = ()
     recorded: Mapping[tuple[str, str], datetime.date] = field(default_factory=dict)
+    last_id: int = 0
 
     def counting(self, name: str) -> tuple[Night, ...]:
         """The nights of one configuration, each once."""
@@ -149,8 +152,10 @@ def stamp(path: Path) -> Stamp | None:
 def read(path: Path) -> History:
     """Everything but the reports. Raises RequestError for a file that is missing or no history."""
     with _opened(path) as connection:
-        names = [table.name for table in history_schema.TABLES if table.name != "report"]
-        rows = {name: _rows(connection, name) for name in names}
+        names = [table.name for table in tables_of(connection, "history")]
+        rows = {name: _rows(connection, name) for name in names if name != "report"}
+    used = [*rows["night"], *rows.get(history_schema.WITHDRAWN.name, ())]
+    last_id = max((row["id"] for row in used), default=0)
     axes = _grouped(rows["axis"], _axis)
     estimates = _grouped(rows["estimate"], _estimate)
     nights = []
@@ -165,7 +170,7 @@ def read(path: Path) -> History:
     recorded: dict[tuple[str, str], datetime.date] = {}
     for row in rows["recorded"]:
         recorded.setdefault((row["name"], row["part"]), row["night"])
-    return History(tuple(nights), recorded)
+    return History(tuple(nights), recorded, last_id)
 
 
 def report_text(path: Path, measured: int) -> str:
@@ -209,6 +214,13 @@ def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
         raise RequestError(f"{path}: no history that this version reads ({reason})") from error
     finally:
         connection.close()
+
+
+def tables_of(connection: duckdb.DuckDBPyConnection, database: str) -> tuple[Table, ...]:
+    """The known tables that an attached history has; old ones lack those of withdrawn nights."""
+    query = "SELECT table_name FROM duckdb_tables() WHERE database_name = ?"
+    there = {row[0] for row in connection.execute(query, [database]).fetchall()}
+    return tuple(table for table in history_schema.TABLES if table.name in there)
 
 
 def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:

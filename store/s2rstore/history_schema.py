@@ -23,7 +23,7 @@ def _bounds(name: str, comment: str) -> tuple[Column, ...]:
     )
 
 
-TABLES: tuple[Table, ...] = (
+_MEASURED: tuple[Table, ...] = (
     Table(
         "night",
         "one row per night that said something new; of several for one night the last counts",
@@ -119,6 +119,23 @@ TABLES: tuple[Table, ...] = (
         ("measured",),
     ),
 )
+
+
+def _withdrawn(name: str, *added: Column) -> Table:
+    """A table for the rows that withdrawn nights had in another one."""
+    table = next(each for each in _MEASURED if each.name == name)
+    return Table(
+        "withdrawn" if name == "night" else f"withdrawn_{name}",
+        f"rows of `{name}` of nights that were taken back",
+        (*table.columns, *added),
+        table.order,
+        optional=True,
+    )
+
+
+WITHDRAWN = _withdrawn("night", Column("withdrawn_at", "VARCHAR", "UTC, ISO 8601"))
+WITHDRAWN_RECORDED = _withdrawn("recorded")
+TABLES: tuple[Table, ...] = (*_MEASURED, WITHDRAWN, WITHDRAWN_RECORDED)
 
 _VIEW = """
     CREATE VIEW gap AS

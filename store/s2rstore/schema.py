@@ -28,10 +28,13 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Table:
+    """A table; files of older releases may lack an `optional` one."""
+
     name: str
     comment: str
     columns: tuple[Column, ...]
     order: tuple[str, ...]
+    optional: bool = False
 
     @property
     def column_names(self) -> tuple[str, ...]:

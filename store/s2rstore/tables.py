@@ -14,6 +14,7 @@ import duckdb
 from s2rstore import layout, row_check, safe_files, sandbox, schema
 from s2rstore.errors import RequestError
 from s2rstore.geometry.alignment import Correction
+from s2rstore.input_files import parse_object
 from s2rstore.records import (
     ArrayRecord,
     Bounds,
@@ -215,6 +216,11 @@ class Tables:
     def checksums(self) -> dict[str, str]:
         """SHA-256 of files by their paths inside the store; empty where version 0.1.0 wrote it."""
         return self.provenance(schema.CHECKSUMS)
+
+    def provenance_object(self, what: str, key: str) -> dict[str, Any]:
+        """One fact that is a JSON object; empty where it was not noted. Raises RequestError."""
+        text = self.provenance(what).get(key, "{}")
+        return parse_object(text, f"{self.path}: provenance of {what}: {key}")
 
     def correction(self, sim: str, real: str) -> Correction | None:
         """What the declared real rig was found to be off by; None where nobody has looked."""

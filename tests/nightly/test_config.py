@@ -165,7 +165,7 @@ def test_the_command_refuses_before_anything_is_written(tmp_path: Path, capsys) 
     assert main(["nightly", str(good)]) == 2  # the folder is no store
     told = capsys.readouterr().err
     assert "threshold: over 0" in told
-    assert "none.toml: No such file" in told
+    assert "none.toml: cannot be read (No such file" in told
     assert "--night 21.11.2026: a date such as" in told
     assert "--night 9999-12-31: later than a week from today" in told
     assert "not a store" in told

@@ -123,7 +123,7 @@ def test_a_network_is_known_by_its_weights(week: Week, name: str, text: str) -> 
     path = week.config.source.parent / name
     path.write_text(text)
     week.config = replace(week.config, features=path)
-    with pytest.raises(RequestError, match=r"net\.bin: No such file"):
+    with pytest.raises(RequestError, match=r"net\.bin: cannot be read"):
         week.night(1)
     (path.parent / "net.bin").write_bytes(b"1")
     week.night(1)

@@ -23,6 +23,7 @@ from numba import njit, prange
 __all__ = ["cached", "njit", "prange"]
 
 _FILES = (
+    "ingest/jpeg_entropy.py",
     "world/kernel.py",
     "world/materials.py",
     "sysid/elimination.py",

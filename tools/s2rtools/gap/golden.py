@@ -10,12 +10,12 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.input_files import read_json
 from s2rstore.outcomes import Outcome, outcome_of
 from s2rstore.stats import Interval, interval
 from s2rtools.gap import blocks, defaults, population
@@ -79,12 +79,7 @@ def text(golden: Golden) -> str:
 
 def read(path: Path) -> Golden:
     """Raises RequestError where the file is missing or no golden run."""
-    try:
-        content: Any = json.loads(path.read_bytes())
-    except OSError as error:
-        raise RequestError(f"{path}: {error.strerror or error}") from error
-    except (ValueError, RecursionError) as error:
-        raise RequestError(f"{path}: no JSON ({error})") from error
+    content = read_json(path)
     try:
         if content["format"] != FORMAT:
             raise RequestError(f"{path}: format {content['format']}, this version reads {FORMAT}")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
+from s2rstore.input_files import MOST_JSON, parse_json, read_bytes
 from s2rstore.stats import bounds
 from s2rtools.gap.contract import Anchor, Measured, Settings
 
@@ -79,13 +80,8 @@ def text(axes: Mapping[str, Frozen], made_from: Mapping[str, Any]) -> str:
 
 def read(path: Path) -> Reference:
     """Raises RequestError where the file is missing, no reference, or of another format."""
-    try:
-        raw = path.read_bytes()
-        content = json.loads(raw)
-    except OSError as error:
-        raise RequestError(f"{path}: {error.strerror or error}") from error
-    except (ValueError, RecursionError) as error:
-        raise RequestError(f"{path}: no JSON ({error}); `s2r gap --freeze` writes one") from error
+    raw = read_bytes(path, MOST_JSON)
+    content = parse_json(raw, str(path))
     if not isinstance(content, dict) or not isinstance(content.get("axes"), dict):
         raise RequestError(f"{path}: no reference of a gap; `s2r gap --freeze` writes one")
     if content.get("format") != FORMAT:

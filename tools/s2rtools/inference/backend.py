@@ -70,13 +70,36 @@ class Backend:
         with torch.inference_mode():
             tensor = torch.from_numpy(x).to(self.device)
             if self.trunk is None:
-                raw = self.model.network(tensor)
+                raw = self._raw(tensor)
                 return Forward(tensor, None, raw, self.pose(raw))
             features = self.features(tensor)
             embedding = self.model.network.embed(features)
-            return Forward(
-                tensor, features, embedding, self.pose(self.model.network.head(embedding))
-            )
+            raw = self.model.network.head(embedding)
+            for what, found in (("features", features), ("embeddings", embedding)):
+                if len(found) != len(tensor):
+                    raise self._refuse(f"gives {len(found)} {what} for {len(tensor)} images")
+            return Forward(tensor, features, embedding, self.pose(self._checked(raw, tensor)))
+
+    def _raw(self, x: Tensor) -> Tensor:
+        """The checked output of a network whose inside is closed."""
+        try:
+            raw: object = self.model.network(x)
+        except Exception as error:  # whatever the module's own code raises
+            told = (str(error).strip().splitlines() or [type(error).__name__])[-1][:160]
+            raise self._refuse(f"fails on {len(x)} images: {told}") from error
+        return self._checked(raw, x)
+
+    def _checked(self, raw: object, x: Tensor) -> Tensor:
+        """The raw output where it has a row for each image and a column for each number."""
+        wanted = len(x), self.model.convention.width
+        if not isinstance(raw, Tensor):
+            raise self._refuse(f"gives {type(raw).__name__}, not a tensor")
+        if tuple(raw.shape) != wanted:
+            raise self._refuse(f"gives {tuple(raw.shape)} for {len(x)} images, expected {wanted}")
+        return raw
+
+    def _refuse(self, what: str) -> RequestError:
+        return RequestError(f"model {self.model.name!r}: {what}; export it for any batch size")
 
 
 class Bfloat16Backend(Backend):

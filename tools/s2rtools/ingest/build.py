@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import glob
 import os
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -21,28 +21,41 @@ from s2rstore.ledger import Ledger
 from s2rstore.records import Domain
 from s2rstore.writer import edit
 from s2rtools.ingest.ahead import ahead
+from s2rtools.ingest.floor_plan import read_floor_plan
 from s2rtools.ingest.index import write_index
-from s2rtools.ingest.scan import Facts, Problem, Scan, Sighting, View
+from s2rtools.ingest.leftovers import Say, building_folder, remove_leftovers
+from s2rtools.ingest.scan import Checked, Facts, Problem, Scan, Sighting, View
+from s2rtools.ingest.view_cache import ViewCache
 
 SHARD_ROWS = 64
-_PLAN_PIXELS = 1056
+_PLAN_SIDE = 1056
+_DECODING = 256 << 20
+"""Bytes that all threads together may take for decoding source images."""
 
 Progress = Callable[[int], None]
 
 
-def build(scan: Scan, target: Path, command: str, strict: bool, progress: Progress) -> None:
+def build(
+    scan: Scan,
+    target: Path,
+    command: str,
+    strict: bool,
+    progress: Progress,
+    say: Say = lambda line: None,
+) -> None:
     """Decode, check and store a scan as a new store at `target`.
 
     Instances with an unusable view are left out and reported in `scan.problems`. Raises
     RequestError where `target` exists, where nothing is usable, or with `strict` where anything
-    was reported. `progress` is called with the number of finished views.
+    was reported. `progress` is called with the number of finished views, `say` with a line on what
+    an interrupted ingest of the same store has left.
     """
     if target.exists():
         raise RequestError(f"{target}: exists; choose another --store, or remove it")
     _report_outside(scan)
     _refuse(scan, strict)
-    beside = target.with_name(f".{target.name}.building-{os.getpid()}")
-    _remove_leftovers(target)
+    beside = building_folder(target)
+    remove_leftovers(target, say)
     try:
         beside.mkdir(parents=True)
         kept = {
@@ -68,24 +81,6 @@ def build(scan: Scan, target: Path, command: str, strict: bool, progress: Progre
         shutil.rmtree(beside, ignore_errors=True)
 
 
-def _remove_leftovers(target: Path) -> None:
-    """What killed ingests of the same store have left beside it."""
-    for folder in target.parent.glob(f".{glob.escape(target.name)}.building-*"):
-        number = folder.name.rpartition("-")[2]
-        if number.isdigit() and (int(number) == os.getpid() or not _is_running(int(number))):
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def _is_running(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
-
-
 def _refuse(scan: Scan, strict: bool) -> None:
     fatal = [p for p in scan.problems if p.kind == "empty data set"] or not scan.trajectories
     if fatal or (strict and scan.problems):
@@ -101,10 +96,10 @@ def _write_trajectory(
 ) -> Iterator[tuple[Sighting, dict[str, Facts]]]:
     """Write the usable instances of one trajectory; two passes keep memory small.
 
-    The first pass checks every view, so that the arrays get their final length at once.
+    The first pass decodes and checks every view, so that the arrays get their final length at once.
     """
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        usable = _usable(scan, pool, sightings, progress)
+    with ViewCache(root) as cache, ThreadPoolExecutor(_threads(sightings)) as pool:
+        usable = _usable(scan, pool, sightings, cache, progress)
         if not usable:
             return
         facts: dict[str, list[Facts]] = {}
@@ -116,41 +111,57 @@ def _write_trajectory(
         yield sighting, {domain: facts[domain][row] for domain in facts}
 
 
+def _threads(sightings: list[Sighting]) -> int:
+    """One per processor, and fewer where source images are so large that memory would not do."""
+    largest = max(picture.pixels for row in sightings for picture in row.images.values())
+    return max(1, min(os.cpu_count() or 1, _DECODING // (8 * largest)))
+
+
 def _usable(
-    scan: Scan, pool: Executor, sightings: list[Sighting], progress: Progress
+    scan: Scan,
+    pool: Executor,
+    sightings: list[Sighting],
+    cache: ViewCache,
+    progress: Progress,
 ) -> list[Sighting]:
     """The sightings whose views all decode to one type of depth per domain."""
-    good: list[tuple[Sighting, dict[str, str]]] = []
-    for sighting, found in zip(
-        sightings, ahead(pool, partial(_depth_types, scan), sightings), strict=True
-    ):
+    good: list[tuple[Sighting, dict[str, Checked]]] = []
+    for sighting, found in ahead(pool, partial(_checked, scan, cache), sightings):
         progress(len(sighting.images))
         bad = [problem for problem in found.values() if isinstance(problem, Problem)]
         scan.problems += bad
         if not bad:
-            good.append((sighting, {d: t for d, t in found.items() if isinstance(t, str)}))
+            good.append((sighting, {d: c for d, c in found.items() if isinstance(c, Checked)}))
     usual = {
-        domain: Counter(types[domain] for _, types in good).most_common(1)[0][0]
+        domain: Counter(found[domain].depth_type for _, found in good).most_common(1)[0][0]
         for domain in (scan.domains if good else ())
     }
     usable = []
-    for sighting, types in good:
-        odd = [domain for domain in usual if types[domain] != usual[domain]]
+    for sighting, views in good:
+        odd = [domain for domain in usual if views[domain].depth_type != usual[domain]]
         for domain in odd:
             file = sighting.images[domain].files(scan)[1] or domain
-            detail = f"{types[domain]}, the others are {usual[domain]}"
+            detail = f"{views[domain].depth_type}, the others are {usual[domain]}"
             scan.problems.append(Problem("mixed depth types", file, detail))
         if not odd:
+            scan.problems += [note for view in views.values() for note in view.notes]
             usable.append(sighting)
     return usable
 
 
-def _depth_types(scan: Scan, sighting: Sighting) -> dict[str, str | Problem]:
-    """Per domain the type of the depth values, or what is wrong with the view."""
-    return {
-        name: picture.depth_type(scan, scan.domains[name])
-        for name, picture in sighting.images.items()
-    }
+def _checked(
+    scan: Scan, cache: ViewCache, sighting: Sighting
+) -> tuple[Sighting, dict[str, Checked | Problem]]:
+    """What was found of each domain's view; decoded ones are kept in the cache."""
+    images = dict(sighting.images)
+    found: dict[str, Checked | Problem] = {}
+    for name, picture in sighting.images.items():
+        checked = picture.check(scan, scan.domains[name])
+        if isinstance(checked, Checked) and checked.view is not None:
+            images[name] = cache.add(picture, checked.view)
+            checked = replace(checked, view=None)
+        found[name] = checked
+    return replace(sighting, images=images), found
 
 
 def _report_outside(scan: Scan) -> None:
@@ -197,13 +208,13 @@ def _write_floor_plan(scan: Scan, root: Path) -> str | None:
     if scan.floor_plan is None:
         return None
     if isinstance(scan.floor_plan, Path):
-        picture = cv2.imread(str(scan.floor_plan), cv2.IMREAD_COLOR)
+        picture = read_floor_plan(scan.floor_plan)
         if picture is None:
             scan.problems.append(Problem("unreadable floor plan", scan.relative(scan.floor_plan)))
             return None
     else:
         picture = cv2.cvtColor(scan.floor_plan, cv2.COLOR_RGB2BGR)
-    scale = min(1.0, _PLAN_PIXELS / max(picture.shape[:2]))
+    scale = min(1.0, _PLAN_SIDE / max(picture.shape[:2]))
     size = round(picture.shape[1] * scale), round(picture.shape[0] * scale)
     small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
     name = f"{layout.ASSETS}/floor_plan.png"

@@ -16,34 +16,26 @@ height.
 
 from __future__ import annotations
 
-import json
 import math
-import tomllib
 from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
+from s2rstore.input_files import read_document
 from s2rstore.layout import checked_name
 from s2rstore.records import Bounds, Domain, Intrinsics, Room
+from s2rtools.ingest.scan import MOST_PIXELS
 
 Table = dict[str, Any]
 
 _EDGES = ("x0", "y0", "x1", "y1")
 _RAW_MAX = 65535
 _LIMIT = 1e6
-_PIXELS_MAX = 100_000
 
 
 def read(path: Path) -> Table:
-    """Raises RequestError naming the file and line where it cannot be read."""
-    try:
-        text = path.read_text(encoding="utf-8")
-        data = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except OSError as error:
-        raise RequestError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise RequestError(f"{path}: {error}") from error
-    return _table(data, path, "the file")
+    """Raises RequestError naming the file where it cannot be read."""
+    return _table(read_document(path), path, "the file")
 
 
 def bounds(data: Table, path: Path) -> Bounds:
@@ -143,8 +135,11 @@ def _domain(data: Table, name: str, path: Path) -> Table:
 def _size(found: Table, image: str, path: Path, where: str) -> tuple[int, int]:
     table = {**found, **_table(found.get(image, {}), path, f"{where}.{image}")}
     height, width = (_positive(table, key, path, where) for key in ("height", "width"))
-    if height != int(height) or width != int(width) or max(height, width) > _PIXELS_MAX:
+    if height != int(height) or width != int(width):
         raise RequestError(f"{path}: {where}: width and height are whole numbers of pixels")
+    if height * width > MOST_PIXELS:
+        size = f"{width:.0f}x{height:.0f}"
+        raise RequestError(f"{path}: {where}: {size} pixels; at most {MOST_PIXELS:,} are read")
     return int(height), int(width)
 
 

@@ -11,12 +11,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.errors import RequestError
+from s2rstore.image_header import check_integrity, read_header
+from s2rstore.input_files import open_regular, read_bytes
 from s2rstore.records import Domain
-from s2rtools.ingest.scan import Problem, Scan, View
+from s2rtools.ingest.jpeg_entropy import check_jpeg
+from s2rtools.ingest.scan import MOST_PIXELS, Checked, Problem, Scan, View
 
 _COLOUR_SPREAD = 8
 _PHOTO_DIFFERENCE = 6.0
 _PHOTO_CORRELATION = 0.98
+_METADATA = 4 << 20
+"""Bytes that an image file may hold beside its pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +34,18 @@ class Images:
     rgb_size: tuple[int, int]
     depth_size: tuple[int, int]
 
+    @property
+    def pixels(self) -> int:
+        return max(height * width for height, width in (self.rgb_size, self.depth_size))
+
     def files(self, scan: Scan) -> tuple[str | None, str | None]:
         return scan.relative(self.rgb), scan.relative(self.depth)
 
-    def depth_type(self, scan: Scan, domain: Domain) -> str | Problem:
-        found = self.view(scan, domain)
-        return found if isinstance(found, Problem) else str(found.depth.dtype)
+    def check(self, scan: Scan, domain: Domain) -> Checked | Problem:
+        found = decode(scan, domain, self)
+        if isinstance(found, Problem):
+            return found
+        return Checked(str(found.depth.dtype), found.notes, found)
 
     def view(self, scan: Scan, domain: Domain) -> View | Problem:
         return decode(scan, domain, self)
@@ -46,60 +58,84 @@ def decode(scan: Scan, domain: Domain, images: Images) -> View | Problem:
     is one of the file and validity needs no second mask.
     """
     digest = hashlib.sha256()
-    rgb = _read(scan, images.rgb, cv2.IMREAD_COLOR_RGB, digest)
+    rgb = _read(scan, images.rgb, images.rgb_size, cv2.IMREAD_COLOR_RGB, digest)
     if isinstance(rgb, Problem):
         return rgb
-    depth = _read(scan, images.depth, cv2.IMREAD_UNCHANGED, digest)
+    height, width = scan.frame
+    small, bits = _resized_rgb(rgb.pixels, (width, height)), rgb.bits
+    del rgb
+    depth = _read(scan, images.depth, images.depth_size, cv2.IMREAD_UNCHANGED, digest)
     if isinstance(depth, Problem):
         return depth
     name = scan.relative(images.depth)
-    if depth.ndim == 3:
-        if int(np.ptp(depth[..., :3].astype(np.int16), axis=2).max()) > _COLOUR_SPREAD:
+    if depth.pixels.ndim == 3:
+        if int(np.ptp(depth.pixels[..., :3].astype(np.int16), axis=2).max()) > _COLOUR_SPREAD:
             return Problem("not a depth image", name, "it has colours")
-        depth = depth[..., 0]
-    if depth.dtype not in (np.uint8, np.uint16):
-        return Problem("not a depth image", name, f"type {depth.dtype}")
-    expected = ((images.rgb, rgb, images.rgb_size), (images.depth, depth, images.depth_size))
-    for path, image, size in expected:
-        if image.shape[:2] != size:
-            detail = f"{size_text(image.shape)}, expected {size_text(size)}"
-            return Problem("wrong size", scan.relative(path), detail)
-    height, width = scan.frame
-    rgb = _resized_rgb(rgb, (width, height))
-    depth = cv2.resize(depth, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
-    if _is_photo(depth, rgb):
+        depth.pixels = depth.pixels[..., 0]
+    if depth.pixels.dtype not in (np.uint8, np.uint16):
+        return Problem("not a depth image", name, f"type {depth.pixels.dtype}")
+    raw = cv2.resize(depth.pixels, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
+    if _is_photo(raw, small):
         return Problem("not a depth image", name, "it repeats the RGB image")
-    valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-    return View(rgb, depth, digest.hexdigest(), float(valid.mean()))
+    valid = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
+    notes: tuple[Problem, ...] = ()
+    if bits > 8:
+        detail = f"{bits} bits; stored with 8"
+        notes = (Problem("colours of more than 8 bits", scan.relative(images.rgb), detail),)
+    return View(small, raw, digest.hexdigest(), float(valid.mean()), notes)
 
 
-def _read(scan: Scan, path: Path, mode: int, digest: Any) -> NDArray[Any] | Problem:
+@dataclass(slots=True)
+class _Decoded:
+    """The pixels of a file, and the bits per sample that it had."""
+
+    pixels: NDArray[Any]
+    bits: int
+
+
+def _read(
+    scan: Scan, path: Path, size: tuple[int, int], mode: int, digest: Any
+) -> _Decoded | Problem:
+    """Decode an image of an expected (height, width); nothing is decoded for another one."""
     name = scan.relative(path)
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        return Problem("unreadable image", name, str(error.strerror))
+        content = read_bytes(path, _most_bytes(size))
+    except RequestError as error:
+        return Problem("unreadable image", name, str(error).removeprefix(f"{path}: "))
     digest.update(content)
     if not content:
         return Problem("unreadable image", name, "empty file")
-    if truncated(content):
-        return Problem("truncated image", name)
+    try:
+        header = read_header(content)
+    except ValueError as error:
+        return Problem("unreadable image", name, str(error))
+    if header.size not in (size, size[::-1]):
+        return _wrong_size(name, header.size, size)
+    try:
+        check_integrity(content, header)
+        if header.format == "JPEG":
+            check_jpeg(content)
+    except ValueError as error:
+        kind = "truncated image" if "before its" in str(error) else "damaged image"
+        return Problem(kind, name, str(error))
     try:
         image = cv2.imdecode(np.frombuffer(content, np.uint8), mode)
-    except cv2.error:
+    except (cv2.error, MemoryError):
         image = None
     if image is None:
         return Problem("unreadable image", name, "no picture that can be decoded")
-    return np.asarray(image)
+    if image.shape[:2] != size:
+        return _wrong_size(name, image.shape, size)
+    return _Decoded(np.asarray(image), header.bits)
 
 
-def truncated(content: bytes) -> bool:
-    """Whether a JPEG or PNG stops before its end marker; decoders often fill the rest with grey."""
-    if content[:2] == b"\xff\xd8":
-        return b"\xff\xd9" not in content[-64:]
-    if content[:8] == b"\x89PNG\r\n\x1a\n":
-        return b"IEND" not in content[-64:]
-    return False
+def _wrong_size(name: str, found: tuple[int, ...], expected: tuple[int, int]) -> Problem:
+    return Problem("wrong size", name, f"{size_text(found)}, expected {size_text(expected)}")
+
+
+def _most_bytes(size: tuple[int, int]) -> int:
+    """The bytes that a file of so many pixels may have: 16 bits in 4 channels, and metadata."""
+    return size[0] * size[1] * 8 + _METADATA
 
 
 def _resized_rgb(rgb: NDArray[Any], size: tuple[int, int]) -> NDArray[np.uint8]:
@@ -119,10 +155,14 @@ def _is_photo(depth: NDArray[Any], rgb: NDArray[np.uint8]) -> bool:
         return bool(np.corrcoef(grey.ravel(), depth.ravel())[0, 1] > _PHOTO_CORRELATION)
 
 
-def stored_size(path: Path) -> tuple[int, int] | None:
-    """(height, width) of an image file; None where it cannot be decoded."""
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    return None if image is None else (image.shape[0], image.shape[1])
+def declared_size(path: Path) -> tuple[int, int] | None:
+    """(height, width) that an image file declares; None where it is none or too large."""
+    try:
+        with open_regular(path) as file:
+            header = read_header(file.read(_METADATA))
+    except (RequestError, ValueError):
+        return None
+    return header.size if header.pixels <= MOST_PIXELS else None
 
 
 def size_text(shape: tuple[int, ...]) -> str:

@@ -2,15 +2,15 @@
 
     trajectory,seq,domain,rgb,depth,x,y,heading[,timestamp,odom_x,odom_y,odom_heading]
 
-`rgb` and `depth` are files relative to the manifest; x and y in metres and headings in degrees in
-map coordinates (forward = (cos, sin)); `timestamp` in seconds. Rows of one (trajectory, seq)
-must agree on the pose. The header (bounds, rooms, cameras: see `header`) is the TOML or JSON file
-of the manifest's name, or the one given with `--header`.
+`rgb` and `depth` are files relative to the manifest, inside its folder; x and y in metres and
+headings in degrees in map coordinates (forward = (cos, sin)); `timestamp` in seconds. Rows of one
+(trajectory, seq) must agree on the pose. The header (bounds, rooms, cameras: see `header`) is the
+TOML or JSON file of the manifest's name, or the one given with `--header`; its floor plan lies in
+the header's folder.
 """
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,13 @@ from typing import Any
 from s2rstore.errors import RequestError
 from s2rstore.layout import checked_name
 from s2rtools.ingest import header
+from s2rtools.ingest.containment import Containment
+from s2rtools.ingest.csv_rows import read_rows
 from s2rtools.ingest.images import Images
 from s2rtools.ingest.scan import Problem, Scan, ScanOptions, Sighting
 
 REQUIRED = ("trajectory", "seq", "domain", "rgb", "depth", "x", "y", "heading")
+_OPTIONAL = ("timestamp", "odom_x", "odom_y", "odom_heading")
 _NAMING = REQUIRED[:5]
 _POSE_TOLERANCE = 1e-6
 _POSE_LIMIT = 1e6
@@ -36,7 +39,9 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     where = options.header or _header_of(path)
     data = header.read(where)
     bounds = header.bounds(data, where)
-    plan = data.get("floor_plan")
+    plan = header.text(data, "floor_plan", "", where)
+    inside = Containment(path.parent, options.allow_outside)
+    beside = inside.under(where.parent)
     result = Scan(
         name=header.text(data, "name", path.stem, where),
         root=path.parent,
@@ -46,12 +51,12 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         accuracy_scale=header.scale(data, bounds.diagonal, where),
         domains={},
         rooms=header.rooms(data, where),
-        floor_plan=where.parent / str(plan) if plan else None,
+        floor_plan=beside.file(plan, f"{where}: floor_plan") if plan else None,
         trajectories={},
         recorded_at=header.recorded_at(data, where),
     )
     if isinstance(result.floor_plan, Path) and not result.floor_plan.is_file():
-        result.problems.append(Problem("missing floor plan", str(plan)))
+        result.problems.append(Problem("missing floor plan", plan))
         result.floor_plan = None
     rows = _complete(result, path, rows)
     names = list(dict.fromkeys(row["domain"] for _, row in rows))
@@ -60,21 +65,14 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     if kinds != {"sim", "real"}:
         raise RequestError(f"{path}: needs rows of a sim and of a real domain (has: {names})")
     sizes = {name: header.sizes(data, name, where) for name in names}
-    _collect(result, path, rows, sizes, options.trajectories)
+    _collect(result, path, rows, sizes, options.trajectories, inside)
+    result.outside = inside.outside
     return result
 
 
 def _rows(path: Path) -> list[tuple[int, Row]]:
     """Rows with the numbers of their lines."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            rows = [
-                (reader.line_num, {k.strip(): (v or "").strip() for k, v in row.items() if k})
-                for row in reader
-            ]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise RequestError(f"{path}: cannot be read ({error})") from error
+    rows = list(read_rows(path, (*REQUIRED, *_OPTIONAL)))
     if not rows:
         raise RequestError(f"{path}: no rows; the first line names {', '.join(REQUIRED)}")
     missing = [name for name in REQUIRED if name not in rows[0][1]]
@@ -109,6 +107,7 @@ def _collect(
     rows: list[tuple[int, Row]],
     sizes: Sizes,
     wanted: tuple[str, ...],
+    inside: Containment,
 ) -> None:
     views: dict[str, dict[int, dict[str, tuple[int, Row]]]] = {}
     for number, row in rows:
@@ -130,7 +129,7 @@ def _collect(
         checked_name(trajectory, "trajectory")
         sightings = []
         for seq in sorted(views[trajectory]):
-            sighting = _sighting(result, path, views[trajectory][seq], sizes)
+            sighting = _sighting(result, path, views[trajectory][seq], sizes, inside)
             if sighting is not None:
                 sightings.append(sighting)
         if sightings:
@@ -144,6 +143,7 @@ def _sighting(
     path: Path,
     views: dict[str, tuple[int, Row]],
     sizes: Sizes,
+    inside: Containment,
 ) -> Sighting | None:
     number, first = next(iter(views.values()))
     where = f"{path.name}:{number}"
@@ -161,8 +161,8 @@ def _sighting(
             return None
     images = {}
     for domain in sizes:
-        row = views[domain][1]
-        rgb, depth = path.parent / row["rgb"], path.parent / row["depth"]
+        line, row = views[domain]
+        rgb, depth = (inside.file(row[key], f"{path}:{line}: {key}") for key in ("rgb", "depth"))
         for file in (rgb, depth):
             if len(file.name) > 255 or not file.is_file():
                 result.problems.append(Problem("missing image", result.relative(file)))

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from s2rstore.records import Bounds, Domain, Room
 
 FRAME = (256, 256)
+MOST_PIXELS = 1 << 25
+"""Pixels of a source image: a frame of 8K video; decoded, 100 MB of 8-bit RGB."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,33 +29,54 @@ class Problem:
 @dataclass(frozen=True, slots=True)
 class ScanOptions:
     """`header` is a calibration file (Sim2RealViz) or the manifest's header (CSV); `world` says
-    what a generated data set is made from.
+    what a generated data set is made from. `allow_outside` admits files outside of the data set's
+    folder.
     """
 
     trajectories: tuple[str, ...] = ()
     header: Path | None = None
     frame: tuple[int, int] = FRAME
     world: Mapping[str, Any] = field(default_factory=dict)
+    allow_outside: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """rgb (H, W, 3) uint8 and depth (H, W) raw values at the stored size."""
+    """rgb (H, W, 3) uint8 and depth (H, W) raw values at the stored size.
+
+    `notes` tell what was changed; the view is kept all the same.
+    """
 
     rgb: NDArray[np.uint8]
     depth: NDArray[Any]
     sha256: str
     valid_fraction: float
+    notes: tuple[Problem, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A usable view: the type of its raw depth values, the notes on it, and where it was decoded
+    for that, the view itself.
+    """
+
+    depth_type: str
+    notes: tuple[Problem, ...] = ()
+    view: View | None = None
 
 
 class Picture(Protocol):
     """One view before it is read: image files, or a renderer's promise."""
 
+    @property
+    def pixels(self) -> int:
+        """Pixels of its larger source image."""
+
     def files(self, scan: Scan) -> tuple[str | None, str | None]:
         """Names of the RGB and the depth file, relative to the scan's root."""
 
-    def depth_type(self, scan: Scan, domain: Domain) -> str | Problem:
-        """The type of the raw depth values, once all is known to be well."""
+    def check(self, scan: Scan, domain: Domain) -> Checked | Problem:
+        """Read the view and check everything about it."""
 
     def view(self, scan: Scan, domain: Domain) -> View | Problem:
         """The pixels; a Problem names the file that cannot be used."""
@@ -86,7 +109,8 @@ class Scan:
     `trajectories` maps names to sightings in recording order; `root` is what file names in
     reports are relative to. `floor_plan` is a file or a picture (h, w, 3) uint8 RGB that fills the
     bounds; `notes` go into the store's provenance under the importer's name. `drives` writes the
-    robot's drives into a folder that it makes.
+    robot's drives into a folder that it makes. `outside` counts the files that are read outside of
+    the data set's folder, by their folder.
     """
 
     name: str
@@ -103,6 +127,7 @@ class Scan:
     problems: list[Problem] = field(default_factory=list)
     notes: dict[str, dict[str, Any]] = field(default_factory=dict)
     drives: Callable[[Path], object] | None = None
+    outside: Mapping[str, int] = field(default_factory=dict)
 
     def relative(self, path: Path) -> str:
         try:

@@ -7,8 +7,8 @@ in every domain, so that `sim_edit` counts where all chosen trajectories have it
 
 from __future__ import annotations
 
-import csv
 import math
+import os
 import re
 from dataclasses import replace
 from importlib import resources
@@ -19,7 +19,9 @@ from s2rstore import angles
 from s2rstore.errors import RequestError
 from s2rstore.layout import checked_name
 from s2rtools.ingest import header
-from s2rtools.ingest.images import Images, size_text, stored_size
+from s2rtools.ingest.containment import Containment
+from s2rtools.ingest.csv_rows import read_rows
+from s2rtools.ingest.images import Images, declared_size, size_text
 from s2rtools.ingest.scan import Problem, Scan, ScanOptions, Sighting
 
 _NAME = re.compile(
@@ -28,7 +30,9 @@ _NAME = re.compile(
     re.IGNORECASE,
 )
 _PLACES = ("", "data_source/traj_cap", "static/assets/data_source/traj_cap", "traj_cap")
-_PLANS = ("map.jpg", "static/assets/images/map.jpg", "../../static/assets/images/map.jpg")
+_PLAN = "static/assets/images/map.jpg"
+_PLANS = ((0, "map.jpg"), (0, _PLAN), (2, _PLAN))
+"""How many folders above the data, and where in that one."""
 _EDITED = "sim_edit"
 _DOMAINS = ("sim", _EDITED, "real")
 _PEEKED = 3
@@ -44,6 +48,7 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     """
     root = _root(path)
     calibration, where = _calibration(options.header)
+    inside = Containment(path, options.allow_outside)
     result = Scan(
         name=str(calibration.get("name", "sim2realviz")),
         root=root,
@@ -53,7 +58,7 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         accuracy_scale=header.scale(calibration, 26.0, where),
         domains={},
         rooms=header.rooms(calibration, where),
-        floor_plan=_floor_plan(path, root),
+        floor_plan=_floor_plan(path, root, inside),
         trajectories={},
     )
     folders = _trajectories(root, options.trajectories)
@@ -61,7 +66,8 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     result.domains = {n: header.domain(calibration, n, options.frame, where) for n in names}
     sizes = {name: header.sizes(calibration, name, where) for name in names}
     for folder in folders:
-        _scan_trajectory(result, folder, sizes)
+        _scan_trajectory(result, folder, sizes, inside)
+    result.outside = inside.outside
     return result
 
 
@@ -99,11 +105,12 @@ def _calibration(given: Path | None) -> tuple[dict[str, Any], Path]:
         return header.read(path), Path(path.name)
 
 
-def _floor_plan(path: Path, root: Path) -> Path | None:
+def _floor_plan(path: Path, root: Path, inside: Containment) -> Path | None:
     for place in (path, root):
-        for name in _PLANS:
-            if (place / name).is_file():
-                return place / name
+        for up, name in _PLANS:
+            folder = place.resolve().joinpath(*[os.pardir] * up)
+            if (folder / name).is_file():
+                return inside.under(folder).check(folder / name, str(folder / name))
     return None
 
 
@@ -124,9 +131,13 @@ def _edited_everywhere(result: Scan, folders: list[Path]) -> bool:
     return bool(recorded) and len(with_images) == len(recorded)
 
 
-def _scan_trajectory(result: Scan, folder: Path, sizes: Sizes) -> None:
+def _scan_trajectory(result: Scan, folder: Path, sizes: Sizes, inside: Containment) -> None:
+    inside.check(folder / "sim" / "match.csv", str(folder / "sim" / "match.csv"))
     rows = _matches(result, folder)
     images = [_images(folder, real, sim, sizes) for real, sim in rows]
+    for image in (image for row in images for image in row.values()):
+        for file in (image.rgb, image.depth):
+            inside.check(file, str(file))
     images = _as_stored(result, folder, images)
     _report_unmatched(result, folder, rows, list(sizes))
     sightings = [_sighting(result, files) for files in images]
@@ -141,7 +152,7 @@ def _matches(result: Scan, folder: Path) -> list[tuple[str, str]]:
     """The (real, sim) RGB file names of match.csv, each real image once."""
     path = folder / "sim" / "match.csv"
     made: dict[str, str] = {}
-    for number, row in enumerate(_rows(result, path), start=2):
+    for number, row in _rows(result, path):
         where = f"{result.relative(path)}:{number}"
         real, sim = (Path(row.get(name, "")).name for name in ("REAL_RGB", "SIM_RGB"))
         if not real and not sim:
@@ -156,18 +167,12 @@ def _matches(result: Scan, folder: Path) -> list[tuple[str, str]]:
     return list(made.items())
 
 
-def _rows(result: Scan, path: Path) -> list[dict[str, str]]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            rows = [{(k or "").strip(): (v or "").strip() for k, v in row.items() if k is not None}
-                    for row in reader]  # fmt: skip
-    except FileNotFoundError:
+def _rows(result: Scan, path: Path) -> list[tuple[int, dict[str, str]]]:
+    if not path.exists():
         result.problems.append(Problem("no match.csv", result.relative(path)))
         return []
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise RequestError(f"{path}: cannot be read ({error})") from error
-    if rows and not {"REAL_RGB", "SIM_RGB"} <= set(rows[0]):
+    rows = list(read_rows(path, ("REAL_RGB", "SIM_RGB")))
+    if rows and not {"REAL_RGB", "SIM_RGB"} <= set(rows[0][1]):
         raise RequestError(f"{path}: the first line must name REAL_RGB and SIM_RGB")
     return rows
 
@@ -195,7 +200,7 @@ def _as_stored(
     for name in rows[0] if rows else ():
         images = [row[name] for row in rows[:_PEEKED]]
         files = [file for image in images for file in (image.rgb, image.depth) if file.is_file()]
-        found = {stored_size(file) for file in files}
+        found = {declared_size(file) for file in files}
         size = found.pop() if len(found) == 1 else None
         declared = images[0].rgb_size, images[0].depth_size
         if size is None or declared == (size, size):

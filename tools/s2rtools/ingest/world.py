@@ -11,7 +11,7 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES, Bounds, Domain, Room, Side
-from s2rtools.ingest.scan import Problem, Scan, ScanOptions, Sighting, View
+from s2rtools.ingest.scan import Checked, Problem, Scan, ScanOptions, Sighting, View
 from s2rtools.world.dataset import NOTES, Recipe, WorldData
 from s2rtools.world.plan import SIZE
 from s2rtools.world.routes import Poses
@@ -30,11 +30,15 @@ class Rendering:
     number: int
     side: Side
 
+    @property
+    def pixels(self) -> int:
+        return self.data.recipe.frame**2
+
     def files(self, scan: Scan) -> tuple[str | None, str | None]:
         return None, None
 
-    def depth_type(self, scan: Scan, domain: Domain) -> str | Problem:
-        return "uint16"
+    def check(self, scan: Scan, domain: Domain) -> Checked | Problem:
+        return Checked("uint16")
 
     def view(self, scan: Scan, domain: Domain) -> View | Problem:
         made = self.data.views(self.side, self.pose[None], np.array([self.number]))

@@ -11,24 +11,22 @@ from numpy.typing import NDArray
 
 from s2rstore import angles
 from s2rstore.errors import RequestError
+from s2rstore.input_files import open_regular, read_text
 from s2rtools.logs.contract import Floats, Log
 
 LONGEST_PAUSE = 600.0
 """s between two poses of one drive."""
 FARTHEST = 1e9
 """m, and rad"""
+MOST_TEXT = 64 << 20
+"""Bytes of a log as text: half a million poses."""
 Place = Callable[[int], str]
 """Where in the source row i stands, as `drive.csv:12`."""
 
 
 def text_of(path: Path) -> str:
     """The whole file; raises RequestError where it is missing, no text or empty."""
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise RequestError(f"{path}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise RequestError(f"{path}: not UTF-8 at byte {error.start}; save it as UTF-8") from error
+    text = read_text(path, MOST_TEXT)
     if not text.strip():
         raise RequestError(f"{path}: empty")
     return text
@@ -41,7 +39,7 @@ def digest(path: Path) -> str:
     for file in files:
         if file != path:
             found.update(file.relative_to(path).as_posix().encode() + b"\0")
-        with file.open("rb") as opened:
+        with open_regular(file) as opened:
             while block := opened.read(1 << 20):
                 found.update(block)
     return found.hexdigest()

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from s2rstore.errors import RequestError
+from s2rstore.input_files import parse_json
 
 HeadingUnit = Literal["degrees", "radians", "cos_sin"]
 Frame = Literal["map", "habitat"]
@@ -76,10 +77,7 @@ def parse_convention(text: str) -> OutputConvention:
     Raises RequestError.
     """
     if text.lstrip().startswith("{"):
-        try:
-            given = json.loads(text)
-        except json.JSONDecodeError as error:
-            raise RequestError(f"output convention {text!r}: not JSON ({error.msg})") from None
+        given = parse_json(text, "output convention")
         heading, frame = given.get("heading", ""), given.get("frame", "map")
     else:
         heading, _, frame = (part.strip() for part in text.partition(","))

@@ -21,16 +21,27 @@ from torch import Tensor, nn
 
 from s2rstore import layout, safe_files
 from s2rstore.errors import RequestError
+from s2rstore.input_files import check_regular, read_bytes
 from s2rstore.ledger import Ledger
 from s2rstore.reader import Store
 from s2rstore.writer import Draft
+from s2rtools.memory_limit import bounded_memory
 from s2rtools.models import ARCHITECTURES, build
 from s2rtools.models.contract import LoadedModel, OutputConvention, PoseNetwork
 from s2rtools.models.opaque import TORCHSCRIPT, OpaqueNetwork
+from s2rtools.models.weights_file import (
+    MOST_OPAQUE,
+    check_archive,
+    check_tensors,
+    most_bytes,
+    parameter_bytes,
+    read_weights_file,
+)
 
 DEFAULT_CONVENTIONS = {name: network.convention for name, network in ARCHITECTURES.items()}
-_WEIGHTS_BYTES = 2 * 2**30
 _WRAPPERS = ("state_dict", "model", "model_state_dict", "net")
+_UNPICKLING = 64 << 20
+"""Bytes that unpickling may take beside the tensors."""
 # What torch's reader raises, beside its own errors, on bytes that are no file of tensors.
 _JUNK = (ValueError, TypeError, LookupError, AttributeError, AssertionError, struct.error)
 
@@ -57,17 +68,17 @@ def read_weights(path: Path, architecture: str, trust: bool = False) -> Weights:
     architecture `torchscript` and `module:factory` execute code and need `trust`. Raises
     RequestError naming the file where it does not fit.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise RequestError(f"{path}: cannot be read ({error.strerror})") from error
-    digest = hashlib.sha256(content).hexdigest()
     if architecture == TORCHSCRIPT:
         _need_trust(trust, "TorchScript")
+        content = read_bytes(path, MOST_OPAQUE)
+        digest = hashlib.sha256(content).hexdigest()
         network: PoseNetwork = OpaqueNetwork.from_torchscript(content, str(path))
         outputs = network.embedding_size
         return Weights(architecture, digest, content, ".torchscript", network.input_size, outputs)
+    check_regular(path)
     network = _empty_network(architecture, trust)
+    content = read_weights_file(path, _most_bytes(network))
+    digest = hashlib.sha256(content).hexdigest()
     state = read_state(path, content)
     _load(network, state, str(path))
     packed = pack(network)
@@ -86,6 +97,11 @@ def pack(network: PoseNetwork) -> Weights:
         network.input_size,
         network.convention.width,
     )
+
+
+def _most_bytes(network: PoseNetwork) -> int:
+    """The size that a weights file of the network may have."""
+    return most_bytes(parameter_bytes(_keeper(network).state_dict()))
 
 
 def _keeper(network: PoseNetwork) -> nn.Module:
@@ -135,18 +151,19 @@ def load_model(store: Store, name: str, trust: bool = False) -> LoadedModel:
     record = store.models[name]
     if record.architecture == TORCHSCRIPT:
         _need_trust(trust, f"model {name!r} (TorchScript)")
-        path, content = _stored_weights(store, record.sha256)
+        path, content = _stored_weights(store, record.sha256, MOST_OPAQUE)
         network: PoseNetwork = OpaqueNetwork.from_torchscript(content, str(path))
     else:
         network = _empty_network(record.architecture, trust)
-        path, content = _stored_weights(store, record.sha256)
+        path, content = _stored_weights(store, record.sha256, _most_bytes(network))
+        check_archive(path, content)
         _load(network, read_state(path, content), str(path))
     network.eval().requires_grad_(False)
     convention = OutputConvention.from_json(record.convention)
     return LoadedModel(name, record.architecture, network, convention, record.sha256)
 
 
-def _stored_weights(store: Store, sha256: str) -> tuple[Path, bytes]:
+def _stored_weights(store: Store, sha256: str, most: int) -> tuple[Path, bytes]:
     """The path and content of a model's file, which must not be a link."""
     start = f"{layout.MODELS}/{sha256}."
     try:
@@ -154,7 +171,7 @@ def _stored_weights(store: Store, sha256: str) -> tuple[Path, bytes]:
         found = next((entry.path for entry in lying if entry.path.startswith(start)), None)
         if found is None:
             raise RequestError(f"{store.path / start}*: missing; add the model again")
-        return store.path / found, safe_files.read(store.path, found, _WEIGHTS_BYTES)
+        return store.path / found, safe_files.read(store.path, found, most)
     except OSError as error:
         reason = safe_files.explained(error)
         where = error.filename or store.path / layout.MODELS
@@ -189,10 +206,11 @@ def read_state(path: Path, content: bytes) -> dict[str, Tensor]:
         if path.suffix == ".safetensors":
             loaded: Any = load_safetensors(content)
         else:
-            loaded = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+            with bounded_memory(2 * len(content) + _UNPICKLING, 0):
+                loaded = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
         raise RequestError(f"{path}: {_refusal(str(error))}; save its state_dict()") from error
-    except (SafetensorError, RuntimeError, EOFError, *_JUNK) as error:
+    except (SafetensorError, RuntimeError, EOFError, MemoryError, *_JUNK) as error:
         reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
         raise RequestError(f"{path}: no plain state dict ({reason})") from error
     for wrapper in _WRAPPERS:
@@ -222,6 +240,7 @@ def _load(into: PoseNetwork, state: dict[str, Tensor], where: str) -> None:
         if keys:
             more = f" and {len(keys) - 3} more" if len(keys) > 3 else ""
             raise RequestError(f"{where}: {what} {', '.join(keys[:3])}{more}; another --arch?")
+    check_tensors(state, wanted, where)
     broken = [k for k, v in state.items() if v.is_floating_point() and not v.isfinite().all()]
     if broken:
         raise RequestError(f"{where}: {broken[0]} holds values that are not finite")

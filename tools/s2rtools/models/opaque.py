@@ -14,6 +14,7 @@ from s2rtools.models.conventions import OutputConvention
 
 TORCHSCRIPT = "torchscript"
 DEFAULT_INPUT_SIZE = (256, 256)
+_MOST_SIDE = 2048
 
 
 class OpaqueNetwork(PoseNetwork):
@@ -29,8 +30,7 @@ class OpaqueNetwork(PoseNetwork):
     def __init__(self, module: nn.Module) -> None:
         """Raises RequestError where a black image does not give a pose."""
         super().__init__()
-        height, width = getattr(module, "input_size", DEFAULT_INPUT_SIZE)
-        self.input_size = (int(height), int(width))
+        self.input_size = _input_size(module)
         self.inner = module.eval()
         self.embedding_size = self._outputs()
         self.convention = OutputConvention("cos_sin" if self.embedding_size == 4 else "degrees")
@@ -53,15 +53,28 @@ class OpaqueNetwork(PoseNetwork):
         try:
             with torch.inference_mode():
                 output = self(torch.zeros(1, 4, *self.input_size))
-        except (RuntimeError, TypeError) as error:
+        except Exception as error:  # whatever the module's own code raises
             shape = f"(1, 4, {self.input_size[0]}, {self.input_size[1]})"
             raise RequestError(f"network: fails on {shape}: {_first_line(error)}") from error
-        if not isinstance(output, Tensor) or output.ndim != 2 or output.shape[1] not in (3, 4):
+        good = isinstance(output, Tensor) and output.ndim == 2 and len(output) == 1
+        if not good or output.shape[1] not in (3, 4):
             found = (
                 str(tuple(output.shape)) if isinstance(output, Tensor) else type(output).__name__
             )
             raise RequestError(f"network: gives {found}, expected (1, 3) or (1, 4)")
         return int(output.shape[1])
+
+
+def _input_size(module: nn.Module) -> tuple[int, int]:
+    """(h, w) that the module declares, or the usual one."""
+    try:
+        height, width = getattr(module, "input_size", DEFAULT_INPUT_SIZE)
+        size = int(height), int(width)
+    except (TypeError, ValueError) as error:
+        raise RequestError(f"network: input_size must be (height, width): {error}") from error
+    if not all(1 <= side <= _MOST_SIDE for side in size):
+        raise RequestError(f"network: input_size {size}: 1 .. {_MOST_SIDE} pixels a side")
+    return size
 
 
 def _first_line(error: Exception) -> str:

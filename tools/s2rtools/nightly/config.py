@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from s2rstore import history, layout, safe_files
 from s2rstore.errors import RequestError
+from s2rstore.input_files import read_toml
 from s2rtools.gap import defaults
 from s2rtools.gap.axes import AXES
 from s2rtools.gap.defaults import ODOMETRY
@@ -75,12 +75,7 @@ class Config:
 
 def read(path: Path) -> Config:
     """Raises RequestError for a file that is missing, no TOML, or asks for what is not known."""
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RequestError(f"{path}: {error.strerror or error}") from error
-    except (ValueError, RecursionError) as error:
-        raise RequestError(f"{path}: no TOML ({error})") from error
+    content = read_toml(path)
     check_types(path, content)
     given = Given(path.absolute(), content)
     name = given.get("name", default=path.stem)

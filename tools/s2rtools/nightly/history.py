@@ -5,9 +5,10 @@ from __future__ import annotations
 import datetime
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,13 @@ from s2rstore import history, history_schema, layout, sandbox
 from s2rstore.errors import RequestError
 from s2rstore.history import History, Night
 from s2rstore.outcomes import EXIT_CODES
-from s2rstore.schema import STORAGE_VERSION
+from s2rstore.schema import STORAGE_VERSION, Table
 from s2rtools.nightly.config import Config
 from s2rtools.nightly.key import Inputs, version
 from s2rtools.nightly.measuring import Estimates, Report
 from s2rtools.nightly.outcome import outcome
 
+Change = Callable[[duckdb.DuckDBPyConnection], None]
 Rows = dict[str, list[dict[str, Any]]]
 _FIGURES = ("value", "floor", "gap")
 _ENDS = ("", "_low", "_high")
@@ -55,10 +57,12 @@ def measurement(found: History, key: str) -> int | None:
     return next((n.measured for n in found.nights if n.key == key and not n.refused), None)
 
 
-def tells(night: Night | None, tonight: Tonight) -> bool:
+def tells(night: Night | None, tonight: Tonight, found: History) -> bool:
     """Whether a row already says what tonight would."""
     if night is None or night.key != tonight.inputs.key:
         return False
+    if night.evidence_since < max(_seen(tonight, found).values()):
+        return False  # it was dated by a night that has been withdrawn
     refused = tonight.report.get("refused")
     if refused is None:
         return not night.refused
@@ -70,7 +74,7 @@ def tells(night: Night | None, tonight: Tonight) -> bool:
 
 def rows(tonight: Tonight, found: History, now: datetime.datetime) -> Rows:
     """The rows that tonight adds to each table."""
-    number = max((each.id for each in found.nights), default=0) + 1
+    number = found.last_id + 1
     measured = number if tonight.measured is None else tonight.measured
     seen = _seen(tonight, found)
     made: Rows = {
@@ -151,12 +155,21 @@ def _axis_rows(report: Report) -> list[dict[str, Any]]:
 
 def append(path: Path, added: Rows) -> None:
     """Add rows, all or none, durably; hold the file's lock. RequestError where it cannot be."""
+    _replace(path, partial(_add, added))
+
+
+def move(path: Path, name: str, night: datetime.date, now: str) -> None:
+    """Move the rows of one night to the tables of withdrawn ones, as `append` adds rows."""
+    _replace(path, partial(_withdraw, name, night, now))
+
+
+def _replace(path: Path, change: Change) -> None:
     history.check_place(path)
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
         for left in path.parent.glob(f".{path.name}.*.new*"):
             left.unlink(missing_ok=True)
-        _write(beside, path if path.exists() else None, added)
+        _write(beside, path if path.exists() else None, change)
         beside.chmod(0o644)
         layout.sync_file(beside)
         beside.replace(path)
@@ -170,8 +183,8 @@ def append(path: Path, added: Rows) -> None:
                 name.unlink(missing_ok=True)
 
 
-def _write(path: Path, base: Path | None, added: Rows) -> None:
-    """A new file with the rows of `base` and those added; its views are made anew."""
+def _write(path: Path, base: Path | None, change: Change) -> None:
+    """A new file with the rows of `base`, changed; its views are made anew."""
     connection = sandbox.connect_empty([path.absolute().parent])
     try:
         name = sandbox.escaped(sandbox.literal_path(path))
@@ -183,19 +196,41 @@ def _write(path: Path, base: Path | None, added: Rows) -> None:
             sandbox.attach_read_only(
                 connection, base, "base", history_schema.TABLES, history_schema.VIEWS
             )
-            for table in history_schema.TABLES:
+            for table in history.tables_of(connection, "base"):
                 names = ", ".join(f'"{column}"' for column in table.column_names)
                 rows = f'SELECT {names} FROM base."{table.name}"'
                 connection.execute(f'INSERT INTO history."{table.name}" ({names}) {rows}')
             connection.execute("DETACH base")
-        for table_name, listed in added.items():
-            for row in listed:
-                _insert(connection, table_name, row)
+        change(connection)
         connection.execute("CHECKPOINT history")
         connection.execute("USE memory")
         connection.execute("DETACH history")
     finally:
         connection.close()
+
+
+def _add(added: Rows, connection: duckdb.DuckDBPyConnection) -> None:
+    for table, listed in added.items():
+        for row in listed:
+            _insert(connection, table, row)
+
+
+def _withdraw(
+    name: str, night: datetime.date, now: str, connection: duckdb.DuckDBPyConnection
+) -> None:
+    pairs: tuple[tuple[str, Table, dict[str, str]], ...] = (
+        ("night", history_schema.WITHDRAWN, {"withdrawn_at": now}),
+        ("recorded", history_schema.WITHDRAWN_RECORDED, {}),
+    )
+    for source, target, added in pairs:
+        names = ", ".join(f'"{each}"' for each in target.column_names if each not in added)
+        values = "".join(", ?" for _ in added)
+        connection.execute(
+            f"INSERT INTO {target.name} SELECT {names}{values} FROM {source} "
+            "WHERE name = ? AND night = ?",
+            [*added.values(), name, night],
+        )
+        connection.execute(f"DELETE FROM {source} WHERE name = ? AND night = ?", [name, night])
 
 
 def _insert(connection: duckdb.DuckDBPyConnection, table: str, row: Mapping[str, Any]) -> None:

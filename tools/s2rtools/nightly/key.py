@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from importlib import metadata
@@ -14,6 +13,7 @@ from typing import Any
 import s2rstore
 from s2rstore import layout
 from s2rstore.errors import RequestError
+from s2rstore.input_files import read_document, sha256
 from s2rstore.reader import Store
 from s2rtools.gap.defaults import ODOMETRY
 from s2rtools.nightly.config import Config
@@ -108,9 +108,8 @@ def _network(path: Path | None) -> list[str | None] | None:
         return None
     described = _hash(path)
     try:
-        text = path.read_text(encoding="utf-8")
-        data = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except (ValueError, RecursionError):
+        data = read_document(path)
+    except RequestError:
         return [described]
     weights = data.get("weights") if isinstance(data, dict) else None
     if not isinstance(weights, str) or not weights:
@@ -119,12 +118,7 @@ def _network(path: Path | None) -> list[str | None] | None:
 
 
 def _hash(path: Path | None) -> str | None:
-    if path is None:
-        return None
-    try:
-        return layout.file_sha256(path)
-    except OSError as error:
-        raise RequestError(f"{path}: {error.strerror or error}") from error
+    return None if path is None else sha256(path)
 
 
 def _digest(content: object) -> str:

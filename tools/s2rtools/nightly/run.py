@@ -23,6 +23,10 @@ from s2rtools.nightly.publish import check_own, publish
 from s2rtools.nightly.refusal import refused
 
 Clock = Callable[[], datetime.datetime]
+MOST_BACK = 31
+"""Days before the newest night that a night may be: what is still filled in later."""
+MOST_AHEAD = 366
+"""Days after it: a gate that paused for a year. Clocks that were reset are years off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,21 +49,25 @@ def nightly(
     measure: Measuring = measuring.measured,
     estimate: Estimating = measuring.estimated,
     clock: Clock = utc_now,
+    far: bool = False,
 ) -> Done:
     """A night that cannot be measured is kept as refused, with the reason.
 
-    Raises RequestError, before anything is written, for a store or files that cannot be read and
-    places that cannot be written or belong to another gate.
+    Raises RequestError, before anything is written, for a store or files that cannot be read,
+    places that cannot be written or belong to another gate, and a night that is far from the
+    newest one, unless `far` admits it.
     """
-    _check_writable(config)
+    check_writable(config)
     check_own(config)
+    if not far:
+        _check_near(config, night)
     tonight = _figures(config, night, measure, estimate)
     stored.check_place(config.history)
     config.history.parent.mkdir(parents=True, exist_ok=True)
     with locks.file_lock(config.history):
         found = history.known(config.history)
         present = history.last_of(found, config.name, night)
-        new = not history.tells(present, tonight)
+        new = not history.tells(present, tonight, found)
         if new:
             history.append(config.history, history.rows(tonight, found, clock()))
             found = stored.read(config.history)
@@ -67,6 +75,23 @@ def nightly(
         assert present is not None
         written = publish(config, found, present)
     return Done(present, new, new and present.measured == present.id, tuple(written))
+
+
+def _check_near(config: Config, night: datetime.date) -> None:
+    """RequestError for a date that looks like that of a clock which was reset.
+
+    Evidence is as old as the first night that saw it, so one such night would make the evidence of
+    all others stale.
+    """
+    nights = history.known(config.history).counting(config.name)
+    if not nights:
+        return
+    newest = nights[-1].night
+    if not -MOST_BACK <= (night - newest).days <= MOST_AHEAD:
+        raise RequestError(
+            f"{config.source}: night {night} is far from the newest, {newest}; is the clock right? "
+            f"--far-night admits it, --withdraw {newest} takes the newest back"
+        )
 
 
 def _figures(
@@ -100,7 +125,7 @@ def _measured(
         return refused(store, config, inputs, error), ()
 
 
-def _check_writable(config: Config) -> None:
+def check_writable(config: Config) -> None:
     """Before anything is measured: whether all that will be written can be."""
     places = {"history": config.history.parent, "reports": config.reports}
     if config.metrics is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -14,6 +13,7 @@ import numpy as np
 
 import s2rstore
 from s2rstore import stats
+from s2rstore.input_files import parse_object
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rstore.writer import edit
@@ -151,7 +151,7 @@ def _provenance(
     """Facts about a run; what `noted` says of kinds that stay listed is kept."""
     facts: dict[str, Any] = {
         "backend": backend,
-        "heat ranges": json.loads(noted.get("heat ranges", "{}")) | ranges,
+        "heat ranges": parse_object(noted.get("heat ranges", "{}"), "heat ranges") | ranges,
         "projection": SETTINGS.facts(),
         "outlier": outlier.SETTINGS.facts(),
         "bootstrap": asdict(stats.BOOTSTRAP),
@@ -160,7 +160,7 @@ def _provenance(
     }
     aligned = {spec.kind for spec in specs if spec.kind in KINDS and KINDS[spec.kind].aligned}
     surfaces = {kind: KINDS[kind].surface for kind in sorted(aligned)}
-    facts["surfaces"] = json.loads(noted.get("surfaces", "{}")) | surfaces
+    facts["surfaces"] = parse_object(noted.get("surfaces", "{}"), "surfaces") | surfaces
     for spec in specs:
         for name, value in spec.attributes:
             if name == "method":

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from s2rstore import stats
 from s2rstore.columns import InstanceColumns
 from s2rstore.errors import RequestError
+from s2rstore.input_files import parse_json
 from s2rstore.records import SPLITS
 
 UNSEEN = SPLITS.index("unseen")
@@ -71,8 +72,13 @@ def decode_split(text: str | None, n: int) -> NDArray[np.int8]:
     """
     if text is None:
         return np.full(n, UNSEEN, dtype=np.int8)
-    runs = [np.full(count, code, dtype=np.int8) for code, count in json.loads(text)]
-    codes = np.concatenate([np.empty(0, dtype=np.int8), *runs])
-    if codes.size != n:
-        raise RequestError(f"the model's split is one of {codes.size} instances, not of {n}")
-    return codes
+    pairs = parse_json(text, "the model's split")
+    try:
+        runs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        codes, counts = runs.T
+        if (counts < 0).any() or ((codes < 0) | (codes >= len(SPLITS))).any() or counts.sum() != n:
+            size = int(counts.sum())
+            raise RequestError(f"the model's split is one of {size} instances, not of {n}")
+    except (ValueError, TypeError, OverflowError) as error:
+        raise RequestError("the model's split makes no sense; register the model anew") from error
+    return np.repeat(codes, counts).astype(np.int8)

@@ -69,7 +69,7 @@ def score(root: Path, settings: Settings, reporter: Reporter) -> Report:
         return {
             "seed": settings.seed,
             "instances": len(table.iids),
-            "recipe": json.loads(store.provenance("world")["recipe"]),
+            "recipe": store.provenance_object("world", "recipe"),
             "runs": {name: store.run(name).key for name in runs},
             "heatmaps": [_plain(row) for row in maps],
             "factors": [_plain(row) for row in factors],

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from s2rstore.errors import RequestError
+from s2rstore.input_files import check_regular
 from s2rstore.layout import write_atomic
 
 
@@ -43,11 +44,12 @@ def read_checkpoint(
     path: Path, network: nn.Module, optimizer: Optimizer, facts: dict[str, Any]
 ) -> Progress:
     """Put the state back. Raises RequestError where the file is another training's or damaged."""
+    check_regular(path)
     try:
         with safe_open(path, framework="pt") as file:
             header = file.metadata() or {}
             tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError) as error:
+    except (OSError, ValueError, SafetensorError) as error:
         raise RequestError(f"{path}: no checkpoint ({error}); remove it to start anew") from error
     if header.get("facts") != json.dumps(facts, sort_keys=True):
         raise RequestError(f"{path}: checkpoint of another training; remove it to start anew")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.input_files import parse_json
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.world.factors import severities
@@ -73,7 +73,7 @@ class WorldData:
         if "recipe" not in notes:
             return None
         try:
-            recipe = Recipe(**json.loads(notes["recipe"]))
+            recipe = Recipe(**parse_json(notes["recipe"], f"{store.path}: recipe"))
             frame = store.dataset.frame_height, store.dataset.frame_width
             if frame != (recipe.frame, recipe.frame):
                 raise ValueError("another frame size")

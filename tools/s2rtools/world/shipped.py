@@ -46,7 +46,7 @@ def add(root: Path) -> list[str]:
     Raises RequestError for a store of anything but the building that they know.
     """
     with s2rstore.open(root) as store:
-        recipe = json.loads(store.provenance("world").get("recipe", "{}"))
+        recipe = store.provenance_object("world", "recipe")
         if recipe.get("seed") != WORLD_SEED:
             raise RequestError(
                 f"{root}: the shipped models know the world of --seed {WORLD_SEED} alone; "
@@ -85,7 +85,7 @@ def keep(store: Store, name: str) -> None:
     model, noted = store.models[name], store.provenance(f"model:{name}")
     content = safe_files.read(store.path, f"{layout.MODELS}/{model.sha256}.safetensors")
     told = {key: _plain(text) for key, text in noted.items() if not key.startswith("split:")}
-    recipe = json.loads(store.provenance("world")["recipe"])
+    recipe = store.provenance_object("world", "recipe")
     told["command"] = str(told["command"]).split(" --store")[0]
     told["golden"] = hashlib.sha256(GOLDEN.read_bytes()).hexdigest()
     told["data_hash"] = store.dataset.hash

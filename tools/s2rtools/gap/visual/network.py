@@ -16,7 +16,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -28,8 +27,15 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
+from s2rstore.input_files import read_document
 from s2rtools.gap.visual.inception import FidInception
 from s2rtools.models.library import read_state
+from s2rtools.models.weights_file import (
+    check_tensors,
+    most_bytes,
+    parameter_bytes,
+    read_weights_file,
+)
 
 ARCHITECTURES: dict[str, type[FidInception]] = {"inception_v3_fid": FidInception}
 FILTERS = {
@@ -95,15 +101,14 @@ def read_network(path: Path) -> ImageNetwork:
     if not isinstance(weights, str) or not weights:
         raise RequestError(f"{path}: weights must name a file of weights")
     file = path.parent / weights
+    network = ARCHITECTURES[architecture]()
     try:
-        content = file.read_bytes()
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise RequestError(f"{file}: cannot be read ({reason}); {path} names it") from error
+        content = read_weights_file(file, most_bytes(parameter_bytes(network.state_dict())))
+    except RequestError as error:
+        raise RequestError(f"{error}; {path} names it") from error
     digest = hashlib.sha256(content).hexdigest()
     if described.get("sha256", digest) != digest:
         raise RequestError(f"{file}: its sha256 is {digest}, {path} says {described['sha256']}")
-    network = ARCHITECTURES[architecture]()
     _fill(network, read_state(file, content), file)
     network.eval().requires_grad_(False)
     return ImageNetwork(network, preprocessing, _identity(architecture, digest, preprocessing))
@@ -124,13 +129,7 @@ def _identity(
 
 
 def _table(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8")
-        data = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except OSError as error:
-        raise RequestError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:
-        raise RequestError(f"{path}: {str(error).splitlines()[0]}") from error
+    data = read_document(path)
     if not isinstance(data, dict):
         raise RequestError(f"{path}: must be a table of architecture, weights, preprocessing")
     for name in sorted(set(data) - _KEYS):
@@ -183,6 +182,7 @@ def _fill(network: nn.Module, state: dict[str, Tensor], file: Path) -> None:
         if keys:
             more = f" and {len(keys) - 1} more" if len(keys) > 1 else ""
             raise RequestError(f"{file}: {what} {keys[0]}{more}; weights of another architecture?")
+    check_tensors(state, wanted, str(file))
     broken = [key for key in needed if not state[key].isfinite().all()]
     if broken:
         raise RequestError(f"{file}: {broken[0]} holds values that are not finite")

@@ -1,0 +1,92 @@
+"""ROS bags that are bombs, pipes or programs."""
+
+from __future__ import annotations
+
+import bz2
+import os
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer
+
+from s2rstore.errors import RequestError
+from s2rtools.logs import read
+from tests.hostile.inputs import MOST_MEGABYTES, deadline, limits, s2r
+from tests.support import bags, robot
+
+
+@pytest.fixture(scope="module")
+def topics() -> bags.Topics:
+    log = robot.sampled(robot.drive(robot.commands(2.0, np.random.default_rng(3))), 20.0)
+    return {"/odom": (bags.ODOMETRY, log)}
+
+
+class Bombing(Writer):
+    """Writes chunks that inflate to 3 GB."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        zeros = bz2.compress(bytes(64 << 20))
+        self.compression_format = "bz2"
+        self.compressor = lambda data: bz2.compress(data) + 48 * zeros
+
+
+def test_a_chunk_that_inflates_without_end_is_refused(
+    tmp_path: Path, topics: bags.Topics, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = tmp_path / "drives" / "one"
+    drive.mkdir(parents=True)
+    bags.write(drive / "sim.bag", topics)
+    monkeypatch.setattr(bags, "Writer1", Bombing)
+    bags.write(drive / "real.bag", topics)
+    assert (drive / "real.bag").stat().st_size < 100_000
+    ended = s2r(tmp_path, "sysid", tmp_path / "drives", "--out", tmp_path / "out")
+    ended.refused("real.bag", "split it")
+    assert ended.megabytes < MOST_MEGABYTES
+
+
+def test_limits_are_as_they_were_after_a_bag(tmp_path: Path, topics: bags.Topics) -> None:
+    before = limits()
+    read(bags.write(tmp_path / "a.bag", topics))
+    (tmp_path / "b.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(100))
+    with pytest.raises(RequestError):
+        read(tmp_path / "b.bag")
+    assert limits() == before
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.db3", "a.mcap", "a.csv", "a.tum"])
+def test_a_pipe_as_a_log_is_refused(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    with deadline(), pytest.raises(RequestError, match=f"{name}: a pipe, not a regular file"):
+        read(tmp_path / name)
+
+
+def test_a_pipe_or_a_link_inside_a_bag_is_refused(tmp_path: Path, topics: bags.Topics) -> None:
+    folder = bags.write(tmp_path / "folder", topics)
+    (inside,) = folder.glob("*.db3")
+    inside.rename(tmp_path / "moved.db3")
+    inside.symlink_to(tmp_path / "moved.db3")
+    with pytest.raises(RequestError, match="leads out of the bag"):
+        read(folder)
+    inside.unlink()
+    os.mkfifo(inside)
+    with deadline(), pytest.raises(RequestError, match="a pipe"):
+        read(folder)
+
+
+@pytest.mark.parametrize("table", ["messages", "topics"])
+def test_a_table_that_is_an_endless_view_is_refused(
+    tmp_path: Path, topics: bags.Topics, table: str
+) -> None:
+    folder = bags.write(tmp_path / "folder", topics)
+    (inside,) = folder.glob("*.db3")
+    with sqlite3.connect(inside) as opened:
+        names = [row[1] for row in opened.execute(f"PRAGMA table_info({table})")]
+        opened.execute(f"ALTER TABLE {table} RENAME TO kept")
+        endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
+        columns = ", ".join(f"i AS {name}" for name in names)
+        opened.execute(f"CREATE VIEW {table} AS {endless} SELECT {columns} FROM n")
+    with deadline(), pytest.raises(RequestError, match=f"'{table}' is no table"):
+        read(folder)

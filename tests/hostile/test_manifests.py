@@ -1,0 +1,141 @@
+"""A manifest chooses no file outside of its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from s2rtui.cli import main
+from tests.support import pairs
+
+
+@pytest.fixture
+def manifest(tmp_path: Path) -> Path:
+    return pairs.manifest(tmp_path / "data", n=4)
+
+
+def ingest(path: Path, *more: str, layout: str = "csv") -> int:
+    store = (path if path.is_dir() else path.parent).parent / "s.s2r"
+    return main(["ingest", layout, str(path), "--store", str(store), "--size", "32", *more])
+
+
+def replace(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def moved_out(manifest: Path, name: str) -> Path:
+    """A picture of the data set that now lies outside of its folder."""
+    target = manifest.parent.parent / "elsewhere" / Path(name).name
+    target.parent.mkdir(exist_ok=True)
+    (manifest.parent / name).rename(target)
+    return target
+
+
+def absolute(manifest: Path) -> None:
+    replace(manifest, "sim/0_rgb.png", str(moved_out(manifest, "sim/0_rgb.png")))
+
+
+def above(manifest: Path) -> None:
+    moved_out(manifest, "sim/0_rgb.png")
+    replace(manifest, "sim/0_rgb.png", "../elsewhere/0_rgb.png")
+
+
+def linked(manifest: Path) -> None:
+    target = moved_out(manifest, "sim/0_rgb.png")
+    (manifest.parent / "sim" / "0_rgb.png").symlink_to(target)
+
+
+def linked_folder(manifest: Path) -> None:
+    folder = manifest.parent / "sim"
+    folder.rename(manifest.parent.parent / "elsewhere")
+    folder.symlink_to(manifest.parent.parent / "elsewhere")
+
+
+@pytest.mark.parametrize("harm", [absolute, above, linked, linked_folder])
+def test_a_row_that_leads_outside_is_refused_with_its_line(
+    manifest: Path, capsys: pytest.CaptureFixture[str], harm
+) -> None:
+    harm(manifest)
+    assert ingest(manifest) == 2
+    told = capsys.readouterr().err
+    assert f"{manifest}:2: rgb" in told
+    assert "--allow-outside" in told
+    assert not (manifest.parent.parent / "s.s2r").exists()
+
+
+@pytest.mark.parametrize("harm", [absolute, above, linked, linked_folder])
+def test_allowed_folders_outside_are_named(
+    manifest: Path, capsys: pytest.CaptureFixture[str], harm
+) -> None:
+    harm(manifest)
+    assert ingest(manifest, "--allow-outside") == 0
+    elsewhere = manifest.parent.parent.resolve() / "elsewhere"
+    assert f"outside of the data's folder: {elsewhere} (" in capsys.readouterr().err
+
+
+def test_a_link_that_stays_inside_is_followed(manifest: Path) -> None:
+    folder = manifest.parent
+    (folder / "sim" / "0_rgb.png").rename(folder / "kept.png")
+    (folder / "sim" / "0_rgb.png").symlink_to(folder / "kept.png")
+    assert ingest(manifest) == 0
+
+
+@pytest.mark.parametrize("link", [False, True])
+def test_a_floor_plan_outside_is_refused(
+    manifest: Path, capsys: pytest.CaptureFixture[str], link: bool
+) -> None:
+    header = manifest.with_suffix(".toml")
+    target = moved_out(manifest, "sim/0_rgb.png")
+    name = "plan.png" if link else str(target)
+    if link:
+        (manifest.parent / name).symlink_to(target)
+    header.write_text(f'floor_plan = "{name}"\n' + header.read_text())
+    assert ingest(manifest) == 2
+    assert f"{header}: floor_plan" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("what", ["image", "folder", "match.csv", "map.jpg"])
+def test_links_out_of_the_sim2realviz_layout_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str
+) -> None:
+    header = pairs.sim2realviz(tmp_path / "data", n=4)
+    sim = tmp_path / "data" / "traj1" / "sim"
+    if what == "map.jpg":
+        moved = tmp_path / "data" / "map.jpg"
+        (tmp_path / "secret.jpg").write_bytes(next(sim.glob("*_rgb.jpeg")).read_bytes())
+    else:
+        names = {"image": next(sim.glob("*_rgb.jpeg")), "folder": sim, "match.csv": sim / what}
+        moved = names[what]
+        moved.rename(tmp_path / "secret.jpg")
+    moved.symlink_to(tmp_path / "secret.jpg")
+    words = "--header", str(header)
+    assert ingest(tmp_path / "data", *words, layout="sim2realviz") == 2
+    assert "leads out of this folder" in capsys.readouterr().err
+    assert ingest(tmp_path / "data", *words, "--allow-outside", layout="sim2realviz") == 0
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        (b"trajectory,seq\n\0\0\0\n", "NUL"),
+        (b"a," * 5000 + b"\n", "columns"),
+        (b"trajectory,seq\n" + b"x" * (2 << 20) + b"\n", "longer than"),
+        (b'trajectory,seq\n"' + b"x\n" * (1 << 19), "field"),
+        (b"trajectory,seq\n\xff\xfe\n", "UTF-8"),
+    ],
+    ids=["nul", "columns", "line", "field", "encoding"],
+)
+def test_what_is_no_csv_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes, word: str
+) -> None:
+    (tmp_path / "data").mkdir()
+    path = tmp_path / "data" / "m.csv"
+    path.write_bytes(content)
+    assert ingest(path) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"s2r: {path}")
+    assert word in told
+    assert len(told.splitlines()) == 1

@@ -1,0 +1,120 @@
+"""Nights whose clock was reset, and how one is taken back."""
+
+from __future__ import annotations
+
+import datetime
+import shutil
+from pathlib import Path
+
+import duckdb
+import pytest
+
+from s2rstore import history as stored
+from s2rstore.errors import RequestError
+from s2rtools.nightly.config import Config
+from s2rtools.nightly.run import nightly
+from s2rtui.cli import main
+from tests.support import nights
+
+RESET = datetime.date(1970, 1, 1)
+
+
+@pytest.fixture
+def config(tmp_path: Path, tiny_store: Path) -> Config:
+    shutil.copytree(tiny_store, tmp_path / "lab.s2r")
+    return nights.written(tmp_path, tmp_path / "lab.s2r")
+
+
+@pytest.fixture
+def week(config: Config) -> nights.Week:
+    return nights.Week(config, {}, from_day=99)
+
+
+def reset(week: nights.Week) -> None:
+    """A night of a clock that was reset, admitted by hand."""
+    nightly(week.config, RESET, week.measure, week.estimate, nights.clock(), far=True)
+
+
+@pytest.mark.parametrize("date", ["1970-01-01", "2000-01-01", "2026-09-01"])
+def test_a_date_far_from_the_newest_night_is_refused(
+    week: nights.Week, capsys: pytest.CaptureFixture[str], date: str
+) -> None:
+    week.night(1)
+    before = week.config.history.read_bytes()
+    assert main(["nightly", str(week.config.source), "--night", date]) == 2
+    told = capsys.readouterr().err
+    assert f"night {date} is far from the newest, {nights.day(1)}" in told
+    assert "--far-night" in told
+    assert week.config.history.read_bytes() == before
+
+
+def test_the_first_real_night_after_a_wrong_one_is_refused_with_a_way_out(
+    week: nights.Week,
+) -> None:
+    reset(week)
+    with pytest.raises(RequestError, match="--withdraw 1970-01-01"):
+        week.night(1)
+
+
+def test_nights_of_the_month_before_can_be_filled_in(week: nights.Week) -> None:
+    week.night(20)
+    assert week.night(1).new
+
+
+def test_a_withdrawn_night_dates_no_evidence(
+    week: nights.Week, capsys: pytest.CaptureFixture[str]
+) -> None:
+    week.night(1)
+    reset(week)
+    poisoned = week.night(2, new_log=False)
+    assert (poisoned.night.outcome, poisoned.night.evidence_since) == ("INCONCLUSIVE", RESET)
+    assert main(["nightly", str(week.config.source), "--withdraw", "1970-01-01"]) == 0
+    assert "1970-01-01: withdrawn from lab" in capsys.readouterr().out
+    again = week.night(2, new_log=False)
+    assert again.new
+    assert (again.night.outcome, again.night.evidence_since) == ("PASS", nights.day(1))
+    found = stored.read(week.config.history)
+    assert [night.night for night in found.counting("lab")] == [nights.day(1), nights.day(2)]
+    assert len({night.id for night in found.nights}) == len(found.nights)
+    assert not week.night(2, new_log=False).new
+
+
+def test_what_was_withdrawn_stays_on_record(week: nights.Week) -> None:
+    week.night(1)
+    reset(week)
+    main(["nightly", str(week.config.source), "--withdraw", "1970-01-01"])
+    with duckdb.connect(str(week.config.history), read_only=True) as connection:
+        kept = connection.execute("SELECT name, night, withdrawn_at FROM withdrawn").fetchall()
+        seen = connection.execute("SELECT DISTINCT night FROM gap ORDER BY night").fetchall()
+    assert [(row[0], row[1]) for row in kept] == [("lab", RESET)]
+    assert kept[0][2].endswith("Z")
+    assert seen == [(nights.day(1),)]
+
+
+def test_the_latest_reports_and_metrics_are_those_of_the_newest_night_left(
+    week: nights.Week,
+) -> None:
+    week.night(1)
+    week.night(2)
+    day = str(nights.day(2))
+    assert main(["nightly", str(week.config.source), "--withdraw", day]) == 0
+    assert (week.config.reports / "latest").resolve().name == str(nights.day(1))
+    assert (week.config.reports / day / "report.json").is_file()
+
+
+def test_a_withdrawn_id_is_never_used_again(week: nights.Week) -> None:
+    week.night(1)
+    last = week.night(2).night.id
+    main(["nightly", str(week.config.source), "--withdraw", str(nights.day(2))])
+    assert week.night(3).night.id == last + 1
+
+
+@pytest.mark.parametrize("date", ["2026-11-30", "yesterday"])
+def test_a_night_that_is_not_there_cannot_be_withdrawn(
+    week: nights.Week, capsys: pytest.CaptureFixture[str], date: str
+) -> None:
+    week.night(1)
+    before = week.config.history.read_bytes()
+    assert main(["nightly", str(week.config.source), "--withdraw", date]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert week.config.history.read_bytes() == before
