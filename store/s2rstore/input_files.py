@@ -21,8 +21,7 @@ from typing import Any
 from s2rstore.errors import RequestError
 
 MOST_JSON = 8 << 20
-"""Bytes of a JSON document: a golden run of 200,000 instances. Parsed, it takes up to 50 times as
-much memory."""
+"""Bytes of a JSON document. Parsed, it takes up to 50 times as much memory."""
 MOST_TOML = 1 << 20
 """Bytes of a TOML document: a thousand times what the configurations here need."""
 _MOST_KEY_PARTS = 32
@@ -96,9 +95,9 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def read_json(path: Path) -> Any:
-    """The value of a JSON file; RequestError for anything that is no JSON."""
-    return parse_json(read_text(path, MOST_JSON), str(path))
+def read_json(path: Path, most: int = MOST_JSON) -> Any:
+    """The value of a JSON file of at most `most` bytes; RequestError for anything else."""
+    return parse_json(read_text(path, most), str(path))
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -6,13 +6,13 @@ it. Links are neither followed nor removed: they are reported.
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 from s2rstore import layout, locks, safe_files, sandbox, schema
+from s2rstore.building_folder import building_folders, is_running
 from s2rstore.errors import RequestError
 from s2rstore.ledger import Ledger
 from s2rstore.safe_files import Entry
@@ -40,7 +40,7 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> Pruned:
     StoreBusyError while a precompute runs, RequestError for a store that another release wrote or
     whose published index is missing.
     """
-    beside = building_folders(root)
+    beside = [folder.path for folder in building_folders(root) if folder.is_abandoned]
     if beside and not root.exists():
         return _with_beside(Pruned((), 0), beside, dry_run)
     layout.read_current(root)
@@ -135,32 +135,6 @@ def _remove(root: Path, below: dict[str, list[Entry]]) -> None:
     for run in _folders(root, layout.RUNS):
         if not safe_files.names(root, run.path):
             safe_files.remove(root, run.path)
-
-
-def building_folders(root: Path) -> list[Path]:
-    """Folders beside a store that interrupted ingests of it have left."""
-    start = f".{root.name}.building-"
-    try:
-        found = sorted(path for path in root.parent.iterdir() if path.name.startswith(start))
-    except OSError:
-        return []
-    return [path for path in found if _is_abandoned(path, path.name.removeprefix(start))]
-
-
-def _is_abandoned(path: Path, process: str) -> bool:
-    is_folder = path.is_dir() and not path.is_symlink()
-    return is_folder and process.isdecimal() and not is_running(int(process))
-
-
-def is_running(process: int) -> bool:
-    """Whether this machine has a process of that number."""
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        return True
-    return process > 0
 
 
 def _with_beside(pruned: Pruned, folders: list[Path], dry_run: bool) -> Pruned:

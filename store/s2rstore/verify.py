@@ -18,9 +18,9 @@ import duckdb
 
 from s2rstore import arrays, history, layout, safe_files, sandbox, schema
 from s2rstore.arrays import StoredArray
+from s2rstore.building_folder import building_folders
 from s2rstore.errors import RequestError
 from s2rstore.ledger import Ledger
-from s2rstore.prune import building_folders
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 
@@ -96,7 +96,8 @@ def _leftovers(root: Path) -> Iterator[str]:
     for entry in safe_files.leftovers(root):
         yield f"{entry.path}: left by a write that was killed; `s2r prune` removes it"
     for folder in building_folders(root):
-        yield f"{folder}: left by an ingest that was killed; `s2r prune` removes it"
+        if folder.is_abandoned:
+            yield f"{folder.path}: left by an ingest that was killed; `s2r prune` removes it"
 
 
 def _index(root: Path, current: layout.Current) -> Damage | None:

@@ -26,6 +26,8 @@ from s2rtools.gap.verdict import NOTHING
 FORMAT = 1
 _FEWEST = 20
 _FEWEST_BLOCKS = 4
+_MOST_BYTES = 256 << 20
+"""A golden run takes about 40 bytes an instance; the user names the file."""
 _FARTHEST = 1e12
 """m"""
 _MOST_MISSING = 0.1
@@ -79,7 +81,7 @@ def text(golden: Golden) -> str:
 
 def read(path: Path) -> Golden:
     """Raises RequestError where the file is missing or no golden run."""
-    content = read_json(path)
+    content = read_json(path, _MOST_BYTES)
     try:
         if content["format"] != FORMAT:
             raise RequestError(f"{path}: format {content['format']}, this version reads {FORMAT}")

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from s2rstore import arrays, layout, safe_files
+from s2rstore.building_folder import building_folder
 from s2rstore.errors import RequestError
 from s2rstore.ledger import Ledger
 from s2rstore.records import Domain
@@ -23,7 +24,7 @@ from s2rstore.writer import edit
 from s2rtools.ingest.ahead import ahead
 from s2rtools.ingest.floor_plan import read_floor_plan
 from s2rtools.ingest.index import write_index
-from s2rtools.ingest.leftovers import Say, building_folder, remove_leftovers
+from s2rtools.ingest.leftovers import Say, remove_leftovers
 from s2rtools.ingest.scan import Checked, Facts, Problem, Scan, Sighting, View
 from s2rtools.ingest.view_cache import ViewCache
 

@@ -1,24 +1,16 @@
-"""The folder in which a store is built, and what killed ingests leave of it."""
+"""What killed ingests have left of a store: removed, or named, before the next one begins."""
 
 from __future__ import annotations
 
-import glob
 import os
-import re
 import shlex
 import shutil
-import socket
 from collections.abc import Callable
 from pathlib import Path
 
+from s2rstore.building_folder import building_folders
+
 Say = Callable[[str], object]
-_MARK = ".building-"
-_BUILDER = re.compile(r"(?:(?P<host>.+)-)?(?P<process>\d+)")
-
-
-def building_folder(target: Path) -> Path:
-    """The hidden folder beside `target` in which this process builds; host and process name it."""
-    return target.with_name(f".{target.name}{_MARK}{_host()}-{os.getpid()}")
 
 
 def remove_leftovers(target: Path, say: Say) -> None:
@@ -26,33 +18,20 @@ def remove_leftovers(target: Path, say: Say) -> None:
 
     Folders of living processes and of other hosts stay. `say` gets a line for each folder.
     """
-    for folder in sorted(target.parent.glob(f".{glob.escape(target.name)}{_MARK}*")):
-        named = _BUILDER.fullmatch(folder.name.rpartition(_MARK)[2])
-        if named is None or folder.is_symlink() or not folder.is_dir():
-            continue
-        host, process = named["host"], int(named["process"])
-        own = host == _host() and process == os.getpid()
-        if host == _host() and (own or not _is_running(process)):
-            shutil.rmtree(folder, ignore_errors=True)
-            if not folder.exists():
-                say(f"{folder}: removed; an interrupted ingest (process {process}) had left it")
+    for folder in building_folders(target):
+        own = folder.process == os.getpid()
+        if folder.is_of_this_host and (own or folder.is_abandoned):
+            shutil.rmtree(folder.path, ignore_errors=True)
+            if not folder.path.exists():
+                say(
+                    f"{folder.path}: removed; an interrupted ingest (process {folder.process}) "
+                    "had left it"
+                )
                 continue
-        where = f"on {host} " if host not in (None, _host()) else ""
+        builder = f"process {folder.process}"
+        if folder.host is not None and not folder.is_of_this_host:
+            builder += f" on {folder.host}"
         say(
-            f"{folder}: left by another ingest (process {process} {where}".rstrip() + "); "
-            f"when that has ended, remove it with: rm -r {shlex.quote(str(folder))}"
+            f"{folder.path}: left by another ingest ({builder}); "
+            f"when that has ended, remove it with: rm -r {shlex.quote(str(folder.path))}"
         )
-
-
-def _host() -> str:
-    return re.sub(r"[^A-Za-z0-9.-]", "_", socket.gethostname()) or "localhost"
-
-
-def _is_running(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        return True
-    return True

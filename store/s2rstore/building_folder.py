@@ -1,0 +1,69 @@
+"""The hidden folder beside a store in which ingest builds it, and what killed ingests leave of it.
+
+Its name holds host and process, so that nobody removes what is still being built: version 0.1.0
+named the process alone.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+from dataclasses import dataclass
+from pathlib import Path
+
+_MARK = ".building-"
+_BUILDER = re.compile(r"(?:(?P<host>.+)-)?(?P<process>\d+)")
+
+
+@dataclass(frozen=True, slots=True)
+class BuildingFolder:
+    """A folder with its builder; `host` is None where the name does not tell it."""
+
+    path: Path
+    host: str | None
+    process: int
+
+    @property
+    def is_of_this_host(self) -> bool:
+        return self.host == _host()
+
+    @property
+    def is_abandoned(self) -> bool:
+        """Whether its process, of this host or of none that is known, runs no more."""
+        return self.host in (None, _host()) and not is_running(self.process)
+
+
+def building_folder(target: Path) -> Path:
+    """Where this process builds the store `target`."""
+    return target.with_name(f".{target.name}{_MARK}{_host()}-{os.getpid()}")
+
+
+def building_folders(target: Path) -> list[BuildingFolder]:
+    """All such folders of a store, by name; links are left out."""
+    start = f".{target.name}{_MARK}"
+    try:
+        lying = sorted(path for path in target.parent.iterdir() if path.name.startswith(start))
+    except OSError:
+        return []
+    found = []
+    for path in lying:
+        named = _BUILDER.fullmatch(path.name.removeprefix(start))
+        if named is not None and path.is_dir() and not path.is_symlink():
+            found.append(BuildingFolder(path, named["host"], int(named["process"])))
+    return found
+
+
+def is_running(process: int) -> bool:
+    """Whether this machine has a process of that number."""
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return process > 0
+
+
+def _host() -> str:
+    return re.sub(r"[^A-Za-z0-9.-]", "_", socket.gethostname()) or "localhost"
