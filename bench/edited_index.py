@@ -10,14 +10,22 @@ import duckdb
 
 from s2rstore import layout
 
+Statement = str | tuple[str, list[object]]
 
-def edited(root: Path, statements: Sequence[str]) -> Path:
-    """Run statements on the published index, state its new checksum, and give its path."""
+
+def edited(root: Path, statements: Sequence[Statement]) -> Path:
+    """Run statements, some with parameters, on the published index and state its new checksum.
+
+    Gives the path of the index.
+    """
     current = layout.read_current(root)
     index = root / current.index
+    index.chmod(0o644)
     with duckdb.connect(str(index)) as connection:
         for statement in statements:
-            connection.execute(statement)
+            sql, parameters = (statement, []) if isinstance(statement, str) else statement
+            connection.execute(sql, parameters)
+        connection.execute("CHECKPOINT")
     stated = {"sha256": layout.file_sha256(index), "bytes": index.stat().st_size}
     path = root / layout.CURRENT
     path.write_text(json.dumps({**json.loads(path.read_text()), **stated}))

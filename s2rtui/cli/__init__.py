@@ -177,6 +177,11 @@ def _guarded(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         interrupts.tell(options.command)
         return interrupts.CODE
+    except MemoryError:
+        if options.debug:
+            raise
+        print("s2r: this needs more memory than there is", file=sys.stderr)
+        return 2
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0

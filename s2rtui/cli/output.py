@@ -60,7 +60,7 @@ def write(
     if options.out is None:
         sys.stdout.write(text)
         return
-    write_file(options.out, text.encode())
+    write_file(options.out, text.encode(errors="backslashreplace"))
 
 
 def write_file(path: Path, content: bytes) -> None:

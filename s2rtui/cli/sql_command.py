@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,8 +64,9 @@ def _run(
     import duckdb
 
     from s2rstore.errors import RequestError
+    from s2rstore.memory_limit import bounded_memory
 
-    with _bounded_process(memory + _OVERHEAD), ThreadPoolExecutor(1) as pool:
+    with bounded_memory(memory + _OVERHEAD), ThreadPoolExecutor(1) as pool:
         query = pool.submit(_fetch, connection, options.sql)
         try:
             names, rows = query.result(options.timeout)
@@ -101,35 +100,3 @@ def _fetch(connection: duckdb.DuckDBPyConnection, sql: str) -> tuple[list[str], 
     while names and (fetched := result.fetchmany(_ROWS_AT_ONCE)):
         rows += fetched
     return names, rows
-
-
-@contextmanager
-def _bounded_process(more: int) -> Iterator[None]:
-    """Let this process allocate `more` bytes in all; values of functions escape DuckDB's limit.
-
-    On Linux; elsewhere DuckDB's own limit alone holds.
-    """
-    import resource
-
-    used = _allocated()
-    if used is None:
-        yield
-        return
-    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    limits = [used + more, *(each for each in (soft, hard) if each != resource.RLIM_INFINITY)]
-    resource.setrlimit(resource.RLIMIT_DATA, (min(limits), hard))
-    try:
-        yield
-    finally:
-        with suppress(ValueError):
-            resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
-
-
-def _allocated() -> int | None:
-    """Bytes of writable memory that this process has reserved; None where that is not known."""
-    try:
-        status = Path("/proc/self/status").read_text(encoding="ascii")
-    except (OSError, UnicodeDecodeError):
-        return None
-    found = re.search(r"^VmData:\s+(\d+) kB$", status, re.MULTILINE)
-    return int(found[1]) * 1024 if found else None

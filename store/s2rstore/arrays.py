@@ -58,7 +58,7 @@ def create(
     document = f"{relative}/{METADATA}"
     if safe_files.kind(root, document) is not None:
         found = open_read(path, root)
-        if found.shape != layout.shape or found.dtype != np.dtype(layout.dtype):
+        if found.layout != layout:
             raise RequestError(f"{path}: holds another array; run `s2r prune`, or remove it")
         return
     content = zarr_metadata.document(layout, attributes or {})

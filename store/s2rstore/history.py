@@ -201,6 +201,7 @@ def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
     to one path the content that the first one saw.
     """
     check_place(path)
+    path = path.resolve()
     if not path.is_file():
         raise RequestError(f"{path}: no history; `s2r nightly CONFIG.toml` writes one")
     connection = sandbox.connect_empty([path.absolute().parent], _MEMORY)

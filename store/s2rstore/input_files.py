@@ -75,10 +75,14 @@ def read_bytes(path: Path, most: int) -> bytes:
     """The content of a regular file of at most `most` bytes, else RequestError."""
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
-        content = file.read(size + 1) if size <= most else b""
-    if max(size, len(content)) > most:
-        raise RequestError(f"{path}: {size:,} bytes; at most {most:,} are read")
-    return content
+        if size > most:
+            raise RequestError(f"{path}: {size:,} bytes; at most {most:,} are read")
+        content = bytearray()
+        while block := file.read(min(1 << 24, most + 1 - len(content))):
+            content += block
+            if len(content) > most:
+                raise RequestError(f"{path}: more than {most:,} bytes, which is the most read")
+    return bytes(content)
 
 
 def read_text(path: Path, most: int) -> str:

@@ -6,6 +6,7 @@ killed process left half-written is not a line.
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -13,10 +14,15 @@ import socket
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from s2rstore import layout, safe_files
+from s2rstore.errors import RequestError
 
 _COMPACTED = f"{layout.LEDGER}/compacted.jsonl"
+_LONGEST_LINE = 65_536
+_LARGEST_FILE = 2 << 30
+"""Bytes of one process' file: some 8 million entries."""
 _SHA256 = re.compile(r"[0-9a-f]{64}\Z")
 
 
@@ -50,9 +56,11 @@ class Ledger:
 
     def _lines(self) -> Iterator[bytes]:
         for name in self._files():
-            for line in safe_files.read(self._root, name).split(b"\n"):
-                if line:
-                    yield line
+            with io.BufferedReader(safe_files.open_read(self._root, name)) as file:
+                size = os.fstat(file.fileno()).st_size
+                if size > _LARGEST_FILE:
+                    raise RequestError(f"{self._root / name}: {size} bytes; restore the ledger")
+                yield from _lines_of(file)
 
     def _files(self) -> list[str]:
         found = safe_files.names(self._root, layout.LEDGER)
@@ -115,11 +123,20 @@ class Ledger:
                 safe_files.remove(self._root, path)
 
 
+def _lines_of(file: BinaryIO) -> Iterator[bytes]:
+    """Lines that are not empty; of one that is far too long, pieces, which are no entries."""
+    while line := file.readline(_LONGEST_LINE):
+        if line != b"\n":
+            yield line.rstrip(b"\n")
+
+
 def _line(entry: Entry) -> str:
     return json.dumps(asdict(entry), separators=(",", ":")) + "\n"
 
 
 def _parsed(line: bytes) -> Entry | None:
+    if not line.startswith(b'{"key":'):
+        return None
     try:
         entry = Entry(**json.loads(line))
     except (ValueError, TypeError, RecursionError):

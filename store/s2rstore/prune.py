@@ -48,13 +48,8 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> Pruned:
         current = layout.read_current(root)
         if current.schema != schema.VERSION:
             raise RequestError(f"{root}: schema {current.schema}; prune it with its own release")
-        if safe_files.kind(root, current.index) is None:
-            raise RequestError(f"{root / current.index}: the published index is missing")
-        indexes = sorted(
-            (number, entry)
-            for entry in _files(root, layout.INDEX)
-            if (number := layout.generation_of(Path(entry.path))) is not None
-        )
+        _check_index(root, current)
+        indexes = _indexes(root)
         wanted = {number for number, _ in indexes if number <= current.generation}
         kept = sorted(wanted)[-max(1, keep) :]
         gone = [entry.path for number, entry in indexes if number not in kept]
@@ -66,6 +61,29 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> Pruned:
         if not dry_run:
             _remove(root, below)
     return _with_beside(Pruned(tuple(gone), size, links), beside, dry_run)
+
+
+def _check_index(root: Path, current: layout.Current) -> None:
+    """Raises RequestError where the published index is not the one that was published."""
+    path = safe_files.checked_path(root, current.index)
+    if safe_files.kind(root, current.index) is None:
+        raise RequestError(f"{path}: the published index is missing")
+    if safe_files.sha256(root, current.index) != current.sha256:
+        raise RequestError(f"{path}: not what was published; run `s2r verify`, and restore it")
+
+
+def _indexes(root: Path) -> list[tuple[int, Entry]]:
+    """The generations whose index is there, oldest first.
+
+    Raises RequestError for one that is no regular file: what it references must not be removed.
+    """
+    found = []
+    for entry in safe_files.names(root, layout.INDEX):
+        number = layout.generation_of(Path(entry.path))
+        if number is not None:
+            safe_files.checked_path(root, entry.path)
+            found.append((number, entry))
+    return sorted(found, key=lambda pair: pair[0])
 
 
 def _files(root: Path, folder: str) -> list[Entry]:

@@ -150,8 +150,20 @@ class Store(Tables):
     @cached_property
     def _first_iids(self) -> dict[str, int]:
         columns = self.instances
+        found = {}
         codes, first = np.unique(columns.trajectory, return_index=True)
-        return {columns.trajectory_names[c]: int(i) for c, i in zip(codes, first, strict=True)}
+        for code, start in zip(codes.tolist(), first.tolist(), strict=True):
+            count = self._counts[columns.trajectory_names[code]] if code >= 0 else 0
+            rows = columns.trajectory[start : start + count]
+            if not 0 < count == np.count_nonzero(columns.trajectory == code) == rows.size or (
+                (rows != code).any()
+            ):
+                raise RequestError(
+                    f"{self.path}: the instances of a trajectory do not follow one another in the "
+                    "index; run `s2r verify`"
+                )
+            found[columns.trajectory_names[code]] = start
+        return found
 
     def _row_in_trajectory(self, iid: int) -> tuple[int, str]:
         name = self.instances.trajectory_names[int(self.instances.trajectory[iid])]

@@ -31,6 +31,8 @@ from s2rstore.errors import RequestError
 Kind = Literal["file", "folder", "link", "other"]
 PARTIAL = ".partial"
 
+_MOST_LEVELS = 24
+"""Folders within each other; those of a store lie about 8 deep."""
 _SAFE = os.O_NOFOLLOW | os.O_CLOEXEC
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | _SAFE
 _FILE = os.O_NONBLOCK | os.O_NOCTTY | _SAFE
@@ -235,27 +237,36 @@ def names(root: Path, relative: str | Path) -> list[Entry]:
     """What lies in a folder, by name; nothing where there is no such folder."""
     try:
         with folder(root, relative) as descriptor, os.scandir(descriptor) as found:
-            return sorted((_entry(relative, item) for item in found), key=lambda entry: entry.path)
+            lying = [entry for item in found if (entry := _entry(relative, item)) is not None]
+            return sorted(lying, key=lambda entry: entry.path)
     except FileNotFoundError:
         return []
 
 
-def _entry(above: str | Path, item: os.DirEntry[str]) -> Entry:
+def _entry(above: str | Path, item: os.DirEntry[str]) -> Entry | None:
+    """None for what was removed meanwhile."""
     path = (PurePosixPath(above) / item.name).as_posix()
     try:
         status = item.stat(follow_symlinks=False)
-    except FileNotFoundError:  # removed meanwhile
-        return Entry(path, "other", 0)
+    except FileNotFoundError:
+        return None
     return Entry(path, _kind_of(status.st_mode), status.st_size)
 
 
 def walk(root: Path, relative: str | Path = "") -> Iterator[Entry]:
-    """Everything below a folder, links among it, which are not followed; folders come first."""
-    for entry in names(root, relative):
-        yield entry
-        if entry.kind == "folder":
-            with suppress(FileNotFoundError):
-                yield from walk(root, entry.path)
+    """Everything below a folder, links among it, which are not followed; a folder comes first.
+
+    Raises RequestError for folders that lie deeper within each other than those of any store.
+    """
+    waiting = [str(relative)]
+    while waiting:
+        entries = names(root, waiting.pop())
+        yield from entries
+        for entry in reversed(entries):
+            if entry.kind == "folder":
+                if entry.path.count("/") > _MOST_LEVELS:
+                    raise RequestError(f"{root / entry.path}: folders nested too deeply; remove it")
+                waiting.append(entry.path)
 
 
 def make_folder(root: Path, relative: str | Path) -> None:

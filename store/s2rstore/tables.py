@@ -62,6 +62,10 @@ class Tables:
         """Raises RequestError where a small table holds what the program must not rely on."""
         filled = self.execute("SELECT count(*) FROM dataset") != [(0,)]
         tables = ["trajectories", "rooms", "domains", "models", "runs"]
+        for name, most in row_check.MOST_ROWS.items():
+            (count,) = self.execute(f'SELECT count(*) FROM "{name}"')[0]
+            if count > most:
+                raise RequestError(f"{self._index}: table {name}: {count} rows, at most {most}")
         for table in ["dataset", *tables] if filled else tables:
             getattr(self, table)  # checks what it reads
 

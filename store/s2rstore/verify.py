@@ -9,10 +9,9 @@ so.
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import duckdb
 
@@ -20,6 +19,7 @@ from s2rstore import arrays, history, layout, safe_files, sandbox, schema
 from s2rstore.arrays import StoredArray
 from s2rstore.building_folder import building_folders
 from s2rstore.errors import RequestError
+from s2rstore.image_header import floor_plan_bytes
 from s2rstore.ledger import Ledger
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
@@ -28,8 +28,6 @@ _FAILURES = (
     RequestError, duckdb.Error, OSError, ValueError, TypeError, KeyError, AttributeError,
     OverflowError, RecursionError,
 )  # fmt: skip
-_PNG = b"\x89PNG\r\n\x1a\n"
-_PLAN_BYTES = 256 * 2**20
 _NAMED = 3
 
 
@@ -94,7 +92,10 @@ def _foreign(root: Path) -> Iterator[Damage]:
 
 def _leftovers(root: Path) -> Iterator[str]:
     for entry in safe_files.leftovers(root):
-        yield f"{entry.path}: left by a write that was killed; `s2r prune` removes it"
+        yield (
+            f"{entry.path}: unfinished; unless something is being written now, a killed write left "
+            "it and `s2r prune` removes it"
+        )
     for folder in building_folders(root):
         if folder.is_abandoned:
             yield f"{folder.path}: left by an ingest that was killed; `s2r prune` removes it"
@@ -245,15 +246,14 @@ class _Checks:
         if name in self.store.checksums:
             return  # with the other files whose checksums are stated
         self.uncovered["the floor plan"] = None
-        try:
-            content = safe_files.read(self.root, name, _PLAN_BYTES)
-        except FileNotFoundError:
+        path = safe_files.checked_path(self.root, name)
+        if not path.exists():
             yield Damage(name, "the floor plan is missing")
             return
-        if not content:
-            yield Damage(name, "the floor plan is empty")
-        elif PurePosixPath(name).suffix == ".png" and not _is_whole_png(content):
-            yield Damage(name, "the floor plan is damaged")
+        try:
+            floor_plan_bytes(path)
+        except RequestError as error:
+            yield Damage(name, str(error))
 
     def _drives(self) -> Iterator[Damage]:
         """What is stated is held against its checksum with the other files; the rest is noted."""
@@ -291,23 +291,6 @@ class _Checks:
         yield from ()
 
 
-def _is_whole_png(content: bytes) -> bool:
-    """Whether every chunk of a PNG up to its end agrees with its CRC."""
-    if not content.startswith(_PNG):
-        return False
-    at = len(_PNG)
-    while at + 12 <= len(content):
-        length = int.from_bytes(content[at : at + 4], "big")
-        end = at + 12 + length
-        stated = int.from_bytes(content[end - 4 : end], "big")
-        if end > len(content) or zlib.crc32(content[at + 4 : end - 4]) != stated:
-            return False
-        if content[at + 4 : at + 8] == b"IEND":
-            return end == len(content)
-        at = end
-    return False
-
-
 _RULES = (
     (
         "instance",
@@ -320,6 +303,17 @@ _RULES = (
         "a NaN where NULL belongs",
         "isnan(x) OR isnan(y) OR isnan(heading) OR "
         "isnan(error) OR isnan(heading_error) OR isnan(loss) OR isnan(accuracy)",
+    ),
+    (
+        "instance",
+        "room without a row in room",
+        "room IS NOT NULL AND room NOT IN (SELECT room FROM room)",
+    ),
+    (
+        "run",
+        "domain without a row in domain",
+        "sim_domain NOT IN (SELECT domain FROM domain) "
+        "OR real_domain NOT IN (SELECT domain FROM domain)",
     ),
     ("prediction", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
     (
@@ -337,6 +331,16 @@ _RULES = (
     ),
 )
 
+# What readers rely on to find an instance's row in the frames of its trajectory.
+_ORDER = """
+    SELECT count(*) FROM (
+        SELECT trajectory, count(*) AS n, max(iid) - min(iid) + 1 AS span,
+               min(seq) AS first, max(seq) AS last, count(DISTINCT seq) AS seqs
+        FROM instance GROUP BY trajectory) i
+    LEFT JOIN trajectory t USING (trajectory)
+    WHERE t.instances IS DISTINCT FROM n OR span <> n OR first < 0 OR seqs <> n
+"""
+
 _FORMULAS = (
     ("error is not the distance to the truth", "error", "sqrt(dx * dx + dy * dy)"),
     ("loss is not that of its errors", "loss", "0.7 * error * error + 0.3 * turn"),
@@ -349,8 +353,8 @@ _FIGURES = """WITH figures AS (
     SELECT p.error, p.loss, p.accuracy, p.rank, p.heading_error AS turn,
            p.x - i.x AS dx, p.y - i.y AS dy, (SELECT accuracy_scale FROM dataset) AS scale,
            CASE WHEN p.error IS NOT NULL THEN row_number() OVER (
-               PARTITION BY p.run, p.side ORDER BY p.error NULLS LAST, p.iid) END AS place
-    FROM prediction p JOIN instance i USING (iid))
+               PARTITION BY p.side ORDER BY p.error NULLS LAST, p.iid) END AS place
+    FROM prediction p JOIN instance i USING (iid) WHERE p.run = ?)
     SELECT """
 
 
@@ -364,15 +368,19 @@ def _tables(store: Store, current: layout.Current) -> Iterator[Damage]:
     )[0]
     if total and (least, most, distinct) != (0, total - 1, total):
         yield Damage("table instance", f"iid is not 0 .. {total - 1}, each once")
+    (unordered,) = store.execute(_ORDER)[0]
+    if unordered:
+        yield Damage("table instance", f"{unordered} trajectories: not the stated rows in order")
     stated = sum(trajectory.instances for trajectory in store.trajectories)
     if stated != total:
         yield Damage("table trajectory", f"states {stated} instances, there are {total}")
     wrong = [*((what, _differ(name, formula)) for what, name, formula in _FORMULAS), _RANK]
     counts = ", ".join(f"count(*) FILTER ({condition})" for _, condition in wrong)
-    found = store.execute(f"{_FIGURES} {counts} FROM figures")[0]
-    for count, (what, _) in zip(found, wrong, strict=True):
-        if count:
-            yield Damage("table prediction", f"{count} rows: {what}")
+    for run in store.runs:  # one at a time: ranks of all runs would not fit into DuckDB's memory
+        found = store.execute(f"{_FIGURES} {counts} FROM figures", [run])[0]
+        for count, (what, _) in zip(found, wrong, strict=True):
+            if count:
+                yield Damage("table prediction", f"run {run}: {count} rows: {what}")
     yield from _complete_runs(store, total)
     if store.dataset.hash != current.dataset_hash:
         yield Damage(layout.CURRENT, "names another data set than the index")

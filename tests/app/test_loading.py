@@ -602,7 +602,7 @@ def test_a_store_is_opened_at_an_earlier_generation(own_store: Path) -> None:
             assert "later" not in again.runs
     with s2rstore.open(own_store) as newest:
         assert "later" in newest.runs
-    with pytest.raises(s2rstore.errors.RequestError, match="cannot be opened"):
+    with pytest.raises(s2rstore.errors.RequestError, match="missing"):
         s2rstore.open(own_store, generation=999)
 
 

@@ -138,6 +138,49 @@ def test_rows_that_make_no_sense_are_one_line(own_store: Path, statements: str, 
     assert main(["verify", str(own_store)]) == 1
 
 
+MANY = {
+    "rooms": "INSERT INTO room SELECT 'r' || i, i + 2, i, 0, i + 1, 1 FROM range(5000) t(i)",
+    "runs": "INSERT INTO run SELECT run.* FROM run, range(10000)",
+}
+
+
+@pytest.mark.parametrize("statement", MANY.values(), ids=MANY.keys())
+def test_more_rows_than_a_screen_could_show_are_one_line(
+    own_store: Path, statement: str, capsys
+) -> None:
+    edited(own_store, [statement])
+    assert main(["runs", str(own_store)]) == 2
+    assert "rows, at most" in capsys.readouterr().err
+
+
+ORDER = {
+    "an instance of another trajectory": "UPDATE instance SET trajectory = 'b' WHERE iid = 3",
+    "an instance that ends another trajectory":
+        "UPDATE instance SET trajectory = 'b' WHERE iid = 24",
+    "an instance of no trajectory": "UPDATE instance SET trajectory = NULL WHERE iid = 3",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("statement", ORDER.values(), ids=ORDER.keys())
+def test_frames_are_never_those_of_another_instance(own_store: Path, statement: str) -> None:
+    edited(own_store, [statement])
+    assert main(["verify", str(own_store)]) == 1
+    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="verify"):
+        store.frame(30, "sim")
+
+
+NAMES = {
+    "a room that is not there": "UPDATE instance SET room = 'nowhere' WHERE iid = 3",
+    "a domain that is not there": "UPDATE run SET sim_domain = 'nowhere' WHERE run = 'vanilla'",
+}
+
+
+@pytest.mark.parametrize("statement", NAMES.values(), ids=NAMES.keys())
+def test_verify_finds_names_without_a_row(own_store: Path, statement: str) -> None:
+    edited(own_store, [statement])
+    assert main(["verify", str(own_store)]) == 1
+
+
 ARRAYS = {
     "a shape that is no JSON": "UPDATE zarr_array SET shape = '[40'",
     "a shape of texts": """UPDATE zarr_array SET shape = '["40"]'""",

@@ -88,10 +88,6 @@ def _runs(root: Path, outside: Path) -> None:
     (root / "runs.zarr").symlink_to(outside)
 
 
-def _old_index(root: Path, outside: Path) -> None:
-    (root / "index" / "index-000000.duckdb").symlink_to(outside / "folder" / "file")
-
-
 def _building(root: Path, outside: Path) -> None:
     (root / f".{root.name}.building-1").symlink_to(outside)
     (root.parent / f".{root.name}.building-99999999").symlink_to(outside)
@@ -104,7 +100,7 @@ def _nested(root: Path, outside: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "harm", [_keys, _key, _models, _runs, _old_index, _building, _nested], ids=lambda f: f.__name__
+    "harm", [_keys, _key, _models, _runs, _building, _nested], ids=lambda f: f.__name__
 )
 def test_prune_removes_nothing_outside(
     own_store: Path, tmp_path: Path, harm: Callable[[Path, Path], None]
@@ -120,6 +116,29 @@ def test_prune_removes_nothing_outside(
     prune(own_store, keep=1)
     assert (outside / "folder" / "file").read_text() == "kept"
     assert (outside / "file.safetensors").read_text() == "kept"
+
+
+@pytest.mark.parametrize("what", ["link", "pipe", "folder", "other content"])
+@pytest.mark.parametrize("generation", ["published", "old"])
+def test_prune_removes_nothing_where_an_index_cannot_be_read(
+    own_store: Path, tmp_path: Path, what: str, generation: str
+) -> None:
+    published = own_store / layout.read_current(own_store).index
+    index = published if generation == "published" else published.with_name("index-000001.duckdb")
+    kept = index.rename(tmp_path / "kept.duckdb")
+    if what == "link":
+        index.symlink_to(kept)
+    elif what == "pipe":
+        os.mkfifo(index)
+    elif what == "folder":
+        index.mkdir()
+    else:
+        index.write_bytes(b"no index")
+    before = sorted((own_store / "runs.zarr").rglob("*"))
+    with pytest.raises(RequestError, match=index.name):
+        prune(own_store)
+    assert sorted((own_store / "runs.zarr").rglob("*")) == before
+    assert kept.exists()
 
 
 def test_prune_names_the_links_that_it_leaves(own_store: Path, tmp_path: Path) -> None:

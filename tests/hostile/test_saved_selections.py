@@ -102,13 +102,19 @@ def test_a_name_is_expanded_once(tiny_store: Path) -> None:
 
 def test_expressions_up_to_the_limits_are_evaluated_alike(tiny_store: Path) -> None:
     links = {f"s{i}": f"@s{i + 1} | ids({i % 40})" for i in range(95)}
-    long = {f"t{i}": " | ".join(f"sim.error > {i}.{j:03d}" for j in range(MAX_TERMS // 3))
-            for i in range(3)}  # fmt: skip
+    long = {f"t{i}": " | ".join(f"sim.error > {i}.{j:03d}" for j in range(MAX_TERMS // 6 - 10))
+            for i in range(6)}  # fmt: skip
     right = {f"r{i}": f"ids({i % 40}, 39) - @r{i + 1}" for i in range(60)}
     texts = {**links, "s95": "none", **long, **right, "r60": "none"}
     with s2rstore.open(tiny_store) as store:
         saved: dict[str, Node] = {name: parse(text) for name, text in texts.items()}
-        for expression in ("@s0", "@t0 & @t1 | @t2", "@r0", "!@r0 - @s3", "!!!@s1"):
+        for expression in (
+            "@s0",
+            "@t0 & @t1 | @t2 | @t3 - @t4 | @t5",
+            "@r0",
+            "!@r0 - @s3",
+            "!!!@s1",
+        ):
             chosen = np.flatnonzero(selection.select(store, expression, saved=saved))
             sql, parameters = selection.sql(store, expression, saved=saved)
             assert [row[0] for row in store.execute(sql, parameters)] == chosen.tolist()

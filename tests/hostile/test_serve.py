@@ -51,9 +51,18 @@ def test_hosts_are_parsed_strictly(serve: StartServer) -> None:
     page = f"/?token={server.token}"
     for host in ("127.0.0.1", "localhost", "localhost:9999", "[::1]", f"127.0.0.1:{server.port}"):
         assert _asked(server, page, f"Host: {host}")[0] == 200, host
-    for host in ("evil@127.0.0.1", "evil.example", "127.0.0.1.evil.example", "localhost.", "[::2]"):
+    for host in ("evil.example", "127.0.0.1.evil.example", "localhost.", "[::2]"):
         assert _asked(server, page, f"Host: {host}")[0] == 403, host
-    for host in ("[::1", "[::1]x", "localhost:", "localhost:99999", "user:word@localhost:1", ""):
+    for host in (
+        "evil@127.0.0.1",
+        "a b",
+        "[::1",
+        "[::1]x",
+        "localhost:",
+        "localhost:99999",
+        "user:word@localhost:1",
+        "",
+    ):
         assert _asked(server, page, f"Host: {host}")[0] == 400, host
     assert _asked(server, page)[0] == 400
     assert _asked(server, page, "Host: localhost", "Host: localhost")[0] == 400

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.verify import verify
 from s2rstore.writer import edit
+from s2rtui.cli import main
 from tests.support.copies import copied
 from tests.support.ingested import ingested
 
@@ -164,3 +166,20 @@ def test_what_has_no_checksum_is_noted_in_one_line(tiny_store: Path) -> None:
     assert done.returncode == 0
     (line,) = [line for line in done.stderr.splitlines() if "no checksums" in line]
     assert "metadata of frames" in line
+
+
+def test_folders_nested_far_too_deeply_are_one_line(own_store: Path, capsys) -> None:
+    above = own_store / "runs.zarr"
+    for _ in range(60):
+        above = above / "d"
+    above.mkdir(parents=True)
+    for command in ("verify", "prune"):
+        assert main([command, str(own_store)]) == 2
+        assert "nested too deeply" in capsys.readouterr().err
+
+
+def test_a_ledger_of_zeros_takes_no_memory(own_store: Path, capsys) -> None:
+    (own_store / "ledger" / "zeros.jsonl").touch()
+    os.truncate(own_store / "ledger" / "zeros.jsonl", 3 << 30)
+    assert main(["verify", str(own_store)]) in (1, 2)
+    assert "zeros.jsonl" in "".join(capsys.readouterr())

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-from dataclasses import replace
 from pathlib import Path
 
 import duckdb
 
-from s2rstore import history, history_schema, layout, schema
+from bench.edited_index import Statement, edited
+from s2rstore import history, history_schema, schema
 from tests.support.copies import copied
 
 CLIPBOARD = "\x1b]52;c;aGFja2Vk\x07"
@@ -34,24 +33,16 @@ FREE = tuple(
 """Table and column of all text that a store may hold as it likes."""
 
 
-def edit(store: Path, *statements: tuple[str, list[object]]) -> Path:
+def edit(store: Path, *statements: Statement) -> Path:
     """Change the published index in place, as somebody who sends a store can."""
-    current = layout.read_current(store)
-    index = store / current.index
-    os.chmod(index, 0o644)
-    with duckdb.connect(str(index)) as connection:
-        for sql, parameters in statements:
-            connection.execute(sql, parameters)
-        connection.execute("CHECKPOINT")
-    fresh = replace(current, sha256=layout.file_sha256(index), bytes=index.stat().st_size)
-    layout.write_current(store, fresh)
+    edited(store, statements)
     return store
 
 
 def poisoned(source: Path, target: Path, text: str = HOSTILE) -> Path:
     """A copy of a store with `text` in every free text column; rooms keep distinct ends."""
     store = copied(source, target)
-    changes: list[tuple[str, list[object]]] = []
+    changes: list[Statement] = []
     for table, column in FREE:
         if column == "room":
             changes.append((f"UPDATE {table} SET room = ? || room", [text]))

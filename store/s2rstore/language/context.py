@@ -31,7 +31,7 @@ from s2rstore.language.nodes import (
 )
 from s2rstore.records import SPLITS, Side
 
-MAX_TERMS = 300
+MAX_TERMS = 1_000
 """Terms of an expression once its saved selections are expanded."""
 MAX_LEVELS = 200
 """Levels of an expression that lie in each other once its saved selections are expanded."""

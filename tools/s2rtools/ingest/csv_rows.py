@@ -15,7 +15,7 @@ _MOST_BYTES = 256 << 20
 _MOST_LINE = 1 << 20
 """Bytes of a line."""
 _MOST_COLUMNS = 1000
-_MOST_ROWS = 400_000
+_MOST_ROWS = 4_000_000
 """Of a manifest of 200,000 instances; kept, they take up to 400 MB."""
 
 

@@ -18,10 +18,10 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.input_files import check_regular
+from s2rstore.memory_limit import bounded_memory
 from s2rtools.logs import checks
 from s2rtools.logs.contract import Log
 from s2rtools.logs.tum import yaw
-from s2rtools.memory_limit import bounded_memory
 
 _MEMORY = 384 << 20
 """Bytes that reading a bag may take; recorders write chunks of about a megabyte."""

@@ -23,9 +23,9 @@ from s2rstore import layout, safe_files
 from s2rstore.errors import RequestError
 from s2rstore.input_files import check_regular, read_bytes
 from s2rstore.ledger import Ledger
+from s2rstore.memory_limit import bounded_memory
 from s2rstore.reader import Store
 from s2rstore.writer import Draft
-from s2rtools.memory_limit import bounded_memory
 from s2rtools.models import ARCHITECTURES, build
 from s2rtools.models.contract import LoadedModel, OutputConvention, PoseNetwork
 from s2rtools.models.opaque import TORCHSCRIPT, OpaqueNetwork
@@ -206,7 +206,7 @@ def read_state(path: Path, content: bytes) -> dict[str, Tensor]:
         if path.suffix == ".safetensors":
             loaded: Any = load_safetensors(content)
         else:
-            with bounded_memory(2 * len(content) + _UNPICKLING, 0):
+            with bounded_memory(2 * len(content) + _UNPICKLING):
                 loaded = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
         raise RequestError(f"{path}: {_refusal(str(error))}; save its state_dict()") from error

@@ -84,7 +84,7 @@ def _check_near(config: Config, night: datetime.date) -> None:
     all others stale.
     """
     nights = history.known(config.history).counting(config.name)
-    if not nights:
+    if not nights or any(each.night == night for each in nights):
         return
     newest = nights[-1].night
     if not -MOST_BACK <= (night - newest).days <= MOST_AHEAD:
