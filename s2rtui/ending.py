@@ -16,7 +16,7 @@ from typing import Any
 
 SIGNALS = (signal.SIGTERM, signal.SIGHUP)
 PATIENCE = 1.5
-"""Seconds that an orderly end may take."""
+"""Seconds until a shutdown that does not finish is forced."""
 # Keyboard protocol, alternate screen, cursor, mouse, paste, focus, resize reports, line wrap.
 _RESET = (
     b"\x1b[<u\x1b[?1049l\x1b[?25h\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?1015l\x1b[?1016l"
@@ -42,7 +42,7 @@ def end_on_signals(leave: Callable[[], object]) -> None:
 
 
 class TerminalMode:
-    """The mode of the terminal on standard input at the start."""
+    """Saves the mode of the terminal at the start, to restore it at the end."""
 
     def __init__(self) -> None:
         self._attributes: list[Any] | None = None

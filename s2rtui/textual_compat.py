@@ -87,7 +87,7 @@ class _BoundedDriver(Driver):
         self._sent = 0
 
     def process_message(self, message: Message) -> None:
-        """Runs in the thread that reads the input; in-band resize events come through here."""
+        """Bound the size in resize events. Called in the thread that reads the input."""
         if isinstance(message, events.Resize):
             size = Size(*within_bounds(*message.size))
             message = events.Resize(size, size, size, message.pixel_size)
@@ -159,7 +159,7 @@ def _web_driver() -> type[Driver]:
 
 
 def _read_safely(driver: ModuleType) -> None:
-    """Give a driver's module a parser with a bound, and a decoder that accepts any bytes.
+    """Replace a driver's input parser by a bounded one, and its decoder by one without errors.
 
     What is no UTF-8 becomes U+FFFD: the thread that reads keys would end the application. Both
     names are looked up in the module when that thread begins.

@@ -29,7 +29,7 @@ Send = Callable[[bytes], Awaitable[None]]
 
 
 class PageSession:
-    """Starts with `start`, is over when `forward` returns, and is gone after `end`."""
+    """The application process behind one page: call `start`, then `forward`, then `end`."""
 
     def __init__(self, process: Process) -> None:
         self._process, self._killed = process, False

@@ -119,7 +119,7 @@ class StoredArray:
         return self.shape[0]
 
     def __getitem__(self, selection: Any) -> Any:
-        """As of a numpy array; only the rows that the first axis selects are read."""
+        """Index as a numpy array; only the rows that the first axis selects are read."""
         first, *rest = selection if isinstance(selection, tuple) else (selection,)
         count = self.shape[0]
         if isinstance(first, slice) and (first.step is None or first.step > 0):
@@ -376,7 +376,7 @@ def write_shard(path: Path, shard: int, rows: NDArray[Any], root: Path | None = 
 
 
 def _encoded(layout: Layout, rows: NDArray[Any]) -> bytes:
-    """A shard's file, as zarr writes it."""
+    """Encode the rows of one shard with zarr; gives the content of its file."""
     import zarr
     from zarr.core.buffer import default_buffer_prototype
     from zarr.storage import MemoryStore

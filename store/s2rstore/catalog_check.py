@@ -83,7 +83,7 @@ def _check_views(
 
 
 def _parts(statement: str) -> tuple[str, str]:
-    """Name and SELECT of a view that renames no columns; empty texts for any other statement."""
+    """Split `CREATE VIEW name AS select` into name and select; empty texts if it differs."""
     found = _VIEW.match(statement)
     return (found[1], found[2]) if found else ("", "")
 

@@ -157,7 +157,7 @@ def _descriptor(root: Path, relative: str | Path, flags: int) -> int:
 
 
 def _regular(descriptor: int, path: Path) -> int:
-    """The descriptor of a regular file; RequestError for anything else."""
+    """Return the descriptor if it is a regular file, else close it and raise RequestError."""
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         is_folder = stat.S_ISDIR(os.fstat(descriptor).st_mode)
         os.close(descriptor)

@@ -27,7 +27,7 @@ FORMAT = 1
 _FEWEST = 20
 _FEWEST_BLOCKS = 4
 _MOST_BYTES = 256 << 20
-"""A golden run takes about 40 bytes an instance; the user names the file."""
+"""Largest golden run that is read, in bytes; an instance takes about 31."""
 _FARTHEST = 1e12
 """m"""
 _MOST_MISSING = 0.1

@@ -1,4 +1,4 @@
-"""Keeping the files that a data set names inside the data set's own folder."""
+"""Refuse files that lie outside the folder of the data set that names them."""
 
 from __future__ import annotations
 

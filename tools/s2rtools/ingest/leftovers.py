@@ -1,4 +1,4 @@
-"""What killed ingests have left of a store: removed, or named, before the next one begins."""
+"""Remove or report the building folders that interrupted ingests have left."""
 
 from __future__ import annotations
 

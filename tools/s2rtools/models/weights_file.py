@@ -60,7 +60,7 @@ def check_archive(path: Path, content: bytes) -> None:
 
 
 def check_tensors(state: Mapping[str, Tensor], wanted: Mapping[str, Tensor], where: str) -> None:
-    """Raises RequestError for tensors that are no plain arrays in memory, or of another kind."""
+    """Raise RequestError for sparse, quantized or complex tensors, and for a wrong data type."""
     for key, value in state.items():
         plain = value.layout == torch.strided and value.device.type == "cpu"
         if not plain or value.is_quantized or value.is_nested or value.is_complex():

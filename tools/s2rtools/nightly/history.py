@@ -159,7 +159,7 @@ def append(path: Path, added: Rows) -> None:
 
 
 def move(path: Path, name: str, night: datetime.date, now: str) -> None:
-    """Move the rows of one night to the tables of withdrawn ones, as `append` adds rows."""
+    """Withdraw a night: move its rows to the tables of withdrawn nights, all or none."""
     _replace(path, partial(_withdraw, name, night, now))
 
 
