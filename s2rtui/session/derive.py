@@ -194,12 +194,15 @@ def _side(
 
 @lru_cache(maxsize=4)
 def floor_plan(path: str) -> Pixels:
-    """The floor plan's picture, (H, W, 3)."""
+    """The floor plan's picture, (H, W, 3); RequestError where it cannot be decoded."""
     from PIL import Image
 
     content = floor_plan_bytes(Path(path))
-    with Image.open(BytesIO(content), formats=["PNG"]) as picture:
-        return np.asarray(picture.convert("RGB"))
+    try:
+        with Image.open(BytesIO(content), formats=["PNG"]) as picture:
+            return np.asarray(picture.convert("RGB"))
+    except (OSError, ValueError, SyntaxError) as error:  # Pillow: damage is any of these
+        raise RequestError(f"{path}: the floor plan is damaged ({error})") from error
 
 
 def umap_input(store: Store, state: State, mark: Mark | None = None) -> UmapInput:

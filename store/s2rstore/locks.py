@@ -55,7 +55,9 @@ def _held(opened: Callable[[], int], named: Path, what: str, patience: float) ->
     try:
         descriptor = opened()
     except OSError as error:
-        raise RequestError(f"{named}: cannot be written ({error.strerror})") from error
+        raise RequestError(
+            f"{named}: the {what} lock cannot be opened ({error.strerror})"
+        ) from error
     try:
         _wait(descriptor, named, what, patience)
         os.ftruncate(descriptor, 0)

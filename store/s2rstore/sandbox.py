@@ -15,7 +15,7 @@ from pathlib import Path
 
 import duckdb
 
-from s2rstore import catalog_check, schema
+from s2rstore import catalog_check, checked_files, schema
 from s2rstore.errors import RequestError
 
 DEFAULT_MEMORY = "2GB"
@@ -59,10 +59,7 @@ def connect(
         reason = first_line(error)
         raise RequestError(f"{path}: cannot be opened ({reason}); run `s2r verify`") from error
     try:
-        identity = _identity(path)
-        if identity not in _checked:
-            catalog_check.check(connection, tables, views, path)
-            _checked[identity] = None
+        _check(connection, tables, views, path)
     except BaseException:
         connection.close()
         raise
@@ -140,6 +137,24 @@ def escaped(text: str) -> str:
 def first_line(error: BaseException) -> str:
     """What an error says first; DuckDB adds the statement below it."""
     return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def _check(
+    connection: duckdb.DuckDBPyConnection,
+    tables: Sequence[schema.Table],
+    views: Sequence[str],
+    path: Path,
+) -> None:
+    """Compare the catalog, unless this file, or one of the same content, was found right before."""
+    identity = _identity(path)
+    if identity in _checked:
+        return
+    key = checked_files.key(path, repr((duckdb.__version__, tables, views)))
+    if key is None or not checked_files.contains(key):
+        catalog_check.check(connection, tables, views, path)
+        if key is not None:
+            checked_files.add(key)
+    _checked[identity] = None
 
 
 def _identity(path: Path) -> tuple[int, ...]:

@@ -123,3 +123,10 @@ def test_a_killed_worker_is_told_in_one_line(tmp_path: Path) -> None:
     assert done.stdout.startswith("2 ")
     assert "worker" in done.stdout
     assert done.stderr == ""
+
+
+def test_a_folder_in_place_of_a_lock_is_named(own_store: Path) -> None:
+    (own_store / "ledger" / "compute.lock").unlink(missing_ok=True)
+    (own_store / "ledger" / "compute.lock").mkdir()
+    with pytest.raises(RequestError, match=rf"{own_store}: the compute lock cannot be opened"):
+        prune(own_store)

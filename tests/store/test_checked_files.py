@@ -1,0 +1,100 @@
+"""A file is compared with the known catalog once per content, and again where anything differs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from s2rstore import catalog_check, checked_files, layout, sandbox
+from s2rstore.errors import RequestError
+from tests.support.copies import copied
+
+
+@pytest.fixture
+def compared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Path]:
+    """The files that were compared, in a process that has opened none and with an empty cache."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    found: list[Path] = []
+    check = catalog_check.check
+
+    def noted(connection, tables, views, path) -> None:
+        found.append(path)
+        check(connection, tables, views, path)
+
+    monkeypatch.setattr(catalog_check, "check", noted)
+    return found
+
+
+def opened(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Open it as a new process would."""
+    monkeypatch.setattr(sandbox, "_checked", {})
+    sandbox.connect(index).close()
+
+
+def index_of(store: Path) -> Path:
+    return store / layout.read_current(store).index
+
+
+def test_equal_content_is_compared_once(
+    own_store: Path, tmp_path: Path, compared: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = index_of(copied(own_store, tmp_path / "other.s2r"))
+    opened(index_of(own_store), monkeypatch)
+    opened(index_of(own_store), monkeypatch)
+    opened(other, monkeypatch)
+    assert compared == [index_of(own_store)]
+
+
+def test_another_expectation_is_compared_again(
+    own_store: Path, compared: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    index = index_of(own_store)
+    opened(index, monkeypatch)
+    monkeypatch.setattr(sandbox, "_checked", {})
+    with pytest.raises(RequestError):
+        sandbox.connect(index, views=())
+    assert compared == [index, index]
+
+
+def test_what_was_refused_is_not_remembered(
+    own_store: Path, compared: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    index = index_of(own_store)
+    for _ in range(2):
+        monkeypatch.setattr(sandbox, "_checked", {})
+        with pytest.raises(RequestError):
+            sandbox.connect(index, views=())
+    assert compared == [index, index]
+
+
+@pytest.mark.parametrize("trouble", ["others may write", "a link", "a file"])
+def test_a_folder_that_is_not_the_users_alone_is_not_used(
+    own_store: Path,
+    tmp_path: Path,
+    compared: list[Path],
+    monkeypatch: pytest.MonkeyPatch,
+    trouble: str,
+) -> None:
+    folder = tmp_path / "cache" / "s2rtui" / "checked-indexes"
+    folder.parent.mkdir(parents=True)
+    if trouble == "a file":
+        folder.touch()
+    elif trouble == "a link":
+        (tmp_path / "elsewhere").mkdir()
+        folder.symlink_to(tmp_path / "elsewhere")
+    else:
+        folder.mkdir()
+        folder.chmod(0o777)
+    index = index_of(own_store)
+    for _ in range(2):
+        opened(index, monkeypatch)
+    assert compared == [index, index]
+
+
+def test_the_folder_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    names = [f"{number:064x}" for number in range(checked_files.MOST_ENTRIES + 1)]
+    for name in names:
+        checked_files.add(name)
+    assert [name for name in names if checked_files.contains(name)] == names[-1:]
