@@ -53,7 +53,7 @@ checkpoints: install
 	$(BIN)/s2r train --recipe perlin --minutes 13 --store build/checkpoints.s2r
 	$(BIN)/s2r train --recipe dataaug --minutes 18 --store build/checkpoints.s2r
 	$(BIN)/s2r train --recipe finetune --from dataaug --minutes 9 --store build/checkpoints.s2r
-	$(BIN)/python -m s2rtools.world.shipped build/checkpoints.s2r
+	$(BIN)/python -m s2rtools.training.pretrained build/checkpoints.s2r
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info $(OUT)

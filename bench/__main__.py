@@ -16,18 +16,18 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
 from bench import (
-    delay,
+    back_projection,
     inference,
-    live,
-    memory,
-    occlusion,
-    projection,
+    live_prediction,
+    occlusion_speed,
+    precompute_memory,
     scale,
     startup,
-    wire,
+    terminal_bytes,
+    time_delay,
 )
-from bench.figures import Figure
-from bench.worlds import QUIET
+from bench.budget import Figure
+from bench.measured_stores import QUIET
 
 _ROOMS = (
     "startup", "wire", "scale", "projection", "occlusion", "inference", "live", "memory", "delay",
@@ -59,33 +59,33 @@ def _all(wanted: list[str], options: argparse.Namespace, folder: Path) -> Iterat
         if "startup" in wanted:
             yield from startup.figures(store)
         if "wire" in wanted:
-            yield from wire.figures(store)
+            yield from terminal_bytes.figures(store)
     if "scale" in wanted:
         yield from scale.figures(folder)
     if "projection" in wanted:
-        yield from projection.figures()
+        yield from back_projection.figures()
     if "occlusion" in wanted:
-        yield from occlusion.figures(options.threads)
+        yield from occlusion_speed.figures(options.threads)
     if "inference" in wanted:
         yield from inference.figures(options.threads)
     if "live" in wanted:
-        yield from live.figures(options.threads)
+        yield from live_prediction.figures(options.threads)
     if "memory" in wanted:
-        yield from memory.figures((1_000, 100_000))
+        yield from precompute_memory.figures((1_000, 100_000))
     if "delay" in wanted:
-        yield from delay.figures()
+        yield from time_delay.figures()
 
 
 def _computed(folder: Path) -> Path:
     """The default world at 256 x 256, with heatmaps of one model."""
     from s2rtools.precompute.pipeline import Options, precompute
-    from s2rtools.world import shipped
+    from s2rtools.training import pretrained
     from s2rtui.cli import main as s2r
 
     path = folder / "world.s2r"
     with contextlib.redirect_stdout(sys.stderr):
         s2r(["ingest", "world", "--instances", "32", "--size", "256", "--store", str(path)])
-    shipped.add(path)
+    pretrained.add(path)
     precompute(path, QUIET, ["vanilla"], Options(("activation", "feature_distance")))
     return path
 

@@ -26,10 +26,12 @@ import numpy as np
 from PIL import Image
 
 import s2rstore
-from s2rstore import history, layout, safe_files, schema
 from s2rstore.errors import RequestError
+from s2rstore.files import layout, safe_files
+from s2rstore.gap_history import reader
+from s2rstore.index import schema
+from s2rstore.maintenance.verify import verify
 from s2rstore.reader import Store
-from s2rstore.verify import verify
 
 Outcome = Literal["found", "refused", "without effect", "silent"]
 Figures = dict[str, str]
@@ -191,12 +193,12 @@ def _folder(root: Path, folder: str) -> bytes:
 
 
 def _history(root: Path) -> list[Any]:
-    path = history.path_in(root)
+    path = reader.path_in(root)
     if not path.exists():
         return []
-    found = history.read(path)
+    found = reader.read(path)
     measured = sorted({night.measured for night in found.nights})
-    reports = [history.report_text(path, number) for number in measured]
+    reports = [reader.report_text(path, number) for number in measured]
     return [found.nights, found.recorded, reports]
 
 

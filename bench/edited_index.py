@@ -8,7 +8,7 @@ from pathlib import Path
 
 import duckdb
 
-from s2rstore import layout
+from s2rstore.files import layout
 
 Statement = str | tuple[str, list[object]]
 

@@ -24,10 +24,9 @@ import numpy as np
 import s2rstore
 from bench import index_store
 from bench.edited_index import edited
-from s2rstore import selection
 from s2rstore.errors import RequestError
-from s2rstore.language import fields, to_text
-from s2rstore.language import nodes as n
+from s2rstore.language import evaluation, fields, to_text
+from s2rstore.language import syntax_tree as n
 from s2rstore.reader import Store
 
 INSTANCES = 64
@@ -105,7 +104,7 @@ def _by_masks(
     store: Store, text: str, run: str, view: tuple[str, ...] | None
 ) -> tuple[int, ...] | str:
     try:
-        return tuple(np.flatnonzero(selection.select(store, text, run, view)).tolist())
+        return tuple(np.flatnonzero(evaluation.select(store, text, run, view)).tolist())
     except RequestError as error:
         return str(error)
 
@@ -114,7 +113,7 @@ def _by_sql(
     store: Store, text: str, run: str, view: tuple[str, ...] | None
 ) -> tuple[int, ...] | str:
     try:
-        query, parameters = selection.sql(store, text, run, view)
+        query, parameters = evaluation.sql(store, text, run, view)
         return tuple(row[0] for row in store.execute(query, parameters))
     except (RequestError, duckdb.Error) as error:
         return str(error)

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore import stats
 from s2rstore.geometry.rooms import room_codes
+from s2rstore.index.transaction import Draft, edit
+from s2rstore.metrics import pose_metrics
 from s2rstore.records import Room
-from s2rstore.writer import Draft, edit
 
 WIDTH, HEIGHT = 40.0, 24.0
 RUNS = ("vanilla", "perlin", "dataaug", "finetune", "bright", "dark", "warm", "translated")
@@ -122,16 +122,16 @@ def _run(
         spread = (0.25 if side == "sim" else 0.6 + 0.1 * index) * hard
         px, py = x + rng.normal(0, spread, n), y + rng.normal(0, spread, n)
         turned = heading + rng.normal(0, 0.1, n)
-        error = stats.position_error(px, py, x, y)
-        off = stats.heading_error(turned, heading)
+        error = pose_metrics.position_error(px, py, x, y)
+        off = pose_metrics.heading_error(turned, heading)
         place = np.full(n, run, dtype=object), np.full(n, side, dtype=object)
         draft.insert(
             "prediction",
             {
                 "run": place[0], "iid": np.arange(n, dtype=np.int32), "side": place[1], "x": px,
                 "y": py, "heading": np.mod(turned + np.pi, 2 * np.pi) - np.pi, "error": error,
-                "heading_error": off, "loss": stats.pose_loss(error, off),
-                "accuracy": stats.accuracy(error, 46.0), "rank": stats.rank(error),
+                "heading_error": off, "loss": pose_metrics.pose_loss(error, off),
+                "accuracy": pose_metrics.accuracy(error, 46.0), "rank": pose_metrics.rank(error),
                 "split": np.full(n, "unseen", dtype=object),
             },
         )  # fmt: skip

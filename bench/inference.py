@@ -11,12 +11,12 @@ import numpy as np
 import torch
 
 import s2rstore
-from bench.figures import Figure, seconds
-from bench.worlds import frames_store, lively
+from bench.budget import Figure, seconds
+from bench.measured_stores import frames_store, lively
 from s2rstore.records import SIDES
 from s2rtools.inference import choose_backend
 from s2rtools.models.library import load_model
-from s2rtools.precompute.frames import read_pairs
+from s2rtools.precompute.frame_reader import read_pairs
 
 _PAIRS = 32
 

@@ -27,11 +27,11 @@ from textual.drivers.headless_driver import HeadlessDriver
 
 from bench import index_store
 from bench import scale_steps as steps
-from bench.figures import Figure
-from s2rtui.app import S2RApp
+from bench.budget import Figure
+from s2rtui.app.app import S2RApp
+from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import Look
 from s2rtui.session import Session
-from s2rtui.widgets import PlotView
 
 SIZES = (1_000, 1_000_000)
 NUMBERS, DRAWN = "selection change, state and all views' numbers", "selection change, drawn"

@@ -6,13 +6,23 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from bench.index_store import ROOMS
-from s2rtui import plots
-from s2rtui.plots.geomap_cells import other_dots, top_levels
-from s2rtui.plots.overview_lines import line_density
-from s2rtui.plots.surface import Mark
-from s2rtui.session import Brush, Session, comparing, listing, showing
+from s2rtui.canvas.brush_surface import Mark
+from s2rtui.charts.compare.model import difference_model
+from s2rtui.charts.errors.model import histogram_model
+from s2rtui.charts.map.model import geomap_model, value_range
+from s2rtui.charts.map.terminal import geomap_layout
+from s2rtui.charts.orientation.model import orientation_model
+from s2rtui.charts.overview.layout import overview_layout
+from s2rtui.charts.overview.line_density import line_density
+from s2rtui.charts.overview.model import overview_model
+from s2rtui.charts.registry import BY_NAME
+from s2rtui.charts.rooms.model import rooms_model
+from s2rtui.charts.shared.map_cells import other_dots, top_levels
+from s2rtui.charts.umap.model import umap_model
+from s2rtui.charts.umap.terminal import umap_layout
+from s2rtui.charts.view import Scene
+from s2rtui.session import Brush, Session, display, instance_list, run_differences
 from s2rtui.session.state import Operator
-from s2rtui.views import BY_NAME, Scene
 
 Step = Callable[[], object]
 SIZE = (200, 60)
@@ -67,26 +77,26 @@ def numbers(scene: Scene) -> None:
     """What every view counts before it draws, as its drawing asks for it."""
     _overview(scene)
     view = BY_NAME["umap"].input(scene)
-    frame = plots.umap_layout(view, _TAB).frame
-    plots.umap_model(view, frame)
-    plots.orientation_model(BY_NAME["orientation"].input(scene))
-    plots.rooms_model(BY_NAME["rooms"].input(scene))
-    plots.histogram_model(BY_NAME["errors"].input(scene), _TAB[0] - 12)
+    frame = umap_layout(view, _TAB).frame
+    umap_model(view, frame)
+    orientation_model(BY_NAME["orientation"].input(scene))
+    rooms_model(BY_NAME["rooms"].input(scene))
+    histogram_model(BY_NAME["errors"].input(scene), _TAB[0] - 12)
     shown = BY_NAME["map"].input(scene)
-    model = plots.geomap_model(shown)
-    frame = plots.geomap_layout(shown, _MAP).frame
+    model = geomap_model(shown)
+    frame = geomap_layout(shown, _MAP).frame
     other_dots(shown.truth, model.chosen, frame)
-    top_levels(shown.truth, shown.values, model.value_range, model.chosen, frame)
-    other = comparing.other_run(scene.state)
-    plots.difference_model(BY_NAME["compare"].input(scene, other))
+    top_levels(shown.truth, shown.values, value_range, model.chosen, frame)
+    other = run_differences.other_run(scene.state)
+    difference_model(BY_NAME["compare"].input(scene, other))
 
 
 def _overview(scene: Scene) -> None:
     view = BY_NAME["overview"]
     lines, rows = view.lines(scene), scene.resources.rows
     if lines is not None:
-        model = plots.overview_model(rows, scene.resources.baseline, lines)
-        layout = plots.overview_layout(model.rows, 0, _TAB, lines)
+        model = overview_model(rows, scene.resources.baseline, lines)
+        layout = overview_layout(model.rows, 0, _TAB, lines)
         line_density(lines, model.axis, layout)
 
 
@@ -102,18 +112,18 @@ def moves(session: Session, turn: int) -> list[tuple[str, Step]]:
         )
 
     def sort() -> None:
-        listing.next_column(session)
-        listing.order(session.store, session.state, session.notes)
+        instance_list.next_column(session)
+        instance_list.order(session.store, session.state, session.notes)
 
     return [
         ("box moved on the map", mark("map", "map", False)),
         ("lasso moved on the map", mark("map", "map", True)),
         ("box moved on the embedding", mark("umap", "real", False)),
-        ("brush left", lambda: showing.leave(session)),
+        ("brush left", lambda: display.leave(session)),
         ("cursor to the next instance", lambda: session.move_cursor(1)),
-        ("zoom", lambda: showing.zoom(session, 1 / 0.8)),
-        ("pan", lambda: showing.pan(session, 0.1, 0.0)),
-        ("map mode", lambda: showing.change_map_mode(session)),
+        ("zoom", lambda: display.zoom(session, 1 / 0.8)),
+        ("pan", lambda: display.pan(session, 0.1, 0.0)),
+        ("map mode", lambda: display.change_map_mode(session)),
         ("another trajectory", session.change_trajectory),
         ("list by another column", sort),
         ("run seen before", lambda: session.change_run((-1) ** turn)),

@@ -11,14 +11,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
-from bench.figures import Figure, seconds
+from bench.budget import Figure, seconds
 
 _TIMES = 5
 _IMPORTS = "import textual.app, numpy, duckdb"
 _PAINT = """
 import asyncio, os, sys
 from pathlib import Path
-from s2rtui.app import S2RApp
+from s2rtui.app.app import S2RApp
 from s2rtui.canvas import Look
 from s2rtui.session import Session
 async def main():

@@ -19,8 +19,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from bench.figures import seconds
-from s2rtools.logs import Commands
+from bench.budget import seconds
+from s2rtools.motion_logs import Commands
 from s2rtools.sysid import Identification, Recording, Settings, identify, make_drives
 from s2rtools.sysid.simulators import Planar
 

@@ -19,7 +19,7 @@ os.environ.setdefault("NUMBA_CACHE_DIR", str(_CACHE / "numba"))
 _wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.002, 0.0002
 """s; a pilot looks at 20 ms of idleness after every key, most of which nothing follows."""
 
-TOGETHER = ("gap", "graphics", "nightly", "sysid", "train")
+TOGETHER = ("gap", "terminal", "nightly", "sysid", "training")
 """Folders whose tests share what is dear to make: one worker runs all of a folder's."""
 
 
@@ -64,10 +64,10 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store of 40 pairs, two shards, with a briefly trained model; nothing is computed yet."""
     root = tmp_path_factory.mktemp("trained")
     os.environ["XDG_CACHE_HOME"] = str(root / "cache")
-    from s2rtools.ingest import IMPORTERS
-    from s2rtools.ingest.build import build
-    from s2rtools.ingest.scan import ScanOptions
-    from s2rtools.train.into_store import TrainingRequest, train_into_store
+    from s2rtools.datasets import IMPORTERS
+    from s2rtools.datasets.build import build
+    from s2rtools.datasets.scan import ScanOptions
+    from s2rtools.training.train_into_store import TrainingRequest, train_into_store
 
     header = pairs.sim2realviz(root / "data", n=40)
     options = ScanOptions(header=header, frame=(64, 64))
@@ -86,13 +86,13 @@ def moved_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     one; all are computed.
     """
     from s2rtools.precompute.pipeline import Options, precompute
-    from s2rtools.world import shipped
+    from s2rtools.training import pretrained
     from s2rtui.cli import main
     from tests.support.quiet import Quiet
 
     path = tmp_path_factory.mktemp("moved") / "world.s2r"
     assert main(["ingest", "world", "--instances", "4", "--store", str(path)]) == 0
-    shipped.add(path)
+    pretrained.add(path)
     moves = {
         "zero": "sim:camera_height=0,camera_pitch=0,camera_fov=0",
         "up": "sim:camera_height=0.1,brightness=1.2,camera_pitch=-5,camera_fov=6",

@@ -1,9 +1,10 @@
 """Drawing in cells: a canvas of arrays, rasters in it, and its way to the terminal."""
 
-from s2rtui.canvas.colour import DARK, LIGHT, THEMES, ColourMode, Rgb, Theme
-from s2rtui.canvas.grid import Canvas, Plate, Size
-from s2rtui.canvas.look import ASCII, UNICODE, Glyphs, Look, heading_arrow
-from s2rtui.canvas.strips import DeltaStrip, to_strips
+from s2rtui.canvas.canvas import Canvas, Plate, Size
+from s2rtui.canvas.colour import DARK, LIGHT, THEMES, Rgb, Theme
+from s2rtui.canvas.colour_mode import ColourMode
+from s2rtui.canvas.render_options import ASCII, UNICODE, Glyphs, Look, heading_arrow
+from s2rtui.terminal.strips import DeltaStrip, to_strips
 
 __all__ = [
     "ASCII",

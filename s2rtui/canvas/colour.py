@@ -11,8 +11,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from s2rtui.colour_mode import ColourMode as ColourMode
-
 Rgb = tuple[int, int, int]
 Pixels = NDArray[np.uint8]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Pixels, luma
-from s2rtui.canvas.grid import Canvas
-from s2rtui.canvas.look import Look
+from s2rtui.canvas.render_options import Look
 
 Floats = NDArray[np.float32]
 

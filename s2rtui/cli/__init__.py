@@ -11,8 +11,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
-from s2rstore import working_folder
-from s2rtui.cli import interrupts, streams
+from s2rstore.security import working_folder
+from s2rtui.cli import interrupts, standard_streams
 
 COMMANDS: dict[str, str] = {
     "demo": "the default world, or your images, from nothing to findings on the screen",
@@ -63,7 +63,7 @@ def _escaped_streams() -> Iterator[None]:
     """Control characters in what is printed are shown escaped: all of standard error, and standard
     output on a terminal. In a pipe standard output holds names as they are.
     """
-    from s2rstore.text import escaping
+    from s2rstore.security.printable_text import escaping
 
     with contextlib.ExitStack() as stack:
         stack.enter_context(contextlib.redirect_stderr(escaping(sys.stderr)))
@@ -85,13 +85,13 @@ def _run(arguments: list[str]) -> int:
 
 def _ended(code: int) -> int:
     """The program's end: nobody waits for what the application left under way."""
-    background = sys.modules.get("s2rtui.background")
+    background = sys.modules.get("s2rtui.jobs.background_thread")
     return code if background is None else int(background.end_process(code))
 
 
 def _usable(arguments: list[str]) -> bool:
     """Whether there is an output to write to and arguments that can be encoded."""
-    streams.fill_closed()
+    standard_streams.fill_closed()
     if sys.stdout is None:
         print("s2r: the standard output is closed", file=sys.stderr)
         return False
@@ -111,7 +111,7 @@ class _Parser(argparse.ArgumentParser):
     """Says in one line what is wrong."""
 
     def error(self, message: str) -> NoReturn:
-        from s2rstore.text import printable
+        from s2rstore.security.printable_text import printable
 
         self.exit(2, f"s2r: {printable(message)}; see `{self.prog} --help`\n")
 
@@ -137,7 +137,7 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
     for name, help_line in COMMANDS.items():
         command = commands.add_parser(name, help=help_line, description=help_line.capitalize())
         if name == asked:
-            module = importlib.import_module(f"s2rtui.cli.{name}_command")
+            module = importlib.import_module(f"s2rtui.cli.commands.{name}")
             command.add_argument("--debug", action="store_true", help="show tracebacks")
             module.add_arguments(command)
             command.set_defaults(execute=module.execute, command=name)
@@ -155,7 +155,7 @@ def _version() -> str:
 
 def _guarded(options: argparse.Namespace) -> int:
     from s2rstore.errors import S2RError
-    from s2rstore.text import printable
+    from s2rstore.security.printable_text import printable
 
     try:
         code = int(interrupts.interruptible(options) or 0)
@@ -217,6 +217,6 @@ def _failing_output(error: OSError) -> str:
 
 def _line(error: Exception) -> str:
     """An error in one printable line."""
-    from s2rstore.text import printable
+    from s2rstore.security.printable_text import printable
 
     return printable(" ".join(str(error).split()))

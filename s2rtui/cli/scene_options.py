@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from s2rtui.offstage import Wanted
+    from s2rtui.export.scene import Wanted
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +43,7 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
 
 def wanted(options: argparse.Namespace) -> Wanted:
     """What these options ask for; those that a command does not have are the usual."""
-    from s2rtui.offstage import Wanted
+    from s2rtui.export.scene import Wanted
 
     given = vars(options)
     trajectories = given.get("trajectory")

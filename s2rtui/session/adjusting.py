@@ -19,7 +19,7 @@ def sliders(store: Store) -> tuple[tuple[Slider, ...], str]:
     Images on the real side; the camera on the sim side where the data set has a renderer. Raises
     ModuleNotFoundError where the tools are not installed.
     """
-    from s2rtools.adjust import ADJUSTMENTS
+    from s2rtools.adjustments import ADJUSTMENTS
     from s2rtools.rendering import reason_against
 
     reason = (reason_against(store) or "").removeprefix(f"{store.path}: ")
@@ -108,7 +108,7 @@ def chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
 
     Raises RequestError for a run that takes a step twice, which sliders cannot show.
     """
-    from s2rtools.adjust import ADJUSTMENTS, chain_of
+    from s2rtools.adjustments import ADJUSTMENTS, chain_of
 
     made: dict[Side, list[dict[str, Any]]] = {}
     for side in SIDES:

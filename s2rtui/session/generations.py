@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rstore.reader import Store
-from s2rtui.session import arriving, loading
+from s2rtui.session import navigation, pending_target
 from s2rtui.session.state import State
 
 if TYPE_CHECKING:
@@ -27,9 +27,9 @@ def move_on(session: Session) -> State:
     store, state = session.store, session.state
     if store.latest_generation() == store.generation:
         return session.tell("this is the newest generation")
-    if session.waits and len(store.instances) > loading.AT_ONCE:
-        there = replace(loading.bound(state), generation=store.latest_generation())
-        return arriving.move(session, there)
+    if session.waits and len(store.instances) > pending_target.AT_ONCE:
+        there = replace(pending_target.bound(state), generation=store.latest_generation())
+        return navigation.move(session, there)
     return enter(session, s2rstore.open(store.path, INDEX_MEMORY))
 
 
@@ -38,10 +38,10 @@ def enter(session: Session, fresh: Store) -> State:
     old, state, runs = session.store, session.state, computed(fresh)
     if fresh.dataset.hash != old.dataset.hash or not runs:
         fresh.close()
-        loading.give_up(session)
+        pending_target.give_up(session)
         what = "has no computed run" if not runs else "holds another data set"
         return session.tell(f"the newest generation {what}: open it anew", is_error=True)
-    there = loading.bound(state)
+    there = pending_target.bound(state)
     base = replace(
         state,
         generation=fresh.generation,
@@ -52,13 +52,13 @@ def enter(session: Session, fresh: Store) -> State:
     )
     session.store = fresh
     try:
-        made = arriving.settled(session, base, there)
+        made = navigation.settled(session, base, there)
     except BaseException:
         session.store = old
         fresh.close()
         raise
     session.retire(old)
     if there.run in runs:
-        made = arriving.begun(state, made)
+        made = navigation.begun(state, made)
     told = (f"generation {fresh.generation}", made.message)
     return session.set(replace(made, message="; ".join(part for part in told if part)))

@@ -10,18 +10,19 @@ from typing import Any
 import numpy as np
 
 import s2rstore
-from s2rstore import history
 from s2rstore.errors import RequestError
+from s2rstore.gap_history import reader
 from s2rstore.language import Node, parse
-from s2rstore.language.nodes import Not
+from s2rstore.language.syntax_tree import Not
 from s2rstore.reader import Store
-from s2rstore.text import printable
-from s2rtui.notebook import Notebook, Notes
-from s2rtui.session import arriving, begin, generations, loading, walking
+from s2rstore.security.printable_text import printable
+from s2rtui.session import generations, navigation, pending_target, start
+from s2rtui.session import history as walking
 from s2rtui.session.generations import INDEX_MEMORY
-from s2rtui.session.heat import with_heat
-from s2rtui.session.selecting import Selecting
+from s2rtui.session.heatmaps import with_heat
+from s2rtui.session.selection import Selecting
 from s2rtui.session.state import HistoryFile, Operator, State
+from s2rtui.user_data.notebook import Notebook, Notes
 
 Notebooks = Callable[[str], Notebook]
 
@@ -51,9 +52,9 @@ class Session:
         self._told = ""
         self._retired: list[Store] = []
         self._selecting = Selecting()
-        self._nights = nights.resolve() if nights else history.path_in(self.store.path)
-        self.state = begin.empty(self.store, run, self._history())
-        first, told = begin.finding(self.store, self.state.run)
+        self._nights = nights.resolve() if nights else reader.path_in(self.store.path)
+        self.state = start.empty(self.store, run, self._history())
+        first, told = start.finding(self.store, self.state.run)
         begun = with_heat(self.store, self.selected(self.state, first))
         trouble = self.notebook.trouble if self.notebook else ""
         self.state = replace(begun, past=(), message=trouble or told, is_error=bool(trouble))
@@ -79,7 +80,7 @@ class Session:
     def set(self, state: State) -> State:
         """Make `state` the current one."""
         self.state = state
-        self.store.in_use = loading.in_use(state)
+        self.store.in_use = pending_target.in_use(state)
         return state
 
     def change(self, **fields: Any) -> State:
@@ -110,20 +111,20 @@ class Session:
         was.
         """
         node = parse(expression) if isinstance(expression, str) else expression
-        current = parse(loading.soon(self.state).expression)
-        return arriving.select(self, begin.joined(current, self.state.operator, node))
+        current = parse(pending_target.soon(self.state).expression)
+        return navigation.select(self, start.joined(current, self.state.operator, node))
 
     def renew(self) -> State:
         """The present expression evaluated anew, after saved names have changed their meaning."""
         try:
-            return arriving.renew(self)
+            return navigation.renew(self)
         except RequestError as error:
             return self.tell(f"{error}: the selection is as it was", is_error=True)
 
     def complement(self) -> State:
         """All valid instances that are not selected."""
-        node = parse(loading.soon(self.state).expression)
-        return arriving.select(self, node.inner if isinstance(node, Not) else Not(node))
+        node = parse(pending_target.soon(self.state).expression)
+        return navigation.select(self, node.inner if isinstance(node, Not) else Not(node))
 
     def expect(self, operator: Operator) -> State:
         """How the next selection joins this one; asked for twice, it is dropped again."""
@@ -170,23 +171,23 @@ class Session:
 
     def change_run(self, steps: int) -> State:
         """To the next run, with the same expression where it still means something."""
-        runs, there = self.state.runs, loading.bound(self.state)
+        runs, there = self.state.runs, pending_target.bound(self.state)
         present = there.run if there.run in runs else self.state.run
         return self.put_run(runs[(runs.index(present) + steps) % len(runs)])
 
     def put_run(self, run: str) -> State:
         """To a run by name, with what is selected or awaited, or all where that means nothing."""
-        return arriving.move(self, replace(loading.bound(self.state), run=run))
+        return navigation.move(self, replace(pending_target.bound(self.state), run=run))
 
     def put_trajectories(self, names: tuple[str, ...] | None) -> State:
         """To some trajectories, None for all; otherwise as `put_run`."""
-        return arriving.move(self, replace(loading.bound(self.state), trajectories=names))
+        return navigation.move(self, replace(pending_target.bound(self.state), trajectories=names))
 
     def change_trajectory(self) -> State:
         """All trajectories, then each alone."""
         names = self.store.instances.trajectory_names
         options: list[tuple[str, ...] | None] = [None, *((name,) for name in names)]
-        present = loading.bound(self.state).trajectories
+        present = pending_target.bound(self.state).trajectories
         at = options.index(present) if present in options else -1
         if len(names) == 1:
             return self.tell(f"there is one trajectory: {names[0]}")
@@ -215,7 +216,7 @@ class Session:
         return True
 
     def _history(self) -> HistoryFile | None:
-        stamp = history.stamp(self._nights)
+        stamp = reader.stamp(self._nights)
         return None if stamp is None else HistoryFile(self._nights, stamp)
 
     def move_on(self) -> State:

@@ -9,12 +9,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.history import Stamp
+from s2rstore.gap_history.reader import Stamp
 from s2rstore.language import Node
 from s2rstore.records import Bounds, Side
-from s2rtui.pages import SavedSelection
-from s2rtui.plots.inputs import MapMode
-from s2rtui.plots.surface import Mark
+from s2rtui.canvas.brush_surface import Mark
+from s2rtui.charts.shared.inputs import MapMode
+from s2rtui.user_data.notebook_schema import SavedSelection
 
 Overlay = Literal["off", "instance", "selection", "run"]
 Aggregate = Literal["mean", "max", "sum", "count"]

@@ -12,8 +12,8 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from pathlib import Path
 
-from s2rstore.text import printable
-from s2rtui.access.process import SERVER_VARIABLE, WEB_DRIVER
+from s2rstore.security.printable_text import printable
+from s2rtui.security.restricted_process import SERVER_VARIABLE, WEB_DRIVER
 from s2rtui.web.protocol import LARGEST_PACKET, meta
 
 PATIENCE = 1.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from s2rtui.bounds import within_bounds
+from s2rtui.terminal.size_limits import within_bounds
 
 LONGEST_MESSAGE = 1 << 17
 """Bytes of one message of a page."""

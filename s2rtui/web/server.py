@@ -19,10 +19,10 @@ import textual_serve
 from aiohttp import WSCloseCode, WSMsgType, web
 from aiohttp.http_exceptions import HttpProcessingError
 
-from s2rstore.text import printable
-from s2rtui.web.admission import LOOPBACK, Admission, in_address
+from s2rstore.security.printable_text import printable
 from s2rtui.web.page_session import PageSession
 from s2rtui.web.protocol import LONGEST_MESSAGE, MessageError, Ping, first_size, read_message
+from s2rtui.web.request_check import LOOPBACK, Admission, in_address
 
 _FONT_SIZES = range(6, 49)
 _LIBRARY = Path(textual_serve.__file__).parent / "static"

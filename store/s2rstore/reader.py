@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore import arrays, dense, layout, safe_files
-from s2rstore.arrays import StoredArray
-from s2rstore.columns import InstanceColumns, RunColumns
+from s2rstore.arrays import stored_array
+from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
-from s2rstore.recent import Recent
+from s2rstore.files import layout, safe_files
+from s2rstore.index import column_loader
+from s2rstore.index.catalog import Tables
+from s2rstore.index.columns import InstanceColumns, RunColumns
+from s2rstore.lru_cache import Recent
 from s2rstore.records import ArrayRecord, Side
-from s2rstore.tables import Tables
 
 # Which plane of a heatmap's leading axis each mode shows.
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
@@ -75,15 +77,15 @@ class Store(Tables):
             kept.clear()
 
     @cached_property
-    def _dense(self) -> dense.Index:
+    def _dense(self) -> column_loader.Index:
         (row,) = self.execute("SELECT count(*) FROM instance")
-        return dense.Index(self.connection, self._columns, int(row[0]))
+        return column_loader.Index(self.connection, self._columns, int(row[0]))
 
     @cached_property
     def instances(self) -> InstanceColumns:
         """Ground truth, aligned by iid; each column is read when it is first asked for."""
         names = tuple(trajectory.trajectory for trajectory in self.trajectories)
-        return dense.instances(self._dense, names, self.stored_rooms)
+        return column_loader.instances(self._dense, names, self.stored_rooms)
 
     def run_columns(self, run: str) -> RunColumns:
         """Predictions of a computed run, aligned by iid; read and kept as `instances` are."""
@@ -92,7 +94,7 @@ class Store(Tables):
                 if self.run(run).key is None:
                     raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
                 lacking = self.lacking("prediction")
-                self._runs_columns[run] = dense.run_columns(
+                self._runs_columns[run] = column_loader.run_columns(
                     self._dense, run, self.instances, self.rooms, lacking
                 )
             return self._runs_columns[run]
@@ -100,15 +102,15 @@ class Store(Tables):
     def forget(self, run: str) -> None:
         """Give back the memory of a run's columns; they are read again when asked for."""
         if run not in self.in_use:
-            dense.forget(self._dense, run)
+            column_loader.forget(self._dense, run)
 
     def has_read(self, run: str | None, side: Side | None, names: Iterable[str]) -> bool:
         """Whether columns are at hand; side None are those of both, run None the truth's."""
-        return dense.has_read(self._dense, run, side, names)
+        return column_loader.has_read(self._dense, run, side, names)
 
     def accuracies(self, run: str, side: Side) -> NDArray[np.float32]:
         """One side's accuracies of a run, (N,), NaN for none; without its other columns."""
-        return dense.accuracies(self._dense, run, side)
+        return column_loader.accuracies(self._dense, run, side)
 
     def frame(self, iid: int, domain: str) -> Frame:
         """Raises RequestError for an unknown instance or domain."""
@@ -177,11 +179,11 @@ class Store(Tables):
         relative = f"{layout.FRAMES}/{domain}/{trajectory}/{image}"
         with self._lock:
             if relative not in self._arrays:
-                found = arrays.open_read(self.path / relative, self.path)
+                found = stored_array.open_read(self.path / relative, self.path)
                 size = self._counts[trajectory], self.dataset.frame_height, self.dataset.frame_width
                 shape = (*size, 3) if image == "rgb" else size
                 types = ("uint8",) if image == "rgb" else ("uint8", "uint16")
-                stated = self.checksums.get(f"{relative}/{arrays.METADATA}")
+                stated = self.checksums.get(f"{relative}/{stored_array.METADATA}")
                 _agree(found, shape, types, stated)
                 self._arrays[relative] = found
             return self._arrays[relative]
@@ -192,7 +194,7 @@ class Store(Tables):
         with self._lock:
             if relative not in self._arrays:
                 path = layout.inside(self.path, relative)
-                self._arrays[relative] = arrays.open_read(path, self.path)
+                self._arrays[relative] = stored_array.open_read(path, self.path)
             found = self._arrays[relative]
         _agree(found, record.shape, (record.dtype,), record.metadata_sha256)
         return found
@@ -230,7 +232,9 @@ class Store(Tables):
         mode = mode or DEFAULT_MODES.get(kind)
         stored_mode = None if planes else mode
         record, array = self.array(run, kind, side, stored_mode)
-        block = np.asarray(arrays.read_rows(array, start, min(stop, array.shape[0])), np.float32)
+        block = np.asarray(
+            stored_array.read_rows(array, start, min(stop, array.shape[0])), np.float32
+        )
         block = (block - np.float32(record.zero)) * np.float32(record.scale)
         if block.ndim == 3:
             return block
@@ -256,7 +260,7 @@ class Store(Tables):
         if aggregate not in known:
             raise RequestError(f"aggregate {aggregate!r}: one of {', '.join(known)}")
         row = known.index(aggregate)
-        return np.asarray(arrays.read_rows(array, row, row + 1)[0], dtype=np.float32)
+        return np.asarray(stored_array.read_rows(array, row, row + 1)[0], dtype=np.float32)
 
     def floor_plan_path(self) -> Path | None:
         """The picture of the floor plan; None where the data set has none.

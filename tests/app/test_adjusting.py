@@ -13,15 +13,15 @@ from textual.pilot import Pilot
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtools.adjust import ADJUSTMENTS, chain_of
-from s2rtools.live import LiveModel
+from s2rtools.adjustments import ADJUSTMENTS, chain_of
+from s2rtools.interactive import LiveModel
 from s2rtools.precompute.pipeline import Options, precompute
 from s2rtools.precompute.registry import add_run
-from s2rtui import prompts
-from s2rtui.access import Access
-from s2rtui.app import S2RApp
+from s2rtui.app.app import S2RApp
+from s2rtui.app.controllers import prompt
+from s2rtui.app.pilot import settle, take
 from s2rtui.canvas import Look
-from s2rtui.headless import settle, take
+from s2rtui.security import Access
 from s2rtui.session import Session
 from tests.support.quiet import Quiet
 
@@ -76,7 +76,7 @@ async def test_a_slider_gives_what_the_live_model_says(computed: Path) -> None:
 
 
 def _map_input(app: S2RApp):
-    from s2rtui.views import BY_NAME
+    from s2rtui.charts.registry import BY_NAME
 
     return BY_NAME["map"].input(app.scene)
 
@@ -171,7 +171,7 @@ async def test_one_run_is_saved_at_a_time(
         go_on.wait(20)
         raise RequestError("nothing is saved here")
 
-    monkeypatch.setattr(prompts, "save_run", slow)
+    monkeypatch.setattr(prompt, "save_run", slow)
     app = app_on(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right")
@@ -199,7 +199,7 @@ async def test_a_saving_that_breaks_down_is_told(
     def broken(*_: object) -> None:
         raise ModuleNotFoundError("No module named 'torch'", name="torch")
 
-    monkeypatch.setattr(prompts, "save_run", broken)
+    monkeypatch.setattr(prompt, "save_run", broken)
     app = app_on(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", *"one", "enter")

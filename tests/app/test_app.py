@@ -10,14 +10,14 @@ from textual.pilot import Pilot
 from textual.screen import ModalScreen
 from textual.widgets import Input
 
-from s2rtui.actions import ACTIONS, footer, help_text
-from s2rtui.app import S2RApp
+from s2rtui.app.actions import ACTIONS, footer, help_text
+from s2rtui.app.app import S2RApp
+from s2rtui.app.key_names import key_shown
+from s2rtui.app.pilot import settle, snapshot, take
+from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode, Look
-from s2rtui.headless import settle, snapshot, take
-from s2rtui.keys import key_shown
-from s2rtui.plots.surface import Mark
+from s2rtui.canvas.brush_surface import Mark
 from s2rtui.session import Brush, Session
-from s2rtui.widgets import PlotView
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
@@ -182,13 +182,13 @@ def test_the_same_keys_give_the_same_picture(tiny_store: Path) -> None:
 
 def test_numbers_on_the_screen_are_the_stores(tiny_store: Path) -> None:
     import s2rstore
-    from s2rstore import headlines
+    from s2rstore.metrics import run_metrics
 
     text = snapshot(tiny_store, (120, 40), ["c"]).text
     with s2rstore.open(tiny_store) as store:
         for run in store.runs:
             for side in ("sim", "real"):
-                accuracy = headlines.headline(store, run, side).accuracy.value
+                accuracy = run_metrics.headline(store, run, side).accuracy.value
                 line = next(row for row in text.splitlines()[1:] if f" {run} " in row)
                 assert f"{100 * accuracy:.1f}" in line
 
@@ -214,11 +214,11 @@ def test_starting_the_application_loads_no_heavy_package(tiny_store: Path) -> No
     import sys
 
     code = (
-        "import sys; from s2rtui import cli, terminal; from s2rtui.app import S2RApp;"
-        "terminal.refuse_unusable = lambda: None; S2RApp.run = lambda app, mouse: print('run');"
+        "import sys; from s2rtui import cli; from s2rtui.terminal import capabilities; from s2rtui.app.app import S2RApp;"
+        "capabilities.refuse_unusable = lambda: None; S2RApp.run = lambda app, mouse: print('run');"
         f"assert cli.main(['tui', {str(tiny_store)!r}]) == 0;"
         "print([m for m in ('torch', 'matplotlib', 'zarr', 'scipy', 'cv2', 'PIL', 's2rtools', "
-        "'s2rtui.graphics') if m in sys.modules])"
+        "'s2rtui.terminal.graphics') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["run", "[]"]

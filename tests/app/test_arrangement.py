@@ -7,8 +7,8 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from s2rtui.arrangement import SMALLEST, Place, Wanted, arrange, size_class
-from s2rtui.views import VIEWS
+from s2rtui.app.layout import SMALLEST, Place, Wanted, arrange, size_class
+from s2rtui.charts.registry import VIEWS
 
 TABS = [view.name for view in VIEWS if view.pane == "tab"]
 CENTRES = [view.name for view in VIEWS if view.pane == "centre"]

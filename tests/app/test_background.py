@@ -9,8 +9,8 @@ import threading
 import time
 import weakref
 
-from s2rtui import background
-from s2rtui.background import Lane
+from s2rtui.jobs import background_thread
+from s2rtui.jobs.background_thread import Lane
 
 
 class Gate:
@@ -38,7 +38,7 @@ def test_of_what_waits_only_the_newest_is_done() -> None:
     for name in "abcd":
         lane.put(lambda name=name: gate.note(name))
     gate.open.set()
-    assert background.rest(10)
+    assert background_thread.rest(10)
     assert gate.done == ["first", "d"]
     assert gate.threads == {"lane"}
     lane.end()
@@ -54,7 +54,7 @@ def test_a_lane_that_ends_drops_what_waits_and_does_its_last() -> None:
     assert time.monotonic() - began < 0.5
     lane.put(lambda: gate.note("late"))
     gate.open.set()
-    assert background.rest(10)
+    assert background_thread.rest(10)
     assert gate.done == ["first", "last"]
 
 
@@ -72,12 +72,12 @@ def test_lanes_do_not_wait_for_each_other() -> None:
     other.put(finished.set)
     assert finished.wait(10)
     gate.open.set()
-    assert background.rest(10)
+    assert background_thread.rest(10)
 
 
 def test_a_process_ends_around_what_is_under_way() -> None:
     code = (
-        "import sys, time; from s2rtui import background\n"
+        "import sys, time; from s2rtui.jobs import background_thread as background\n"
         "background.start('endless', lambda: time.sleep(60)); print('told')\n"
         "sys.exit(background.end_process(70))"
     )

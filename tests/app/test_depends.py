@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 
 from s2rstore.records import Bounds
+from s2rtui.app.status_line import shown
 from s2rtui.canvas import Canvas, Look
-from s2rtui.feeds import reading
-from s2rtui.notebook import Notes, Remark
-from s2rtui.plots.surface import Mark
-from s2rtui.session import HeatChoice, Session, State, derive
-from s2rtui.session.about import HeatOf, about, heat_of, seen_of
+from s2rtui.canvas.brush_surface import Mark
+from s2rtui.charts.registry import VIEWS
+from s2rtui.charts.shared import view_inputs
+from s2rtui.charts.view import Resources, RunAccuracies, Scene, View
+from s2rtui.loaders import store_data
+from s2rtui.session import HeatChoice, Session, State
+from s2rtui.session.provenance import HeatOf, about, heat_of, seen_of
 from s2rtui.session.state import Adjust, Awaited, Brush, HistoryFile, Slider
-from s2rtui.titles import shown
-from s2rtui.views import VIEWS, Resources, Scene, View
-from s2rtui.views.contract import RunAccuracies
+from s2rtui.user_data.notebook import Notes, Remark
 from tests.support import gaps, tiny
 
 SIZE = (100, 40)
@@ -105,8 +106,8 @@ def scenes(session: Session) -> dict[str, Scene]:
     """A map in colours; one with heat, clip and glyphs, and a brush; one beside sliders."""
     store, state = session.store, session.state
     grid = np.arange(16, dtype=np.float32).reshape(4, 4)
-    fed = reading.read_rows(store, state, None) | reading.read_lines(store, state, None)
-    pictures, live = (derive.instance_input(store, state.run, i, state.heat) for i in (0, 2))
+    fed = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
+    pictures, live = (view_inputs.instance_input(store, state.run, i, state.heat) for i in (0, 2))
     of = {"pictures_of": about(state), "live_of": about(state)}
     plain = Scene(store, state, Resources(**fed, pictures=pictures, live=live, **of))
     heated = replace(plain.resources, grid=grid, seen=grid > 7, live_grid=grid[::-1])

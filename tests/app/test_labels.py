@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 from textual.pilot import Pilot
 
-from s2rtui.app import S2RApp
+from s2rtui.app import load_scheduler
+from s2rtui.app.app import S2RApp
+from s2rtui.app.messages import Progressed
+from s2rtui.app.pilot import settle, take
 from s2rtui.canvas import Look
-from s2rtui.feeds import FEEDS, feeding
-from s2rtui.headless import settle, take
-from s2rtui.messages import Progressed
-from s2rtui.session import Session, derive
-from s2rtui.session.about import about
+from s2rtui.charts.registry import BY_NAME
+from s2rtui.charts.shared import view_inputs
+from s2rtui.loaders import FEEDS
+from s2rtui.session import Session
+from s2rtui.session.provenance import about
 from s2rtui.session.state import Adjust, Slider
-from s2rtui.views import BY_NAME
 
 LATE = 60.0
 SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
@@ -78,7 +80,7 @@ async def test_pictures_that_cannot_be_read_are_not_awaited(
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
-        monkeypatch.setattr(derive, "instance_input", lambda *_: 1 / 0)
+        monkeypatch.setattr(view_inputs, "instance_input", lambda *_: 1 / 0)
         await press(app, pilot, "right")
         assert "loading" not in told(app, "instance")
         assert "division by zero" in told(app, "instance")
@@ -138,7 +140,7 @@ async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
         await press(app, pilot, "c")
         session, state = app.session, app.session.state
         adjust = Adjust(state.run, ((SLIDER.key, 1.0),), 0, (SLIDER,))
-        shown = derive.instance_input(session.store, state.run, state.cursor, None)
+        shown = view_inputs.instance_input(session.store, state.run, state.cursor, None)
         grid = np.ones((4, 4), dtype=np.float32)
         found = replace(app.resources, live=shown, live_of=about(state), live_grid=grid)
         here = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")
@@ -176,7 +178,7 @@ async def test_every_feed_tells_its_own_progress(tiny_store: Path) -> None:
 
 
 def _answer(app: S2RApp, feed: str):
-    from s2rtui.messages import Fed
+    from s2rtui.app.messages import Fed
 
     return Fed(feed, app.feeding._ticket[feed], {})
 
@@ -198,7 +200,7 @@ async def test_a_slow_feed_starves_no_other(
         replace(feed, read=slow, wants=lambda _, state: (state.cursor,), rests=False)
         if feed.name == "live" else feed for feed in FEEDS
     )  # fmt: skip
-    monkeypatch.setattr(feeding, "FEEDS", changed)
+    monkeypatch.setattr(load_scheduler, "FEEDS", changed)
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         for _ in range(60):

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from textual import _time
 
-from s2rtui.app import S2RApp
+from s2rtui.app.app import S2RApp
+from s2rtui.app.call_later import later
+from s2rtui.app.pilot import settle
 from s2rtui.canvas import Look
-from s2rtui.headless import settle
-from s2rtui.later import later
 from s2rtui.session import Session
 
 

@@ -15,10 +15,11 @@ import pytest
 
 import s2rstore
 from s2rtools.precompute.pipeline import Options, precompute
-from s2rtui.app import S2RApp
+from s2rtui.app import load_scheduler
+from s2rtui.app.app import S2RApp
 from s2rtui.canvas import Look
 from s2rtui.cli import main
-from s2rtui.feeds import FEEDS, feeding
+from s2rtui.loaders import FEEDS
 from s2rtui.session import Session
 from tests.support.copies import copied
 from tests.support.processes import commands_below, wait_until
@@ -131,7 +132,7 @@ async def test_while_a_feed_is_read(
         replace(one, read=endless, wants=lambda *_: (1,), rests=False) if one.name == feed else one
         for one in FEEDS
     )
-    monkeypatch.setattr(feeding, "FEEDS", changed)
+    monkeypatch.setattr(load_scheduler, "FEEDS", changed)
     app = S2RApp(Session(tiny_store), Look())
     began = 0.0
     try:
@@ -151,7 +152,7 @@ def test_a_fault_is_told_in_one_line(
     folder = tmp_path / "broken"
     folder.mkdir()
     (folder / "sitecustomize.py").write_text(
-        "import s2rtui.session.showing as showing\n"
+        "import s2rtui.session.display as showing\n"
         "def broken(session):\n"
         "    raise KeyError('no such thing')\n"
         "showing.change_map_mode = broken\n"

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from s2rtui import diagnosis
-from s2rtui.app import S2RApp
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle, snapshot, take
+from s2rtui.app.screens.doctor import DoctorScreen
+from s2rtui.app.status_line import status_line
 from s2rtui.canvas import ColourMode, Look
-from s2rtui.headless import settle, snapshot, take
-from s2rtui.plots.testcard import card, card_height
+from s2rtui.charts.test_card import card, card_height
 from s2rtui.session import Session
-from s2rtui.terminal import detect
-from s2rtui.titles import status_line
-from s2rtui.widgets.doctor import DoctorScreen
+from s2rtui.terminal import diagnostics
+from s2rtui.terminal.capabilities import detect
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def test_a_card_is_as_high_as_it_says(width: int, rows: list[tuple[str, str]]) -
 
 def test_the_terminals_reason_is_the_one_that_was_found() -> None:
     found = detect("auto", False, {"TERM": "vt100", "LANG": "C.UTF-8"})
-    assert ("colours", "none: no colour by TERM=vt100") in diagnosis.terminal(found)
+    assert ("colours", "none: no colour by TERM=vt100") in diagnostics.terminal(found)
 
 
 def test_titles_show_that_they_are_cut(tiny_store: Path) -> None:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from s2rtui.app import S2RApp
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle
 from s2rtui.canvas import Look
-from s2rtui.feeds import live
-from s2rtui.headless import settle
-from s2rtui.session import Session, showing
+from s2rtui.loaders import live_prediction
+from s2rtui.session import Session, display
 
 
 class Bench:
@@ -32,7 +32,7 @@ async def test_without_its_panel_the_model_rests_and_goes(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = Bench()
-    monkeypatch.setattr(live, "_BENCH", bench)
+    monkeypatch.setattr(live_prediction, "_BENCH", bench)
     app = S2RApp(Session(tiny_store), Look())
     app.feeding.rest_seconds, app.feeding.away_seconds = 0.001, 0.05
     async with app.run_test(size=(120, 40)) as pilot:
@@ -42,7 +42,7 @@ async def test_without_its_panel_the_model_rests_and_goes(
         assert bench.told == ["read"]
         await asyncio.sleep(0.2)
         assert bench.told == ["read"]
-        showing.show_view(app.session, "instance", "tab")
+        display.show_view(app.session, "instance", "tab")
         app.refresh_views()
         await pilot.press("n")
         await settle(app, pilot)

@@ -16,18 +16,18 @@ import pytest
 from textual.pilot import Pilot
 
 import s2rstore
-from s2rstore import dense
-from s2rstore.recent import Recent
+from s2rstore.index import column_loader
+from s2rstore.lru_cache import Recent
 from s2rtools.precompute.registry import add_run
-from s2rtui import headless
-from s2rtui.app import S2RApp
+from s2rtui.app import pilot as headless
+from s2rtui.app.app import S2RApp
+from s2rtui.app.controllers.run_save import Savings
+from s2rtui.app.pilot import settle, take
 from s2rtui.canvas import Look
-from s2rtui.feeds import reading
-from s2rtui.headless import settle, take
-from s2rtui.plots.surface import Mark
-from s2rtui.saving import Progress
-from s2rtui.savings import Savings
-from s2rtui.session import Brush, Session, State, arriving, loading, sharing
+from s2rtui.canvas.brush_surface import Mark
+from s2rtui.jobs.precompute_job import Progress
+from s2rtui.loaders import store_data
+from s2rtui.session import Brush, Session, State, navigation, pending_target, shared_selection
 from s2rtui.session.state import Awaited
 from tests.support import tiny
 
@@ -48,7 +48,7 @@ def four_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     """Everything is large, and columns of other threads than this come once it is open."""
     opened, here = threading.Event(), threading.current_thread()
-    whole = dense._predicted
+    whole = column_loader._predicted
 
     def slow(index, run, side, name, lacking):
         if run != "vanilla":
@@ -56,8 +56,8 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
             assert opened.wait(20)
         return whole(index, run, side, name, lacking)
 
-    monkeypatch.setattr(loading, "AT_ONCE", 0)
-    monkeypatch.setattr(dense, "_predicted", slow)
+    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
+    monkeypatch.setattr(column_loader, "_predicted", slow)
     yield opened
     opened.set()
 
@@ -114,7 +114,7 @@ async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
         before, own = app.session.state, app.session.store.dataset.hash
         facts = f"data set {own}, generation {before.generation}, run b, 3 instances"
         text = f"worst(3, real.error)  # {facts}"
-        sharing.take(app.session, text)
+        shared_selection.take(app.session, text)
         app.refresh_views()
         await pilot.pause()
         state = app.session.state
@@ -131,8 +131,8 @@ async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
 async def test_columns_of_an_expression_are_read_elsewhere(
     store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(loading, "AT_ONCE", 0)
-    whole, here, read = dense._predicted, threading.current_thread(), []
+    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
+    whole, here, read = column_loader._predicted, threading.current_thread(), []
 
     def watched(index, run, side, name, lacking):
         read.append((name, threading.current_thread() is here))
@@ -145,7 +145,7 @@ async def test_columns_of_an_expression_are_read_elsewhere(
             side, _, name = column.partition(".")
             assert app.session.store.has_read("vanilla", side, [name])
         assert app.session.store.has_read(None, None, ["curvature"])
-        monkeypatch.setattr(dense, "_predicted", watched)
+        monkeypatch.setattr(column_loader, "_predicted", watched)
         await press(app, pilot, "slash", "ctrl+u")
         await press(app, pilot, *["real.loss > 0"[i] for i in range(13)], "enter")
         await settle(app, pilot)
@@ -157,8 +157,8 @@ async def test_columns_of_an_expression_are_read_elsewhere(
 @pytest.fixture
 async def lossy(store: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Lossy]:
     """An application whose losses are read anew, once it may, with an expression of them undone."""
-    monkeypatch.setattr(loading, "AT_ONCE", 0)
-    whole, here, opened = dense._predicted, threading.current_thread(), threading.Event()
+    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
+    whole, here, opened = column_loader._predicted, threading.current_thread(), threading.Event()
 
     def slow(index, run, side, name, lacking):
         assert threading.current_thread() is not here, f"{name} is read here"
@@ -172,7 +172,7 @@ async def lossy(store: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[L
         app.session.select("all")
         app.session.store._columns.drop(lambda key: "loss" in key)
         app.session.store.evaluated.clear()
-        monkeypatch.setattr(dense, "_predicted", slow)
+        monkeypatch.setattr(column_loader, "_predicted", slow)
         yield Lossy(app, pilot, opened)
         opened.set()
 
@@ -268,29 +268,29 @@ async def test_what_is_selected_meanwhile_wins(lossy: Lossy) -> None:
 def test_what_is_selected_while_a_run_is_awaited_is_taken_along(
     store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
     session = Session(store)
     session.set(replace(session.state, awaited=Awaited("b", 1, "gap > 0")))
     session.select("straight")
     awaited = session.state.awaited
     assert awaited is not None
     assert (awaited.run, awaited.text) == ("b", "")
-    assert (arriving.arrive(session).run, session.state.expression) == ("b", "straight")
+    assert (navigation.arrive(session).run, session.state.expression) == ("b", "straight")
 
 
 def test_a_selection_that_has_to_wait_leaves_the_run_awaited(
     store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
     session = Session(store)
     session.waits = True
     session.set(replace(session.state, awaited=Awaited("b", 1)))
-    for select in (session.choose, partial(sharing.take, session)):
+    for select in (session.choose, partial(shared_selection.take, session)):
         select("real.loss > 0")
         awaited = session.state.awaited
         assert awaited is not None
         assert (awaited.run, awaited.text) == ("b", "real.loss > 0")
-    assert (arriving.arrive(session).run, session.state.expression) == ("b", "real.loss > 0")
+    assert (navigation.arrive(session).run, session.state.expression) == ("b", "real.loss > 0")
     session.close()
 
 
@@ -336,7 +336,7 @@ async def test_a_run_that_cannot_be_read_is_told(
         def broken(*_: object) -> None:
             raise s2rstore.errors.RequestError("the index cannot be read")
 
-        monkeypatch.setattr(loading, "read", broken)
+        monkeypatch.setattr(pending_target, "read", broken)
         app.session.store._columns.drop(lambda key: key[0] == "run" and key[1] == "c")
         await press(app, pilot, "R")
         await settle(app, pilot)
@@ -355,7 +355,7 @@ async def test_a_run_that_cannot_be_turned_to_is_told(
         def broken(*_: object) -> None:
             raise s2rstore.errors.RequestError("a page of the index is damaged")
 
-        monkeypatch.setattr(arriving, "settled", broken)
+        monkeypatch.setattr(navigation, "settled", broken)
         gate.set()
         await settle(app, pilot)
         state = app.session.state
@@ -368,7 +368,7 @@ def test_what_was_told_meanwhile_stays_as_a_run_arrives(store: Path, is_error: b
     session = Session(store)
     begun(session, awaited=Awaited("b", session.state.generation))
     session.tell("wrote rows.csv", is_error)
-    state = arriving.arrive(session)
+    state = navigation.arrive(session)
     assert (state.run, state.message, state.is_error) == ("b", "wrote rows.csv", is_error)
     assert session.put_cursor(1).message == ""
     session.close()
@@ -379,14 +379,14 @@ def test_words_about_a_selection_go_as_a_run_arrives(store: Path) -> None:
     session.select("none")
     begun(session, awaited=Awaited("b", session.state.generation, text="all"))
     assert session.state.message == "nothing is selected"
-    assert arriving.arrive(session).message == ""
+    assert navigation.arrive(session).message == ""
     session.close()
 
 
 async def test_a_newer_generation_is_read_elsewhere(
     own_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
     app = app_on(own_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -404,7 +404,7 @@ async def test_a_newer_generation_is_read_elsewhere(
 async def test_a_saved_run_is_told_once_its_generation_is_read(
     own_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
     app = app_on(own_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -450,7 +450,7 @@ def test_brush_and_operator_stay_in_a_newer_generation(own_store: Path) -> None:
 def test_a_newer_generation_leaves_a_selection_waiting(
     own_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
     session = Session(own_store)
     session.waits = True
     session.choose("real.loss > 0")
@@ -458,7 +458,7 @@ def test_a_newer_generation_leaves_a_selection_waiting(
     add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
     session.move_on()
     assert session.state.message.endswith(f"of generation {session.store.latest_generation()}")
-    state = arriving.arrive(session, s2rstore.open(own_store))
+    state = navigation.arrive(session, s2rstore.open(own_store))
     assert (state.generation, state.expression) == (session.store.generation, "real.loss > 0")
     assert (state.generation, state.brush) == (state.newest, brush)
     session.close()
@@ -517,7 +517,7 @@ def begun(session: Session, **fields: object) -> tuple[Brush, State]:
 def test_brush_and_operator_stay_as_an_awaited_run_arrives(store: Path) -> None:
     session = Session(store)
     brush, before = begun(session, awaited=Awaited("b", session.state.generation))
-    state = arriving.arrive(session)
+    state = navigation.arrive(session)
     assert (state.run, state.awaited) == ("b", None)
     assert (state.brush, state.operator) == (brush, before.operator)
     session.close()
@@ -529,7 +529,7 @@ def test_the_awaited_run_may_be_gone_from_the_newer_generation(own_store: Path) 
     add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
     fresh = s2rstore.open(own_store)
     del fresh.runs["vanilla"]
-    state = arriving.arrive(session, fresh)
+    state = navigation.arrive(session, fresh)
     assert session.store is fresh
     assert (state.run, state.awaited, state.brush) == ("dataaug", None, None)
     session.close()
@@ -552,7 +552,7 @@ def test_a_generation_that_cannot_be_entered_changes_nothing(
 
 
 def test_a_session_alone_reads_at_once(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(loading, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
     session = Session(store)
     assert session.change_run(1).run == "b"
     session.close()
@@ -610,7 +610,7 @@ def test_keys_look_at_no_file(store: Path, monkeypatch: pytest.MonkeyPatch) -> N
     """What a floor plan depends on is asked at every key."""
     session = Session(store)
     monkeypatch.setattr(type(session.store), "floor_plan_path", lambda _: 1 / 0)
-    wanted = reading.wants_floor_plan(session.store, session.state)
+    wanted = store_data.wants_floor_plan(session.store, session.state)
     assert (wanted is None) == (session.store.dataset.floor_plan is None)
     session.close()
 

@@ -9,17 +9,17 @@ import sys
 from pathlib import Path
 
 import s2rstore
-from s2rstore.verify import verify
+from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
 from tests.support.copies import copied
 
 _APPLICATION = """
 import asyncio, faulthandler, sys
 from pathlib import Path
-from s2rtui.app import S2RApp
-from s2rtui.background import end_process
+from s2rtui.app.app import S2RApp
+from s2rtui.jobs.background_thread import end_process
 from s2rtui.canvas import Look
-from s2rtui.headless import settle
+from s2rtui.app.pilot import settle
 from s2rtui.session import Session
 async def main(path, stop):
     app = S2RApp(Session(path), Look())

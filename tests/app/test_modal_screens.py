@@ -8,11 +8,11 @@ import pytest
 from textual import events
 from textual.widgets import OptionList, Static
 
-from s2rtui.app import S2RApp
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle
 from s2rtui.canvas import Look
-from s2rtui.headless import settle
-from s2rtui.notebook import Notebook, SavedSelection
 from s2rtui.session import Session
+from s2rtui.user_data.notebook import Notebook, SavedSelection
 
 LEFT_BY = {
     "space": ("a", "n"),

@@ -8,13 +8,12 @@ from pathlib import Path
 import pytest
 from textual import events
 
-from s2rtui.app import S2RApp
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle
+from s2rtui.app.widgets.plot import Drag, PlotView, Stroke, Turn, Wheel
 from s2rtui.canvas import Look
-from s2rtui.headless import settle
-from s2rtui.session import Session, showing
-from s2rtui.views import BY_NAME
-from s2rtui.widgets import PlotView
-from s2rtui.widgets.plot import Drag, Stroke, Turn, Wheel
+from s2rtui.charts.registry import BY_NAME
+from s2rtui.session import Session, display
 
 MOVES = 300
 
@@ -140,7 +139,7 @@ async def test_turns_of_the_wheel_never_queue_up(
         view, bounds = app.session.state.viewport, app.session.store.dataset.bounds
         assert view is not None
         assert max(view.width / bounds.width, view.height / bounds.height) == pytest.approx(
-            showing.CLOSEST
+            display.CLOSEST
         )
 
 

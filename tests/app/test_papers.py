@@ -11,20 +11,20 @@ import pytest
 from textual.pilot import Pilot
 
 import s2rstore
-from s2rstore import selection
 from s2rstore.errors import RequestError
-from s2rtui.access import Access
-from s2rtui.app import S2RApp
-from s2rtui.background import rest
+from s2rstore.language import evaluation
+from s2rtui.app.app import S2RApp
+from s2rtui.app.messages import Failed
+from s2rtui.app.pilot import settle
+from s2rtui.app.widgets.query_input import QueryLine
 from s2rtui.canvas import Look
 from s2rtui.cli import main
-from s2rtui.filing import file, numbered
-from s2rtui.headless import settle
-from s2rtui.messages import Failed
-from s2rtui.notebook import Notebook, SavedSelection
-from s2rtui.rows import formats, picked
+from s2rtui.export.exclusive_files import file, numbered
+from s2rtui.export.rows import formats, selected_instances
+from s2rtui.jobs.background_thread import rest
+from s2rtui.security import Access
 from s2rtui.session import Session
-from s2rtui.widgets.query import QueryLine
+from s2rtui.user_data.notebook import Notebook, SavedSelection
 
 
 def app_on(store: Path, folder: Path, restricted: bool = False) -> S2RApp:
@@ -95,12 +95,12 @@ async def test_the_selection_is_written_as_the_command_writes_it(
 def test_rows_of_what_is_selected_are_those_of_its_expression(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch, expression: str
 ) -> None:
-    monkeypatch.setattr(picked, "_BLOCK", 7)
+    monkeypatch.setattr(selected_instances, "_BLOCK", 7)
     with s2rstore.open(tiny_store) as store:
-        wanted = picked.picked(store, expression)
-        chosen = selection.select(store, expression)
-        monkeypatch.setattr(selection, "sql", lambda *_: 1 / 0)
-        assert picked.picked(store, expression, selected=chosen) == wanted
+        wanted = selected_instances.picked(store, expression)
+        chosen = evaluation.select(store, expression)
+        monkeypatch.setattr(evaluation, "sql", lambda *_: 1 / 0)
+        assert selected_instances.picked(store, expression, selected=chosen) == wanted
 
 
 def test_a_fault_is_told_in_one_line(tiny_store: Path) -> None:
@@ -201,7 +201,7 @@ async def test_a_report_can_be_tried_again_after_a_fault(
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         with monkeypatch.context() as patch:
-            patch.setattr("s2rtui.report.report", fault)
+            patch.setattr("s2rtui.export.report.report", fault)
             await press(app, pilot, "E")
         assert "ZeroDivisionError: oh" in app.session.state.message
         await press(app, pilot, "E")

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from rich.cells import cell_len
 from textual.pilot import Pilot
 
-from s2rtui.app import S2RApp
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle, take
 from s2rtui.canvas import Look
-from s2rtui.headless import settle, take
-from s2rtui.notebook import Notebook
-from s2rtui.plain import plain
-from s2rtui.session import Session, sharing
+from s2rtui.session import Session, shared_selection
+from s2rtui.terminal.ascii_filter import plain
+from s2rtui.user_data.notebook import Notebook
 
 
 def strange(app: S2RApp) -> set[str]:
@@ -44,7 +44,7 @@ async def test_every_screen_is_ascii(
     tiny_store: Path, size: tuple[int, int], keys: tuple[str, ...]
 ) -> None:
     session = Session(tiny_store, notebooks=Notebook)
-    session.book.save("Flur links │ 廊下", sharing.present(session))
+    session.book.save("Flur links │ 廊下", shared_selection.present(session))
     session.book.note(session.state.cursor or 0, "überbelichtet …")
     app = S2RApp(session, Look(ascii=True))
     app.feeding.rest_seconds = 0.001

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from textual import events
 
-from s2rtui.app import S2RApp
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle
+from s2rtui.app.widgets.query_input import QueryLine
 from s2rtui.canvas import Look
-from s2rtui.headless import settle
-from s2rtui.notebook import Notebook
 from s2rtui.session import Session
-from s2rtui.widgets.query import QueryLine
+from s2rtui.user_data.notebook import Notebook
 
 
 def app_on(store: Path) -> S2RApp:

@@ -6,8 +6,8 @@ import json
 import sys
 from pathlib import Path
 
-from s2rstore.writer import edit
-from s2rtools.adjust import parse
+from s2rstore.index.transaction import edit
+from s2rtools.adjustments import parse
 from tests.support.screen import Screen
 
 

@@ -14,13 +14,13 @@ from types import SimpleNamespace
 import pytest
 
 from s2rstore.reader import Store
-from s2rtui import diagnosis
+from s2rtui.app.pilot import snapshot
 from s2rtui.canvas import Look
-from s2rtui.diagnosis import PARTS
-from s2rtui.feeds.live import Bench
-from s2rtui.headless import snapshot
-from s2rtui.session import derive
-from s2rtui.views import VIEWS
+from s2rtui.charts.registry import VIEWS
+from s2rtui.charts.shared import view_inputs
+from s2rtui.loaders.live_prediction import Bench
+from s2rtui.terminal import diagnostics
+from s2rtui.terminal.diagnostics import PARTS
 
 SCREENS = Path(__file__).parent / "screens"
 SIZES = ((80, 24), (120, 40), (200, 60))
@@ -65,7 +65,7 @@ class Still:
     kinds: tuple[str, ...] = ()
 
     def steps(self, iid: int, *_: object) -> Iterator[SimpleNamespace]:
-        shown = derive.instance_input(self.store, self.run, iid, None)
+        shown = view_inputs.instance_input(self.store, self.run, iid, None)
         sides = {}
         for name, side in (("sim", shown.sim), ("real", shown.real)):
             pose = side.pose
@@ -85,7 +85,7 @@ OUTSIDE = {"adjust": ("a", "right", "right", "down"), "doctor": ("D",)}
 def still(monkeypatch: pytest.MonkeyPatch) -> None:
     """A model that never moves, on a plain terminal, everything installed."""
     monkeypatch.setattr(Bench, "model", lambda _, store, run: Still(store, run))
-    monkeypatch.setattr(diagnosis, "packages", lambda: [(part, "installed") for part in PARTS])
+    monkeypatch.setattr(diagnostics, "packages", lambda: [(part, "installed") for part in PARTS])
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.setenv("LC_ALL", "C.UTF-8")
     for name in ("COLORTERM", "NO_COLOR", "SSH_CONNECTION", "TMUX"):

@@ -6,7 +6,7 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import ColourMode
-from s2rtui.terminal import detect, refuse_unusable
+from s2rtui.terminal.capabilities import detect, refuse_unusable
 
 
 @pytest.mark.parametrize(

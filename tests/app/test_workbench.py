@@ -11,16 +11,16 @@ from textual.events import MouseScrollDown
 from textual.pilot import Pilot
 
 from s2rstore.errors import RequestError
-from s2rtui import prompts
-from s2rtui.actions import ACTIONS
-from s2rtui.app import S2RApp
+from s2rtui.app.actions import ACTIONS
+from s2rtui.app.app import S2RApp
+from s2rtui.app.controllers import prompt
+from s2rtui.app.pilot import settle, take
+from s2rtui.app.screens.tour import TourScreen
 from s2rtui.canvas import Look
-from s2rtui.headless import settle, take
-from s2rtui.notebook import Notebook
-from s2rtui.plots.surface import Panel
-from s2rtui.session import Session, listing
-from s2rtui.views import BY_NAME, VIEWS
-from s2rtui.widgets.tour import TourScreen
+from s2rtui.canvas.brush_surface import Panel
+from s2rtui.charts.registry import BY_NAME, VIEWS
+from s2rtui.session import Session, instance_list
+from s2rtui.user_data.notebook import Notebook
 
 BRUSHABLE = ("overview", "map", "umap", "orientation", "rooms", "errors", "list", "compare")
 KEYS = {view.name: view.key for view in VIEWS}
@@ -143,7 +143,7 @@ async def test_the_wheel_moves_through_the_list_from_any_view(tiny_store: Path) 
     app = app_on(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "8")
-        rows = listing.order(app.session.store, app.session.state, app.session.notes)
+        rows = instance_list.order(app.session.store, app.session.state, app.session.notes)
         app.session.put_cursor(int(rows[4]))
         await press(app, pilot, "1")
         run = app.session.state.run
@@ -294,7 +294,7 @@ async def test_two_runs_are_compared(tiny_store: Path) -> None:
 
 
 async def test_heat_of_the_selection_is_gathered(tiny_store: Path) -> None:
-    from s2rtui.session.heat import instance_grid
+    from s2rtui.session.heatmaps import instance_grid
 
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
@@ -371,7 +371,7 @@ async def test_a_long_lasso_by_mouse_is_simplified(tiny_store: Path) -> None:
 
 
 async def test_a_brush_of_bars_selects_what_they_count(tiny_store: Path) -> None:
-    from s2rtui.plots import histogram_model
+    from s2rtui.charts.errors.model import histogram_model
 
     app = app_on(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
@@ -402,7 +402,7 @@ async def test_a_tag_changes_the_selection_that_uses_it(tiny_store: Path) -> Non
 async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from s2rtui.session import derive
+    from s2rtui.charts.shared import view_inputs
 
     def broken(*arguments: object) -> None:
         raise KeyError("frames")
@@ -410,7 +410,7 @@ async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        monkeypatch.setattr(derive, "instance_input", broken)
+        monkeypatch.setattr(view_inputs, "instance_input", broken)
         await press(app, pilot, "right")
         assert "pictures" in app.session.state.message
         monkeypatch.undo()
@@ -559,10 +559,10 @@ async def test_tagging_everyone_has_its_limits(
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "number_sign", *"many*")
-        monkeypatch.setattr(prompts, "_MOST_TAGGED", 39)
+        monkeypatch.setattr(prompt, "_MOST_TAGGED", 39)
         await press(app, pilot, "enter")
         assert "40 instances are too many to tag (at most 39): @" in app.session.state.message
-        monkeypatch.setattr(prompts, "_MOST_TAGGED", 40)
+        monkeypatch.setattr(prompt, "_MOST_TAGGED", 40)
         await press(app, pilot, "enter")
         assert app.session.state.message == "tagged: 40 instances"
         app.session.select("none")

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 import s2rstore
+from s2rtui.app.pilot import snapshot
 from s2rtui.canvas import Look
+from s2rtui.charts.shared import view_inputs
 from s2rtui.cli import main
-from s2rtui.headless import snapshot
-from s2rtui.report import examples
-from s2rtui.session import derive
+from s2rtui.export.report import examples
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_a_picture_that_cannot_be_drawn_is_refused(
 
 def test_an_example_without_frames_stands_in_a_report(bare: Path) -> None:
     with s2rstore.open(bare) as store:
-        made = examples._images(derive.instance_input(store, "vanilla", 5, None))
+        made = examples._images(view_inputs.instance_input(store, "vanilla", 5, None))
     assert made == []
 
 
@@ -72,7 +72,7 @@ def test_a_plain_file_is_no_store(
     tmp_path: Path, command: list[str], capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("s2rtui.terminal.refuse_unusable", lambda: None)
+    monkeypatch.setattr("s2rtui.terminal.capabilities.refuse_unusable", lambda: None)
     path = tmp_path / "notes.txt"
     path.write_text("nothing")
     assert main([*command, str(path), *(["map"] if command == ["show"] else [])]) == 2

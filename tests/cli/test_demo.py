@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 import s2rstore
-from s2rstore.writer import edit
-from s2rtools.score import factors
-from s2rtools.world import shipped
-from s2rtools.world.dataset import WorldData
-from s2rtools.world.factors import FACTORS
-from s2rtui.cli import demo_command, main
+from s2rstore.index.transaction import edit
+from s2rtools.scoring import factor_effects
+from s2rtools.synthetic_world.dataset import WorldData
+from s2rtools.synthetic_world.factors import FACTORS
+from s2rtools.training import pretrained
+from s2rtui.cli import main
+from s2rtui.cli.commands import demo
 
 pytestmark = pytest.mark.xdist_group("world")
 WORDS = ["demo", "--no-open", "--instances", "4", "--out"]
@@ -25,9 +26,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("demo")
     words = ["ingest", "world", "--instances", "4", "--store", str(out / "world.s2r")]
     assert main(words) == 0
-    shipped.add(out / "world.s2r")
+    pretrained.add(out / "world.s2r")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(factors, "MAX_VIEWS", factors.MIN_VIEWS)
+        patch.setattr(factor_effects, "MAX_VIEWS", factor_effects.MIN_VIEWS)
         assert main([*WORDS, str(out)]) == 0
     return out
 
@@ -50,7 +51,7 @@ def test_another_world_needs_another_folder(made: Path, words: list[str], capsys
 
 
 def test_the_demo_knows_every_factor() -> None:
-    assert tuple(FACTORS) == demo_command._FACTORS
+    assert tuple(FACTORS) == demo._FACTORS
 
 
 @pytest.mark.parametrize("recipe", ["[]", "{", "null", '{"seed": "x"}', '{"moon": 1}',
@@ -70,11 +71,11 @@ def test_a_damaged_recipe_is_told(tiny_store: Path, tmp_path: Path, recipe: str)
 def test_a_damaged_score_does_not_stop_the_findings(
     tiny_store: Path, tmp_path: Path, report: str
 ) -> None:
-    from s2rstore import findings
+    from s2rstore.metrics import store_summary
     from tests.support.copies import copied
 
     path = copied(tiny_store, tmp_path / "x.s2r")
     with edit(path) as draft:
         draft.note("score", {"report": report})
     with s2rstore.open(path) as store:
-        assert findings.lines(store)
+        assert store_summary.lines(store)

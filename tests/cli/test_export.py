@@ -15,10 +15,10 @@ import pytest
 from PIL import Image
 
 from s2rtui.canvas import DARK, LIGHT
+from s2rtui.charts.registry import BY_NAME, STORED, VIEWS
 from s2rtui.cli import main
-from s2rtui.notebook import Notebook, SavedSelection
-from s2rtui.offstage import Wanted, staged
-from s2rtui.views import BY_NAME, STORED, VIEWS
+from s2rtui.export.scene import Wanted, staged
+from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import nights
 
 HEAT = ["--heat", "feature_distance"]

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore import selection
+from s2rstore.language import evaluation
 from s2rtui.cli import main
-from s2rtui.notebook import Notebook, SavedSelection
-from s2rtui.rows.formats import save
+from s2rtui.export.rows.formats import save
+from s2rtui.user_data.notebook import Notebook, SavedSelection
 
 PLAIN = (
     "iid,trajectory,seq,x,y,heading,room,sim_error,real_error,gap,sim_heading_error,"
@@ -50,7 +50,7 @@ def test_csv_begins_with_what_it_was_evaluated_on(tiny_store: Path, capsys) -> N
     told = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# "))
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     with s2rstore.open(tiny_store) as store:
-        chosen = np.flatnonzero(selection.select(store, "worst15 & room:right", "dataaug"))
+        chosen = np.flatnonzero(evaluation.select(store, "worst15 & room:right", "dataaug"))
         assert told == {
             "expression": "worst15 & room:right", "run": "dataaug",
             "generation": str(store.generation), "dataset": "0" * 64, "dataset_name": "tiny",

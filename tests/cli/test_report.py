@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore import headlines, selection, stats
 from s2rstore.errors import RequestError
+from s2rstore.language import evaluation
+from s2rstore.metrics import pose_metrics, run_metrics
 from s2rtui.cli import main
-from s2rtui.notebook import Notebook, SavedSelection
-from s2rtui.report import Asked, Request, report
+from s2rtui.export.report.request import Asked, Request
+from s2rtui.export.report.write import report
+from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import tiny
 
 WORST = Request((Asked("worst15"),), runs=("dataaug",), dark=False)
@@ -99,16 +101,16 @@ def test_it_can_be_read_without_pictures(page: Page) -> None:
 
 def test_figures_are_those_of_the_store(tiny_store: Path, page: Page) -> None:
     with s2rstore.open(tiny_store) as store:
-        chosen = selection.select(store, "worst15", "dataaug")
-        fresh = chosen & headlines.held_out(store, "dataaug")
+        chosen = evaluation.select(store, "worst15", "dataaug")
+        fresh = chosen & run_metrics.held_out(store, "dataaug")
         columns, truth = store.run_columns("dataaug"), store.instances
-        new = headlines.held_out(store, "dataaug")
+        new = run_metrics.held_out(store, "dataaug")
         mean = truth.x[new].mean(), truth.y[new].mean()
         away = np.hypot(truth.x[fresh] - mean[0], truth.y[fresh] - mean[1])
-        chance = stats.accuracy(away, store.dataset.accuracy_scale).mean()
+        chance = pose_metrics.accuracy(away, store.dataset.accuracy_scale).mean()
         found = page.tables["Run dataaug on the selection"]
         for row, part in zip(found[1:], (columns.sim, columns.real), strict=True):
-            accuracy = stats.bootstrap_mean(part.accuracy[fresh])
+            accuracy = pose_metrics.bootstrap_mean(part.accuracy[fresh])
             assert row[1].startswith(f"{100 * accuracy.value:.1f} %")
             assert row[2] == f"{100 * chance:.1f} %"
             assert row[3] == f"{np.median(part.error[fresh]):.2f} m"
@@ -125,10 +127,10 @@ def test_figures_are_those_of_the_store(tiny_store: Path, page: Page) -> None:
 
 def test_all_runs_are_compared_on_the_same_instances(tiny_store: Path, page: Page) -> None:
     with s2rstore.open(tiny_store) as store:
-        chosen = selection.select(store, "worst15", "dataaug")
+        chosen = evaluation.select(store, "worst15", "dataaug")
         rows = page.tables["The instances that it selects in dataaug, in every run"]
         for row in rows[1:]:
-            real = headlines.headline(store, row[0], "real", chosen)
+            real = run_metrics.headline(store, row[0], "real", chosen)
             assert row[2].startswith(f"{100 * real.accuracy.value:.1f} %")
             assert row[6] == f"{real.median_error:.2f} m"
     assert [row[0] for row in rows[1:]] == list(tiny.RUNS)

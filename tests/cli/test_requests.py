@@ -12,9 +12,10 @@ from pathlib import Path
 import duckdb
 import pytest
 
-from s2rstore import layout
 from s2rstore.errors import RequestError
-from s2rtui.cli import main, output
+from s2rstore.files import layout
+from s2rtui.cli import main
+from s2rtui.cli.formatting import rows as output
 
 WRONG = [
     ("query STORE 'ids(all)'", "whole numbers"),

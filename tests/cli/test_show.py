@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from s2rtui.cli import main
-from s2rtui.notebook import Notebook
+from s2rtui.user_data.notebook import Notebook
 
 NEW = "'train', 'validation'"
 

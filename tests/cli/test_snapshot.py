@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from s2rtui.cli import main
-from s2rtui.notebook import Notebook, SavedSelection
+from s2rtui.user_data.notebook import Notebook, SavedSelection
 
 
 def screen(store: Path, folder: Path, keys: str, size: str = "120x40") -> str:

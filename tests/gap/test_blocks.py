@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtools.gap import blocks
-from s2rtools.gap.contract import Settings
-from s2rtools.gap.intervals import widened
-from s2rtools.gap.task.groups import mean_replicates
-from s2rtools.gap.visual.figures import figures
-from s2rtools.gap.visual.paired import paired
-from s2rtools.gap.visual.points import principal
+from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.bootstrap_correction import widened
+from s2rtools.gap.task.group_metrics import mean_replicates
+from s2rtools.gap.visual.block_mmd import paired
+from s2rtools.gap.visual.further_metrics import figures
+from s2rtools.gap.visual.low_dimensional_samples import principal
 
 
 def recorded(sizes: list[int]) -> blocks.Blocks:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from s2rstore import layout
-from s2rstore.writer import edit
-from s2rtools.gap import gate
+from s2rstore.files import layout
+from s2rstore.index.transaction import edit
 from s2rtools.gap.axes import AXES, axis
+from s2rtools.gap.gate import gate
 from s2rtui.cli import main
 from tests.support.copies import copied
 

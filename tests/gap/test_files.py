@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from s2rstore import layout
 from s2rstore.errors import RequestError
-from s2rtools.gap.files import check_writable, write_all
+from s2rstore.files import layout
+from s2rtools.common.result_files import check_writable, write_all
 
 
 def names(folder: Path) -> list[str]:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from s2rstore.stats import bounds, interval
-from s2rtools.gap.intervals import small_sample, widened
+from s2rstore.metrics.pose_metrics import bounds, interval
+from s2rtools.gap.bootstrap_correction import small_sample, widened
 
 
 @pytest.mark.parametrize("level", [0.8, 0.95, 0.99])

@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
-from s2rstore.outcomes import outcome_of
-from s2rstore.stats import Interval
-from s2rtools.gap import reference
-from s2rtools.gap.contract import Anchor, Measured, Settings
+from s2rstore.gap_history.gate_status import outcome_of
+from s2rstore.metrics.pose_metrics import Interval
+from s2rtools.gap.axis_result import Anchor, Measured, Settings
+from s2rtools.gap.gate import reference
+from s2rtools.gap.gate.verdict import judge
 from s2rtools.gap.measure import Measurement
-from s2rtools.gap.verdict import judge
 
 SETTINGS = Settings(replicates=400)
 

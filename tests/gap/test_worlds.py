@@ -26,7 +26,7 @@ def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     A robot's factors show in drives alone, the others in images alone.
     """
     from s2rtools.precompute.pipeline import Options, precompute
-    from s2rtools.world import shipped
+    from s2rtools.training import pretrained
     from tests.support.quiet import Quiet
 
     folder = tmp_path_factory.mktemp("worlds")
@@ -34,7 +34,7 @@ def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
         path = folder / f"{name}.s2r"
         words = ["ingest", "world", "--instances", "24", "--factors", factors]
         assert main([*words, "--store", str(path)]) == 0
-        shipped.add(path)
+        pretrained.add(path)
         precompute(path, Quiet(), ["vanilla"], Options(("activation",)))
     for name, (images, drives) in SWAPPED.items():
         path = folder / f"{name}.s2r"

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from s2rstore.geometry import camera
-from s2rstore.geometry.grid import Projector
+from s2rstore.geometry.floor_grid import Projector
 from s2rstore.records import Domain, Intrinsics
-from s2rtools.ingest import IMPORTERS, header
-from s2rtools.ingest.scan import ScanOptions
+from s2rtools.datasets import IMPORTERS, dataset_config
+from s2rtools.datasets.scan import ScanOptions
 
 FRAME = (256, 256)
 EVERY = 2
@@ -25,9 +25,9 @@ pytestmark = pytest.mark.real
 
 
 def declared(name: str) -> Domain:
-    packaged = resources.files("s2rtools.ingest") / "sim2realviz.toml"
+    packaged = resources.files("s2rtools.datasets") / "sim2realviz.toml"
     with resources.as_file(packaged) as path:
-        return header.domain(header.read(path), name, FRAME, path)
+        return dataset_config.domain(dataset_config.read(path), name, FRAME, path)
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
-from s2rstore.geometry.move import UNMOVED, CameraMove, camera_move, hfov
+from s2rstore.geometry.camera_offset import UNMOVED, CameraMove, camera_move, hfov
 from s2rstore.records import Domain, Intrinsics
 
 WIDTH = 128

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rstore.geometry.alignment import Correction, Crossing, NearerSurface
+from s2rstore.geometry.reprojection import Correction, Crossing, NearerSurface
 from s2rstore.records import Domain, Intrinsics
-from s2rtools.heatmaps.harmonise import Alignment
-from s2rtools.precompute.align import calibrate
-from s2rtools.world.dataset import Recipe, WorldData
-from s2rtools.world.world import raw_depth
+from s2rtools.heatmaps.harmonization import Alignment
+from s2rtools.precompute.rig_calibration import calibrate
+from s2rtools.synthetic_world.dataset import Recipe, WorldData
+from s2rtools.synthetic_world.world import raw_depth
 
 FRAME = (96, 96)
 LENS = Intrinsics(66.0, 66.0, 48.0, 48.0, 0.0)
@@ -36,7 +36,7 @@ def images(data: WorldData, side: str, rows: slice = slice(None)) -> list:
 
 
 def rig(data: WorldData, name: str) -> Domain:
-    from s2rtools.world.world import standard_camera
+    from s2rtools.synthetic_world.world import standard_camera
 
     camera = standard_camera(96)
     return Domain(name, name, camera.lens, camera.lens, camera.height, 0.0, 0.001, 1, 10_000)

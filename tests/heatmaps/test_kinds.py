@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from s2rstore.geometry.alignment import Correction
+from s2rstore.geometry.reprojection import Correction
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.activation import pose_loss
-from s2rtools.heatmaps.harmonise import Alignment
+from s2rtools.heatmaps.harmonization import Alignment
 from s2rtools.inference import Backend
-from s2rtools.models.contract import LoadedModel
-from s2rtools.models.preprocess import preprocess
+from s2rtools.models.pose_network import LoadedModel
+from s2rtools.models.preprocessing import preprocess
 from tests.support import networks
 
 TRUTH = np.array([[1.0, 2.0, 0.3], [0.5, -1.0, 3.0]])

@@ -12,7 +12,7 @@ import pytest
 from rosbags.rosbag1 import Writer
 
 from s2rstore.errors import RequestError
-from s2rtools.logs import read
+from s2rtools.motion_logs import read
 from tests.hostile.inputs import MOST_MEGABYTES, deadline, limits, s2r
 from tests.support import bags, robot
 

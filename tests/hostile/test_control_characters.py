@@ -18,19 +18,24 @@ from rich.console import Console
 from textual.screen import ModalScreen
 
 import s2rstore
-from s2rstore import history, selection
 from s2rstore.errors import RequestError
-from s2rstore.language import complete
-from s2rstore.language.text import string
-from s2rstore.text import escaping, printable, printable_lines, printable_values
-from s2rtui.actions import ACTIONS
-from s2rtui.app import S2RApp
+from s2rstore.gap_history import reader
+from s2rstore.language import complete, evaluation
+from s2rstore.language.canonical_text import string
+from s2rstore.security.printable_text import (
+    escaping,
+    printable,
+    printable_lines,
+    printable_values,
+)
+from s2rtui.app.actions import ACTIONS
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle
 from s2rtui.canvas import Look
+from s2rtui.charts.registry import STORED, VIEWS
 from s2rtui.cli import main
-from s2rtui.headless import settle
-from s2rtui.notebook import Notebook
 from s2rtui.session import Session
-from s2rtui.views import STORED, VIEWS
+from s2rtui.user_data.notebook import Notebook
 from tests.support import hostile
 from tests.support.copies import copied
 from tests.support.hostile import CLIPBOARD, HOSTILE, control_characters
@@ -106,7 +111,7 @@ def test_records_hold_no_control_characters(poisoned_store: Path) -> None:
 
 
 def test_nights_hold_no_control_characters(poisoned_store: Path) -> None:
-    found = history.read(history.path_in(poisoned_store))
+    found = reader.read(reader.path_in(poisoned_store))
     night = found.nights[0]
     texts = [night.dataset, night.reason, night.axes[0].axis, str(night.worst), night.name]
     assert all("CLICK" in text for text in texts)
@@ -295,7 +300,7 @@ def test_error_lines(
 
 def test_rooms_are_typed_as_they_are_shown(poisoned_store: Path) -> None:
     with s2rstore.open(poisoned_store) as store:
-        words = selection.vocabulary(store)
+        words = evaluation.vocabulary(store)
         offered = [text for text, _ in complete("room:", words)]
         assert len(offered) == 2
         for text, stored in zip(offered, store.stored_rooms.values(), strict=True):
@@ -306,8 +311,8 @@ def test_rooms_are_typed_as_they_are_shown(poisoned_store: Path) -> None:
                 f"room:{string(stored)}",
                 f"!{text}",
             ):
-                chosen = np.flatnonzero(selection.select(store, expression))
-                sql, parameters = selection.sql(store, expression)
+                chosen = np.flatnonzero(evaluation.select(store, expression))
+                sql, parameters = evaluation.sql(store, expression)
                 assert chosen.size
                 assert [row[0] for row in store.execute(sql, parameters)] == chosen.tolist()
 

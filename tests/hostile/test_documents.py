@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from s2rstore import input_files
 from s2rstore.errors import RequestError
+from s2rstore.files import input_files
 from s2rtui.cli import main
 from tests.hostile.inputs import deadline, s2r
 from tests.support import pairs

@@ -23,12 +23,12 @@ _LONG_CHUNK = (
 _WORKERS = """
 import os, signal, sys, threading
 from pathlib import Path
-from s2rtools.precompute import workers
+from s2rtools.precompute import executors
 from tests.hostile.interrupted_units import opener
 
 if __name__ == "__main__":
     try:
-        list(workers.run_units(Path("."), [1, 2], opener, 2))
+        list(executors.run_units(Path("."), [1, 2], opener, 2))
     except KeyboardInterrupt:
         sys.exit(130)
 """
@@ -153,7 +153,7 @@ def test_what_an_interrupt_leaves(
     def interrupted(options: object) -> int:
         raise KeyboardInterrupt
 
-    module = importlib.import_module(f"s2rtui.cli.{command}_command")
+    module = importlib.import_module(f"s2rtui.cli.commands.{command}")
     monkeypatch.setattr(module, "execute", interrupted)
     words = {
         "ingest": ["ingest", "world", "--store", "s.s2r"],

@@ -15,8 +15,8 @@ from PIL import Image
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.charts.shared import view_inputs
 from s2rtui.cli import main
-from s2rtui.session import derive
 from tests.hostile.inputs import jpeg, png, s2r
 from tests.support import pairs
 
@@ -136,7 +136,7 @@ def encodings() -> list[bytes]:
 
 
 def test_whole_jpegs_of_all_kinds_are_accepted() -> None:
-    from s2rtools.ingest.jpeg_entropy import check_jpeg
+    from s2rtools.datasets.jpeg_entropy import check_jpeg
 
     for content in encodings():
         check_jpeg(content)
@@ -144,7 +144,7 @@ def test_whole_jpegs_of_all_kinds_are_accepted() -> None:
 
 def test_nearly_all_damages_of_a_jpeg_are_found() -> None:
     """A changed amplitude is another valid picture, so not all can be."""
-    from s2rtools.ingest.jpeg_entropy import check_jpeg
+    from s2rtools.datasets.jpeg_entropy import check_jpeg
 
     rng = np.random.default_rng(1)
     content = jpeg(cv2.resize(COLOURS, (320, 240)))
@@ -222,9 +222,9 @@ def test_a_floor_plan_of_no_plausible_size_is_refused(
 def test_a_floor_plan_bomb_in_a_store_is_not_decoded(tmp_path: Path) -> None:
     path = tmp_path / "floor_plan.png"
     path.write_bytes(bomb(9000, 9000))
-    derive.floor_plan.cache_clear()
+    view_inputs.floor_plan.cache_clear()
     with pytest.raises(RequestError, match="9000x9000 pixels"):
-        derive.floor_plan(str(path))
+        view_inputs.floor_plan(str(path))
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "1e300", "-inf", "0.0"])
@@ -240,6 +240,6 @@ def test_bounds_of_no_extent_or_no_number_are_refused(
 def test_a_floor_plan_that_cannot_be_decoded_is_named(tmp_path: Path) -> None:
     path = tmp_path / "floor_plan.png"
     path.write_bytes(bomb(64, 64, left_out=10))
-    derive.floor_plan.cache_clear()
+    view_inputs.floor_plan.cache_clear()
     with pytest.raises(RequestError, match=r"floor_plan\.png: the floor plan is damaged"):
-        derive.floor_plan(str(path))
+        view_inputs.floor_plan(str(path))

@@ -9,9 +9,9 @@ import pytest
 
 import s2rstore
 from bench.edited_index import edited
-from s2rstore import layout
 from s2rstore.errors import RequestError
-from s2rstore.writer import edit
+from s2rstore.files import layout
+from s2rstore.index.transaction import edit
 from s2rtui.cli import main
 from tests.support.copies import copied
 

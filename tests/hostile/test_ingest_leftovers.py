@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rstore.layout import read_current
+from s2rstore.files.layout import read_current
 from s2rtui.cli import main
 from tests.support import pairs
 

@@ -11,9 +11,9 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.prune import prune
-from s2rstore.verify import check
-from s2rtools.precompute.workers import run_units
+from s2rstore.maintenance.prune import prune
+from s2rstore.maintenance.verify import check
+from s2rtools.precompute.executors import run_units
 
 LEFT = (
     "frames.zarr/sim/a/rgb/c/0/0/0/0.0123456789abcdef0123456789abcdef.partial",
@@ -70,17 +70,17 @@ import resource, signal, sys
 from argparse import Namespace
 from pathlib import Path
 import numpy as np
-from s2rstore import arrays
+from s2rstore.arrays import stored_array
 from s2rtui import cli
 
 root = Path(sys.argv[1])
 path = root / "runs.zarr/vanilla/key9/large"
-arrays.create(path, arrays.plan(64, (64, 64), "float32", 64))
+stored_array.create(path, stored_array.plan(64, (64, 64), "float32", 64))
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 rows = np.random.default_rng(0).random((64, 64, 64)).astype(np.float32)
 def write(options):
-    arrays.write_shard(path, 0, rows)
+    stored_array.write_shard(path, 0, rows)
 raise SystemExit(cli._guarded(Namespace(execute=write, debug=False)))
 """
 
@@ -99,7 +99,7 @@ _KILLED = """
 import multiprocessing, os, signal
 from pathlib import Path
 from s2rstore.errors import S2RError
-from s2rtools.precompute.workers import run_units
+from s2rtools.precompute.executors import run_units
 
 kept = []
 def opener(root, threads):

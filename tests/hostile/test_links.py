@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore import arrays, layout
+from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
-from s2rstore.ledger import Ledger
-from s2rstore.prune import prune
-from s2rstore.verify import verify
-from s2rstore.writer import edit
+from s2rstore.files import layout
+from s2rstore.files.ledger import Ledger
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.prune import prune
+from s2rstore.maintenance.verify import verify
 
 SHARD = "frames.zarr/sim/a/rgb/c/0/0/0/0"
 ARRAY = "runs.zarr/vanilla/key0/activation.real"
@@ -153,10 +154,12 @@ def test_nothing_is_written_through_a_link(own_store: Path, tmp_path: Path) -> N
     _moved_out(own_store, "runs.zarr/vanilla", outside)
     before = sorted(outside.rglob("*"))
     with pytest.raises(RequestError, match="symbolic link"):
-        arrays.create(own_store / "runs.zarr/vanilla/new/a", arrays.plan(4, (2,), "float32", 4))
+        stored_array.create(
+            own_store / "runs.zarr/vanilla/new/a", stored_array.plan(4, (2,), "float32", 4)
+        )
     rows = np.zeros((16, 4, 4, 4), np.float32)
     with pytest.raises(RequestError, match="symbolic link"):
-        arrays.write_shard(own_store / ARRAY, 0, rows)
+        stored_array.write_shard(own_store / ARRAY, 0, rows)
     assert sorted(outside.rglob("*")) == before
 
 

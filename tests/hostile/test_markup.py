@@ -15,13 +15,13 @@ from textual.screen import ModalScreen
 from textual.widgets import Static
 
 import s2rtui
-from s2rtui.actions import ACTIONS
-from s2rtui.app import S2RApp
+from s2rtui.app.actions import ACTIONS
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle, take
+from s2rtui.app.widgets.bar import Bar
 from s2rtui.canvas import Look
-from s2rtui.headless import settle, take
-from s2rtui.notebook import Notebook, SavedSelection
 from s2rtui.session import Session
-from s2rtui.widgets import Bar
+from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import hostile
 from tests.support.copies import copied
 

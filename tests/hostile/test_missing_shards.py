@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore import arrays, selection
+from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
-from s2rstore.ledger import Ledger
-from s2rstore.similarity import embedding
-from s2rstore.writer import edit
-from s2rtools.precompute.projection import principal_components
+from s2rstore.files.ledger import Ledger
+from s2rstore.index.transaction import edit
+from s2rstore.language import evaluation
+from s2rstore.metrics.similarity import embedding
+from s2rtools.precompute.tasks.umap_projection import principal_components
 
 N, WIDTH = 40, 8
 
@@ -27,11 +28,11 @@ def embedded(own_store: Path) -> Path:
         for side in ("sim", "real"):
             relative = f"vanilla/key0/embedding.{side}"
             path = own_store / "runs.zarr" / relative
-            arrays.create(path, arrays.plan(N, (WIDTH,), "float32", 16))
+            stored_array.create(path, stored_array.plan(N, (WIDTH,), "float32", 16))
             rows = rng.normal(size=(N, WIDTH)).astype(np.float32)
             for shard in range(3):
                 block = rows[16 * shard : 16 * shard + 16]
-                file = arrays.write_shard(path, shard, block)
+                file = stored_array.write_shard(path, shard, block)
                 name = file.relative_to(own_store).as_posix()
                 Ledger(own_store).add(f"{relative}:{shard}", [(name, len(block))])
             draft.insert_row(
@@ -58,7 +59,7 @@ def test_every_reader_names_what_is_missing(embedded: Path, gone: str) -> None:
             lambda: np.asarray(sim),
             lambda: sim.oindex[np.array([3, 17])],
             lambda: embedding(store, "vanilla", "sim"),
-            lambda: selection.select(store, "like(1, 5)"),
+            lambda: evaluation.select(store, "like(1, 5)"),
             lambda: principal_components((sim, real), np.ones(N, bool)),
         )
         for read in readers:

@@ -9,8 +9,8 @@ from pathlib import Path
 import duckdb
 import pytest
 
-from s2rstore import history as stored
 from s2rstore.errors import RequestError
+from s2rstore.gap_history import reader as stored
 from s2rtools.nightly.config import Config
 from s2rtools.nightly.run import nightly
 from s2rtui.cli import main

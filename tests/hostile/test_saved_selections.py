@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore import layout, selection
 from s2rstore.errors import RequestError
-from s2rstore.language import ExpressionError, Node, parse, to_text
-from s2rstore.language.context import MAX_TERMS, expand
-from s2rtui.app import S2RApp
+from s2rstore.files import layout
+from s2rstore.language import ExpressionError, Node, evaluation, parse, to_text
+from s2rstore.language.checking import MAX_TERMS, expand
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle
 from s2rtui.canvas import Look
 from s2rtui.cli import main
-from s2rtui.headless import settle
-from s2rtui.notebook import Notebook
 from s2rtui.session import Session
+from s2rtui.user_data.notebook import Notebook
 from tests.support import hostile
 
 DEEP = 3000
@@ -94,7 +94,7 @@ def test_a_name_is_expanded_once(tiny_store: Path) -> None:
     with s2rstore.open(tiny_store) as store:
         texts = {**chain("doubling", 8), "s8": "gap > 1"}
         saved: dict[str, Node] = {name: parse(text) for name, text in texts.items()}
-        words = selection.vocabulary(store, saved)
+        words = evaluation.vocabulary(store, saved)
         node = expand(parse("@s0"), words)
         assert getattr(node, "left", None) is getattr(node, "right", node)
         assert to_text(node).count("gap > 1") == 2**8
@@ -115,8 +115,8 @@ def test_expressions_up_to_the_limits_are_evaluated_alike(tiny_store: Path) -> N
             "!@r0 - @s3",
             "!!!@s1",
         ):
-            chosen = np.flatnonzero(selection.select(store, expression, saved=saved))
-            sql, parameters = selection.sql(store, expression, saved=saved)
+            chosen = np.flatnonzero(evaluation.select(store, expression, saved=saved))
+            sql, parameters = evaluation.sql(store, expression, saved=saved)
             assert [row[0] for row in store.execute(sql, parameters)] == chosen.tolist()
 
 

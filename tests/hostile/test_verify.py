@@ -14,8 +14,8 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.verify import verify
-from s2rstore.writer import edit
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
 from tests.support.copies import copied
 from tests.support.ingested import ingested

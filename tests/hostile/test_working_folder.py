@@ -22,12 +22,12 @@ _SCRIPT = "import sys\nfrom s2rtui.cli import main\nsys.exit(main())\n"
 _UNITS = """
 import sys
 from pathlib import Path
-from s2rtools.precompute import workers
+from s2rtools.precompute import executors
 from tests.hostile.plain_units import opener
 import cv2
 
 if __name__ == "__main__":
-    print(list(workers.run_units(Path("."), [1, 2], opener, 2)))
+    print(list(executors.run_units(Path("."), [1, 2], opener, 2)))
 """
 
 

@@ -15,10 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import s2rstore
-from s2rstore import arrays, layout
+from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
-from s2rstore.verify import verify
-from s2rstore.writer import edit
+from s2rstore.files import layout
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.verify import verify
 from tests.support import tiny
 
 ARRAY = "runs.zarr/vanilla/key0/activation.real"
@@ -216,7 +217,7 @@ def test_a_flipped_bit_of_metadata_without_checksum_changes_nothing_in_silence(
 
 def _opened(root: Path, path: Path, record: Any) -> np.ndarray:
     """The array's values, where its shape and type are those of the index."""
-    array = arrays.open_read(path, root)
+    array = stored_array.open_read(path, root)
     is_frame = layout.FRAMES in path.parts
     shape, dtype = ((3, 16, 16, 3), "uint8") if is_frame else (record.shape, record.dtype)
     if array.shape != shape or array.dtype != np.dtype(dtype):
@@ -236,14 +237,14 @@ def test_any_zarr_reader_reads_what_is_written(
     dtype: str, seed: int,
 ) -> None:  # fmt: skip
     path = tmp_path_factory.mktemp("array") / "a"
-    plan = arrays.plan(rows, item, dtype, shard)
-    arrays.create(path, plan, {"method": "as tested"})
+    plan = stored_array.plan(rows, item, dtype, shard)
+    stored_array.create(path, plan, {"method": "as tested"})
     rng = np.random.default_rng(seed)
     data = (rng.integers(0, 2, (rows, *item)) * rng.random((rows, *item)) * 200).astype(dtype)
     for number in range(plan.shards):
-        arrays.write_shard(path, number, data[number * shard : (number + 1) * shard])
+        stored_array.write_shard(path, number, data[number * shard : (number + 1) * shard])
     theirs = zarr.open_array(path, mode="r")
-    mine = arrays.open_read(path)
+    mine = stored_array.open_read(path)
     assert (theirs.shape, theirs.dtype, theirs.chunks, theirs.shards) == (
         mine.shape, mine.dtype, mine.chunks, mine.shards,
     )  # fmt: skip

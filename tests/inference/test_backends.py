@@ -11,7 +11,7 @@ import torch
 from s2rstore.errors import RequestError
 from s2rtools.inference import Backend, choose_backend, open_backend
 from s2rtools.inference.backend import Bfloat16Backend
-from s2rtools.inference.folding import folded
+from s2rtools.inference.batch_norm_folding import folded
 from tests.support import networks
 
 

@@ -9,11 +9,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import s2rstore
-from s2rstore import selection
-from s2rstore.language import ExpressionError, fields, parse, to_text
-from s2rstore.language import nodes as n
+from s2rstore.index.transaction import edit
+from s2rstore.language import ExpressionError, evaluation, fields, parse, to_text
+from s2rstore.language import syntax_tree as n
 from s2rstore.reader import Store
-from s2rstore.writer import edit
 from tests.support import embeddings, tiny
 
 NUMBERS = st.one_of(
@@ -134,8 +133,8 @@ def test_masks_and_sql_agree(
     holey: Store, node: n.Node, run: str, view: tuple[str, ...] | None
 ) -> None:
     text = to_text(node)
-    chosen = np.flatnonzero(selection.select(holey, text, run, view))
-    query, parameters = selection.sql(holey, text, run, view)
+    chosen = np.flatnonzero(evaluation.select(holey, text, run, view))
+    query, parameters = evaluation.sql(holey, text, run, view)
     try:
         found = [row[0] for row in holey.execute(query, parameters)]
     except duckdb.Error as error:
@@ -164,8 +163,8 @@ def test_any_text_parses_or_says_where_it_is_wrong(text: str) -> None:
 @given(node=EXPRESSIONS)
 def test_complement_is_the_base_population_minus_the_set(holey: Store, node: n.Node) -> None:
     text = to_text(node)
-    chosen, rest = (selection.select(holey, e, "vanilla") for e in (text, f"!({text})"))
-    everything = selection.select(holey, "all", "vanilla")
+    chosen, rest = (evaluation.select(holey, e, "vanilla") for e in (text, f"!({text})"))
+    everything = evaluation.select(holey, "all", "vanilla")
     assert not (chosen & rest).any()
     assert ((chosen | rest) == everything).all()
     assert (everything == holey.run_columns("vanilla").valid).all()

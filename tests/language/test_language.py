@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore import selection
 from s2rstore.language import (
     ExpressionError,
     Vocabulary,
     base_population,
     complete,
+    evaluation,
     expand,
     parse,
     to_text,
@@ -84,14 +84,14 @@ def test_unknown_names_are_refused_with_the_nearest_known(
     store: Store, text: str, hint: str
 ) -> None:
     with pytest.raises(ExpressionError, match=hint):
-        selection.select(store, text)
+        evaluation.select(store, text)
 
 
 def test_worst15_takes_the_ceiling_of_the_base_population_in_view(store: Store) -> None:
     errors = store.run_columns("vanilla").real.error
     for view, members in ((None, range(40)), (("a",), range(25)), (("b",), range(25, 40))):
         wanted = sorted(members, key=lambda i: (-errors[i], i))[: math.ceil(0.15 * len(members))]
-        chosen = np.flatnonzero(selection.select(store, "worst15", "vanilla", view))
+        chosen = np.flatnonzero(evaluation.select(store, "worst15", "vanilla", view))
         assert chosen.tolist() == sorted(wanted)
 
 
@@ -102,20 +102,20 @@ def test_headings_turn_around(store: Store) -> None:
         ("heading:150..-150", (degrees >= 150) | (degrees <= -150)),
         ("heading:-180..180", np.ones(40, bool)),
     ):
-        assert (selection.select(store, text) == wanted).all(), text
+        assert (evaluation.select(store, text) == wanted).all(), text
 
 
 def test_saved_selections_expand_and_may_not_contain_themselves(store: Store) -> None:
     saved = {"bad": parse("worst15 & @far"), "far": parse("near(5, 4, 3)"), "loop": parse("!@loop")}
-    direct = selection.select(store, "worst15 & near(5, 4, 3)")
-    assert (selection.select(store, "@bad", saved=saved) == direct).all()
+    direct = evaluation.select(store, "worst15 & near(5, 4, 3)")
+    assert (evaluation.select(store, "@bad", saved=saved) == direct).all()
     with pytest.raises(ExpressionError, match="contains itself"):
-        selection.select(store, "@loop", saved=saved)
+        evaluation.select(store, "@loop", saved=saved)
 
 
 def test_another_runs_fields(store: Store) -> None:
     other = store.run_columns("dataaug").real.error > 1
-    assert (selection.select(store, 'run("dataaug").real.error > 1', "vanilla") == other).all()
+    assert (evaluation.select(store, 'run("dataaug").real.error > 1', "vanilla") == other).all()
 
 
 def test_completion_offers_only_what_goes_on() -> None:
@@ -153,10 +153,10 @@ def test_completion_knows_where_it_stands(text: str, offered: str, withheld: str
 def test_completion_leaves_numbers_to_the_user() -> None:
     words = Vocabulary(("vanilla",), ("left (hall",), ())
     for text in ("like(", "like(12, ", "real.lasso(1, 2, ", "ids(3, "):
-        assert complete(text, words) == []
+        assert completion(text, words) == []
     for text in ("real.error > ", "all & gap <", "heading:90 +- ", "seq:3..", "gap = -"):
-        assert complete(text, words) == []
-    assert complete('room:"left (hall" & hea', words)
+        assert completion(text, words) == []
+    assert completion('room:"left (hall" & hea', words)
 
 
 @pytest.mark.parametrize(
@@ -200,10 +200,10 @@ def test_short_names_of_shapes(store: Store) -> None:
 
 
 def test_a_mask_belongs_to_who_asked_for_it(store: Store) -> None:
-    first = selection.select(store, "real.error > 1")
+    first = evaluation.select(store, "real.error > 1")
     first[:] = False
-    assert selection.select(store, "real.error > 1").any()
-    base = base_population(selection.context(store, trajectories=["a"]))
+    assert evaluation.select(store, "real.error > 1").any()
+    base = base_population(evaluation.context(store, trajectories=["a"]))
     with pytest.raises(ValueError, match="read-only"):
         base[0] = False
 
@@ -218,6 +218,6 @@ def test_masks_of_one_run_or_view_are_not_anothers(own_store: Path) -> None:
     with s2rstore.open(own_store) as shared:
         for text, run, view in [*asked, *asked]:
             with s2rstore.open(own_store) as fresh:
-                alone = selection.select(fresh, text, run, view)
-            assert (selection.select(shared, text, run, view) == alone).all()
+                alone = evaluation.select(fresh, text, run, view)
+            assert (evaluation.select(shared, text, run, view) == alone).all()
         assert 0 < shared.evaluated.nbytes < 2**20

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore import selection, similarity
 from s2rstore.errors import RequestError
-from s2rstore.language import ExpressionError
+from s2rstore.index.transaction import edit
+from s2rstore.language import ExpressionError, evaluation
+from s2rstore.metrics import similarity
 from s2rstore.reader import Store
-from s2rstore.writer import edit
 from tests.support import embeddings, tiny
 
 N = 40
@@ -48,13 +48,13 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     ],
 )
 def test_like_takes_the_instance_and_its_nearest(store: Store, text: str, wanted: set[int]) -> None:
-    assert set(np.flatnonzero(selection.select(store, text, "vanilla"))) == wanted
-    query, parameters = selection.sql(store, text, "vanilla")
+    assert set(np.flatnonzero(evaluation.select(store, text, "vanilla"))) == wanted
+    query, parameters = evaluation.sql(store, text, "vanilla")
     assert {row[0] for row in store.execute(query, parameters)} == wanted
 
 
 def test_neighbours_are_looked_for_in_view(store: Store) -> None:
-    chosen = np.flatnonzero(selection.select(store, "like(24, 3)", "vanilla", ("b",)))
+    chosen = np.flatnonzero(evaluation.select(store, "like(24, 3)", "vanilla", ("b",)))
     assert chosen.tolist() == [25, 26, 27]  # 24 itself is of trajectory a
     found, distances = similarity.neighbours(store, "vanilla", "real", 24, 3)
     assert found.tolist() == [24, 23, 25, 22]
@@ -62,7 +62,7 @@ def test_neighbours_are_looked_for_in_view(store: Store) -> None:
 
 
 def test_a_run_without_embeddings_says_so(store: Store) -> None:
-    for evaluate in (selection.select, selection.sql):
+    for evaluate in (evaluation.select, evaluation.sql):
         with pytest.raises(
             ExpressionError, match=r"column 10: like: run 'dataaug' has no embeddings"
         ):
@@ -75,7 +75,7 @@ def test_embeddings_stand_in_for_components(own_store: Path) -> None:
     rows = np.arange(N * 3, dtype=np.float32).reshape(N, 3)
     embeddings.add(own_store, "vanilla", {"sim": rows, "real": rows}, "embedding")
     with s2rstore.open(own_store) as store:
-        assert set(np.flatnonzero(selection.select(store, "like(5, 2)"))) == {4, 5, 6}
+        assert set(np.flatnonzero(evaluation.select(store, "like(5, 2)"))) == {4, 5, 6}
 
 
 def test_embeddings_of_other_instances_are_refused(own_store: Path) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from s2rstore import angles
 from s2rstore.errors import RequestError
+from s2rstore.geometry import angles
 from s2rtools.models.conventions import OutputConvention, parse_convention
 
 HEADINGS = torch.linspace(-3.1, 3.1, 9, dtype=torch.float64)

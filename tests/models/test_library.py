@@ -13,11 +13,11 @@ from torch import nn
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.writer import edit
+from s2rstore.index.transaction import edit
 from s2rtools.models import build
-from s2rtools.models.contract import PoseNetwork
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.library import load_model, pack, read_weights, register
+from s2rtools.models.pose_network import PoseNetwork
 
 
 def network_state(architecture: str = "resposenet") -> tuple[PoseNetwork, dict[str, torch.Tensor]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2rtools.models.preprocess import preprocess, resize_frames
+from s2rtools.models.preprocessing import preprocess, resize_frames
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from s2rtools.logs import csvlog
+from s2rtools.motion_logs import csv_reader
 from s2rtools.nightly.config import Config
 from s2rtui.cli import main
 from tests.support import robot
@@ -24,7 +24,7 @@ def bags(config: Config) -> Path:
     sim = robot.sampled(robot.drive(told), 10.0)
     folder = config.source.parent / "bags" / "one"
     folder.mkdir(parents=True)
-    csvlog.write_commands(told, folder / "commands.csv")
+    csv_reader.write_commands(told, folder / "commands.csv")
     for role, log in (("real", real), ("sim", sim)):
         still = replace(log, x=0 * log.x, y=0 * log.y, heading=0 * log.heading)
         write(folder / f"{role}.bag", {"/truth": (POSE, log), "/odom": (ODOMETRY, still)})

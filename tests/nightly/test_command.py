@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import s2rtools.gap
-from s2rstore import history as stored
+from s2rstore.gap_history import reader as stored
 from s2rtools.nightly.config import Config
 from s2rtui.cli import main
 from tests.support import nights
@@ -33,7 +33,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     gate = SimpleNamespace(
         Request=request, evidence=lambda store, request: store, measured_report=measured_report
     )
-    monkeypatch.setitem(sys.modules, "s2rtools.gap.gate", gate)
+    monkeypatch.setitem(sys.modules, "s2rtools.gap.gate.gate", gate)
     monkeypatch.setattr(s2rtools.gap, "gate", gate, raising=False)
     return seen
 

@@ -15,7 +15,7 @@ from PIL import Image
 from prometheus_client.openmetrics import parser as openmetrics
 from prometheus_client.parser import text_string_to_metric_families
 
-from s2rstore import history
+from s2rstore.gap_history import reader
 from s2rtools.nightly.config import Config
 from s2rtools.nightly.metrics import metrics
 from s2rtools.nightly.run import nightly
@@ -110,7 +110,7 @@ def test_junit_skips_what_decides_nothing_and_what_is_stale(config: Config) -> N
 
 
 def test_metrics_are_what_the_history_holds(told_week: Week) -> None:
-    found = history.read(told_week.config.history).counting("lab")
+    found = reader.read(told_week.config.history).counting("lab")
     for night in found:
         read = samples(metrics(night).decode())
         for axis, gap in {"headline": night.gap, **{a.axis: a.gap for a in night.axes[:3]}}.items():
@@ -138,14 +138,14 @@ def test_metrics_are_read_by_collectors_of_the_older_format(told_week: Week) -> 
     text = told_week.config.metrics.read_text()
     assert text.endswith("# EOF\n")
     assert {family.type for family in text_string_to_metric_families(text)} == {"gauge"}
-    newest = history.read(told_week.config.history).counting("lab")[-1]
+    newest = reader.read(told_week.config.history).counting("lab")[-1]
     assert text == metrics(newest).decode()
 
 
 def test_names_with_quotes_survive_the_metrics(told_week: Week) -> None:
     from dataclasses import replace
 
-    night = history.read(told_week.config.history).nights[0]
+    night = reader.read(told_week.config.history).nights[0]
     read = samples(metrics(replace(night, dataset='a "b"\\ \n c')).decode())
     assert any(("dataset", 'a "b"\\ \n c') in labels for _, labels in read)
 

@@ -13,10 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from s2rstore import history, history_schema
 from s2rstore.errors import RequestError
-from s2rstore.prune import prune
-from s2rstore.verify import verify
+from s2rstore.gap_history import reader as history
+from s2rstore.gap_history import schema
+from s2rstore.maintenance.prune import prune
+from s2rstore.maintenance.verify import verify
 from s2rtools.nightly.run import nightly
 from tests.nightly.conftest import files
 from tests.support import nights
@@ -27,7 +28,7 @@ def test_what_is_missing_is_null_and_every_column_has_a_comment(told_week: Week)
     import duckdb
 
     with duckdb.connect(str(told_week.config.history), read_only=True) as connection:
-        for table in history_schema.TABLES:
+        for table in schema.TABLES:
             for column in table.columns:
                 if column.type == "DOUBLE":
                     query = f'SELECT count(*) FROM "{table.name}" WHERE isnan("{column.name}")'
@@ -87,7 +88,7 @@ _KILLED = """
 import os, signal, sys
 from dataclasses import replace
 from pathlib import Path
-from s2rtools.nightly import config, history
+from s2rtools.nightly import config, history_writer
 from tests.support import nights
 {patch}
 week = nights.Week(config.read(Path(sys.argv[1])), {{}}, 9)
@@ -99,9 +100,9 @@ _DIE = "os.kill(os.getpid(), signal.SIGKILL)"
 @pytest.mark.parametrize(
     ("patch", "kept"),
     [
-        (f"history._insert = lambda *a: {_DIE}", 1),
-        (f"history.layout.sync_file = lambda *a: {_DIE}", 1),
-        (f"history.layout.sync_folder = lambda *a: {_DIE}", 2),
+        (f"history_writer._insert = lambda *a: {_DIE}", 1),
+        (f"history_writer.layout.sync_file = lambda *a: {_DIE}", 1),
+        (f"history_writer.layout.sync_folder = lambda *a: {_DIE}", 2),
         (f"import s2rtools.nightly.publish as p; p.junit = lambda *a: {_DIE}", 2),
     ],
     ids=["while adding", "before the rename", "after the rename", "while telling"],

@@ -10,9 +10,9 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from s2rstore import history
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rstore.writer import edit
+from s2rstore.gap_history import reader
+from s2rstore.index.transaction import edit
 from s2rtools.nightly.config import Config
 from s2rtools.nightly.run import Done, nightly
 from tests.nightly.conftest import files
@@ -21,7 +21,7 @@ from tests.support.nights import Week, day
 
 
 def test_a_regression_on_day_five_turns_the_gate_red(told_week: Week) -> None:
-    found = history.read(told_week.config.history).counting("lab")
+    found = reader.read(told_week.config.history).counting("lab")
     assert [night.night for night in found] == [day(number) for number in range(1, 8)]
     assert [night.exit_code for night in found] == [0, 0, 0, 0, 1, 1, 1]
     assert [night.outcome for night in found] == ["PASS"] * 4 + ["FAIL"] * 3
@@ -34,12 +34,12 @@ def test_the_same_night_again_changes_nothing(week: Week) -> None:
     for number in (1, 2):
         week.night(number)
     before, calls = files(week.config), week.calls
-    rows = history.read(week.config.history).nights
+    rows = reader.read(week.config.history).nights
     again = week.night(2, new_log=False)
     assert (again.new, again.computed, again.written) == (False, False, ())
     assert files(week.config) == before
     assert week.calls == calls == 2
-    assert len(history.read(week.config.history).nights) == len(rows) == 2
+    assert len(reader.read(week.config.history).nights) == len(rows) == 2
 
 
 def test_an_earlier_night_again_changes_nothing_either(week: Week) -> None:
@@ -80,7 +80,7 @@ def test_what_changes_in_a_night_adds_a_row_that_counts(week: Week) -> None:
     first = week.night(1)
     (week.config.source.parent / "drives" / "day1" / "real.csv").write_text("else\n")
     second = week.night(1, new_log=False)
-    found = history.read(week.config.history)
+    found = reader.read(week.config.history)
     assert [night.id for night in found.nights] == [1, 2]
     assert found.counting("lab")[0].key == second.night.key != first.night.key
     (week.config.source.parent / "drives" / "day1" / "real.csv").write_text(
@@ -88,7 +88,7 @@ def test_what_changes_in_a_night_adds_a_row_that_counts(week: Week) -> None:
     )
     back = week.night(1, new_log=False)
     assert (back.new, back.computed, back.night.measured) == (True, False, 1)
-    assert history.read(week.config.history).counting("lab")[0].id == 3
+    assert reader.read(week.config.history).counting("lab")[0].id == 3
 
 
 @pytest.mark.parametrize(
@@ -164,7 +164,7 @@ def test_two_gates_share_a_history(week: Week) -> None:
         week.config, name="other", metrics=None, reports=week.config.reports / "other"
     )
     assert week.night(1, new_log=False).new
-    found = history.read(week.config.history)
+    found = reader.read(week.config.history)
     assert [len(found.counting(name)) for name in ("lab", "other")] == [1, 1]
 
 
@@ -205,7 +205,7 @@ def test_a_night_that_cannot_be_measured_is_never_green(
     assert files(week.config) == before
     again = week.night(2, new_log=False)
     assert (again.new, again.computed, again.night.exit_code) == (True, True, 0)
-    assert [n.exit_code for n in history.read(week.config.history).nights] == [0, code, 0]
+    assert [n.exit_code for n in reader.read(week.config.history).nights] == [0, code, 0]
 
 
 def test_a_simulator_that_cannot_be_identified_for_a_wrong_request_is_never_green(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numba
 import pytest
 
-from s2rtools.compiled import cached
+from s2rtools.common.numba_cache import cached
 
 
 def test_a_library_imported_inside_keeps_its_functions(

@@ -12,23 +12,23 @@ import torch
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.geometry.camera import rays, to_floor
-from s2rstore.geometry.move import CameraMove
-from s2rstore.prune import prune
+from s2rstore.geometry.camera_offset import CameraMove
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.prune import prune
+from s2rstore.maintenance.verify import verify
 from s2rstore.reader import Store
 from s2rstore.records import Domain
-from s2rstore.sides import run_domain, run_frame, run_frames
-from s2rstore.verify import verify
-from s2rstore.writer import edit
-from s2rtools.adjust import apply_chain, parse
+from s2rstore.run_inputs import run_domain, run_frame, run_frames
+from s2rtools.adjustments import apply_chain, parse
 from s2rtools.inference import open_backend
 from s2rtools.models.library import load_model
-from s2rtools.models.preprocess import preprocess
+from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute.pipeline import Options, precompute
 from s2rtools.precompute.registry import add_run
 from s2rtools.rendering import open_renderer, reason_against
-from s2rtools.score.factors import Counterfactuals
-from s2rtools.score.truth import Truth
-from s2rtui.session.heat import choices, instance_grid
+from s2rtools.scoring.factor_effects import Counterfactuals
+from s2rtools.scoring.ground_truth import Truth
+from s2rtui.session.heatmaps import choices, instance_grid
 from s2rtui.session.state import HeatChoice
 from tests.support.copies import copied
 from tests.support.quiet import Quiet

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore.verify import verify
-from s2rstore.writer import edit
-from s2rtools.precompute import outlier
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.verify import verify
 from s2rtools.precompute.pipeline import Options, precompute
-from s2rtui.session.heat import choices
+from s2rtools.precompute.tasks import outliers
+from s2rtui.session.heatmaps import choices
 from tests.precompute.test_pipeline import Quiet
 
 FEW = Options(kinds=("feature_distance",))
@@ -36,27 +36,27 @@ def test_distances_are_those_of_brute_force(n: int, limit: int) -> None:
     points = rng.normal(size=(n, 6)).astype(np.float32)
     points[7::9] = points[0]  # equal embeddings are neighbours at no distance
     points[5::11] = np.nan
-    settings = outlier.OutlierSettings(sample=limit)
-    sample = outlier.sample_rows(np.isfinite(points[:, 0]), settings)
+    settings = outliers.OutlierSettings(sample=limit)
+    sample = outliers.sample_rows(np.isfinite(points[:, 0]), settings)
     assert sample.size <= limit
-    found = outlier.neighbour_distance(
+    found = outliers.neighbour_distance(
         points, np.arange(n), points[sample], sample, settings=settings
     )
     assert np.allclose(found, brute(points, sample), atol=1e-5, equal_nan=True)
 
 
 def test_scores_are_multiples_of_the_median() -> None:
-    scores = outlier.scores(np.array([1, 2, 4, np.nan, 6, 2], np.float32))
+    scores = outliers.scores(np.array([1, 2, 4, np.nan, 6, 2], np.float32))
     assert np.array_equal(scores, [0.5, 1, 2, np.nan, 3, 1], equal_nan=True)
     for nothing in (np.zeros(4), np.full(3, np.nan), np.empty(0)):
-        assert np.isnan(outlier.scores(nothing.astype(np.float32))).all()
+        assert np.isnan(outliers.scores(nothing.astype(np.float32))).all()
 
 
 def test_equal_embeddings_have_no_outlier() -> None:
     rng = np.random.default_rng(0)
     points = np.float32(900) * (1 + rng.normal(size=(60, 4)).astype(np.float32) * 1e-8)
-    found = outlier.neighbour_distance(points, np.arange(60), points, np.arange(60))
-    assert np.isnan(outlier.scores(found)).all()
+    found = outliers.neighbour_distance(points, np.arange(60), points, np.arange(60))
+    assert np.isnan(outliers.scores(found)).all()
 
 
 @pytest.fixture(scope="module")
@@ -92,10 +92,10 @@ def test_only_what_is_missing_is_computed(computed: Path, tmp_path: Path, column
     with s2rstore.open(path) as store:
         before = store.execute("SELECT * FROM pair ORDER BY iid")
         arrays = {record.path for record in store.arrays("vanilla")}
-    for folder in path.glob(f"runs.zarr/*/*/{outlier.KIND}.*"):
+    for folder in path.glob(f"runs.zarr/*/*/{outliers.KIND}.*"):
         shutil.rmtree(folder)
     with edit(path) as draft:
-        draft.delete("zarr_array", kind=outlier.KIND)
+        draft.delete("zarr_array", kind=outliers.KIND)
         if column:
             draft._connection.execute("UPDATE prediction SET outlier = NULL")
         else:
@@ -120,12 +120,12 @@ def test_several_units_are_one_score(
     shutil.copytree(computed, path)
     with s2rstore.open(path) as store:
         whole = store.run_columns("vanilla").sim.outlier
-    for folder in path.glob(f"runs.zarr/*/*/{outlier.KIND}.*"):
+    for folder in path.glob(f"runs.zarr/*/*/{outliers.KIND}.*"):
         shutil.rmtree(folder)
     with edit(path) as draft:
-        draft.delete("zarr_array", kind=outlier.KIND)
+        draft.delete("zarr_array", kind=outliers.KIND)
     monkeypatch.setattr("s2rtools.precompute.stages.OUTLIER_ROWS", 32)
-    monkeypatch.setattr("s2rtools.precompute.outlier._READ_ROWS", 7)
+    monkeypatch.setattr("s2rtools.precompute.tasks.outliers._READ_ROWS", 7)
     precompute(path, Quiet(), ["vanilla"], FEW)
     with s2rstore.open(path) as store:
         assert np.allclose(store.run_columns("vanilla").sim.outlier, whole, rtol=1e-6)

@@ -14,15 +14,16 @@ import pytest
 import torch
 
 import s2rstore
-from s2rstore import angles, layout
 from s2rstore.errors import RequestError
-from s2rstore.verify import verify
-from s2rtools.adjust import parse
+from s2rstore.files import layout
+from s2rstore.geometry import angles
+from s2rstore.maintenance.verify import verify
+from s2rtools.adjustments import parse
 from s2rtools.models.library import load_model
-from s2rtools.models.preprocess import preprocess
+from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.registry import add_run
-from s2rtools.precompute.rows import decode_split, encode_split
 
 pytestmark = pytest.mark.xdist_group("computed")
 

@@ -10,10 +10,10 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.verify import verify
-from s2rtools.precompute.projection import joint_umap, principal_components
+from s2rstore.maintenance.verify import verify
+from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.registry import add_run
-from s2rtools.precompute.rows import decode_split, encode_split
+from s2rtools.precompute.tasks.umap_projection import joint_umap, principal_components
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 10, 30, 49, 60])

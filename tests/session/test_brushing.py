@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.language import parse
-from s2rtui.plots.surface import Mark, Panel
+from s2rtui.canvas.brush_surface import Mark, Panel
+from s2rtui.charts.view import span
 from s2rtui.session import Brush, brushing
-from s2rtui.views.contract import span
 
 
 def plane(y_down: bool = True) -> Panel:

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rstore.locks import file_lock
-from s2rtui import notebook
-from s2rtui.notebook import Notebook, SavedSelection
-from s2rtui.session import Session, sharing
+from s2rstore.files.locks import file_lock
+from s2rtui.session import Session, shared_selection
+from s2rtui.user_data import notebook
+from s2rtui.user_data.notebook import Notebook, SavedSelection
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def session(tiny_store: Path) -> Session:
 
 def test_undo_and_redo_go_past_what_means_nothing_any_more(session: Session) -> None:
     session.select("best15")
-    session.book.save("gone", sharing.present(session))
+    session.book.save("gone", shared_selection.present(session))
     session.select("@gone & curved")
     session.select("worst15")
     session.book.forget("gone")
@@ -32,7 +32,7 @@ def test_undo_and_redo_go_past_what_means_nothing_any_more(session: Session) -> 
     assert state.expression == "best15"
     assert "left out: @gone & curved" in state.message
     assert session.redo().expression == "worst15"
-    session.book.save("gone", sharing.present(session))
+    session.book.save("gone", shared_selection.present(session))
     session.select("@gone")
     session.undo()
     session.book.forget("gone")
@@ -99,7 +99,7 @@ def test_what_cannot_be_read_is_kept_and_the_rest_is_used(
     with pytest.raises(RequestError):
         session.select("@later")
     session.select("worst15")
-    session.book.save("new", sharing.present(session))
+    session.book.save("new", shared_selection.present(session))
     session.book.note(4, "a mirror")
     session.book.forget("good")
     written = json.loads(path.read_text())
@@ -143,7 +143,7 @@ def test_a_section_of_another_form_is_kept(
 
 def test_a_saved_name_used_elsewhere_says_so(session: Session, tmp_path: Path) -> None:
     session.select("worst15")
-    session.book.save("left hall", sharing.present(session))
+    session.book.save("left hall", shared_selection.present(session))
     assert session.select('@"left hall"').message == ""
     told = session.put_run("dataaug").message
     assert '@"left hall": evaluated anew: 6 on dataaug, generation 2' in told
@@ -159,26 +159,26 @@ def test_a_saved_name_used_elsewhere_says_so(session: Session, tmp_path: Path) -
 def test_a_shared_line_brings_its_trajectories(session: Session) -> None:
     session.put_trajectories(("b",))
     session.select("worst15")
-    line = sharing.shared_text(session)
+    line = shared_selection.shared_text(session)
     assert line.endswith('instances in "b"')
     chosen = session.state.selected
     session.put_trajectories(None)
     session.select("all")
-    state = sharing.take(session, line)
+    state = shared_selection.take(session, line)
     assert state.trajectories == ("b",)
     assert (state.selected == chosen).all()
     assert state.message == "trajectories b"
     session.select("all")
-    assert sharing.take(session, line.replace('"b"', '"nowhere"')).trajectories == ("b",)
+    assert shared_selection.take(session, line.replace('"b"', '"nowhere"')).trajectories == ("b",)
     assert "in nowhere" in session.state.message
 
 
 def test_a_shared_line_of_another_generation_says_so(session: Session) -> None:
     session.select("worst15")
-    line = sharing.shared_text(session).replace("generation 2", "generation 7")
+    line = shared_selection.shared_text(session).replace("generation 2", "generation 7")
     session.select("all")
     past = len(session.state.past)
-    state = sharing.take(session, line)
+    state = shared_selection.take(session, line)
     assert "6 on vanilla, generation 2; saved: 6 on vanilla, generation 7" in state.message
     assert len(state.past) == past + 1
 

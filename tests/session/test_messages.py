@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from s2rtui import going
-from s2rtui.actions import ACTIONS
+from s2rtui.app.actions import ACTIONS
+from s2rtui.app.controllers import navigation
 from s2rtui.session import Session, State
 from s2rtui.session.state import Adjust, Slider
 
@@ -17,8 +17,8 @@ BEFORE = "told by an earlier key"
 SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
 KEYS: dict[str, Callable[[Session], object]] = {
     **{action.name: action.do for action in ACTIONS if action.do is not None},
-    "another view": lambda s: going.to(s, "list", on_screen=False),
-    "a view on the screen": lambda s: going.to(s, "umap", on_screen=True),
+    "another view": lambda s: navigation.to(s, "list", on_screen=False),
+    "a view on the screen": lambda s: navigation.to(s, "umap", on_screen=True),
 }
 
 
@@ -52,7 +52,7 @@ def test_a_message_goes_with_the_next_change(session: Session, is_error: bool) -
 
 def test_what_changes_nothing_leaves_an_error(session: Session) -> None:
     session.tell("an error", is_error=True)
-    going.to(session, session.state.view, on_screen=True)
+    navigation.to(session, session.state.view, on_screen=True)
     assert (session.state.message, session.state.is_error) == ("an error", True)
 
 

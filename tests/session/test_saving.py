@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore import locks
 from s2rstore.errors import RequestError
-from s2rstore.verify import verify
-from s2rtools.adjust import chain_of
+from s2rstore.files import locks
+from s2rstore.maintenance.verify import verify
+from s2rtools.adjustments import chain_of
 from s2rtools.precompute.registry import add_run, drop_run
 from s2rtui.cli import main
-from s2rtui.saving import Saving, save_run
+from s2rtui.jobs.precompute_job import Saving, save_run
 from tests.support.copies import copied
 
 pytestmark = pytest.mark.xdist_group("world")
@@ -72,7 +72,7 @@ def test_a_saving_ends_with_a_killed_application(trained: Path, tmp_path: Path) 
     path = copied(trained, tmp_path / "s.s2r")
     add_run(path, "saved", "vanilla", None, None, {"sim": [], "real": []})
     code = (
-        "import sys; from pathlib import Path; from s2rtui.saving import Saving\n"
+        "import sys; from pathlib import Path; from s2rtui.jobs.precompute_job import Saving\n"
         "saving = Saving(Path(sys.argv[1]), 'saved', 3, False)\n"
         "shown = saving.follow(); next(shown); next(shown)\n"
         "print(saving._process.pid, flush=True); list(shown)"

@@ -11,10 +11,10 @@ import pytest
 import s2rstore
 from s2rstore.reader import Store
 from s2rstore.records import Run
-from s2rtools.adjust import parse
+from s2rtools.adjustments import parse
 from s2rtools.precompute.registry import add_run
-from s2rtui.session.derive import instance_input
-from s2rtui.session.seen import seen
+from s2rtui.charts.shared.view_inputs import instance_input
+from s2rtui.session.model_input import seen
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def test_without_the_tools_the_stored_frame_says_so(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plain = seen(store, run(store, "vanilla"), "real", 4)
-    monkeypatch.setitem(sys.modules, "s2rtools.adjust", None)
+    monkeypatch.setitem(sys.modules, "s2rtools.adjustments", None)
     bright, many = (seen(store, run(store, name), "real", 4) for name in ("bright", "many"))
     np.testing.assert_array_equal(bright.rgb, plain.rgb)
     assert bright.title == "real, before brightness=1.5"

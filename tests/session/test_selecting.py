@@ -11,15 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rstore import similarity
 from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError
+from s2rstore.metrics import similarity
 from s2rstore.records import Side
-from s2rtui.actions import BY_NAME
-from s2rtui.notebook import Notebook, SavedSelection
-from s2rtui.session import Session, derive, listing, selecting, sharing
-from s2rtui.views import Resources, Scene
-from s2rtui.views.table import ListView
+from s2rtui.app.actions import BY_NAME
+from s2rtui.charts.shared import view_inputs
+from s2rtui.charts.table.view import ListView
+from s2rtui.charts.view import Resources, Scene
+from s2rtui.session import Session, instance_list, selection, shared_selection
+from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import embeddings
 
 
@@ -191,32 +192,32 @@ def test_a_patient_notebook_is_empty_until_its_file_is_mended(
 
 def test_a_shared_line_selects_the_same_or_says_what_differs(session: Session) -> None:
     session.select("worst15")
-    line = sharing.shared_text(session)
+    line = shared_selection.shared_text(session)
     session.select("all")
-    assert sharing.take(session, line).expression == "worst15"
+    assert shared_selection.take(session, line).expression == "worst15"
     assert session.state.message == ""
     changed = line.replace("6 instances", "9 instances")
-    assert "evaluated anew: 6 on vanilla" in sharing.take(session, changed).message
+    assert "evaluated anew: 6 on vanilla" in shared_selection.take(session, changed).message
     foreign = line.replace("data set ", "data set fff")
     with pytest.raises(RequestError, match="data set fff"):
-        sharing.take(session, foreign)
-    assert sharing.take(session, "best15").expression == "best15"
+        shared_selection.take(session, foreign)
+    assert shared_selection.take(session, "best15").expression == "best15"
 
 
 def test_a_shared_line_turns_to_its_run(session: Session) -> None:
     session.put_run("dataaug")
-    line = sharing.shared_text(session.select("worst15") and session)
+    line = shared_selection.shared_text(session.select("worst15") and session)
     session.put_run("vanilla")
-    assert sharing.take(session, line).run == "dataaug"
+    assert shared_selection.take(session, line).run == "dataaug"
 
 
-@pytest.mark.parametrize("name", listing.COLUMNS)
+@pytest.mark.parametrize("name", instance_list.COLUMNS)
 @pytest.mark.parametrize("descending", [True, False])
 def test_the_list_is_in_order(session: Session, name: str, descending: bool) -> None:
     session.select("all")
     state = replace(session.state, sort=name, descending=descending)
-    rows = listing.order(session.store, state, session.notes)
-    values = listing.column(session.store, state, name)[rows]
+    rows = instance_list.order(session.store, state, session.notes)
+    values = instance_list.column(session.store, state, name)[rows]
     steps = np.diff(values)
     assert (steps <= 0).all() if descending else (steps >= 0).all()
     assert sorted(rows) == sorted(chosen(session))
@@ -224,13 +225,13 @@ def test_the_list_is_in_order(session: Session, name: str, descending: bool) -> 
 
 def test_moving_through_the_list_stays_inside(session: Session) -> None:
     session.select("worst15")
-    rows = listing.order(session.store, session.state, session.notes)
+    rows = instance_list.order(session.store, session.state, session.notes)
     session.put_cursor(int(rows[0]))
-    assert listing.move(session, -1).cursor == rows[0]
-    assert listing.move(session, 2).cursor == rows[2]
-    assert listing.move(session, 1000).cursor == rows[-1]
+    assert instance_list.move(session, -1).cursor == rows[0]
+    assert instance_list.move(session, 2).cursor == rows[2]
+    assert instance_list.move(session, 1000).cursor == rows[-1]
     session.select("none")
-    assert listing.move(session, 1).message == "nothing is selected"
+    assert instance_list.move(session, 1).message == "nothing is selected"
 
 
 def test_a_name_is_not_saved_as_part_of_itself(session: Session) -> None:
@@ -247,15 +248,15 @@ def test_a_name_is_not_saved_as_part_of_itself(session: Session) -> None:
 
 def test_a_wrong_shared_line_changes_nothing(session: Session) -> None:
     session.put_run("vanilla")
-    line = sharing.shared_text(session).replace("run vanilla", "run dataaug")
+    line = shared_selection.shared_text(session).replace("run vanilla", "run dataaug")
     wrong = line.replace(session.state.expression, "room:nowhere", 1)
     before = session.state
     with pytest.raises(ExpressionError):
-        sharing.take(session, wrong)
+        shared_selection.take(session, wrong)
     assert session.state is before
 
 
-@pytest.mark.parametrize("name", listing.NAMES)
+@pytest.mark.parametrize("name", instance_list.NAMES)
 def test_names_are_sorted_by_the_alphabet(session: Session, name: str) -> None:
     session.select("all")
     truth = session.store.instances
@@ -263,7 +264,7 @@ def test_names_are_sorted_by_the_alphabet(session: Session, name: str) -> None:
     state = session.set(replace(session.state, sort=name, descending=False))
     told = [
         names[codes[iid]]
-        for iid in listing.order(session.store, state, session.notes)
+        for iid in instance_list.order(session.store, state, session.notes)
         if codes[iid] >= 0
     ]
     assert len(set(told)) > 1
@@ -273,8 +274,8 @@ def test_names_are_sorted_by_the_alphabet(session: Session, name: str) -> None:
 def test_every_column_of_the_list_can_be_sorted_by(session: Session) -> None:
     names, _ = ListView().numbers(Scene(session.store, session.state, Resources()))
     shown = set(names)
-    assert shown == set(listing.COLUMNS)
-    seen = [listing.next_column(session).sort for _ in listing.COLUMNS]
+    assert shown == set(instance_list.COLUMNS)
+    seen = [instance_list.next_column(session).sort for _ in instance_list.COLUMNS]
     assert set(seen) == shown
 
 
@@ -284,13 +285,13 @@ def test_remarks_are_sorted_by_the_alphabet(session: Session, descending: bool) 
     for iid, text in ((30, "beta"), (2, "Gamma"), (9, "aside"), (7, "alpha"), (20, "beta")):
         session.book.note(iid, text)
     state = replace(session.state, sort="remark", descending=descending)
-    rows = listing.order(session.store, state, session.notes).tolist()
+    rows = instance_list.order(session.store, state, session.notes).tolist()
     assert rows[:4] == ([2, 20, 30, 7] if descending else [7, 20, 30, 2])
     assert rows[4:] == [iid for iid in range(40) if iid not in (2, 7, 9, 20, 30)]
     session.set(state)
-    assert listing.next_column(session).sort == listing.COLUMNS[0]
-    session.set(replace(state, sort=listing.COLUMNS[-1]))
-    assert listing.next_column(session).sort == "remark"
+    assert instance_list.next_column(session).sort == instance_list.COLUMNS[0]
+    session.set(replace(state, sort=instance_list.COLUMNS[-1]))
+    assert instance_list.next_column(session).sort == "remark"
 
 
 def test_a_run_without_embeddings_knows_nothing_alike(session: Session) -> None:
@@ -315,7 +316,9 @@ def test_an_instance_leads_to_what_is_seen_alike(own_store: Path, side: Side) ->
     change = BY_NAME["alike"].do
     assert change is not None
     change(session)
-    near, _ = similarity.neighbours(session.store, session.state.run, side, 4, derive.NEIGHBOURS)
+    near, _ = similarity.neighbours(
+        session.store, session.state.run, side, 4, view_inputs.NEIGHBOURS
+    )
     assert chosen(session) == set(near.tolist())
     assert 4 in chosen(session)
     session.set(replace(session.state, cursor=None))
@@ -328,7 +331,7 @@ def test_an_instance_leads_to_what_is_seen_alike(own_store: Path, side: Side) ->
 def test_a_cursor_that_is_left_behind_goes_to_the_worst(
     session: Session, expression: str, looked_at: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(selecting, "_WORST", looked_at)
+    monkeypatch.setattr(selection, "_WORST", looked_at)
     session.set(replace(session.state, cursor=None))
     state = session.select(expression)
     pool = state.selected if state.selected.any() else state.base

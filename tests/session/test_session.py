@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from s2rstore.errors import RequestError
+from s2rstore.index.transaction import edit
 from s2rstore.language import ExpressionError
-from s2rstore.writer import edit
-from s2rtui.session import Session, showing
-from s2rtui.session.derive import instance_input, map_input, overview_rows
-from s2rtui.session.heat import choices, instance_grid, run_grid
+from s2rtui.charts.shared.view_inputs import instance_input, map_input, overview_rows
+from s2rtui.session import Session, display
+from s2rtui.session.heatmaps import choices, instance_grid, run_grid
 from tests.support import tiny
 
 
@@ -90,13 +90,13 @@ def test_runs_turn_and_keep_the_expression(session: Session) -> None:
 def test_heat_kinds_modes_and_sides_turn(session: Session) -> None:
     kinds = {session.state.heat.kind}
     for _ in range(5):
-        kinds.add(showing.change_heat(session, 1).heat.kind)
+        kinds.add(display.change_heat(session, 1).heat.kind)
     assert kinds == {"activation", "feature_distance", "occlusion"}
     while session.state.heat.kind != "occlusion":
-        showing.change_heat(session, 1)
-    assert {showing.change_mode(session).heat.mode for _ in range(3)} == {"rgb", "depth", "rgbd"}
-    assert showing.change_side(session).heat.side == "sim"
-    assert [showing.change_overlay(session).overlay for _ in range(4)] == [
+        display.change_heat(session, 1)
+    assert {display.change_mode(session).heat.mode for _ in range(3)} == {"rgb", "depth", "rgbd"}
+    assert display.change_side(session).heat.side == "sim"
+    assert [display.change_overlay(session).overlay for _ in range(4)] == [
         "instance",
         "selection",
         "run",
@@ -154,25 +154,25 @@ def test_one_instances_heat_lies_on_the_map(session: Session) -> None:
 def test_the_map_is_neither_lost_nor_inside_out(session: Session) -> None:
     bounds = session.store.dataset.bounds
     for _ in range(40):
-        showing.zoom(session, 1 / 0.6)
+        display.zoom(session, 1 / 0.6)
     closest = session.state.viewport
     assert closest is not None
-    assert closest.width == pytest.approx(bounds.width * showing.CLOSEST)
+    assert closest.width == pytest.approx(bounds.width * display.CLOSEST)
     for _ in range(60):
-        showing.pan(session, 0.2, -0.2)
+        display.pan(session, 0.2, -0.2)
     far = session.state.viewport
     assert far is not None
-    showing.pan(session, 500.0, -500.0)
+    display.pan(session, 500.0, -500.0)
     far = session.state.viewport
     assert far is not None
     middle = (far.x0 + far.x1) / 2, (far.y0 + far.y1) / 2
     assert middle == pytest.approx((bounds.x1, bounds.y0))
     for _ in range(40):
-        showing.zoom(session, 0.6)
+        display.zoom(session, 0.6)
     assert session.state.viewport is None
-    showing.zoom(session, 0.6)
+    display.zoom(session, 0.6)
     assert session.state.viewport is None
-    showing.pan(session, 50.0, 0.0)
+    display.pan(session, 50.0, 0.0)
     wide = session.state.viewport
     assert wide is not None
     assert (wide.x0 + wide.x1) / 2 == pytest.approx(bounds.x1)

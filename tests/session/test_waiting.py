@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rstore import dense, similarity
-from s2rtui.actions import ACTIONS
-from s2rtui.feeds import reading
-from s2rtui.notebook import Notebook
-from s2rtui.session import Session, arriving, loading, sharing
+from s2rstore.index import column_loader
+from s2rstore.metrics import similarity
+from s2rtui.app.actions import ACTIONS
+from s2rtui.loaders import store_data
+from s2rtui.session import Session, navigation, pending_target, shared_selection
 from s2rtui.session.state import State
+from s2rtui.user_data.notebook import Notebook
 from tests.support import embeddings, tiny
 
 RUNS = ("vanilla", "b", "c")
@@ -26,12 +27,12 @@ _REST = {action.name: action.do for action in ACTIONS if action.do is not None}
 
 def pasted(session: Session) -> object:
     facts = _FACTS.format(session.store.dataset.hash, session.state.generation)
-    return sharing.take(session, "worst(3, real.loss)" + facts)
+    return shared_selection.take(session, "worst(3, real.loss)" + facts)
 
 
 BEGUN: dict[str, Key] = {
-    "typed": lambda s: sharing.take(s, "real.loss > 0.3"),
-    "saved": lambda s: sharing.take(s, "@costly & all"),
+    "typed": lambda s: shared_selection.take(s, "real.loss > 0.3"),
+    "saved": lambda s: shared_selection.take(s, "@costly & all"),
     "pasted": pasted,
     "run": lambda s: s.change_run(1),
     "undo": Session.undo,
@@ -60,7 +61,7 @@ class Pair:
         store = self.waiting.store
         store._columns.drop(lambda key: "loss" in key or key[:2] in (("run", "b"), ("run", "c")))
         store.evaluated.clear()
-        loading.read(store, loading.here(self.waiting.state), lambda: True)
+        pending_target.read(store, pending_target.here(self.waiting.state), lambda: True)
         self.waiting.waits = True
 
     def first(self, session: Session) -> State:
@@ -84,9 +85,9 @@ class Pair:
             if (state := self.waiting.state).awaited is None:
                 return
             self.worker = True
-            reading.read_run(self.waiting.store, state, Wanted())
+            store_data.read_run(self.waiting.store, state, Wanted())
             self.worker = False
-            arriving.arrive(self.waiting)
+            navigation.arrive(self.waiting)
         raise AssertionError("it is never there")
 
     def agree(self) -> None:
@@ -115,8 +116,8 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
     made = Pair(*(Session(path, notebooks=lambda own: Notebook(own, folder)) for _ in range(2)))
     for session in (made.waiting, made.direct):
         session.select("real.loss > 0.15")
-        session.book.save("costly", sharing.present(session))
-    predicted, neighbours, own = dense._predicted, similarity.neighbours, made.waiting.store
+        session.book.save("costly", shared_selection.present(session))
+    predicted, neighbours, own = column_loader._predicted, similarity.neighbours, made.waiting.store
 
     def read(index, *rest):
         assert index is not own._dense or made.worker or not made.waiting.waits, rest
@@ -127,8 +128,8 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
         return neighbours(store, *rest)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(loading, "AT_ONCE", 0)
-        patch.setattr(dense, "_predicted", read)
+        patch.setattr(pending_target, "AT_ONCE", 0)
+        patch.setattr(column_loader, "_predicted", read)
         patch.setattr(similarity, "neighbours", near)
         yield made
     for session in (made.waiting, made.direct):

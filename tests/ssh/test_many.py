@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import s2rstore
-from s2rstore import layout
-from s2rstore.verify import verify
+from s2rstore.files import layout
+from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
 from tests.support.copies import copied
 from tests.support.replay import STATUS, faults

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from s2rstore import catalog_check, checked_files, layout, sandbox
 from s2rstore.errors import RequestError
+from s2rstore.files import layout
+from s2rstore.index import catalog_check, checked_files, locked_connection
 from tests.support.copies import copied
 
 
@@ -28,8 +29,8 @@ def compared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Path]:
 
 def opened(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Open it as a new process would."""
-    monkeypatch.setattr(sandbox, "_checked", {})
-    sandbox.connect(index).close()
+    monkeypatch.setattr(locked_connection, "_checked", {})
+    locked_connection.connect(index).close()
 
 
 def index_of(store: Path) -> Path:
@@ -51,9 +52,9 @@ def test_another_expectation_is_compared_again(
 ) -> None:
     index = index_of(own_store)
     opened(index, monkeypatch)
-    monkeypatch.setattr(sandbox, "_checked", {})
+    monkeypatch.setattr(locked_connection, "_checked", {})
     with pytest.raises(RequestError):
-        sandbox.connect(index, views=())
+        locked_connection.connect(index, views=())
     assert compared == [index, index]
 
 
@@ -62,9 +63,9 @@ def test_what_was_refused_is_not_remembered(
 ) -> None:
     index = index_of(own_store)
     for _ in range(2):
-        monkeypatch.setattr(sandbox, "_checked", {})
+        monkeypatch.setattr(locked_connection, "_checked", {})
         with pytest.raises(RequestError):
-            sandbox.connect(index, views=())
+            locked_connection.connect(index, views=())
     assert compared == [index, index]
 
 

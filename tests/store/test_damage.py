@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore import arrays, layout
+from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
-from s2rstore.prune import prune
-from s2rstore.verify import verify
-from s2rstore.writer import edit
+from s2rstore.files import layout
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.prune import prune
+from s2rstore.maintenance.verify import verify
 
 
 def _changed(root: Path, **values: object) -> None:
@@ -125,7 +126,7 @@ def test_a_missing_or_damaged_shard_is_no_picture(own_store: Path) -> None:
     with s2rstore.open(own_store) as store:
         record, _ = store.array("vanilla", "occlusion", "real", "rgbd")
         assert np.abs(store.heatmap("vanilla", "occlusion", "real", 0)).max() > 0
-    shard = arrays.shard_file(own_store / "runs.zarr" / record.path, 0, len(record.shape))
+    shard = stored_array.shard_file(own_store / "runs.zarr" / record.path, 0, len(record.shape))
     content = shard.read_bytes()
     shard.unlink()
     with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="missing"):

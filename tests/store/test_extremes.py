@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rstore.extremes import extremes, largest
+from s2rstore.metrics.top_k import extremes, largest
 
 
 def sorted_extremes(values: np.ndarray, base: np.ndarray, count: int, largest: bool) -> list[int]:

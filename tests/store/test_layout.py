@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from s2rstore import layout
+from s2rstore.files import layout
 
 
 def test_a_file_is_replaced_and_nothing_is_left_beside(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rstore import arrays
+from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
-from s2rstore.ledger import Ledger
+from s2rstore.files.ledger import Ledger
 
 
 def _unit(root: Path, name: str, content: bytes) -> None:
@@ -72,24 +72,24 @@ def test_shards_hold_what_was_written(
     dtype: str, seed: int,
 ) -> None:  # fmt: skip
     path = tmp_path_factory.mktemp("array") / "a"
-    plan = arrays.plan(rows, item, dtype, shard)
-    arrays.create(path, plan)
+    plan = stored_array.plan(rows, item, dtype, shard)
+    stored_array.create(path, plan)
     rng = np.random.default_rng(seed)
     data = (rng.integers(0, 2, (rows, *item)) * rng.integers(0, 200)).astype(dtype)
     for number in range(plan.shards):
         block = data[number * shard : (number + 1) * shard]
-        assert arrays.write_shard(path, number, block).is_file()
-    assert (arrays.open_read(path)[:] == data).all()
+        assert stored_array.write_shard(path, number, block).is_file()
+    assert (stored_array.open_read(path)[:] == data).all()
 
 
 def test_an_array_of_another_shape_is_never_overwritten(tmp_path: Path) -> None:
-    arrays.create(tmp_path / "a", arrays.plan(4, (2,), "float32", 2))
-    arrays.create(tmp_path / "a", arrays.plan(4, (2,), "float32", 2))
+    stored_array.create(tmp_path / "a", stored_array.plan(4, (2,), "float32", 2))
+    stored_array.create(tmp_path / "a", stored_array.plan(4, (2,), "float32", 2))
     with pytest.raises(RequestError, match="another array"):
-        arrays.create(tmp_path / "a", arrays.plan(5, (2,), "float32", 2))
+        stored_array.create(tmp_path / "a", stored_array.plan(5, (2,), "float32", 2))
 
 
 def test_a_part_of_a_shard_is_refused(tmp_path: Path) -> None:
-    arrays.create(tmp_path / "a", arrays.plan(4, (2,), "float32", 4))
+    stored_array.create(tmp_path / "a", stored_array.plan(4, (2,), "float32", 4))
     with pytest.raises(ValueError, match="holds 4 rows"):
-        arrays.write_shard(tmp_path / "a", 0, np.zeros((3, 2), np.float32))
+        stored_array.write_shard(tmp_path / "a", 0, np.zeros((3, 2), np.float32))

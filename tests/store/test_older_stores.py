@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore import schema, selection
-from s2rstore.verify import verify
-from s2rstore.writer import edit
+from s2rstore.index import schema
+from s2rstore.index.transaction import edit
+from s2rstore.language import evaluation
+from s2rstore.maintenance.verify import verify
 
 
 @pytest.fixture
@@ -36,8 +37,8 @@ def test_it_opens_and_what_it_lacks_is_missing(older: Path) -> None:
             "!(real.outlier < 2)",
             "worst15",
         ):
-            chosen = np.flatnonzero(selection.select(store, text))
-            query, parameters = selection.sql(store, text)
+            chosen = np.flatnonzero(evaluation.select(store, text))
+            query, parameters = evaluation.sql(store, text)
             assert [row[0] for row in store.execute(query, parameters)] == chosen.tolist()
     assert verify(older) == []
 
@@ -47,7 +48,7 @@ def test_the_next_generation_has_the_column(older: Path) -> None:
         draft._connection.execute("UPDATE prediction SET outlier = 2 WHERE iid < 3")
     with s2rstore.open(older) as store:
         assert not store.lacking("prediction")
-        assert np.flatnonzero(selection.select(store, "sim.outlier = 2")).tolist() == [0, 1, 2]
+        assert np.flatnonzero(evaluation.select(store, "sim.outlier = 2")).tolist() == [0, 1, 2]
         assert store.execute("SELECT count(*) FROM pair WHERE real_outlier = 2") == [(6,)]
     assert verify(older) == []
 

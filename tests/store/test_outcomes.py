@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from s2rstore.outcomes import EXIT_CODES, known_word, of_report, word_of, worst
-from s2rstore.stats import Interval
+from s2rstore.gap_history.gate_status import EXIT_CODES, known_word, of_report, word_of, worst
+from s2rstore.metrics.pose_metrics import Interval
 
 
 def report(headline: str, golden: str | None, judged: bool = True) -> dict[str, Any]:

@@ -12,11 +12,12 @@ import duckdb
 import pytest
 
 import s2rstore
-from s2rstore import layout, locks, schema
 from s2rstore.errors import RequestError, StoreBusyError
-from s2rstore.prune import prune
-from s2rstore.verify import verify
-from s2rstore.writer import edit
+from s2rstore.files import layout, locks
+from s2rstore.index import schema
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.prune import prune
+from s2rstore.maintenance.verify import verify
 
 
 def test_a_failed_edit_leaves_the_generation_as_it_was(own_store: Path) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 import s2rstore
-from s2rstore import selection
-from s2rstore.recent import Recent
+from s2rstore.language import evaluation
+from s2rstore.lru_cache import Recent
 
 
 def test_the_last_used_stay() -> None:
@@ -45,7 +45,7 @@ def test_many_threads_share_it() -> None:
 def test_a_closed_store_keeps_nothing(tiny_store: Path) -> None:
     store = s2rstore.open(tiny_store)
     error = store.run_columns("vanilla").real.error
-    selection.select(store, "real.error > 0.1", "vanilla")
+    evaluation.select(store, "real.error > 0.1", "vanilla")
     kept = store._columns, store.evaluated, store.embeddings
     assert [recent.nbytes > 0 for recent in kept] == [True, True, False]
     store.close()

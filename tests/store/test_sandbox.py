@@ -6,7 +6,8 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from s2rstore import layout, sandbox
+from s2rstore.files import layout
+from s2rstore.index import locked_connection
 
 
 def test_threads_open_one_index_at_once(tiny_store: Path) -> None:
@@ -15,7 +16,7 @@ def test_threads_open_one_index_at_once(tiny_store: Path) -> None:
 
     def opened(_: int) -> tuple[object, ...] | None:
         together.wait(30)
-        connection = sandbox.connect(index, "128MB")
+        connection = locked_connection.connect(index, "128MB")
         together.wait(30)
         found = connection.execute("SELECT current_setting('lock_configuration')").fetchone()
         connection.close()

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import s2rstore
-from s2rstore import angles, findings, headlines, stats
+from s2rstore.geometry import angles
+from s2rstore.metrics import pose_metrics, run_metrics, store_summary
 from tests.support import tiny
 
 
@@ -35,11 +36,11 @@ def test_ranks_order_by_error_then_index(error: np.ndarray) -> None:
     wanted = np.zeros(error.size, int)
     for position, index in enumerate(sorted(known, key=lambda i: (error[i], i))):
         wanted[index] = position + 1
-    assert (stats.rank(error) == wanted).all()
+    assert (pose_metrics.rank(error) == wanted).all()
 
 
 def test_the_loss_is_the_papers() -> None:
-    loss = stats.pose_loss(np.array([2.0]), np.array([0.5]))
+    loss = pose_metrics.pose_loss(np.array([2.0]), np.array([0.5]))
     assert np.allclose(loss, 0.7 * 4 + 0.3 * 0.5)
 
 
@@ -47,7 +48,7 @@ def test_the_interval_covers_the_mean_of_independent_values_about_as_often_as_it
     rng = np.random.default_rng(3)
     hits = 0
     for _ in range(200):
-        found = stats.bootstrap_mean(rng.normal(1, 1, 200), stats.Bootstrap(5, 400))
+        found = pose_metrics.bootstrap_mean(rng.normal(1, 1, 200), pose_metrics.Bootstrap(5, 400))
         hits += found.low <= 1 <= found.high
     assert 175 <= hits <= 199
 
@@ -55,9 +56,9 @@ def test_the_interval_covers_the_mean_of_independent_values_about_as_often_as_it
 def test_neighbouring_values_that_repeat_widen_the_interval() -> None:
     rng = np.random.default_rng(4)
     values = rng.normal(0, 1, 40)
-    single = stats.bootstrap_mean(np.tile(values, 1).repeat(1))
-    repeated = stats.bootstrap_mean(values.repeat(10))
-    naive = stats.bootstrap_mean(values.repeat(10), stats.Bootstrap(1))
+    single = pose_metrics.bootstrap_mean(np.tile(values, 1).repeat(1))
+    repeated = pose_metrics.bootstrap_mean(values.repeat(10))
+    naive = pose_metrics.bootstrap_mean(values.repeat(10), pose_metrics.Bootstrap(1))
     assert repeated.high - repeated.low > 2 * (naive.high - naive.low)
     assert single.low < single.value < single.high
 
@@ -65,21 +66,23 @@ def test_neighbouring_values_that_repeat_widen_the_interval() -> None:
 def test_headlines_leave_out_what_the_model_was_trained_on(tiny_store) -> None:
     with s2rstore.open(tiny_store) as store:
         columns = store.run_columns("vanilla")
-        found = headlines.headline(store, "vanilla", "sim")
+        found = run_metrics.headline(store, "vanilla", "sim")
         keep = np.arange(40) % 5 == 4
         assert (found.n, found.trained_on) == (8, 32)
         assert np.isclose(found.accuracy.value, columns.sim.accuracy[keep].mean())
-        real = headlines.headline(store, "vanilla", "real")
+        real = run_metrics.headline(store, "vanilla", "real")
         assert (real.n, real.trained_on) == (8, 32)
         assert np.isclose(real.median_error, np.median(columns.real.error[keep]))
         x, y = store.instances.x[keep], store.instances.y[keep]
         off = np.hypot(x - x.mean(), y - y.mean())
-        assert np.isclose(headlines.baseline(store, "vanilla"), np.maximum(0, 1 - off / 12).mean())
+        assert np.isclose(
+            run_metrics.baseline(store, "vanilla"), np.maximum(0, 1 - off / 12).mean()
+        )
 
 
 def test_findings_name_the_worst_room(tmp_path) -> None:
     with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=120)) as store:
-        found = findings.regions(store, "vanilla")
+        found = store_summary.regions(store, "vanilla")
         medians = store.execute(
             """SELECT room, median(real_error), count(*) FROM pair
                WHERE run = 'vanilla' AND sim_split = 'test' AND room IS NOT NULL GROUP BY room
@@ -87,4 +90,4 @@ def test_findings_name_the_worst_room(tmp_path) -> None:
         )
         assert [(r.room, r.n) for r in found] == [(room, n) for room, _, n in medians]
         assert np.isclose(found[0].real_median, medians[0][1])
-        assert any(found[0].room in line for line in findings.lines(store))
+        assert any(found[0].room in line for line in store_summary.lines(store))

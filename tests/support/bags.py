@@ -12,7 +12,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from s2rtools.logs import Log
+from s2rtools.motion_logs import Log
 
 Topics = Mapping[str, tuple[str, Log]]
 """Per topic its kind and the poses."""

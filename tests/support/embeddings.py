@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from s2rstore import arrays, layout
-from s2rstore.ledger import Ledger
-from s2rstore.writer import edit
+from s2rstore.arrays import stored_array
+from s2rstore.files import layout
+from s2rstore.files.ledger import Ledger
+from s2rstore.index.transaction import edit
 
 
 def add(path: Path, run: str, points: dict[str, np.ndarray], kind: str = "pca") -> None:
@@ -17,9 +18,11 @@ def add(path: Path, run: str, points: dict[str, np.ndarray], kind: str = "pca") 
     with edit(path) as draft:
         for side, rows in points.items():
             relative = f"{run}/made/{kind}.{side}"
-            plan = arrays.plan(len(rows), rows.shape[1:], "float32", len(rows))
-            arrays.create(path / layout.RUNS / relative, plan)
-            file = arrays.write_shard(path / layout.RUNS / relative, 0, rows.astype(np.float32))
+            plan = stored_array.plan(len(rows), rows.shape[1:], "float32", len(rows))
+            stored_array.create(path / layout.RUNS / relative, plan)
+            file = stored_array.write_shard(
+                path / layout.RUNS / relative, 0, rows.astype(np.float32)
+            )
             ledger.add(f"{relative}:0", [(file.relative_to(path).as_posix(), len(rows))])
             draft.insert_row(
                 "zarr_array",

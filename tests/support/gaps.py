@@ -7,9 +7,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from s2rstore.history import AxisFigures, History, Night
-from s2rstore.outcomes import EXIT_CODES, word_of
-from s2rstore.stats import Interval
+from s2rstore.gap_history.gate_status import EXIT_CODES, word_of
+from s2rstore.gap_history.reader import AxisFigures, History, Night
+from s2rstore.metrics.pose_metrics import Interval
 
 FIRST = datetime.date(2026, 11, 16)
 NOTHING = Interval(math.nan, math.nan, math.nan)

@@ -8,7 +8,9 @@ from pathlib import Path
 import duckdb
 
 from bench.edited_index import Statement, edited
-from s2rstore import history, history_schema, schema
+from s2rstore.gap_history import reader
+from s2rstore.gap_history import schema as history_schema
+from s2rstore.index import schema
 from tests.support.copies import copied
 
 CLIPBOARD = "\x1b]52;c;aGFja2Vk\x07"
@@ -61,7 +63,7 @@ def poisoned(source: Path, target: Path, text: str = HOSTILE) -> Path:
 
 def with_nights(store: Path, text: str = HOSTILE) -> Path:
     """Give a store a history of two nights whose texts are `text`."""
-    path = history.path_in(store)
+    path = reader.path_in(store)
     path.parent.mkdir(exist_ok=True)
     told = {"worst", "reason", "headline", "golden", "expression", "model", "name", "evidence",
             "run_key", "written_at", "outcome"}  # fmt: skip

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from s2rstore.writer import edit
-from s2rtools.ingest import IMPORTERS
-from s2rtools.ingest.build import build
-from s2rtools.ingest.scan import ScanOptions
+from s2rstore.index.transaction import edit
+from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.build import build
+from s2rtools.datasets.scan import ScanOptions
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.library import Weights, register
 from tests.support import pairs

@@ -9,8 +9,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from s2rtools.models import build
-from s2rtools.models.contract import LoadedModel, PoseNetwork
 from s2rtools.models.conventions import OutputConvention
+from s2rtools.models.pose_network import LoadedModel, PoseNetwork
 
 
 class Small(PoseNetwork):

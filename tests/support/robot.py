@@ -7,7 +7,7 @@ import hashlib
 import numpy as np
 from scipy import signal
 
-from s2rtools.logs import Commands, Drive, Log
+from s2rtools.motion_logs import Commands, Drive, Log
 
 STEP = 0.001
 PERIOD = 0.05

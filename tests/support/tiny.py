@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from s2rstore import arrays, layout, stats
+from s2rstore.arrays import stored_array
+from s2rstore.files import layout
+from s2rstore.files.ledger import Ledger
 from s2rstore.geometry.rooms import room_codes
-from s2rstore.ledger import Ledger
+from s2rstore.index.transaction import Draft, edit
+from s2rstore.metrics import pose_metrics
 from s2rstore.records import Room
-from s2rstore.writer import Draft, edit
 
 ROOMS = (
     Room("left hall", 0, 0.0, 0.0, 5.0, 8.0),
@@ -113,15 +115,15 @@ def _run(draft: Draft, run: str, number: int, truth: tuple[np.ndarray, ...], rng
         px, py = x + rng.normal(0, spread, n), y + rng.normal(0, spread, n)
         angle = np.mod(heading + rng.normal(0, 0.2, n) + np.pi, 2 * np.pi) - np.pi
         error = np.sqrt((px - x) * (px - x) + (py - y) * (py - y))
-        off = stats.heading_error(angle, heading)
+        off = pose_metrics.heading_error(angle, heading)
         split = np.where(np.arange(n) % 5 < 4, "train", "test") if side == "sim" else "unseen"
         draft.insert(
             "prediction",
             {
                 "run": [run] * n, "iid": np.arange(n, dtype=np.int32), "side": [side] * n,
                 "x": px, "y": py, "heading": angle, "error": error, "heading_error": off,
-                "loss": stats.pose_loss(error, off), "accuracy": stats.accuracy(error, 12.0),
-                "rank": stats.rank(error), "split": list(np.broadcast_to(split, n)),
+                "loss": pose_metrics.pose_loss(error, off), "accuracy": pose_metrics.accuracy(error, 12.0),
+                "rank": pose_metrics.rank(error), "split": list(np.broadcast_to(split, n)),
                 "outlier": error / np.median(error),
             },
         )  # fmt: skip
@@ -138,7 +140,7 @@ def _frames(path: Path, n: int, first: int, rng) -> None:
         for name, count in (("a", first), ("b", n - first)):
             for image, item, top in (("rgb", (SIZE, SIZE, 3), 256), ("depth", (SIZE, SIZE), 256)):
                 relative = Path(layout.FRAMES, domain, name, image)
-                arrays.create(path / relative, arrays.plan(count, item, "uint8", 16))
+                stored_array.create(path / relative, stored_array.plan(count, item, "uint8", 16))
                 rows = rng.integers(0, top, (count, *item)).astype(np.uint8)
                 _write(path, ledger, relative, rows, 16)
 
@@ -160,8 +162,8 @@ def _heatmaps(path: Path, n: int, runs: tuple[str, ...], rng) -> None:
             for kind, side, mode, item, axes in specs:
                 name = ".".join(part for part in (kind, mode, side) if part)
                 relative = f"{run}/key{number}/{name}"
-                plan = arrays.plan(n, item, "float32", 16)
-                arrays.create(path / layout.RUNS / relative, plan)
+                plan = stored_array.plan(n, item, "float32", 16)
+                stored_array.create(path / layout.RUNS / relative, plan)
                 rows = rng.normal(0, 1, (n, *item)).astype(np.float32)
                 _write(path, ledger, Path(layout.RUNS, relative), rows, 16)
                 draft.insert_row(
@@ -174,6 +176,6 @@ def _heatmaps(path: Path, n: int, runs: tuple[str, ...], rng) -> None:
 
 def _write(path: Path, ledger: Ledger, relative: Path, rows: np.ndarray, shard: int) -> None:
     for number, start in enumerate(range(0, len(rows), shard)):
-        file = arrays.write_shard(path / relative, number, rows[start : start + shard])
+        file = stored_array.write_shard(path / relative, number, rows[start : start + shard])
         inside = file.relative_to(path).as_posix()
         ledger.add(f"{relative.as_posix()}:{number}", [(inside, len(rows[start : start + shard]))])

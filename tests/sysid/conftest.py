@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from s2rtools.logs import Drive
+from s2rtools.motion_logs import Drive
 from s2rtools.sysid import Identification, Recording, Settings, identify, make_drives
 
 QUICK = Settings(seeds=1, evaluations=160)

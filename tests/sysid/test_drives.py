@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from s2rstore.angles import wrap
 from s2rstore.errors import RequestError
-from s2rtools.logs import read_drives
+from s2rstore.geometry.angles import wrap
+from s2rtools.motion_logs import read_drives
 from s2rtools.sysid import Recording, make_drives
 
 SHORT = Recording(count=2, seconds=4.0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2rtools.sysid.ends import at_ends
+from s2rtools.sysid.bound_check import at_ends
+from s2rtools.sysid.parameter_space import space_of
 from s2rtools.sysid.simulators import Planar
-from s2rtools.sysid.space import space_of
 
 SPACE = space_of(Planar(), ("mass", "drag"), {}, True)  # and the latency: drag and latency from 0
 

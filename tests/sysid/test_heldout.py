@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2rtools.sysid.heldout import HeldOut, compared, drawn_means
+from s2rtools.sysid.heldout_error import HeldOut, compared, drawn_means
 
 
 def judged(gains: list[list[float]], heading: float = 0.0) -> HeldOut:

@@ -10,8 +10,8 @@ import pytest
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.sysid import Identification, Settings, identify, record
-from s2rtools.sysid.drives import SEVERITIES
 from s2rtools.sysid.simulators import Planar
+from s2rtools.sysid.synthetic_drives import SEVERITIES
 from tests.sysid.conftest import QUICK, Made, Silent
 
 DEFAULTS = Planar().defaults()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rtools.logs import Commands
+from s2rtools.motion_logs import Commands
 from s2rtools.sysid.simulators import SIMULATORS, Planar
 
 pytest.importorskip("mujoco")

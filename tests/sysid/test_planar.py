@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rtools.logs import Commands
+from s2rtools.motion_logs import Commands
 from s2rtools.sysid.simulators import Planar
-from s2rtools.sysid.simulators.contract import pack
+from s2rtools.sysid.simulators.simulator import pack
 
 TIMES = 0.02 * np.arange(300)
 SIMULATOR = Planar()

@@ -10,7 +10,7 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rtools.sysid import Identification, report
-from s2rtools.sysid.figure import convergence_figure
+from s2rtools.sysid.convergence_plot import convergence_figure
 from s2rtui.cli import main
 from tests.sysid.conftest import Made
 
@@ -138,7 +138,7 @@ def test_a_range_without_the_truth_ends_with_3_and_a_wider_one_finds_it(
 def test_bags_are_read_by_the_topic_that_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from s2rtools import logs
+    from s2rtools import motion_logs
 
     asked = []
 
@@ -146,7 +146,7 @@ def test_bags_are_read_by_the_topic_that_is_named(
         asked.append((folder, topic))
         raise RequestError("no bags")
 
-    monkeypatch.setattr(logs, "read_drives", read)
+    monkeypatch.setattr(motion_logs, "read_drives", read)
     words = ["sysid", str(tmp_path), "--out", str(tmp_path / "out"), "--topic", "/odom"]
     assert main(words) == 2
     assert asked == [(tmp_path, "/odom")]
@@ -156,9 +156,9 @@ def test_coarse_logs_lose_only_the_network(
     made: Callable[..., Made], tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    from s2rtools.sysid import residual
+    from s2rtools.sysid import residual_training
 
-    monkeypatch.setattr(residual, "STEP", 0.001)
+    monkeypatch.setattr(residual_training, "STEP", 0.001)
     drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
     assert main(["sysid", str(drives), "--out", str(out), "--residual", *FAST]) == 3
     assert "--residual: poses every" in capsys.readouterr().err

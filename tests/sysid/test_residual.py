@@ -9,8 +9,8 @@ import numpy as np
 import torch
 
 from s2rtools.sysid import Identification
-from s2rtools.sysid.correction import Correction
-from s2rtools.sysid.residual import _stretches, learn
+from s2rtools.sysid.residual_network import Correction
+from s2rtools.sysid.residual_training import _stretches, learn
 from tests.sysid.conftest import Silent
 
 

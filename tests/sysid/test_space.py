@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
+from s2rtools.sysid.parameter_space import space_of
 from s2rtools.sysid.simulators import Planar
-from s2rtools.sysid.space import space_of
 
 points = st.lists(st.floats(0.0, 1.0), min_size=5, max_size=5).map(np.array)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.angles import wrap
+from s2rstore.geometry.angles import wrap
 
 REACH = 3
 STRAIGHT_BELOW = 10.0

@@ -4,13 +4,13 @@
 `to_sql` a query with bound parameters.
 """
 
-from s2rstore.language.complete import complete
-from s2rstore.language.context import Neighbours, Vocabulary, expand, used_runs
+from s2rstore.language.canonical_text import quoted, to_text
+from s2rstore.language.checking import Neighbours, Vocabulary, expand, used_runs
+from s2rstore.language.completion import complete
 from s2rstore.language.errors import ExpressionError
-from s2rstore.language.masks import MaskContext, base_population, mask
-from s2rstore.language.nodes import Node
-from s2rstore.language.sql import SqlContext, to_sql
-from s2rstore.language.text import quoted, to_text
+from s2rstore.language.numpy_backend import MaskContext, base_population, mask
+from s2rstore.language.sql_backend import SqlContext, to_sql
+from s2rstore.language.syntax_tree import Node
 
 
 def parse(text: str) -> Node:

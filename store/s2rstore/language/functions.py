@@ -8,7 +8,7 @@ from typing import Any, cast
 from s2rstore.language import fields
 from s2rstore.language.errors import ExpressionError, unknown
 from s2rstore.language.lasso import MOST_CORNERS
-from s2rstore.language.nodes import Box, Extreme, Field, Ids, Lasso, Like, Near, Node
+from s2rstore.language.syntax_tree import Box, Extreme, Field, Ids, Lasso, Like, Near, Node
 from s2rstore.records import Side
 
 MOST_NEIGHBOURS = 100_000

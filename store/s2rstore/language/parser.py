@@ -13,7 +13,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 from s2rstore.language import fields
 from s2rstore.language.errors import ExpressionError, unknown
 from s2rstore.language.functions import Call, Head, apply, has_kind, numeric
-from s2rstore.language.nodes import (
+from s2rstore.language.syntax_tree import (
     And,
     Around,
     Bend,
@@ -30,7 +30,7 @@ from s2rstore.language.nodes import (
     Or,
     Saved,
 )
-from s2rstore.text import printable
+from s2rstore.security.printable_text import printable
 
 _EXPECTED = {
     "NAME": "a word, field or function",

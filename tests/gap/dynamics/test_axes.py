@@ -12,11 +12,11 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rtools.gap.contract import Anchor, Axis, Evidence, Measured, Settings
+from s2rtools.gap.axis_result import Anchor, Axis, Evidence, Measured, Settings
 from s2rtools.gap.dynamics import Delay, Dynamics
 from s2rtools.gap.dynamics.windows import Plan
-from s2rtools.logs import Drive
-from s2rtools.logs.rigid import Rigid
+from s2rtools.motion_logs import Drive
+from s2rtools.motion_logs.rigid_alignment import Rigid
 from tests.support import robot
 
 SETTINGS = Settings(replicates=300)

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rstore import angles
 from s2rstore.errors import RequestError
-from s2rtools.gap.dynamics import errors
-from s2rtools.gap.dynamics.errors import Alignment, Step
-from s2rtools.logs import Log
-from s2rtools.logs.rigid import Rigid, fit
+from s2rstore.geometry import angles
+from s2rtools.gap.dynamics import pose_errors
+from s2rtools.gap.dynamics.pose_errors import Alignment, Step
+from s2rtools.motion_logs import Log
+from s2rtools.motion_logs.rigid_alignment import Rigid, fit
 from tests.support import robot
 
 metrics = pytest.importorskip("evo.core.metrics")
@@ -41,11 +41,11 @@ ALIGNED = [
 
 @pytest.mark.parametrize(("alignment", "evo_align"), ALIGNED)
 def test_ape_is_evos(alignment: Alignment, evo_align: dict | None) -> None:
-    real, sim = errors.together(DRIVE.real, MOVED(DRIVE.sim))
+    real, sim = pose_errors.together(DRIVE.real, MOVED(DRIVE.sim))
     reference, estimate = for_evo(real), for_evo(sim)
     if evo_align is not None:
         estimate.align(reference, **evo_align)
-    ours = errors.ape(DRIVE.real, MOVED(DRIVE.sim), alignment)
+    ours = pose_errors.ape(DRIVE.real, MOVED(DRIVE.sim), alignment)
     for relation, mine in (
         (metrics.PoseRelation.translation_part, ours.position),
         (metrics.PoseRelation.rotation_angle_rad, ours.heading),
@@ -53,7 +53,9 @@ def test_ape_is_evos(alignment: Alignment, evo_align: dict | None) -> None:
         theirs = metrics.APE(relation)
         theirs.process_data((reference, estimate))
         assert mine == pytest.approx(theirs.error, abs=1e-7)
-    assert errors.rmse(mine) == pytest.approx(theirs.get_statistic(metrics.StatisticsType.rmse))
+    assert pose_errors.rmse(mine) == pytest.approx(
+        theirs.get_statistic(metrics.StatisticsType.rmse)
+    )
 
 
 @pytest.mark.parametrize(
@@ -62,11 +64,11 @@ def test_ape_is_evos(alignment: Alignment, evo_align: dict | None) -> None:
 )
 @pytest.mark.parametrize(("alignment", "evo_align"), ALIGNED)
 def test_rpe_is_evos(step: Step, poses: int, alignment: Alignment, evo_align: dict | None) -> None:
-    real, sim = errors.together(DRIVE.real, MOVED(DRIVE.sim))
+    real, sim = pose_errors.together(DRIVE.real, MOVED(DRIVE.sim))
     reference, estimate = for_evo(real), for_evo(sim)
     if evo_align is not None:
         estimate.align(reference, **evo_align)
-    ours = errors.rpe(DRIVE.real, MOVED(DRIVE.sim), step, alignment)
+    ours = pose_errors.rpe(DRIVE.real, MOVED(DRIVE.sim), step, alignment)
     for relation, mine in (
         (metrics.PoseRelation.translation_part, ours.position),
         (metrics.PoseRelation.rotation_angle_rad, ours.heading),
@@ -86,27 +88,27 @@ def test_alignment_undoes_any_motion(
 ) -> None:
     log = DRIVE.sim
     moved = Rigid(angle, reflected, scale if scaled else 1.0, x, y)(log)
-    back = errors.ape(log, moved, Alignment(True, reflection=True, scale=scaled))
+    back = pose_errors.ape(log, moved, Alignment(True, reflection=True, scale=scaled))
     assert back.position.max() < 1e-6
     assert back.heading.max() < 1e-6
 
 
 def test_a_mirrored_log_needs_a_reflection() -> None:
     mirrored = Rigid(1.0, reflected=True)(DRIVE.sim)
-    turned = errors.ape(DRIVE.sim, mirrored, Alignment(rigid=True))
-    assert errors.rmse(turned.position) > 0.3
+    turned = pose_errors.ape(DRIVE.sim, mirrored, Alignment(rigid=True))
+    assert pose_errors.rmse(turned.position) > 0.3
     assert not fit((DRIVE.sim.x, DRIVE.sim.y), (DRIVE.sim.x, DRIVE.sim.y), True).reflected
 
 
 def test_reflection_and_scale_are_not_done_by_halves() -> None:
     with pytest.raises(RequestError, match="need rigid"):
-        errors.ape(DRIVE.real, DRIVE.sim, Alignment(scale=True))
+        pose_errors.ape(DRIVE.real, DRIVE.sim, Alignment(scale=True))
 
 
 def test_by_default_nothing_is_aligned() -> None:
     far = Rigid(x=10.0)(DRIVE.real)
-    assert errors.ape(DRIVE.real, far).position == pytest.approx(10.0)
-    assert errors.rpe(DRIVE.real, far, Step(poses=5)).position.max() < 1e-9
+    assert pose_errors.ape(DRIVE.real, far).position == pytest.approx(10.0)
+    assert pose_errors.rpe(DRIVE.real, far, Step(poses=5)).position.max() < 1e-9
 
 
 @settings(deadline=None)
@@ -114,7 +116,7 @@ def test_by_default_nothing_is_aligned() -> None:
 def test_heading_errors_go_the_short_way(a: float, b: float) -> None:
     time, still = np.arange(2.0), np.zeros(2)
     logs = (Log(time, time, still, np.full(2, h), "", "") for h in (a, b))
-    found = errors.ape(*logs).heading
+    found = pose_errors.ape(*logs).heading
     assert found == pytest.approx(np.abs(np.angle(np.exp(1j * (a - b)))), abs=1e-9)
 
 
@@ -122,37 +124,37 @@ def test_headings_are_read_across_the_wrap() -> None:
     time = np.arange(3.0)
     sim = Log(time, time, time, np.array([3.1, -3.1, -3.0]), "", "")
     real = Log(time + 0.5, time, time, np.full(3, np.pi), "", "")
-    found = errors.ape(real, sim).heading
+    found = pose_errors.ape(real, sim).heading
     assert found[0] == pytest.approx(0.0, abs=1e-9)
     assert angles.distance(-3.05, np.pi) == pytest.approx(found[1])
 
 
 def test_nrmse_is_the_root_over_the_scale_and_not_a_square() -> None:
     log = Log(np.arange(5.0), 3 * np.arange(5.0), 4 * np.arange(5.0), np.zeros(5), "", "")
-    assert errors.SCALES["extent"](log, 1.0) == pytest.approx(20.0)
-    assert errors.SCALES["travel"](log, 2.0) == pytest.approx(10.0)
+    assert pose_errors.SCALES["extent"](log, 1.0) == pytest.approx(20.0)
+    assert pose_errors.SCALES["travel"](log, 2.0) == pytest.approx(10.0)
     off = np.array([3.0, 4.0, 0.0, 5.0])
-    assert errors.rmse(off) == pytest.approx(np.sqrt(12.5))
-    assert errors.nrmse(off, 10.0) == pytest.approx(np.sqrt(12.5) / 10)
-    assert errors.nrmse(100 * off, 1000.0) == pytest.approx(errors.nrmse(off, 10.0))
+    assert pose_errors.rmse(off) == pytest.approx(np.sqrt(12.5))
+    assert pose_errors.nrmse(off, 10.0) == pytest.approx(np.sqrt(12.5) / 10)
+    assert pose_errors.nrmse(100 * off, 1000.0) == pytest.approx(pose_errors.nrmse(off, 10.0))
 
 
 def test_travel_is_not_lengthened_by_noise() -> None:
     rng = np.random.default_rng(0)
     exact = robot.drive(robot.commands(30.0, rng))
     still, noisy = (robot.sampled(exact, 50.0, n, 0.0, rng) for n in (0.0, 0.01))
-    assert errors.travel(noisy, 1.0) == pytest.approx(errors.travel(still, 1.0), rel=0.01)
+    assert pose_errors.travel(noisy, 1.0) == pytest.approx(pose_errors.travel(still, 1.0), rel=0.01)
 
 
 def test_wrong_requests_name_what_is_wrong() -> None:
     with pytest.raises(
         RequestError, match=r"scale metres: unknown \(known: travel, extent, deviation\)"
     ):
-        errors.scale_of("metres")
+        pose_errors.scale_of("metres")
     with pytest.raises(RequestError, match="did not move"):
-        errors.nrmse(np.ones(3), 0.0)
+        pose_errors.nrmse(np.ones(3), 0.0)
     with pytest.raises(RequestError, match="no two poses are 99 s apart"):
-        errors.rpe(DRIVE.real, DRIVE.sim, Step(99.0))
+        pose_errors.rpe(DRIVE.real, DRIVE.sim, Step(99.0))
     later = Log(DRIVE.sim.time + 99, DRIVE.sim.x, DRIVE.sim.y, DRIVE.sim.heading, "later", "")
     with pytest.raises(RequestError, match="later do not overlap"):
-        errors.ape(DRIVE.real, later)
+        pose_errors.ape(DRIVE.real, later)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from s2rtools.gap.contract import Settings
-from s2rtools.gap.dynamics import align, lateness
+from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.delay import delay_axis, time_delay
 
 SETTINGS = Settings(replicates=300)
 
@@ -19,8 +19,8 @@ def test_a_delay_on_the_threshold_seldom_passes(noise: float) -> None:
     ends = []
     for _ in range(2000):
         late = 1 + noise * rng.standard_normal()
-        found = align.Delay(late, 0.0, 0.0, late + spread, {}, 30.0)
-        value, replicates = lateness.sizes([found], SETTINGS)
+        found = time_delay.Delay(late, 0.0, 0.0, late + spread, {}, 30.0)
+        value, replicates = delay_axis.sizes([found], SETTINGS)
         low, high = np.percentile(replicates, [2.5, 97.5])
         assert low <= value <= high
         ends.append((low > 1, high < 1))
@@ -31,15 +31,15 @@ def test_a_delay_on_the_threshold_seldom_passes(noise: float) -> None:
 
 def test_a_delay_within_its_noise_is_shrunk_and_a_clear_one_is_not() -> None:
     rng = np.random.default_rng(0)
-    found = lateness.beyond_noise(np.abs(0.05 + 0.01 * rng.standard_normal(4000)), 0.01)
+    found = delay_axis.beyond_noise(np.abs(0.05 + 0.01 * rng.standard_normal(4000)), 0.01)
     assert found.mean() == pytest.approx(0.05, rel=0.01)
-    assert lateness.beyond_noise(np.array([0.0, 0.007]), 0.01).tolist() == [0.0, 0.0]
-    assert lateness.beyond_noise(np.array(0.02), 0.0) == 0.02
+    assert delay_axis.beyond_noise(np.array([0.0, 0.007]), 0.01).tolist() == [0.0, 0.0]
+    assert delay_axis.beyond_noise(np.array(0.02), 0.0) == 0.02
 
 
 @pytest.mark.parametrize("period", [0.05, 0.1, 1 / 30, 1 / 60, 0.02, 0.01, 0.0125, 0.008, 0.25])
 def test_one_period_measured_on_two_nights_is_one_fingerprint(period: float) -> None:
-    told = {lateness.told_apart(period * (1 + off)) for off in (-2e-3, -1e-5, 0.0, 1e-5, 2e-3)}
+    told = {delay_axis.told_apart(period * (1 + off)) for off in (-2e-3, -1e-5, 0.0, 1e-5, 2e-3)}
     assert len(told) == 1
     assert told.pop() == pytest.approx(period, rel=0.005)
-    assert lateness.told_apart(1.03 * period) != lateness.told_apart(period)
+    assert delay_axis.told_apart(1.03 * period) != delay_axis.told_apart(period)

@@ -10,12 +10,12 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rstore.writer import edit
-from s2rtools.gap.contract import Evidence, Settings
+from s2rstore.index.transaction import edit
+from s2rtools.gap.axis_result import Evidence, Settings
 from s2rtools.gap.dynamics import Delay, Dynamics, options
-from s2rtools.gap.dynamics.errors import Alignment, Step
-from s2rtools.gap.dynamics.noise import Noise
-from s2rtools.logs.rigid import Rigid
+from s2rtools.gap.dynamics.noise_floor import Noise
+from s2rtools.gap.dynamics.pose_errors import Alignment, Step
+from s2rtools.motion_logs.rigid_alignment import Rigid
 from s2rtui.cli import main
 from tests.support import robot
 from tests.support.copies import copied
@@ -191,7 +191,7 @@ def nearest(store: Path) -> float:
 
 
 def test_a_wrong_option_of_a_request_names_itself() -> None:
-    from s2rtools.gap.gate import Request
+    from s2rtools.gap.gate.gate import Request
 
     with pytest.raises(RequestError, match="--dynamics reach=0"):
         Request(dynamics=("reach=0",))

@@ -12,8 +12,8 @@ from scipy.stats import pearsonr
 
 import s2rstore
 from s2rstore.errors import InconclusiveError
-from s2rtools.gap.contract import Settings
-from s2rtools.gap.task.across import across, correlation, rank_violation
+from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.task.rank_consistency import across, correlation, rank_violation
 from tests.support import tiny
 
 N = 120

@@ -14,14 +14,15 @@ from hypothesis import strategies as st
 
 import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
-from s2rstore.writer import edit
-from s2rtools.gap import blocks, gate
-from s2rtools.gap.contract import Evidence, Settings
+from s2rtools.gap import blocks
+from s2rtools.gap.axis_result import Evidence, Settings
+from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
-from s2rtools.gap.task.axis import Task, heading_sectors
-from s2rtools.gap.task.groups import Errors, grouped, mean_replicates, swap_interval
-from s2rtui.cli.gap_details import details as shown
+from s2rtools.gap.task.group_metrics import Errors, grouped, mean_replicates, swap_interval
+from s2rtools.gap.task.task_axis import Task, heading_sectors
+from s2rtui.cli.formatting.gap_details import details as shown
 from tests.support import tiny
 from tests.support.copies import copied
 

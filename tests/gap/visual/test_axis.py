@@ -12,17 +12,17 @@ import pytest
 import torch
 
 import s2rstore
-from s2rstore import schema
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.index import schema
+from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
-from s2rstore.writer import edit
-from s2rtools.gap import gate
-from s2rtools.gap.contract import Evidence, Settings
+from s2rtools.gap.axis_result import Evidence, Settings
+from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
-from s2rtools.gap.visual import axis
-from s2rtools.gap.visual.axis import LEAST_INSTANCES, Visual
+from s2rtools.gap.visual import visual_axis
 from s2rtools.gap.visual.inception import FidInception
-from s2rtui.cli.gap_details import details
+from s2rtools.gap.visual.visual_axis import LEAST_INSTANCES, Visual
+from s2rtui.cli.formatting.gap_details import details
 from tests.support import embeddings, tiny
 from tests.support.copies import copied
 from tests.support.networks import lively
@@ -200,7 +200,7 @@ def test_too_few_images_are_inconclusive(store: Store) -> None:
 def test_more_images_than_needed_are_sampled_by_blocks(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(axis, "MOST_INSTANCES", 44)
+    monkeypatch.setattr(visual_axis, "MOST_INSTANCES", 44)
     found = Visual().measure(evidence(store, "far"), SETTINGS)
     assert 36 <= found.n == found.fingerprint["n"] <= 44
     assert any("bootstrap over" in note for note in found.notes)

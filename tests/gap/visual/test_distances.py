@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import wasserstein_distance
 
-from s2rtools.gap.visual.divergence import BiasWarning, divergences
-from s2rtools.gap.visual.manifold import support
+from s2rtools.gap.visual.kl_divergence import BiasWarning, divergences
+from s2rtools.gap.visual.prdc import support
 from s2rtools.gap.visual.wasserstein import sliced_wasserstein, wasserstein_by_dimension
 
 

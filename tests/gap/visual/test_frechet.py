@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.linalg import sqrtm
 from torchmetrics.image.fid import FrechetInceptionDistance
 
-from s2rtools.gap.visual.frechet import frechet_distance, trace_root, trace_root_of_samples
+from s2rtools.gap.visual.fid import frechet_distance, trace_root, trace_root_of_samples
 
 
 def samples(seed: int, n: int, m: int, d: int) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ import torch
 from safetensors.torch import save_file
 
 from s2rstore.errors import RequestError
-from s2rtools.gap.visual import network
+from s2rtools.gap.visual import feature_network
 from s2rtools.gap.visual.inception import Coarse, FidInception, Fine
 from tests.support.networks import lively
 
@@ -94,7 +94,7 @@ def test_averages_leave_out_padding_and_the_last_block_takes_the_maximum() -> No
 
 def test_features_are_those_of_the_network_on_prepared_images(folder: Path) -> None:
     rgb = np.random.default_rng(0).integers(0, 256, (3, 64, 64, 3)).astype(np.uint8)
-    read = network.read_network(described(folder))
+    read = feature_network.read_network(described(folder))
     x = torch.from_numpy(rgb).permute(0, 3, 1, 2) / 255
     x = torch.nn.functional.interpolate(x, (80, 80), mode="bilinear", align_corners=False) * 2 - 1
     assert np.allclose(read.preprocessing(rgb), x.numpy(), atol=1e-5)
@@ -121,7 +121,7 @@ def bilinear(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
 @pytest.mark.parametrize("shape", [(40, 60), (200, 150), (75, 90)])
 def test_images_are_resized_as_the_usual_features_want_them(shape: tuple[int, int]) -> None:
     rgb = np.random.default_rng(1).integers(0, 256, (2, *shape, 3)).astype(np.uint8)
-    prepare = network.Preprocessing((75, 90), "bilinear", (0.5, 0.4, 0.3), (0.5, 0.25, 0.2))
+    prepare = feature_network.Preprocessing((75, 90), "bilinear", (0.5, 0.4, 0.3), (0.5, 0.25, 0.2))
     wanted = np.stack([bilinear(image / 255, 75, 90) for image in rgb])
     wanted = (wanted - [0.5, 0.4, 0.3]) / [0.5, 0.25, 0.2]
     found = prepare(rgb)
@@ -132,7 +132,7 @@ def test_images_are_resized_as_the_usual_features_want_them(shape: tuple[int, in
 @pytest.mark.parametrize(("name", "mode"), [("bicubic", "bicubic"), ("nearest", "nearest")])
 def test_the_other_filters_are_those_of_torch(name: str, mode: str) -> None:
     rgb = np.random.default_rng(2).integers(0, 256, (1, 150, 180, 3)).astype(np.uint8)
-    prepare = network.Preprocessing((75, 120), name, (0.0,) * 3, (1.0,) * 3)
+    prepare = feature_network.Preprocessing((75, 120), name, (0.0,) * 3, (1.0,) * 3)
     x = torch.from_numpy(rgb).permute(0, 3, 1, 2) / 255
     corners = {} if mode == "nearest" else {"align_corners": False}
     wanted = torch.nn.functional.interpolate(x, (75, 120), mode=mode, **corners).numpy()
@@ -141,17 +141,17 @@ def test_the_other_filters_are_those_of_torch(name: str, mode: str) -> None:
 
 def test_the_area_filter_averages_whole_pixels() -> None:
     rgb = np.random.default_rng(3).integers(0, 256, (1, 150, 225, 3)).astype(np.uint8)
-    prepare = network.Preprocessing((75, 75), "area", (0.0,) * 3, (1.0,) * 3)
+    prepare = feature_network.Preprocessing((75, 75), "area", (0.0,) * 3, (1.0,) * 3)
     wanted = (rgb[0] / 255).reshape(75, 2, 75, 3, 3).mean(axis=(1, 3))
     assert np.allclose(prepare(rgb)[0], np.moveaxis(wanted, -1, 0), atol=2e-5)
 
 
 def test_a_fingerprint_names_weights_and_preprocessing(folder: Path) -> None:
-    one = network.read_network(described(folder)).identity
+    one = feature_network.read_network(described(folder)).identity
     assert one["weights_sha256"] == hashlib.sha256((folder / "w.pth").read_bytes()).hexdigest()
-    assert one == network.read_network(described(folder)).identity
-    other_size = network.read_network(described(folder, size=96)).identity
-    other_file = network.read_network(described(folder, "w.safetensors")).identity
+    assert one == feature_network.read_network(described(folder)).identity
+    other_size = feature_network.read_network(described(folder, size=96)).identity
+    other_file = feature_network.read_network(described(folder, "w.safetensors")).identity
     keys = {i["features_sha256"] for i in (one, other_size, other_file)}
     assert len(keys) == 3
     as_json = folder / "network.json"
@@ -159,7 +159,7 @@ def test_a_fingerprint_names_weights_and_preprocessing(folder: Path) -> None:
     as_json.write_text(
         json.dumps({"architecture": "inception_v3_fid", "weights": "w.pth", "preprocessing": steps})
     )
-    assert network.read_network(as_json).identity == one
+    assert feature_network.read_network(as_json).identity == one
 
 
 @pytest.mark.parametrize(
@@ -189,13 +189,13 @@ def test_what_is_wrong_with_a_description_is_said_in_one_line(
     file = described(damaged)
     file.write_text(file.read_text().replace(old, new))
     with pytest.raises(RequestError) as raised:
-        network.read_network(file)
+        feature_network.read_network(file)
     assert told in str(raised.value)
     assert "\n" not in str(raised.value)
 
 
 def test_other_weights_than_stated_and_a_missing_file_are_refused(folder: Path) -> None:
     with pytest.raises(RequestError, match="its sha256 is"):
-        network.read_network(described(folder, more='sha256 = "00"'))
+        feature_network.read_network(described(folder, more='sha256 = "00"'))
     with pytest.raises(RequestError, match="cannot be read"):
-        network.read_network(folder / "nowhere.toml")
+        feature_network.read_network(folder / "nowhere.toml")

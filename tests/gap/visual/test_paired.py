@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtools.gap import blocks
-from s2rtools.gap.visual.kernel import kernel_distance, polynomial_gram
-from s2rtools.gap.visual.paired import paired
+from s2rtools.gap.visual.block_mmd import paired
+from s2rtools.gap.visual.kid import kernel_distance, polynomial_gram
 
 
 def one_trajectory(n: int, length: int = 0) -> blocks.Blocks:

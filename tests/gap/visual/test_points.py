@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import s2rstore
+from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
-from s2rstore.writer import edit
 from s2rtools.gap import blocks
-from s2rtools.gap.visual.figures import figures
-from s2rtools.gap.visual.points import predicted, principal
+from s2rtools.gap.visual.further_metrics import figures
+from s2rtools.gap.visual.low_dimensional_samples import predicted, principal
 from tests.support.copies import copied
 
 N = 40

@@ -6,7 +6,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from s2rtools.gap.contract import Axis
+    from s2rtools.gap.axis_result import Axis
 
 AXES: dict[str, str] = {
     "visual": "visual.axis:Visual",

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from s2rstore.errors import InconclusiveError
-from s2rtools.gap.contract import Axis, Evidence, Measured, Settings
-from s2rtools.gap.reference import Frozen, freeze
+from s2rtools.gap.axis_result import Axis, Evidence, Measured, Settings
+from s2rtools.gap.gate.reference import Frozen, freeze
 
 
 @dataclass(frozen=True, slots=True)

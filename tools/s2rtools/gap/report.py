@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore.stats import Interval, interval
-from s2rtools.gap.contract import Axis, Evidence, Measured, Settings
-from s2rtools.gap.golden import Compared
+from s2rstore.metrics.pose_metrics import Interval, interval
+from s2rtools.gap.axis_result import Axis, Evidence, Measured, Settings
+from s2rtools.gap.gate.golden_run import Compared
+from s2rtools.gap.gate.reference import Frozen, Reference
+from s2rtools.gap.gate.verdict import NOTHING, AxisGap, Verdict
 from s2rtools.gap.measure import Measurement
-from s2rtools.gap.reference import Frozen, Reference
-from s2rtools.gap.task.across import Across
-from s2rtools.gap.verdict import NOTHING, AxisGap, Verdict
+from s2rtools.gap.task.rank_consistency import Across
 
 Report = dict[str, Any]
 

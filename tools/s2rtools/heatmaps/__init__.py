@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from s2rtools.heatmaps.activation import Activation
-from s2rtools.heatmaps.contract import HeatmapKind, OutputSpec, PairBatch, SideBatch
 from s2rtools.heatmaps.feature_distance import FeatureDistance
-from s2rtools.heatmaps.harmonised import HarmonisedDifference, HarmonisedDistance
+from s2rtools.heatmaps.harmonized_difference import HarmonisedDifference, HarmonisedDistance
+from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, SideBatch
 from s2rtools.heatmaps.occlusion import Occlusion
 from s2rtools.heatmaps.pixel_difference import PixelDifference
 

@@ -9,10 +9,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from s2rstore.metrics.pose_metrics import LOSS_GAMMA
 from s2rstore.records import SIDES
-from s2rstore.stats import LOSS_GAMMA
-from s2rtools.heatmaps.contract import HeatmapKind, OutputSpec, PairBatch, feature_size
-from s2rtools.models.contract import LoadedModel
+from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, feature_size
+from s2rtools.models.pose_network import LoadedModel
 
 
 class Activation(HeatmapKind):

@@ -7,8 +7,8 @@ from typing import Any
 from numpy.typing import NDArray
 from torch.nn import functional
 
-from s2rtools.heatmaps.contract import HeatmapKind, OutputSpec, PairBatch, feature_size
-from s2rtools.models.contract import LoadedModel
+from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, feature_size
+from s2rtools.models.pose_network import LoadedModel
 
 
 class FeatureDistance(HeatmapKind):

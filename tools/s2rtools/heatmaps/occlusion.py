@@ -10,13 +10,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from s2rstore import angles
+from s2rstore.geometry import angles
 from s2rstore.records import SIDES
-from s2rtools.heatmaps.contract import HeatmapKind, OutputSpec, PairBatch, Ray
+from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, Ray
+from s2rtools.incremental_inference import LocalGraph, Patch, Region, analyse, cut_patches
 from s2rtools.inference import Backend
-from s2rtools.inference.folding import folded
-from s2rtools.locality import LocalGraph, Patch, Region, analyse, cut_patches
-from s2rtools.models.contract import LoadedModel
+from s2rtools.inference.batch_norm_folding import folded
+from s2rtools.models.pose_network import LoadedModel
 
 MODES = ("rgb", "depth", "rgbd")
 _CHANNELS = {"rgb": (0, 1, 2), "depth": (3,), "rgbd": (0, 1, 2, 3)}

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.heatmaps.contract import HeatmapKind, OutputSpec, PairBatch, Ray
-from s2rtools.models.contract import LoadedModel
+from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, Ray
+from s2rtools.models.pose_network import LoadedModel
 
 SIZE = 128
 

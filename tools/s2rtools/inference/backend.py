@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
-from s2rtools.inference.folding import folded
-from s2rtools.models.contract import LoadedModel
+from s2rtools.inference.batch_norm_folding import folded
+from s2rtools.models.pose_network import LoadedModel
 
 BATCH = 8
 TOLERANCE_METRES = 0.01

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from s2rstore.errors import RequestError
-from s2rtools.models.contract import PoseNetwork
+from s2rtools.models.pose_network import PoseNetwork
 from s2rtools.models.posest import PosEst
 from s2rtools.models.resposenet import ResPoseNet
 

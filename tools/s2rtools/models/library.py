@@ -19,16 +19,16 @@ from safetensors.torch import load as load_safetensors
 from safetensors.torch import save as save_safetensors
 from torch import Tensor, nn
 
-from s2rstore import layout, safe_files
 from s2rstore.errors import RequestError
-from s2rstore.input_files import check_regular, read_bytes
-from s2rstore.ledger import Ledger
-from s2rstore.memory_limit import bounded_memory
+from s2rstore.files import layout, safe_files
+from s2rstore.files.input_files import check_regular, read_bytes
+from s2rstore.files.ledger import Ledger
+from s2rstore.index.transaction import Draft
 from s2rstore.reader import Store
-from s2rstore.writer import Draft
+from s2rstore.security.memory_limit import bounded_memory
 from s2rtools.models import ARCHITECTURES, build
-from s2rtools.models.contract import LoadedModel, OutputConvention, PoseNetwork
-from s2rtools.models.opaque import TORCHSCRIPT, OpaqueNetwork
+from s2rtools.models.pose_network import LoadedModel, OutputConvention, PoseNetwork
+from s2rtools.models.torchscript import TORCHSCRIPT, OpaqueNetwork
 from s2rtools.models.weights_file import (
     MOST_OPAQUE,
     check_archive,

@@ -8,8 +8,8 @@ from typing import ClassVar
 import torch
 from torch import Tensor, nn
 
-from s2rtools.models.contract import PoseNetwork
 from s2rtools.models.conventions import OutputConvention
+from s2rtools.models.pose_network import PoseNetwork
 
 _CHANNELS = (4, 16, 32, 64, 128, 256, 512, 256)
 _POOL_AFTER = (1, 2, 4, 6)

@@ -7,8 +7,8 @@ from typing import ClassVar
 import torch
 from torch import Tensor, nn
 
-from s2rtools.models.contract import PoseNetwork
 from s2rtools.models.conventions import OutputConvention
+from s2rtools.models.pose_network import PoseNetwork
 
 _POOLED = 4
 

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from s2rstore.errors import RequestError
-from s2rstore.input_files import open_regular, read_bytes
+from s2rstore.files.input_files import open_regular, read_bytes
 
 MOST_OPAQUE = 1 << 31
 """Bytes of a TorchScript archive, which is only read where it is trusted."""

@@ -8,15 +8,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from s2rstore import history, layout, safe_files
 from s2rstore.errors import RequestError
-from s2rstore.input_files import read_toml
+from s2rstore.files import layout, safe_files
+from s2rstore.files.input_files import read_toml
+from s2rstore.gap_history import reader as history
 from s2rtools.gap import defaults
 from s2rtools.gap.axes import AXES
 from s2rtools.gap.defaults import ODOMETRY
-from s2rtools.nightly import simulation
-from s2rtools.nightly.given import Given, check_types
-from s2rtools.nightly.places import check_apart
+from s2rtools.nightly import sysid_settings
+from s2rtools.nightly.output_paths import check_apart
+from s2rtools.nightly.validation import Given, check_types
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}\Z")
 
@@ -175,7 +176,7 @@ def _sysid(given: Given, store: Path) -> Sysid:
         given.get("topic", "drives"),
     )
     try:
-        simulation.check(wanted)
+        sysid_settings.check(wanted)
     except RequestError as error:
         raise given.refuse("sysid", str(error).removeprefix("--")) from error
     return wanted

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
-from s2rstore.text import printable
-from s2rtools.nightly.content import Content, facts
+from s2rstore.security.printable_text import printable
+from s2rtools.nightly.report_model import Content, facts
 
 
 def junit(told: Content) -> bytes:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from s2rstore.text import printable
-from s2rtools.nightly import content as c
+from s2rstore.security.printable_text import printable
+from s2rtools.nightly import report_model as c
 
 
 def markdown(told: c.Content) -> str:

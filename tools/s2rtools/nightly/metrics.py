@@ -16,11 +16,11 @@ from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.openmetrics.exposition import generate_latest
 from prometheus_client.registry import Collector
 
-from s2rstore.history import Night
-from s2rstore.history_schema import BOUNDS
-from s2rstore.outcomes import CODES_TOLD, EXIT_CODES
-from s2rstore.stats import Interval
-from s2rtools.nightly.outcome import axis_check
+from s2rstore.gap_history.gate_status import CODES_TOLD, EXIT_CODES
+from s2rstore.gap_history.reader import Night
+from s2rstore.gap_history.schema import BOUNDS
+from s2rstore.metrics.pose_metrics import Interval
+from s2rtools.nightly.night_status import axis_check
 
 HEADLINE = "headline"
 Labels = tuple[str, ...]

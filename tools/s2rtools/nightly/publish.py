@@ -8,17 +8,17 @@ import shutil
 from contextlib import suppress
 from pathlib import Path
 
-from s2rstore import history
 from s2rstore.errors import RequestError
-from s2rstore.history import History, Night
-from s2rtools.gap.files import write_all
+from s2rstore.gap_history import reader
+from s2rstore.gap_history.reader import History, Night
+from s2rtools.common.result_files import write_all
 from s2rtools.nightly.config import Config
-from s2rtools.nightly.content import content
+from s2rtools.nightly.history_plot import picture
+from s2rtools.nightly.html_report import page
 from s2rtools.nightly.junit import junit
 from s2rtools.nightly.markdown import markdown
 from s2rtools.nightly.metrics import metrics
-from s2rtools.nightly.page import page
-from s2rtools.nightly.picture import picture
+from s2rtools.nightly.report_model import content
 
 LATEST = "latest"
 
@@ -63,7 +63,7 @@ def check_own(config: Config) -> None:
 def _files(config: Config, found: History, night: Night, folder: Path) -> dict[Path, bytes]:
     told = content(found, night)
     drawn = picture(told)
-    report = history.report_text(config.history, night.measured)
+    report = reader.report_text(config.history, night.measured)
     _folder(folder)
     return {
         folder / "history.png": drawn,

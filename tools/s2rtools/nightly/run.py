@@ -9,18 +9,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2rstore import history as stored
-from s2rstore import locks
 from s2rstore.errors import InconclusiveError, RequestError, StoreBusyError
-from s2rstore.history import Night
+from s2rstore.files import locks
+from s2rstore.gap_history import reader as stored
+from s2rstore.gap_history.reader import Night
 from s2rstore.reader import Store
-from s2rtools.nightly import history, key, measuring
+from s2rtools.nightly import history_writer, input_fingerprint, measurement
 from s2rtools.nightly.config import Config
-from s2rtools.nightly.history import Tonight
-from s2rtools.nightly.key import Inputs
-from s2rtools.nightly.measuring import Estimates, Estimating, Measuring, Report
+from s2rtools.nightly.failed_night import refused
+from s2rtools.nightly.history_writer import Tonight
+from s2rtools.nightly.input_fingerprint import Inputs
+from s2rtools.nightly.measurement import Estimates, Estimating, Measuring, Report
 from s2rtools.nightly.publish import check_own, publish
-from s2rtools.nightly.refusal import refused
 
 Clock = Callable[[], datetime.datetime]
 MOST_BACK = 31
@@ -46,8 +46,8 @@ def utc_now() -> datetime.datetime:
 def nightly(
     config: Config,
     night: datetime.date,
-    measure: Measuring = measuring.measured,
-    estimate: Estimating = measuring.estimated,
+    measure: Measuring = measurement.measured,
+    estimate: Estimating = measurement.estimated,
     clock: Clock = utc_now,
     far: bool = False,
 ) -> Done:
@@ -65,13 +65,13 @@ def nightly(
     stored.check_place(config.history)
     config.history.parent.mkdir(parents=True, exist_ok=True)
     with locks.file_lock(config.history):
-        found = history.known(config.history)
-        present = history.last_of(found, config.name, night)
-        new = not history.tells(present, tonight, found)
+        found = history_writer.known(config.history)
+        present = history_writer.last_of(found, config.name, night)
+        new = not history_writer.tells(present, tonight, found)
         if new:
-            history.append(config.history, history.rows(tonight, found, clock()))
+            history_writer.append(config.history, history_writer.rows(tonight, found, clock()))
             found = stored.read(config.history)
-            present = history.last_of(found, config.name, night)
+            present = history_writer.last_of(found, config.name, night)
         assert present is not None
         written = publish(config, found, present)
     return Done(present, new, new and present.measured == present.id, tuple(written))
@@ -83,7 +83,7 @@ def _check_near(config: Config, night: datetime.date) -> None:
     Evidence is as old as the first night that saw it, so one such night would make the evidence of
     all others stale.
     """
-    nights = history.known(config.history).counting(config.name)
+    nights = history_writer.known(config.history).counting(config.name)
     if not nights or any(each.night == night for each in nights):
         return
     newest = nights[-1].night
@@ -98,15 +98,15 @@ def _figures(
     config: Config, night: datetime.date, measure: Measuring, estimate: Estimating
 ) -> Tonight:
     """Tonight's figures: those of the same key, where there are some."""
-    store, current = key.open_store(config.store)
+    store, current = input_fingerprint.open_store(config.store)
     with store:
-        inputs = key.inputs(config, store, current)
-        measured = history.measurement(history.known(config.history), inputs.key)
+        inputs = input_fingerprint.inputs(config, store, current)
+        measured = history_writer.measurement(history_writer.known(config.history), inputs.key)
         if measured is not None:
             report = json.loads(stored.report_text(config.history, measured))
             return Tonight(config, inputs, night, report, measured=measured)
         report, estimates = _measured(store, config, inputs, measure, estimate)
-        if key.inputs(config, store, current) != inputs:
+        if input_fingerprint.inputs(config, store, current) != inputs:
             raise RequestError(
                 f"{config.source}: what it measures changed meanwhile; nothing is written, "
                 "start it again"

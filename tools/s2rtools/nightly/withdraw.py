@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import datetime
 
-from s2rstore import history, locks
 from s2rstore.errors import RequestError
-from s2rstore.history import Night
-from s2rtools.nightly import history as writing
+from s2rstore.files import locks
+from s2rstore.gap_history import reader
+from s2rstore.gap_history.reader import Night
+from s2rtools.nightly import history_writer as writing
 from s2rtools.nightly.config import Config
 from s2rtools.nightly.publish import LATEST, check_own, publish
 from s2rtools.nightly.run import Clock, check_writable, utc_now
@@ -25,7 +26,7 @@ def withdraw(config: Config, night: datetime.date, clock: Clock = utc_now) -> tu
     if not config.history.exists():
         raise RequestError(f"{config.history}: no history, so no night to withdraw")
     with locks.file_lock(config.history):
-        found = history.read(config.history)
+        found = reader.read(config.history)
         gone = tuple(n for n in found.nights if (n.name, n.night) == (config.name, night))
         if not gone:
             newest = found.counting(config.name)
@@ -33,7 +34,7 @@ def withdraw(config: Config, night: datetime.date, clock: Clock = utc_now) -> tu
             raise RequestError(f"{config.history}: no night {night} of {config.name!r}; {known}")
         now = clock().astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
         writing.move(config.history, config.name, night, now)
-        left = history.read(config.history)
+        left = reader.read(config.history)
         nights = left.counting(config.name)
         if nights:
             publish(config, left, nights[-1])

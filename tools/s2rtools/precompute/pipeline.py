@@ -11,20 +11,20 @@ from typing import Any, Protocol
 import numpy as np
 
 import s2rstore
-from s2rstore import locks
 from s2rstore.errors import RequestError
+from s2rstore.files import locks
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import KINDS
 from s2rtools.inference import Backend, choose_backend
 from s2rtools.models.library import load_model
-from s2rtools.precompute import align
+from s2rtools.precompute import rig_calibration
 from s2rtools.precompute import stages as run_stages
-from s2rtools.precompute.compute import opener
-from s2rtools.precompute.frames import read_pairs
+from s2rtools.precompute.executors import run_units
+from s2rtools.precompute.frame_reader import read_pairs
 from s2rtools.precompute.publish import publish_run
-from s2rtools.precompute.units import Stage, missing_units
-from s2rtools.precompute.workers import run_units
+from s2rtools.precompute.run_context import opener
+from s2rtools.precompute.work_units import Stage, missing_units
 
 
 class Reporter(Protocol):
@@ -77,7 +77,7 @@ def _compute_run(
     if any(KINDS[kind].aligned for kind in kinds):
         with s2rstore.open(root) as store:
             record = store.run(name)
-        if align.ensure(root, record):
+        if rig_calibration.ensure(root, record):
             reporter.say(f"{record.sim_domain} | {record.real_domain}: rigs aligned")
     with s2rstore.open(root) as store:
         run = store.run(name)

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 
 import s2rstore
-from s2rstore import stats
-from s2rstore.input_files import parse_object
+from s2rstore.files.input_files import parse_object
+from s2rstore.index.transaction import edit
+from s2rstore.metrics import pose_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rstore.writer import edit
 from s2rtools.heatmaps import KINDS
-from s2rtools.precompute import outlier
-from s2rtools.precompute.projection import SETTINGS
-from s2rtools.precompute.rows import decode_split, prediction_columns
-from s2rtools.precompute.units import ArraySpec, Stage
+from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
+from s2rtools.precompute.tasks import outliers
+from s2rtools.precompute.tasks.umap_projection import SETTINGS
+from s2rtools.precompute.work_units import ArraySpec, Stage
 
 _RANGE_ROWS = 512
 _PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit-learn")
@@ -77,10 +77,10 @@ def _predictions(
     for side in SIDES:
         poses, distances = (
             _array(store, run, next(s for s in specs if (s.kind, s.side) == (kind, side)))
-            for kind in ("prediction", outlier.KIND)
+            for kind in ("prediction", outliers.KIND)
         )
         split = decode_split(splits.get(f"split:{store.run(run).domain(side)}"), n)
-        scores = outlier.scores(distances)
+        scores = outliers.scores(distances)
         columns = prediction_columns(run, side, poses, store.instances, scale, split, scores)
         found.append(("prediction", columns))
     return found
@@ -153,8 +153,8 @@ def _provenance(
         "backend": backend,
         "heat ranges": parse_object(noted.get("heat ranges", "{}"), "heat ranges") | ranges,
         "projection": SETTINGS.facts(),
-        "outlier": outlier.SETTINGS.facts(),
-        "bootstrap": asdict(stats.BOOTSTRAP),
+        "outlier": outliers.SETTINGS.facts(),
+        "bootstrap": asdict(pose_metrics.BOOTSTRAP),
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
     }

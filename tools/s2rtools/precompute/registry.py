@@ -9,11 +9,11 @@ from typing import Any
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.geometry.move import UNMOVED, camera_move
-from s2rstore.layout import checked_name
+from s2rstore.files.layout import checked_name
+from s2rstore.geometry.camera_offset import UNMOVED, camera_move
+from s2rstore.index.transaction import Draft, edit
 from s2rstore.reader import Store
 from s2rstore.records import Side
-from s2rstore.writer import Draft, edit
 from s2rtools.models.conventions import parse_convention
 from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register
 from s2rtools.rendering import open_renderer

@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from s2rstore.geometry import grid as map_geometry
-from s2rstore.geometry.move import UNMOVED
+from s2rstore.geometry import floor_grid as map_geometry
+from s2rstore.geometry.camera_offset import UNMOVED
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
-from s2rstore.sides import FRAME_KINDS, run_move
+from s2rstore.run_inputs import FRAME_KINDS, run_move
 from s2rtools.heatmaps import KINDS
-from s2rtools.models.contract import LoadedModel
-from s2rtools.precompute import outlier
-from s2rtools.precompute.projection import SETTINGS
-from s2rtools.precompute.units import ArraySpec, Stage, content_key, run_facts
+from s2rtools.models.pose_network import LoadedModel
+from s2rtools.precompute.tasks import outliers
+from s2rtools.precompute.tasks.umap_projection import SETTINGS
+from s2rtools.precompute.work_units import ArraySpec, Stage, content_key, run_facts
 from s2rtools.rendering import renderer_version
 
 FRAME_ROWS = 32
@@ -130,9 +130,9 @@ def outlier_stage(store: Store, forward: Stage, projection: Stage) -> Stage:
     """Distances to the nearest principal components of the same side."""
     n = len(store.instances)
     components = _of_kind(projection, "pca")
-    key = content_key({"pca": components[0].key, **outlier.SETTINGS.facts()})
+    key = content_key({"pca": components[0].key, **outliers.SETTINGS.facts()})
     specs = [
-        ArraySpec(outlier.KIND, side, None, (), "float32", ("iid",), "", key, n) for side in SIDES
+        ArraySpec(outliers.KIND, side, None, (), "float32", ("iid",), "", key, n) for side in SIDES
     ]
     sources = _of_kind(forward, "prediction") + components
     return Stage("outlier", forward.run, tuple(specs), OUTLIER_ROWS, sources)

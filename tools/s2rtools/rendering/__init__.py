@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
-from s2rtools.rendering.contract import FrameRenderer, RendererKind
-from s2rtools.rendering.world import WORLD
+from s2rtools.rendering.frame_renderer import FrameRenderer, RendererKind
+from s2rtools.rendering.world_renderer import WORLD
 
 __all__ = ["RENDERERS", "FrameRenderer", "open_renderer", "reason_against", "renderer_version"]
 

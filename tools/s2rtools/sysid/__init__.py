@@ -1,8 +1,8 @@
 """System identification: a simulator's parameters from recorded drives, and what they leave."""
 
-from s2rtools.sysid.drives import Recording, make_drives
 from s2rtools.sysid.identify import Identification, identify
-from s2rtools.sysid.record import record
+from s2rtools.sysid.result_json import record
 from s2rtools.sysid.settings import Settings
+from s2rtools.sysid.synthetic_drives import Recording, make_drives
 
 __all__ = ["Identification", "Recording", "Settings", "identify", "make_drives", "record"]

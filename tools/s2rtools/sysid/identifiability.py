@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtools.sysid.intervals import Normal
-from s2rtools.sysid.simulators.contract import Floats
-from s2rtools.sysid.space import Space
+from s2rtools.sysid.drive_bootstrap import Normal
+from s2rtools.sysid.parameter_space import Space
+from s2rtools.sysid.simulators.simulator import Floats
 
 _OPEN = 0.05
 """Standard deviation, as a share of the declared range, from which a combination is open."""

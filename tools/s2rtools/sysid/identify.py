@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rtools.logs import Drive
-from s2rtools.sysid.ends import at_ends, end_warning
-from s2rtools.sysid.heldout import HeldOut, held_out_error
+from s2rtools.motion_logs import Drive
+from s2rtools.sysid.bound_check import at_ends, end_warning
+from s2rtools.sysid.drive_bootstrap import interval, normal_equations, replicates
+from s2rtools.sysid.heldout_error import HeldOut, held_out_error
 from s2rtools.sysid.identifiability import Identifiability, identifiability
-from s2rtools.sysid.intervals import interval, normal_equations, replicates
-from s2rtools.sysid.problem import Problem
-from s2rtools.sysid.ranges import ranged
+from s2rtools.sysid.model_mismatch import Structure, structure
+from s2rtools.sysid.parameter_ranges import ranged
+from s2rtools.sysid.parameter_space import Space, check, space_of
+from s2rtools.sysid.prediction_error import Problem
 from s2rtools.sysid.search import Course, search
 from s2rtools.sysid.settings import Settings
 from s2rtools.sysid.simulators import SIMULATORS
-from s2rtools.sysid.simulators.contract import Floats, Simulator
-from s2rtools.sysid.space import Space, check, space_of
-from s2rtools.sysid.structure import Structure, structure
+from s2rtools.sysid.simulators.simulator import Floats, Simulator
 from s2rtools.sysid.windows import cut
 
 if TYPE_CHECKING:

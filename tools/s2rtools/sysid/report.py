@@ -7,12 +7,12 @@ import os
 from pathlib import Path
 from typing import Any
 
-from s2rstore import layout
 from s2rstore.errors import RequestError
-from s2rtools.sysid.figure import convergence_figure
+from s2rstore.files import layout
+from s2rtools.sysid.convergence_plot import convergence_figure
 from s2rtools.sysid.identify import Identification
-from s2rtools.sysid.record import record
-from s2rtools.sysid.residual import Residual
+from s2rtools.sysid.residual_training import Residual
+from s2rtools.sysid.result_json import record
 
 RESULT, TABLE, PICTURE, NETWORK = (
     "sysid.json",

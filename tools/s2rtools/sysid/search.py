@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtools.sysid.evolution import Advance, minimised
-from s2rtools.sysid.polish import settled
-from s2rtools.sysid.problem import Problem
-from s2rtools.sysid.simulators.contract import Floats, Integers
+from s2rtools.sysid.cma_es import Advance, minimised
+from s2rtools.sysid.least_squares import settled
+from s2rtools.sysid.prediction_error import Problem
+from s2rtools.sysid.simulators.simulator import Floats, Integers
 
 _SPREAD = 0.25
 _LONGEST = 40.0

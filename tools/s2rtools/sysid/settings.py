@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from s2rstore.errors import RequestError
-from s2rstore.stats import LEVEL
-from s2rtools.sysid.ranges import Range
+from s2rstore.metrics.pose_metrics import LEVEL
+from s2rtools.sysid.parameter_ranges import Range
 
 
 @dataclass(frozen=True, slots=True)

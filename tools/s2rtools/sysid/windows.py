@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rtools.gap.dynamics import noise
-from s2rtools.logs import Commands, Drive, Log
-from s2rtools.sysid.simulators.contract import Floats, Integers, Replays, Simulator, pack
+from s2rtools.gap.dynamics import noise_floor as noise
+from s2rtools.motion_logs import Commands, Drive, Log
+from s2rtools.sysid.simulators.simulator import Floats, Integers, Replays, Simulator, pack
 
 _SMOOTHED = 0.15
 """Seconds on both sides of a moment that its speeds are fitted to."""

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from s2rstore.errors import RequestError
-from s2rtools.gap.contract import Axis
-from s2rtools.gap.dynamics.axis import Dynamics
-from s2rtools.gap.dynamics.errors import SCALES, Alignment, Step
-from s2rtools.gap.dynamics.lateness import BAD_STATES, Delay
-from s2rtools.gap.dynamics.noise import Noise
-from s2rtools.gap.dynamics.whole import Whole
+from s2rtools.gap.axis_result import Axis
+from s2rtools.gap.delay.delay_axis import BAD_STATES, Delay
+from s2rtools.gap.dynamics.ape_rpe import Whole
+from s2rtools.gap.dynamics.dynamics_axis import Dynamics
+from s2rtools.gap.dynamics.noise_floor import Noise
+from s2rtools.gap.dynamics.pose_errors import SCALES, Alignment, Step
 from s2rtools.gap.dynamics.windows import Plan
 
 MOST_REACH = 60.0

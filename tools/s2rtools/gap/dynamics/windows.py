@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore import angles
 from s2rstore.errors import RequestError
-from s2rtools.gap.dynamics.errors import moved
-from s2rtools.logs.contract import Floats, Log
-from s2rtools.logs.resample import poses_at
+from s2rstore.geometry import angles
+from s2rtools.gap.dynamics.pose_errors import moved
+from s2rtools.motion_logs.motion_log import Floats, Log
+from s2rtools.motion_logs.resample import poses_at
 
 HOLE = 5.0
 """Median steps between two poses beyond which nothing is known between them."""

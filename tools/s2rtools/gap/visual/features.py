@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore import arrays
+from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import Run, Side
-from s2rstore.sides import run_domain, run_frames
+from s2rstore.run_inputs import run_domain, run_frames
 
 Floats = NDArray[np.float64]
 Iids = NDArray[np.int64]
@@ -49,7 +49,7 @@ def _embeddings(store: Store, run: str) -> Source:
         _, array = store.array(run, "embedding", side)
         if array.shape[0] != len(store.instances):
             raise RequestError(f"run {run!r}: embedding of other instances; run `s2r verify`")
-        rows = [arrays.read_rows(array, a, b)[keep] for a, b, keep in _spans(iids)]
+        rows = [stored_array.read_rows(array, a, b)[keep] for a, b, keep in _spans(iids)]
         return _finite(np.concatenate(rows).astype(np.float64), iids, run, side)
 
     model = store.models[record.model]
@@ -62,7 +62,7 @@ def _embeddings(store: Store, run: str) -> Source:
 
 
 def _images(store: Store, run: str, description: Path) -> Source:
-    from s2rtools.gap.visual.network import read_network
+    from s2rtools.gap.visual.feature_network import read_network
 
     network, record = read_network(description), store.run(run)
 
@@ -78,7 +78,7 @@ def _images(store: Store, run: str, description: Path) -> Source:
 
 def _pictures(store: Store, run: Run, side: Side, start: int, stop: int) -> NDArray[np.uint8]:
     """RGB of iids [start, stop) as the run's side sees them, (n, H, W, 3)."""
-    from s2rtools.adjust import apply_chain
+    from s2rtools.adjustments import apply_chain
 
     frames = run_frames(store, run, side, start, stop)
     domain, depth = run_domain(store, run, side), frames["depth"]

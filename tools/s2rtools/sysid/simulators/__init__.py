@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from s2rtools.sysid.simulators.contract import Parameter, Replays, Simulator
 from s2rtools.sysid.simulators.planar import Planar
+from s2rtools.sysid.simulators.simulator import Parameter, Replays, Simulator
 
 
 def _mujoco() -> Simulator:

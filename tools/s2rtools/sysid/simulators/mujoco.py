@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.angles import wrap
 from s2rstore.errors import RequestError
-from s2rtools.sysid.simulators.contract import (
+from s2rstore.geometry.angles import wrap
+from s2rtools.sysid.simulators.mujoco_model import model_text
+from s2rtools.sysid.simulators.planar import COMMON
+from s2rtools.sysid.simulators.simulator import (
     LATENCY,
     Floats,
     Integers,
@@ -19,8 +21,6 @@ from s2rtools.sysid.simulators.contract import (
     Simulator,
     Values,
 )
-from s2rtools.sysid.simulators.mjcf import model_text
-from s2rtools.sysid.simulators.planar import COMMON
 
 STEP = 0.005
 _SETTLED = 200

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2rtools.sysid.simulators.contract import (
+from s2rtools.sysid.simulators.simulator import (
     LATENCY,
     Floats,
     Parameter,

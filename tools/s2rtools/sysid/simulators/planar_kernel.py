@@ -19,8 +19,8 @@ import math
 
 import numpy as np
 
-from s2rtools.compiled import njit
-from s2rtools.sysid.simulators.contract import Floats, Integers
+from s2rtools.common.numba_cache import njit
+from s2rtools.sysid.simulators.simulator import Floats, Integers
 
 _CREEP = 0.01
 _SHORTEST = 1e-9

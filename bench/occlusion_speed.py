@@ -1,0 +1,46 @@
+"""Occlusion by locality against 216 forwards of the folded network at its best batch size."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import torch
+
+from bench.budget import Figure, seconds
+from bench.measured_stores import lively
+from s2rtools.heatmaps import occlusion
+from s2rtools.incremental_inference import LocalGraph, cut_patches
+from s2rtools.inference import Backend
+from s2rtools.models.pose_network import LoadedModel
+
+
+def figures(threads: int) -> Iterator[Figure]:
+    """One pair, three modes, both directions; posest and resposenet, float32."""
+    torch.set_num_threads(threads)
+    for architecture, budget in (("posest", 0.20), ("resposenet", None)):
+        network = lively(architecture)
+        model = LoadedModel(architecture, architecture, network, network.convention, "")
+        backend = Backend(model, threads)
+        height, width = network.input_size
+        x = torch.rand(2, 4, height, width) * 2 - 1
+        other = x.flip(0).contiguous()
+        patches = cut_patches(height, width)
+        graph = LocalGraph(backend.trunk)
+        with torch.inference_mode():
+            local = seconds(partial(occlusion._by_locality, backend, graph, x, other, patches), 3)
+            forwards = [
+                216 / batch * seconds(partial(_forward, backend, x[:1].repeat(batch, 1, 1, 1)), 3)
+                for batch in (1, 2, 4, 8)
+            ]
+        full = min(forwards)
+        yield Figure(f"occlusion in full, {architecture}", full, "s")
+        yield Figure(f"occlusion by locality, {architecture}", local, "s")
+        yield Figure(
+            f"occlusion by locality / in full, {architecture}", local / full, "ratio", budget
+        )
+
+
+def _forward(backend: Backend, x: torch.Tensor) -> torch.Tensor:
+    network = backend.model.network
+    return network.head(network.embed(backend.features(x)))

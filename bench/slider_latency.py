@@ -1,0 +1,66 @@
+"""A slider on the screen: from the key to the new prediction, drawn.
+
+`python -m bench.slider_latency STORE --run R` measures on a store of your own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import statistics
+import sys
+import time
+from pathlib import Path
+
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle
+from s2rtui.canvas import Look
+from s2rtui.session import Session
+
+_LOADING = 120.0
+
+
+def milliseconds(store: Path, run: str | None = None, moves: int = 15) -> list[float]:
+    """Per move of the brightness slider, until pictures and prediction are on the canvas."""
+    return asyncio.run(_measured(store, run, moves))
+
+
+async def _measured(store: Path, run: str | None, moves: int) -> list[float]:
+    app = S2RApp(Session(store, run), Look())
+    found: list[float] = []
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await app.run_action("adjust")
+        await _until(app, None, _LOADING)
+        await settle(app, pilot)
+        for _ in range(moves):
+            before = app.resources.live
+            began = time.perf_counter()
+            await app.run_action("do('more')")
+            await _until(app, before, 10.0)
+            found.append(1e3 * (time.perf_counter() - began))
+            await settle(app, pilot)
+    return found
+
+
+async def _until(app: S2RApp, before: object, patience: float) -> None:
+    """Wait for another live result; what draws it runs in the same turn of the loop."""
+    limit = time.monotonic() + patience
+    while app.resources.live is before:
+        if time.monotonic() > limit:
+            raise TimeoutError(app.session.state.message or "no prediction came")
+        await asyncio.sleep(0.001)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m bench.slider_latency", description=__doc__)
+    parser.add_argument("store", type=Path)
+    parser.add_argument("--run")
+    options = parser.parse_args()
+    found = milliseconds(options.store, options.run)
+    print(f"median {statistics.median(found):.0f} ms, largest {max(found):.0f} ms")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

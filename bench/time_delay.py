@@ -1,0 +1,72 @@
+"""The delay between two logs at 50 Hz against the peak of their cross-correlation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import signal
+
+from bench.budget import Figure
+from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.delay import time_delay
+from s2rtools.motion_logs import Log
+from tests.support import robot
+
+SEEDS = 100
+RATE = 50.0
+NOISE = ((0.001, 0.002), (0.005, 0.005), (0.01, 0.01), (0.02, 0.02))
+"""Of positions in m and of headings in rad."""
+BUDGET = 2.7
+
+
+def figures(seeds: int = SEEDS) -> Iterator[Figure]:
+    """Root mean square errors over random commands of 30 s and delays within 0.15 s."""
+    for noise, turn_noise in NOISE:
+        ours, theirs, held = [], [], []
+        for seed in range(seeds):
+            late, real, sim = _pair(seed, noise, turn_noise)
+            found = time_delay.delay(real, sim, Settings(400))
+            ours.append(found.seconds - late)
+            held.append(found.low <= late <= found.high)
+            theirs.append(cross_correlation(real, sim) - late)
+        name = f"delay, noise {1000 * noise:g} mm {1000 * turn_noise:g} mrad"
+        yield Figure(f"{name}: cross-correlation", _rms(theirs), "ms")
+        yield Figure(name, _rms(ours), "ms", BUDGET)
+        yield Figure(f"{name}: intervals that hold", float(np.mean(held)), "share", 0.9, "at least")
+
+
+def cross_correlation(real: Log, sim: Log) -> float:
+    """The lag, s, of the peak of the summed cross-correlations of speed and yaw rate."""
+    time = np.arange(max(real.time[0], sim.time[0]), min(real.time[-1], sim.time[-1]), 1 / RATE)
+    a, b = (_rates(log, time) for log in (real, sim))
+    total = sum(signal.correlate(p, q) / (p.std() * q.std()) for p, q in zip(a, b, strict=True))
+    lags = signal.correlation_lags(a[0].size, b[0].size)
+    near = np.abs(lags) <= RATE
+    return float(lags[near][np.argmax(np.asarray(total)[near])] / RATE)
+
+
+def _rates(log: Log, time: np.ndarray) -> list[np.ndarray]:
+    """Speed and yaw rate about their means, smoothed as `align` does."""
+    columns = (log.x, log.y, np.unwrap(log.heading))
+    sigma = time_delay.SMOOTHING * RATE
+    kernel = signal.windows.gaussian(int(6 * sigma) | 1, sigma)
+    x, y, heading = (
+        np.gradient(np.convolve(np.interp(time, log.time, c), kernel / kernel.sum(), "same"))
+        for c in columns
+    )
+    edge = kernel.size
+    return [(c - c[edge:-edge].mean())[edge:-edge] for c in (np.hypot(x, y), heading)]
+
+
+def _pair(seed: int, noise: float, turn_noise: float) -> tuple[float, Log, Log]:
+    rng = np.random.default_rng(seed)
+    late = rng.uniform(-0.15, 0.15)
+    told = robot.commands(30.0, rng)
+    exact = robot.drive(told, delay=0.2 + late)
+    real = robot.sampled(exact, RATE, noise, turn_noise, rng, name="real")
+    return late, real, robot.sampled(robot.drive(told, delay=0.2), RATE, name="sim")
+
+
+def _rms(errors: list[float]) -> float:
+    return float(1000 * np.sqrt(np.mean(np.square(errors))))

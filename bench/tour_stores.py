@@ -1,0 +1,144 @@
+"""Stores of many short tours through the default building, each seen in several ways."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.measured_stores import QUIET
+from s2rstore.index.transaction import edit
+from s2rstore.records import Side
+from s2rtools.datasets.build import build
+from s2rtools.datasets.importers import world as importer
+from s2rtools.datasets.scan import ScanOptions, Sighting
+from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.registry import insert_run
+from s2rtools.synthetic_world.dataset import Recipe, WorldData
+from s2rtools.synthetic_world.factors import FACTORS
+from s2rtools.synthetic_world.renderer import Camera, Renderer, Views
+from s2rtools.synthetic_world.routes import Poses, drive
+from s2rtools.synthetic_world.world import World
+from s2rtools.training import pretrained
+
+MODEL = "vanilla"
+FRAME = 128
+ROOMS = 5
+"""Rooms that a tour goes through: neighbours in it look alike, as in a recording."""
+_SPARE = 8
+_VIEWS = 1_000_000
+"""Numbers of views that one domain has for itself."""
+
+Severities = Mapping[str, float]
+Looks = Mapping[str, tuple[Severities, Severities]]
+"""Factors of the sim and of the real side, by the name of the run."""
+
+
+def tours_store(path: Path, seeds: Sequence[int], count: int, looks: Looks, noise: int = 0) -> None:
+    """A store of one trajectory of `count` views a seed, and a computed run of each look.
+
+    No model was trained on these poses; trajectory k is that of seeds[k]. Another `noise` is that
+    of other photographs of the same places.
+    """
+    found = importer.scan(Path(), ScanOptions(frame=(FRAME, FRAME), world={"count": 2}))
+    sides = {_domain(name, side): looks[name][side == "real"]
+             for name in looks for side in ("sim", "real")}  # fmt: skip
+    kinds = {_domain(name, side): found.domains[side] for name in looks for side in ("sim", "real")}
+    found.domains = {name: replace(kind, domain=name) for name, kind in kinds.items()}
+    pictures = _seen(sides)
+    world = World(pretrained.WORLD_SEED)
+    found.trajectories = {
+        f"tour-{number:05d}": _sightings(tour(world, seed, count), pictures, noise, number * count)
+        for number, seed in enumerate(seeds)
+    }
+    found.recorded_at, found.drives = {}, None
+    build(found, path, "bench", strict=True, progress=lambda views: None)
+    pretrained.add(path)
+    with edit(path) as draft:
+        for name in looks:
+            insert_run(draft, name, MODEL, (_domain(name, "sim"), _domain(name, "real")))
+    precompute(path, QUIET, list(looks), Options(kinds=()))
+
+
+def tour(world: World, seed: int, count: int) -> Poses:
+    """Poses (count, 3) of a drive through a few random rooms."""
+    rng = np.random.default_rng([seed, 91])
+    rooms = [room.area for room in world.plan.rooms]
+    while True:
+        chosen = [rooms[int(k)] for k in rng.permutation(len(rooms))[:ROOMS]]
+        stops = [
+            (float(rng.uniform(a.x0 + 0.5, a.x1 - 0.5)), float(rng.uniform(a.y0 + 0.5, a.y1 - 0.5)))
+            for a in chosen
+        ]
+        line = world.floor.way(stops)
+        if len(line) < count:  # the first stop lies behind furniture
+            continue
+        poses = drive(line, rng, count + _SPARE, world.sees)
+        if len(poses) >= count:
+            return poses[:count]
+
+
+class _Remembered:
+    """Renders as another does, each view once as long as it is among the last ones."""
+
+    def __init__(self, renderer: Renderer) -> None:
+        self._one = lru_cache(256)(
+            lambda pose, camera, samples: renderer.render(
+                np.frombuffer(pose).reshape(1, 3), camera, *samples
+            )
+        )
+
+    def render(self, poses: Poses, camera: Camera, *samples: int) -> Views:
+        parts = [self._one(pose.tobytes(), camera, samples) for pose in poses]
+        return Views(*(np.concatenate([getattr(part, name) for part in parts])
+                       for name in ("rgb", "depth", "identity")))  # fmt: skip
+
+
+class _Look(WorldData):
+    """A side whose clean views others share."""
+
+    def __init__(self, recipe: Recipe, rendered: Any) -> None:
+        super().__init__(recipe)
+        self._rendered = rendered
+
+    def renderer(self, side: Side) -> Any:
+        return self._rendered
+
+
+def _seen(sides: Mapping[str, Severities]) -> dict[str, _Look]:
+    """Per domain what renders it; sides that differ in sensors alone render a pose once."""
+    world, scenes, looks = World(pretrained.WORLD_SEED), {}, {}
+    for name, factors in sides.items():
+        shaping = {f: v for f, v in factors.items() if FACTORS[f].shapes_scene}
+        key = tuple(sorted(shaping.items()))
+        if key not in scenes:
+            scenes[key] = _Remembered(world.renderer(shaping))
+        given = {**dict.fromkeys(FACTORS, 0.0), **factors}
+        recipe = Recipe(pretrained.WORLD_SEED, count=2, frame=FRAME, factors=given)
+        looks[name] = _Look(recipe, scenes[key])
+    return looks
+
+
+def _sightings(
+    poses: NDArray[np.float64], looks: Mapping[str, _Look], noise: int, first: int
+) -> list[Sighting]:
+    """No two views of a store share the noise of their sensors."""
+    return [
+        Sighting(
+            x=float(pose[0]), y=float(pose[1]), heading=float(pose[2]),
+            images={
+                name: importer.Rendering(look, pose, place * _VIEWS + first + row, "real")
+                for place, (name, look) in enumerate(looks.items(), noise * len(looks))
+            },
+        )
+        for row, pose in enumerate(poses)
+    ]  # fmt: skip
+
+
+def _domain(run: str, side: str) -> str:
+    return f"{run}-{side}"

@@ -1,0 +1,34 @@
+"""The help screen: every action, made from the registry."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import BindingType
+from textual.containers import VerticalScroll
+from textual.widgets import Static
+
+from s2rstore.security.printable_text import printable_lines
+from s2rtui.app.actions import help_text
+from s2rtui.app.screens.modal import Leaving
+from s2rtui.security import Access
+
+
+class HelpScreen(Leaving[None]):
+    """Any of the closing keys leaves it; up and down scroll."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        ("escape,question_mark,q,enter", "dismiss", "close"),
+    ]
+
+    def __init__(self, access: Access) -> None:
+        super().__init__()
+        self._access = access
+
+    def compose(self) -> ComposeResult:
+        with VerticalScroll(id="help"):
+            yield Static(printable_lines(help_text(self._access)), markup=False)
+
+    def on_mount(self) -> None:
+        self.query_one("#help", VerticalScroll).focus()

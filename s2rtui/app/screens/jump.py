@@ -1,0 +1,43 @@
+"""Jump mode: a letter on everything that can be gone to; the letter goes there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from textual import events
+from textual.app import ComposeResult
+from textual.geometry import Offset
+from textual.widgets import Label
+
+from s2rtui.app.screens.modal import Leaving
+
+LETTERS = "asdfghjklqwertyuiopzxcvbnm"
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A cell of the screen, and the action that a jump to it runs."""
+
+    x: int
+    y: int
+    action: str
+
+
+class JumpScreen(Leaving[str | None]):
+    """Gives the action of the letter that was pressed; any other key leaves."""
+
+    def __init__(self, targets: Sequence[Target]) -> None:
+        super().__init__()
+        self._targets = dict(zip(LETTERS, targets, strict=False))
+
+    def compose(self) -> ComposeResult:
+        for letter, target in self._targets.items():
+            label = Label(f" {letter} ", classes="jump", markup=False)
+            label.absolute_offset = Offset(target.x, target.y)
+            yield label
+
+    def on_key(self, event: events.Key) -> None:
+        event.stop()
+        found = self._targets.get(event.character or "")
+        self.dismiss(found.action if found else None)

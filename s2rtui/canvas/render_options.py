@@ -1,0 +1,117 @@
+"""How a plot is dressed: theme, colour mode, and the glyphs that double every colour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2rtui.canvas.colour import DARK, Theme
+from s2rtui.canvas.colour_mode import ColourMode
+
+
+@dataclass(frozen=True, slots=True)
+class Glyphs:
+    """One glyph per meaning. `arrows` run clockwise on the screen from the right."""
+
+    sim: str
+    real: str
+    truth: str
+    both: str
+    selected: str
+    unselected: str
+    cursor: str
+    baseline: str
+    bar: str
+    interval: str
+    horizontal: str
+    vertical: str
+    tick: str
+    corner: str
+    scale_left: str
+    scale_right: str
+    pointer: str
+    ellipsis: str
+    degree: str
+    arrows: str
+    shades: str
+
+
+UNICODE = Glyphs(
+    sim="◆",
+    real="◇",
+    truth="•",
+    both="◈",
+    selected="●",
+    unselected="·",
+    cursor="◉",
+    baseline="┊",
+    bar="━",
+    interval="─",
+    horizontal="─",
+    vertical="│",
+    tick="┴",
+    corner="└",
+    scale_left="├",
+    scale_right="┤",
+    pointer="▶",
+    ellipsis="…",
+    degree="°",
+    arrows="→↘↓↙←↖↑↗",
+    shades=" ░▒▓█",
+)
+ASCII = Glyphs(
+    sim="S",
+    real="R",
+    truth="o",
+    both="B",
+    selected="*",
+    unselected=",",
+    cursor="@",
+    baseline=":",
+    bar="=",
+    interval="-",
+    horizontal="-",
+    vertical="|",
+    tick="+",
+    corner="+",
+    scale_left="|",
+    scale_right="|",
+    pointer=">",
+    ellipsis="~",
+    degree="d",
+    arrows=">\\v/<\\^/",
+    shades=" .:-=+*#%@",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """The dress of a plot; `ascii` promises that no other character is drawn."""
+
+    theme: Theme = DARK
+    mode: ColourMode = ColourMode.TRUECOLOR
+    ascii: bool = False
+
+    @property
+    def glyphs(self) -> Glyphs:
+        return ASCII if self.ascii else UNICODE
+
+    @property
+    def pictures(self) -> bool:
+        """Whether half blocks can carry a picture: colours and block characters both exist."""
+        return self.mode is not ColourMode.NONE and not self.ascii
+
+    @property
+    def fine(self) -> bool:
+        """Whether dim pictures stay apart from what lies on them: more than 16 colours."""
+        return self.pictures and self.mode is not ColourMode.ANSI
+
+
+def heading_arrow(heading: float, y_down: bool, glyphs: Glyphs) -> tuple[str, int, int]:
+    """The arrow of a map heading (radians), and its step (columns, rows) on the screen."""
+    turn = heading if y_down else -heading
+    octant = round(turn / (np.pi / 4)) % 8
+    columns = (1, 1, 0, -1, -1, -1, 0, 1)[octant]
+    rows = (0, 1, 1, 1, 0, -1, -1, -1)[octant]
+    return glyphs.arrows[octant], columns, rows

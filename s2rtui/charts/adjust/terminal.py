@@ -1,0 +1,125 @@
+"""Sliders: a line per adjustment with its range, its neutral place and its value."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from s2rtui.canvas.brush_surface import Panel
+from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.render_options import Look
+from s2rtui.charts.shared.axis_scale import short
+
+_INDENT = 4
+_FIGURES = 5
+"""Characters of a value: `-0.05`."""
+_TRACK = 8
+
+
+@dataclass(frozen=True, slots=True)
+class SliderLine:
+    """One slider: `side` gives its colour; `moved` whether it is off neutral."""
+
+    label: str
+    side: str
+    lowest: float
+    highest: float
+    neutral: float
+    value: float
+    unit: str = ""
+    active: bool = False
+
+    @property
+    def moved(self) -> bool:
+        return self.value != self.neutral
+
+    def share(self, value: float) -> float:
+        """Where a value lies on the range, 0 .. 1."""
+        return (value - self.lowest) / max(self.highest - self.lowest, 1e-12)
+
+
+@dataclass(frozen=True, slots=True)
+class SlidersLayout:
+    """The track's columns, with labels before and values after; the first line that is seen."""
+
+    track: int
+    track_width: int
+    first: int
+    shown: int
+
+
+def sliders_layout(lines: Sequence[SliderLine], size: Size) -> SlidersLayout:
+    """The track takes what labels and values leave, which give way where it would be too short;
+    the active line stays in view.
+    """
+    width, height = size
+    label = _INDENT + max((len(line.label) for line in lines), default=0) + 1
+    value = _FIGURES + max((len(line.unit) for line in lines), default=0) + 2
+    label = min(label, max(_INDENT, width - _FIGURES - 1 - _TRACK))
+    track = max(_TRACK, width - label - value)
+    active = next((at for at, line in enumerate(lines) if line.active), 0)
+    first = min(max(0, active - height + 1), max(0, len(lines) - height))
+    return SlidersLayout(label, track, first, min(height, len(lines) - first))
+
+
+def sliders(lines: Sequence[SliderLine], size: Size, look: Look | None = None) -> Canvas:
+    """The view in `size` (columns, rows)."""
+    look = look or Look()
+    canvas = Canvas(*size, theme=look.theme)
+    layout = sliders_layout(lines, (canvas.width, canvas.height))
+    for row in range(layout.shown):
+        _line(canvas, row, lines[layout.first + row], layout, look)
+    return canvas
+
+
+def _line(canvas: Canvas, y: int, line: SliderLine, layout: SlidersLayout, look: Look) -> None:
+    theme, glyphs = look.theme, look.glyphs
+    side = theme.sim if line.side == "sim" else theme.real
+    mark = glyphs.sim if line.side == "sim" else glyphs.real
+    if line.active:
+        canvas.fill(0, y, canvas.width, 1, theme.highlight)
+        canvas.put(0, y, glyphs.pointer, theme.text, bold=True)
+    canvas.put(2, y, mark, side)
+    canvas.text(_INDENT, y, line.label[: layout.track - _INDENT - 1], theme.text, bold=line.active)
+    end = layout.track + layout.track_width - 1
+    canvas.hline(layout.track, end, y, glyphs.horizontal, theme.faint)
+    neutral, here = (_column(line.share(v), layout) for v in (line.neutral, line.value))
+    if line.moved:
+        canvas.hline(min(neutral, here), max(neutral, here), y, glyphs.bar, side)
+    canvas.put(neutral, y, glyphs.vertical, theme.muted)
+    canvas.put(here, y, glyphs.selected, side if line.moved else theme.text, bold=True)
+    text = f" {short(line.value)} {line.unit}".rstrip()
+    canvas.text(end + 1, y, text, theme.text if line.moved else theme.muted, bold=line.moved)
+
+
+def _column(share: float, layout: SlidersLayout) -> int:
+    return layout.track + round(min(max(share, 0.0), 1.0) * (layout.track_width - 1))
+
+
+def sliders_surface(lines: Sequence[SliderLine], size: Size) -> tuple[Panel, ...]:
+    """A panel per line, named by its index; its data are the slider's values."""
+    layout = sliders_layout(lines, size)
+    panels = []
+    for row in range(layout.shown):
+        index = layout.first + row
+        line = lines[index]
+        data = partial(_to_data, line, layout, row)
+        cells = partial(_to_cells, line, layout, row)
+        panels.append(
+            Panel(str(index), "range", layout.track, row, layout.track_width, 1, data, cells)
+        )
+    return tuple(panels)
+
+
+def _to_data(
+    line: SliderLine, layout: SlidersLayout, y: int, column: float, row: float
+) -> tuple[float, float]:
+    share = (column - 0.5 - layout.track) / max(1, layout.track_width - 1)
+    return line.lowest + share * (line.highest - line.lowest), row - y
+
+
+def _to_cells(
+    line: SliderLine, layout: SlidersLayout, y: int, x: float, row: float
+) -> tuple[float, float]:
+    return layout.track + 0.5 + line.share(x) * max(1, layout.track_width - 1), y + row

@@ -1,0 +1,135 @@
+"""The difference of two runs as numbers: who errs less, by how much, in each cell of a map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtui.analysis.binned_sums import sums, total_of
+from s2rtui.analysis.bins import Bins, Chosen, bins, choose, count
+from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.map_frame import MapFrame
+from s2rtui.charts.map.model import cursor_of, sizes
+from s2rtui.charts.shared.inputs import Bools, DifferenceInput
+from s2rtui.charts.shared.map_cells import cells
+
+Means = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class DifferenceSummary:
+    """From the first run to the second, over the selected with both errors.
+
+    improved: the second errs less by more than the margin; worse: it errs more; equal: neither.
+    mean: of first - second, NaN where nothing is known. unknown: selected, but one has no error.
+    """
+
+    improved: int
+    worse: int
+    equal: int
+    unknown: int
+    mean: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DifferenceModel:
+    """others: valid but not selected. scale: the difference of full colour. cursor: valid."""
+
+    chosen: Chosen
+    lit: int
+    others: int
+    cursor: int | None
+    scale: float
+    summary: DifferenceSummary
+
+
+def difference_model(view: DifferenceInput) -> DifferenceModel:
+    """The summary and the scale."""
+    valid: Bools = np.asarray(view.valid, dtype=np.bool_)
+    chosen = choose(np.asarray(view.selected, dtype=np.bool_), valid)
+    lit, others = sizes(chosen)
+    arrays = Same(view.first), Same(view.second)
+    summary = _summary(*arrays, view.equal, chosen, lit)
+    scale = view.scale or _scale(*arrays, Same(valid), view.equal)
+    return DifferenceModel(chosen, lit, others, cursor_of(view.cursor, valid), scale, summary)
+
+
+@kept(8)
+def _summary(
+    first: Same, second: Same, equal: float, chosen: Chosen, lit: int
+) -> DifferenceSummary:
+    column = _verdicts(first, second, equal)
+    worse, same, improved = count(column, chosen)[0].tolist()
+    known = worse + same + improved
+    total = total_of(_differences(first, second), chosen)
+    mean = total / known if known else float("nan")
+    return DifferenceSummary(improved, worse, same, lit - known, mean)
+
+
+def differences(view: DifferenceInput) -> Means:
+    """first - second of every instance, (N,); NaN where one is unknown."""
+    return _differences(Same(view.first), Same(view.second))
+
+
+def cell_means(
+    view: DifferenceInput, chosen: Chosen, frame: MapFrame
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
+    """Columns, rows and mean differences (k,) of the cells that hold a selected instance."""
+    return _cell_means(Same(view.truth), Same(view.first), Same(view.second), chosen, frame)
+
+
+@kept(4)
+def _cell_means(
+    truth: Same, first: Same, second: Same, chosen: Chosen, frame: MapFrame
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
+    column = _known_cells(truth, first, second, frame)
+    counts, _ = count(column, chosen)
+    held = np.flatnonzero(counts)
+    means = sums(column, _differences(first, second), chosen)[held] / counts[held]
+    return held % frame.width, held // frame.width, means
+
+
+def verdicts(means: Means, equal: float) -> NDArray[np.intp]:
+    """-1: the first is better, 1: the second is, 0: within the margin."""
+    return np.sign(means).astype(np.intp) * (np.abs(means) > equal)
+
+
+@kept(4)
+def _differences(first: Same, second: Same) -> Means:
+    return np.asarray(first.array, dtype=np.float64) - np.asarray(second.array)
+
+
+@kept(4)
+def _verdicts(first: Same, second: Same, equal: float) -> Bins:
+    """Worse, equal and improved as bins 0, 1 and 2."""
+    apart = _differences(first, second)
+    places = np.where(np.abs(apart) > equal, np.sign(apart), 0) + 1
+    return bins(np.where(np.isfinite(apart), places, np.nan), 3)
+
+
+@kept(4)
+def _known_cells(truth: Same, first: Same, second: Same, frame: MapFrame) -> Bins:
+    column = cells(np.asarray(truth.array), frame)
+    known = np.isfinite(_differences(first, second))
+    none = column.codes.dtype.type(column.count)
+    return Bins(np.where(known, column.codes, none), column.count)
+
+
+@kept(8)
+def _scale(first: Same, second: Same, valid: Same, equal: float) -> float:
+    """The 99th percentile of how far the valid differ, more than the margin."""
+    apart = np.abs(_differences(first, second)[np.asarray(valid.array)])
+    apart = apart[np.isfinite(apart)]
+    largest = float(np.percentile(apart, 99)) if apart.size else 1.0
+    return max(largest, 2 * equal, 1e-9)
+
+
+def by_size(view: DifferenceInput, model: DifferenceModel) -> tuple[NDArray[np.intp], Means]:
+    """Selected iids with both errors, the largest difference last, and their differences."""
+    ids = model.chosen.members
+    apart = differences(view)[ids]
+    ids, apart = ids[np.isfinite(apart)], apart[np.isfinite(apart)]
+    ordered = np.argsort(np.abs(apart), kind="stable")
+    return ids[ordered], apart[ordered]

@@ -1,0 +1,118 @@
+"""Errors as numbers: both sides counted in the same bins, with the medians of the selected."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtui.analysis import joint_histogram
+from s2rtui.analysis.bins import Bins, bins, choose
+from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.medians import median
+from s2rtui.charts.shared.inputs import Floats, HistogramInput
+
+NAMES = ("sim", "real")
+FINE = 250
+"""Bins that are counted, about so many, merged for the bars: the finer, the faster the median."""
+Counts = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """One side: (bins,) counts of the selected and of all valid, the selected's median (or NaN).
+
+    beyond: valid instances past the last edge. cursor: the error of the cursor's instance.
+    """
+
+    lit: Counts
+    total: Counts
+    median: float
+    beyond: int
+    cursor: float | None
+
+    @property
+    def peak(self) -> int:
+        """What a bar of full height stands for: the largest count of this side."""
+        return int(max(self.total.max(), 1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HistogramModel:
+    """edges: (bins + 1,), from 0. What lies beyond the last edge counts into the last bin."""
+
+    edges: NDArray[np.float64]
+    sim: Errors
+    real: Errors
+
+    @property
+    def upper(self) -> float:
+        return float(self.edges[-1])
+
+
+def histogram_model(view: HistogramInput, bins: int) -> HistogramModel:
+    """Both sides over one range: 0 to `upper`, by default the 99th percentile of both."""
+    upper = view.upper
+    if upper is None:
+        upper = _upper(Same(view.sim), Same(view.real))
+    upper = upper if upper > 0 else 1.0
+    count = max(1, bins)
+    keys = (Same(view.sim), Same(view.real))
+    parts = _counts(keys, upper, count, Same(view.selected), Same(view.valid))
+    sim, real = (
+        Errors(
+            lit, total, middle, _beyond(Same(side), upper, Same(view.valid)), _cursor(side, view)
+        )
+        for side, (lit, total, middle) in zip((view.sim, view.real), parts, strict=True)
+    )
+    return HistogramModel(np.linspace(0.0, upper, count + 1), sim, real)
+
+
+@kept(4)
+def _counts(
+    sides: tuple[Same, ...], upper: float, count: int, selected: Same, valid: Same
+) -> list[tuple[Counts, Counts, float]]:
+    """Counts of the selected and of all, and the selected's median, for each side."""
+    lit_mask, population = np.asarray(selected.array), np.asarray(valid.array)
+    columns = [_bins(side, upper, count * max(1, FINE // count)) for side in sides]
+    counted = joint_histogram.counts(columns, choose(lit_mask, population))
+    return [
+        (
+            lit.reshape(count, -1).sum(axis=1),
+            total.reshape(count, -1).sum(axis=1),
+            median(np.asarray(side.array), column, lit, lit_mask, population),
+        )
+        for side, column, (lit, total) in zip(sides, columns, counted, strict=True)
+    ]
+
+
+def _cursor(errors: Floats, view: HistogramInput) -> float | None:
+    cursor = view.cursor
+    if cursor is None or not (0 <= cursor < len(view.valid) and view.valid[cursor]):
+        return None
+    error = float(errors[cursor])
+    return error if math.isfinite(error) else None
+
+
+@kept(16)
+def _upper(sim: Same, real: Same) -> float:
+    """The 99th percentile of all known errors, 1 without any."""
+    both = np.concatenate([np.asarray(sim.array), np.asarray(real.array)])
+    both = both[np.isfinite(both)]
+    return float(np.percentile(both, 99)) if both.size else 1.0
+
+
+@kept(32)
+def _bins(errors: Same, upper: float, count: int) -> Bins:
+    column = np.asarray(errors.array, dtype=np.float64)
+    places = np.clip(column / upper * count, 0, np.nextafter(count, 0))
+    return bins(np.where(np.isfinite(column), places, np.nan), count)
+
+
+@kept(16)
+def _beyond(errors: Same, upper: float, valid: Same) -> int:
+    column = np.asarray(errors.array)
+    past = np.isfinite(column) & (column > upper) & np.asarray(valid.array)
+    return int(np.count_nonzero(past))

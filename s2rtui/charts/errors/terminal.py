@@ -1,0 +1,169 @@
+"""The error histogram: sim above real, the selected part lit, its median marked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from s2rtui.canvas.brush_surface import Mark, Panel, Point
+from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.colour import Rgb
+from s2rtui.canvas.pending_brush import pending, range_of
+from s2rtui.canvas.render_options import Look
+from s2rtui.charts.errors.model import NAMES, Errors, HistogramModel, histogram_model
+from s2rtui.charts.shared.axis_scale import short, step, tick_text, ticks
+from s2rtui.charts.shared.bars import put_over, upright
+from s2rtui.charts.shared.inputs import HistogramInput
+
+LABELS = 12
+"""Columns at the left that names and numbers take."""
+
+
+@dataclass(frozen=True, slots=True)
+class HistogramLayout:
+    """The bars' first column and width; (first row, rows) of sim and of real; the axis' row."""
+
+    left: int
+    width: int
+    sides: tuple[tuple[int, int], ...]
+    axis: int | None
+
+
+def histogram_layout(size: Size) -> HistogramLayout:
+    """Both sides in equal heights over one axis; one row shows sim alone."""
+    width, height = max(1, size[0]), max(1, size[1])
+    left = LABELS if width >= 24 else 0
+    axis = height - 1 if height >= 5 else None
+    rows = height - (axis is not None)
+    upper = (rows + 1) // 2
+    sides = ((0, upper), (upper, rows - upper))
+    return HistogramLayout(left, width - left, tuple(side for side in sides if side[1]), axis)
+
+
+def histogram_surface(
+    view: HistogramInput, size: Size, look: Look | None = None
+) -> tuple[Panel, ...]:
+    """Ranges "sim" and "real": x is the error, y a count on the side's scale.
+
+    The last column holds all errors beyond it, too.
+    """
+    layout = histogram_layout(size)
+    model = histogram_model(view, layout.width)
+    panels = []
+    sides = (model.sim, model.real)
+    for name, errors, (top, rows) in zip(NAMES, sides, layout.sides, strict=False):
+        corner, scale = (layout.left, top + rows), (model.upper / layout.width, errors.peak / rows)
+        to_data = partial(_to_data, corner, scale)
+        to_cells = partial(_to_cells, corner, scale)
+        panels.append(Panel(name, "range", layout.left, top, layout.width, rows, to_data, to_cells))
+    return tuple(panels)
+
+
+def _to_data(corner: tuple[int, int], scale: Point, column: float, row: float) -> Point:
+    return (column - corner[0]) * scale[0], (corner[1] - row) * scale[1]
+
+
+def _to_cells(corner: tuple[int, int], scale: Point, x: float, y: float) -> Point:
+    return corner[0] + x / scale[0], corner[1] - y / scale[1]
+
+
+def histogram(view: HistogramInput, size: Size, look: Look | None = None) -> Canvas:
+    """The view in `size` (columns, rows): two rows of bars over one axis."""
+    look = look or Look()
+    canvas = Canvas(*size, theme=look.theme)
+    layout = histogram_layout((canvas.width, canvas.height))
+    model = histogram_model(view, layout.width)
+    panels = histogram_surface(view, (canvas.width, canvas.height), look)
+    theme, glyphs = look.theme, look.glyphs
+    for panel, errors, glyph, colour in zip(
+        panels,
+        (model.sim, model.real),
+        (glyphs.sim, glyphs.real),
+        (theme.sim, theme.real),
+        strict=False,
+    ):
+        mark = pending(view.mark, panel.name)
+        _side(canvas, panel, errors, mark, colour, look)
+        if layout.left:
+            _labels(canvas, panel, errors, f"{glyph} {panel.name}", colour, look)
+    if layout.axis is not None:
+        _axis(canvas, layout, model, view, look)
+    return canvas
+
+
+def _labels(
+    canvas: Canvas, panel: Panel, errors: Errors, name: str, colour: Rgb, look: Look
+) -> None:
+    canvas.text(0, panel.y, name, colour)
+    lines = [f"median {short(errors.median, 2)}", _most(errors.peak)]
+    for row, line in enumerate(lines[: panel.height - 1], start=1):
+        canvas.text(0, panel.y + row, line[: LABELS - 1], look.theme.muted)
+
+
+def _most(count: int) -> str:
+    return f"peak {count}" if count < 100_000 else f"peak {count // 1000}k"
+
+
+def _side(
+    canvas: Canvas,
+    panel: Panel,
+    errors: Errors,
+    mark: Mark | None,
+    colour: Rgb,
+    look: Look,
+) -> None:
+    """Bars, the pending brush, the median as a line and the cursor at the foot."""
+    theme, bottom = look.theme, panel.y + panel.height - 1
+    ends: list[int] = []
+    if mark is not None:
+        ends = [_column(panel, x) for x in range_of(mark)]
+        wide = ends[1] - ends[0] + 1
+        canvas.fill(ends[0], panel.y, wide, panel.height, theme.highlight)
+    bars = (errors.lit / errors.peak, errors.total / errors.peak)
+    upright(canvas, panel.x, panel.y, panel.height, bars, colour, look)
+    if math.isfinite(errors.median):
+        at = _column(panel, errors.median)
+        for row in range(panel.y, bottom + 1):
+            put_over(canvas, at, row, look.glyphs.baseline, theme.text)
+    for at, glyph in zip(ends, (look.glyphs.scale_left, look.glyphs.scale_right), strict=False):
+        for row in range(panel.y, bottom + 1):
+            canvas.put(at, row, glyph, theme.truth, bold=True)
+    if errors.cursor is not None:
+        at = _column(panel, errors.cursor)
+        put_over(canvas, at, bottom, look.glyphs.cursor, theme.cursor)
+
+
+def _column(panel: Panel, error: float) -> int:
+    """The column of an error, the last one for what lies beyond it."""
+    column = int(np.floor(panel.to_cells(error, 0.0)[0] + 1e-9))
+    return min(max(column, panel.x), panel.x + panel.width - 1)
+
+
+def _axis(
+    canvas: Canvas,
+    layout: HistogramLayout,
+    model: HistogramModel,
+    view: HistogramInput,
+    look: Look,
+) -> None:
+    upper, row, chart = model.upper, canvas.height - 1, layout.width
+    count = max(1, chart // 8)
+    width = step(upper, count)
+    name = f"{view.label} {view.unit}".strip()
+    beyond = model.sim.beyond + model.real.beyond
+    if beyond and chart >= 60:
+        name = f"{name}, last: {short(upper, 2)} and more"
+    elif beyond and chart >= 30:
+        name = f"{name}, last {short(upper, 2)}+"
+    stop = canvas.width - len(name) - 1
+    free = layout.left
+    for tick in ticks(0.0, upper, count):
+        text = tick_text(tick, width) if width < 1e4 else short(tick)
+        start = layout.left + min(chart - 1, int(tick / upper * chart))
+        if start >= free and start + len(text) <= stop:
+            free = canvas.text(start, row, text, look.theme.muted) + 1
+    if stop > layout.left:
+        canvas.text(canvas.width - len(name), row, name, look.theme.muted)

@@ -1,0 +1,99 @@
+"""The gap over time on paper: a panel for the headline and one for every axis, on one scale."""
+
+from __future__ import annotations
+
+import datetime
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from s2rstore.gap_history.gate_status import Word
+from s2rtui.canvas.colour import LIGHT, Theme
+from s2rtui.charts.history.model import (
+    HEADLINE,
+    HistoryInput,
+    HistoryModel,
+    Track,
+    history_model,
+)
+from s2rtui.charts.history.terminal import ink
+from s2rtui.charts.shared.paper import (
+    Page,
+    Pixels,
+    dress,
+    heading,
+    new_figure,
+    page_of,
+    unit,
+    written,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST_DAYS = 120
+_MARKERS: dict[Word, str] = {"PASS": "o", "FAIL": "^", "INCONCLUSIVE": "s", "SKIPPED": "."}
+_LEFT, _BOTTOM, _BETWEEN = 0.7, 0.65, 0.32
+
+
+def history_figure(
+    view: HistoryInput,
+    size: Pixels = (1600, 1000),
+    theme: Theme = LIGHT,
+    title: str = "The gap over time",
+    subtitle: str = "",
+) -> bytes:
+    """A file of `size` pixels; `view` must hold a night."""
+    page = page_of(size, theme)
+    model = history_model(view, MOST_DAYS)
+    figure = new_figure(page)
+    top = heading(figure, page, title, subtitle) - 0.25
+    count = len(model.tracks)
+    height = max(0.2, (top - _BOTTOM - (count - 1) * _BETWEEN) / count)
+    for index, track in enumerate(model.tracks):
+        bottom = _BOTTOM + (count - 1 - index) * (height + _BETWEEN)
+        axes = figure.add_axes(page.box(_LEFT, bottom, page.inches[0] - _LEFT - 0.25, height))
+        _panel(axes, model, track, page)
+        _days(axes, model, labelled=index == count - 1)
+        if index == 0:
+            _legend(axes, theme)
+    return written(figure, page)
+
+
+def _panel(axes: Axes, model: HistoryModel, track: Track, page: Page) -> None:
+    theme, days = page.theme, model.days
+    dress(axes, theme)
+    low, high = model.scale
+    margin = 0.06 * (high - low)
+    axes.set_ylim(low - margin, high + margin)
+    axes.set_xlim(days[0] - 0.6, days[-1] + 0.6)
+    ends = np.concatenate([[days[0] - 0.6], days, [days[-1] + 0.6]])
+    limits = np.concatenate([model.thresholds[:1], model.thresholds, model.thresholds[-1:]])
+    axes.plot(ends, limits, color=unit(theme.truth), linewidth=1.1, linestyle=(0, (4, 3)),
+              drawstyle="steps-mid")  # fmt: skip
+    for at, day in enumerate(days):
+        colour = unit(ink(track.words[at], theme))
+        value, *bounds = np.clip([track.value[at], track.low[at], track.high[at]], low, high)
+        if not math.isnan(value):
+            axes.plot([day, day], bounds, color=colour, linewidth=1.6, solid_capstyle="butt")
+            axes.plot([day], [value], marker=_MARKERS[track.words[at]], markersize=5.5,
+                      color=colour)  # fmt: skip
+    axes.set_ylabel("G")
+    name = axes.set_title(track.name, loc="left", fontsize=9.5, pad=4)
+    name.set_color(unit(theme.text))
+    name.set_fontweight("bold" if track.name == HEADLINE else "normal")
+
+
+def _days(axes: Axes, model: HistoryModel, labelled: bool) -> None:
+    """About ten dates at whole days, the newest among them."""
+    step = -(-model.span // 10)
+    ticks = list(range(int(model.days[-1]), int(model.days[0]) - 1, -step))
+    dates = [f"{datetime.date.fromordinal(day):%Y-%m-%d}" for day in ticks]
+    axes.set_xticks(ticks, dates if labelled else [""] * len(ticks))
+
+
+def _legend(axes: Axes, theme: Theme) -> None:
+    told = axes.set_title("● pass   ▲ fail   ■ inconclusive   - - threshold", loc="right",
+                          fontsize=8.5, pad=4)  # fmt: skip
+    told.set_color(unit(theme.muted))

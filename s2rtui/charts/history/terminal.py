@@ -1,0 +1,219 @@
+"""The gap over time: a row of charts over the nights, with intervals and the threshold."""
+
+from __future__ import annotations
+
+import datetime
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2rstore.gap_history.gate_status import Word
+from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.colour import Rgb, Theme
+from s2rtui.canvas.render_options import Look
+from s2rtui.charts.history.model import (
+    HEADLINE,
+    HistoryInput,
+    HistoryModel,
+    Track,
+    history_model,
+)
+from s2rtui.charts.shared.axis_scale import short
+
+LABELS = 5
+"""Columns at the left that numbers take."""
+_FEWEST_ROWS, _WIDEST = 4, 8
+_SIGNS: dict[Word, tuple[str, str]] = {
+    "PASS": ("●", "o"),
+    "FAIL": ("▲", "X"),
+    "INCONCLUSIVE": ("○", "?"),
+    "SKIPPED": ("·", "."),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryLayout:
+    """Columns of the charts and of a day; each chart's (title row, first row, rows) by track.
+
+    `hidden` are the tracks that found no place.
+    """
+
+    left: int
+    width: int
+    pitch: int
+    charts: tuple[tuple[int, int, int, int], ...]
+    hidden: tuple[int, ...]
+
+    def column(self, day: int, model: HistoryModel) -> int:
+        """Where a night stands."""
+        return self.left + (day - int(model.days[0])) * self.pitch + self.pitch // 2
+
+
+def sign(word: Word, look: Look) -> str:
+    """The glyph of a word, so that colour is never needed."""
+    return _SIGNS[word][look.ascii]
+
+
+def ink(word: Word, theme: Theme) -> Rgb:
+    """The colour of a word."""
+    return {"PASS": theme.sim, "FAIL": theme.real, "INCONCLUSIVE": theme.truth,
+            "SKIPPED": theme.muted}[word]  # fmt: skip
+
+
+def chart_columns(width: int) -> int:
+    """The most days that `width` columns show."""
+    return max(1, width - (LABELS if width >= 24 else 0))
+
+
+def history_layout(model: HistoryModel, size: Size) -> HistoryLayout:
+    """The headline first, then as many axes as fit, the worst ones before others."""
+    width, height = max(1, size[0]), max(1, size[1])
+    left = width - chart_columns(width)
+    pitch = max(1, min(_WIDEST, (width - left) // max(1, model.span)))
+    free = height - 2 if height >= 6 else height
+    fits = max(1, min(len(model.tracks), free // (_FEWEST_ROWS + 1)))
+    last = [-math.inf if math.isnan(t.last.value) else t.last.value for t in model.tracks]
+    ranked = sorted(range(1, len(model.tracks)), key=lambda index: -last[index])
+    shown = [0, *sorted(ranked[: fits - 1])]
+    charts, top = [], 0
+    for place, index in enumerate(shown):
+        rows = (free - top) // (len(shown) - place)
+        title = 1 if rows > 1 else 0
+        charts.append((index, top, top + title, max(1, rows - title)))
+        top += rows
+    hidden = tuple(sorted(set(range(len(model.tracks))) - set(shown)))
+    return HistoryLayout(left, width - left, pitch, tuple(charts), hidden)
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """The rows of a chart, `top` and the `count` under it, over a scale of G."""
+
+    scale: tuple[float, float]
+    top: int
+    count: int
+
+    def line(self, threshold: float) -> int:
+        """The threshold's row; where there are three, one lies above it and one under it."""
+        row = self._row(threshold)
+        return row if self.count < 3 else min(max(row, self.top + 1), self.top + self.count - 2)
+
+    def of(self, value: float, threshold: float) -> int:
+        """The row of a G, clipped to the chart: above the threshold's for what is over it, below it
+        for what is under it, as long as there are three.
+        """
+        row, line = self._row(value), self.line(threshold)
+        if value == threshold or self.count < 3:
+            return line if value == threshold else row
+        return min(row, line - 1) if value > threshold else max(row, line + 1)
+
+    def _row(self, value: float) -> int:
+        share = (value - self.scale[0]) / (self.scale[1] - self.scale[0])
+        return self.top + min(self.count - 1, max(0, math.floor((1 - share) * self.count)))
+
+
+def history(view: HistoryInput, size: Size, look: Look | None = None) -> Canvas:
+    """The view in `size` (columns, rows)."""
+    look = look or Look()
+    canvas = Canvas(*size, theme=look.theme)
+    if not view.nights:
+        canvas.text(0, 0, "no nights", look.theme.muted)
+        return canvas
+    model = history_model(view, chart_columns(canvas.width))
+    layout = history_layout(model, (canvas.width, canvas.height))
+    for index, title, top, rows in layout.charts:
+        track = model.tracks[index]
+        if title < top:
+            _title(canvas, title, track, look)
+        chart = Rows(model.scale, top, rows)
+        _threshold(canvas, model, layout, chart, look)
+        _nights(canvas, model, layout, track, chart, look)
+    if canvas.height >= 6:
+        _dates(canvas, model, layout, look)
+        _legend(canvas, model, layout, look)
+    return canvas
+
+
+def _title(canvas: Canvas, row: int, track: Track, look: Look) -> None:
+    theme, word, gap = look.theme, track.words[-1], track.last
+    free = canvas.text(0, row, track.name, theme.text, bold=track.name == HEADLINE) + 2
+    free = canvas.text(free, row, f"{sign(word, look)} {word.lower()}", ink(word, theme)) + 2
+    if not math.isnan(gap.value):
+        bounds = f"{_short(gap.low)} .. {_short(gap.high)}"
+        canvas.text(free, row, f"G {_short(gap.value)} ({bounds})", theme.text)
+
+
+def _short(value: float) -> str:
+    return f"{round(value, 1) + 0.0:.1f}" if math.isfinite(value) else "?"
+
+
+def _threshold(
+    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, chart: Rows, look: Look
+) -> None:
+    """Its line, which steps where it was changed, and the scale at the left."""
+    theme = look.theme
+    for day in range(int(model.days[0]), int(model.days[-1]) + 1):
+        at = int(np.searchsorted(model.days, day, side="right")) - 1
+        row = chart.line(float(model.thresholds[at]))
+        start = layout.left + (day - int(model.days[0])) * layout.pitch
+        canvas.hline(start, start + layout.pitch - 1, row, look.glyphs.horizontal, theme.truth)
+    if not layout.left:
+        return
+    limit = float(model.thresholds[-1])
+    marks = {chart.of(end, limit): (end, theme.muted) for end in (*model.scale, 0.0)}
+    marks[chart.line(limit)] = (limit, theme.truth)
+    for row, (value, colour) in marks.items():
+        canvas.text(LABELS - 1, row, short(value, 2), colour, align="right")
+
+
+def _nights(
+    canvas: Canvas,
+    model: HistoryModel,
+    layout: HistoryLayout,
+    track: Track,
+    chart: Rows,
+    look: Look,
+) -> None:
+    """Each night's interval as a line, its G as the glyph of its word."""
+    for at, day in enumerate(model.days.tolist()):
+        gap = float(track.value[at])
+        if math.isnan(gap):
+            continue
+        column, colour = layout.column(day, model), ink(track.words[at], look.theme)
+        limit = float(model.thresholds[at])
+        ends = [
+            chart.of(gap if math.isnan(end) else end, limit)
+            for end in (float(track.low[at]), float(track.high[at]))
+        ]
+        canvas.vline(column, ends[1], ends[0], look.glyphs.vertical, colour)
+        row = chart.of(gap, limit)
+        canvas.put(column, row, sign(track.words[at], look), colour, bold=True)
+
+
+def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: Look) -> None:
+    """Dates under the nights, the newest always, others where there is room."""
+    row, theme = canvas.height - 2, look.theme
+    free = canvas.width
+    for day in reversed(model.days.tolist()):
+        date = datetime.date.fromordinal(day)
+        text = f"{date:%Y-%m-%d}" if free == canvas.width else f"{date:%m-%d}"
+        start = min(layout.column(day, model) - len(text) // 2, canvas.width - len(text))
+        start = max(start, 0)
+        if start + len(text) <= free - (0 if free == canvas.width else 2):
+            canvas.text(start, row, text, theme.muted)
+            free = start
+
+
+def _legend(canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: Look) -> None:
+    theme, row, free = look.theme, canvas.height - 1, 0
+    words: tuple[Word, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
+    for word in words:
+        free = canvas.text(free, row, f"{sign(word, look)} {word.lower()}", ink(word, theme)) + 2
+    free = canvas.text(free, row, f"{look.glyphs.horizontal * 2} threshold", theme.truth) + 2
+    hidden = [model.tracks[index].name for index in layout.hidden]
+    notes = [f"no room for {', '.join(hidden)}"] if hidden else []
+    notes += [f"{model.older} older"] if model.older else []
+    for note in notes:
+        if free + len(note) <= canvas.width:
+            free = canvas.text(free, row, note, theme.muted) + 2

@@ -1,0 +1,127 @@
+"""The gap over time: what every night measured, and whether the gate let it pass."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from textwrap import wrap
+
+from s2rstore.errors import RequestError
+from s2rstore.gap_history.gate_status import known_word, word_of
+from s2rstore.gap_history.reader import History, Night
+from s2rstore.metrics.pose_metrics import Interval
+from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.charts.history import model, terminal
+from s2rtui.charts.view import Pane, Pixels, Scene, Table, View
+
+_COLUMNS = ("night", "outcome", "axis", "G", "low", "high", "result", "threshold", "value", "unit",
+            "n", "evidence days")  # fmt: skip
+
+
+class HistoryView(View):
+    name = "history"
+    key = "G"
+    pane: Pane = "centre"
+    description = "the gap over time, night by night"
+    feeds = ("history",)
+    paper = (1600, 1100)
+
+    def told(self, scene: Scene) -> str:
+        nights = self.input(scene).nights
+        if not nights:
+            return "the gap, night by night"
+        last = nights[-1]
+        stale = ", evidence is stale" if last.stale else ""
+        return f"the gap of {last.run}, {_count(nights)} of {last.name}{stale}"
+
+    def input(self, scene: Scene) -> model.HistoryInput:
+        found = scene.resources.history
+        if found is None:
+            return model.HistoryInput(())
+        return model.HistoryInput(_nights(found, scene.state.run, scene.store.dataset.name))
+
+    def depends(self, scene: Scene) -> tuple[object, ...]:
+        failed = scene.resources.failed.get("history")
+        return scene.resources.history, scene.state.run, scene.state.history, failed
+
+    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+        view = self.input(scene)
+        if view.nights:
+            return terminal.history(view, size, look)
+        canvas = Canvas(*size, theme=look.theme)
+        lines = [part for line in self._missing(scene) for part in wrap(line, canvas.width)]
+        for row, line in enumerate(lines):
+            canvas.text(0, row, line, look.theme.muted if row else look.theme.text)
+        return canvas
+
+    def _missing(self, scene: Scene) -> tuple[str, ...]:
+        """Why there is nothing to draw, and what to do."""
+        found, file = scene.resources.history, scene.state.history
+        if failed := scene.resources.failed.get("history"):
+            return ("the history cannot be read", failed)
+        if file is not None and found is None:
+            return ("the history is not read yet",)
+        runs = found.shown_runs(scene.store.dataset.name) if found is not None else ()
+        if runs:
+            return (f"no night of run {scene.state.run}", f"there are nights of {', '.join(runs)}")
+        if found is not None and found.nights:
+            return ("no night of this data set", "name another history: --history FILE")
+        return (
+            "no nights yet",
+            "s2r nightly CONFIG.toml measures the gap",
+            "and keeps it in the store: history/gap.duckdb",
+        )
+
+    def numbers(self, scene: Scene) -> Table:
+        rows = [row for night in self.input(scene).nights for row in _rows(night)]
+        return _COLUMNS, rows
+
+    def words(self, scene: Scene) -> str:
+        nights = self.input(scene).nights
+        if not nights:
+            return f"{'; '.join(self._missing(scene)).capitalize()}."
+        last = nights[-1]
+        passed = sum(night.outcome == "PASS" for night in nights)
+        days = "1 day" if last.evidence_age == 1 else f"{last.evidence_age} days"
+        told = f"Night {last.night}: {last.outcome}"
+        if last.worst is not None:
+            gap = " .. ".join(f"{end:.1f}" for end in (last.gap.low, last.gap.high))
+            told += f", G {last.gap.value:.1f} ({gap}), worst axis {last.worst}"
+        return f"{told}; {passed} of {len(nights)} nights passed; evidence is {days} old."
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui.charts.history import paper
+
+        view = self.input(scene)
+        if not view.nights:
+            raise RequestError(f"--view history: {'; '.join(self._missing(scene))}")
+        title = f"{scene.state.run}: the gap over time"
+        return paper.history_figure(view, size, theme, title, self.words(scene))
+
+
+@lru_cache(4)
+def _nights(found: History, run: str, dataset: str) -> tuple[Night, ...]:
+    return found.of_run(run, dataset)
+
+
+def _count(nights: Sequence[Night]) -> str:
+    return f"{len(nights)} night{'' if len(nights) == 1 else 's'}"
+
+
+def _rows(night: Night) -> Iterator[tuple[object, ...]]:
+    """The headline, then every axis of a night."""
+    yield _row(night, "headline", night.gap, known_word(night.headline), None, None, None)
+    for axis in night.axes:
+        word = word_of(axis.gap, night.threshold)
+        value = None if math.isnan(axis.value.value) else axis.value.value
+        shown = axis.state if axis.state != "measured" else word
+        yield _row(night, axis.axis, axis.gap, shown, value, axis.unit, axis.n)
+
+
+def _row(
+    night: Night, axis: str, gap: Interval, word: str, value: float | None, unit: str | None,
+    n: int | None,
+) -> tuple[object, ...]:  # fmt: skip
+    figures = (gap.value, gap.low, gap.high, word, night.threshold, value, unit, n)
+    return (str(night.night), night.outcome, axis, *figures, night.evidence_age)

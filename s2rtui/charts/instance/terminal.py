@@ -1,0 +1,247 @@
+"""One instance: sim beside real, pictures with heat, and the numbers under them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtui.analysis.identity_cache import identity
+from s2rtui.canvas.canvas import Canvas, Plate, Size
+from s2rtui.canvas.colour import DEPTH_SHADES, Pixels, depth_tint, diverging, legible, turbo
+from s2rtui.canvas.raster import picture, resample, shade
+from s2rtui.canvas.render_options import Look
+from s2rtui.charts.instance.model import (
+    HEADINGS,
+    InstanceModel,
+    heat_colours,
+    instance_model,
+    panel_pixels,
+)
+from s2rtui.charts.shared.inputs import InstanceInput, SideView
+from s2rtui.charts.shared.legend import Part, colour_bar, draw_rows, flow
+
+SIGNED_RAMP = "ihgfedcba.123456789"
+"""Glyphs of a signed heat, from the most negative over 0 to the most positive."""
+HEAT_RAMP = ".123456789"
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """A picture's place in cells: `what` is "rgb", "depth" or "heat"."""
+
+    what: str
+    side: str
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceLayout:
+    """The pictures, the rows of colour bars from `bars_y`, the table from `table_y` (or None)."""
+
+    panels: tuple[Panel, ...]
+    bars: tuple[tuple[Part, ...], ...]
+    bars_y: int
+    table_y: int | None
+
+
+def instance_layout(view: InstanceInput, size: Size, look: Look | None = None) -> InstanceLayout:
+    """Room for the pictures first as large as their shape allows; bars and table below them."""
+    look = look or Look()
+    width, height = max(1, size[0]), max(1, size[1])
+    model = instance_model(view)
+    kinds = _kinds(view, model, look)
+    bars = [tuple(row) for row in flow(_bars(view, model, look, width), width)]
+    table = 1 + len(model.poses) + len(view.notes)
+    title = 1 if height >= 4 else 0
+    plans: tuple[tuple[list[str], list[tuple[Part, ...]], int], ...] = (
+        (kinds, bars, table),
+        (kinds, bars[:1], table - len(view.notes)),
+        (kinds[:1], bars[:1], table - len(view.notes)),
+        (kinds[:1], [], 0),
+    )
+    for what, rows, lines in plans:
+        space = height - title - len(rows) - lines
+        if space >= 4 * len(what) or (lines == 0 and space >= 1):
+            break
+    else:
+        what, rows, lines, space = kinds[:1], [], 0, max(1, height - title)
+    panels, used = _arrange(what, _shape(view), width, space, title)
+    return InstanceLayout(panels, tuple(rows), used, used + len(rows) if lines else None)
+
+
+def _kinds(view: InstanceInput, model: InstanceModel, look: Look) -> list[str]:
+    kinds = ["rgb"] if view.sim.rgb.size or view.real.rgb.size else []
+    if model.heat_range is not None and not look.pictures:
+        kinds.append("heat")
+    if view.sim.depth is not None or view.real.depth is not None:
+        kinds.append("depth")
+    return kinds
+
+
+def _shape(view: InstanceInput) -> tuple[int, int]:
+    """Rows and columns of the pictures."""
+    rows, columns = (view.sim if view.sim.rgb.size else view.real).rgb.shape[:2]
+    return max(1, rows), max(1, columns)
+
+
+def _arrange(
+    kinds: list[str], shape: tuple[int, int], width: int, space: int, top: int
+) -> tuple[tuple[Panel, ...], int]:
+    """Pictures stacked in two columns or all in one row, whichever shows them larger."""
+    if not kinds:
+        return (), 0
+    aspect = shape[1] / max(1, shape[0])
+    best: tuple[int, int, int] = (0, 0, 0)
+    for columns in (2, 2 * len(kinds)):
+        rows = 2 * len(kinds) // columns
+        high = space // rows
+        wide = min((width - columns + 1) // columns, int(2 * high * aspect))
+        high = min(high, -int(-wide / aspect // 2))
+        if wide * high > best[0] * best[1]:
+            best = (wide, high, columns)
+    wide, high, columns = best
+    panels = []
+    for index, what in enumerate(kinds if wide and high else []):
+        for offset, side in enumerate(("sim", "real")):
+            place = index * 2 + offset
+            half = (width + 1) // 2 if columns == 2 else wide + 1
+            x = place % columns * max(wide + 1, min(half, wide + 3))
+            panels.append(Panel(what, side, x, top + place // columns * high, wide, high))
+    rows = 2 * len(kinds) // columns if columns else 0
+    return tuple(panels), top + rows * high
+
+
+def instance(view: InstanceInput, size: Size, look: Look | None = None) -> Canvas:
+    """The view in `size` (columns, rows)."""
+    look = look or Look()
+    canvas = Canvas(*size, theme=look.theme)
+    model = instance_model(view)
+    layout = instance_layout(view, (canvas.width, canvas.height), look)
+    for panel in layout.panels:
+        _panel(canvas, panel, view, model, look)
+    _titles(canvas, layout, view, look)
+    draw_rows(canvas, 0, layout.bars_y, layout.bars)
+    if layout.table_y is not None:
+        _table(canvas, layout.table_y, view, model, look)
+    return canvas
+
+
+def _panel(
+    canvas: Canvas, panel: Panel, view: InstanceInput, model: InstanceModel, look: Look
+) -> None:
+    side = view.sim if panel.side == "sim" else view.real
+    if panel.what == "heat":
+        _heat_glyphs(canvas, panel, side, view, model)
+    elif side.rgb.size if panel.what == "rgb" else side.depth is not None:
+        plain = view if look.pictures else _without_heat(view)
+        pixels = partial(panel_pixels, side, panel.what, model, plain)
+        picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)), look)
+        if look.fine:
+            of = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
+            true = partial(pixels, shades=DEPTH_SHADES)
+            follows = panel.what, *of, view.over, view.signed
+            canvas.plates.append(_plate(panel, side, true, identity(follows)))
+    else:
+        canvas.text(
+            panel.x,
+            panel.y + panel.height // 2,
+            "no image" if panel.what == "rgb" else "no depth",
+            look.theme.muted,
+        )
+
+
+def _plate(panel: Panel, side: SideView, pixels: Callable[[Size], Pixels], of: object) -> Plate:
+    image = side.rgb if panel.what == "rgb" or side.depth is None else side.depth
+    shape = image.shape[0], image.shape[1]
+    return Plate(panel.x, panel.y, panel.width, panel.height, shape, pixels, of)
+
+
+def _without_heat(view: InstanceInput) -> InstanceInput:
+    strip = (SideView(side.rgb, side.depth) for side in (view.sim, view.real))
+    sim, real = strip
+    return InstanceInput(view.iid, sim, real)
+
+
+def _heat_glyphs(
+    canvas: Canvas, panel: Panel, side: SideView, view: InstanceInput, model: InstanceModel
+) -> None:
+    """The heat in digits (and letters below zero), where no colour can lie on a picture."""
+    if side.heat is None or model.heat_range is None:
+        return
+    heat = resample(np.asarray(side.heat, dtype=np.float32), panel.height, panel.width)
+    low, high = model.heat_range
+    colours, _ = heat_colours(heat, model.heat_range, view.signed)
+    ramp = SIGNED_RAMP if view.signed else HEAT_RAMP
+    shade(
+        canvas, panel.x, panel.y, (heat - low) / (high - low), ramp, legible(colours, canvas.theme)
+    )
+
+
+def _titles(canvas: Canvas, layout: InstanceLayout, view: InstanceInput, look: Look) -> None:
+    theme, glyphs = look.theme, look.glyphs
+    for panel in layout.panels:
+        if panel.y != 1:
+            continue
+        side = view.sim if panel.side == "sim" else view.real
+        glyph, colour = (
+            (glyphs.sim, theme.sim) if panel.side == "sim" else (glyphs.real, theme.real)
+        )
+        title = side.title or panel.side
+        title = title.encode("ascii", "replace").decode() if look.ascii else title
+        text = f"{glyph} {title}" if panel.what == "rgb" else f"{glyph} {panel.what}"
+        canvas.text(panel.x, 0, text[: panel.width], colour, bold=True)
+
+
+def _bars(view: InstanceInput, model: InstanceModel, look: Look, width: int) -> list[Part]:
+    parts = []
+    length = 12 if width >= 44 else 8
+    if model.heat_range is not None:
+
+        def spread(shares: NDArray[np.float64]) -> Pixels:
+            return diverging(2 * shares - 1, (236, 236, 236)) if view.signed else turbo(shares)
+
+        ramp = None if look.pictures else (SIGNED_RAMP if view.signed else HEAT_RAMP)
+        name = model.heat_name or "heat"
+        parts.append(
+            colour_bar(name, view.unit, model.heat_range, look, length + 4, spread, ramp, width)
+        )
+    if model.depth_range is not None:
+        shades = look.glyphs.shades[::-1]
+        ramp = None if look.pictures else (shades if look.theme.dark else shades[::-1])
+        parts.append(
+            colour_bar("depth", "m", model.depth_range, look, length, depth_tint, ramp, width)
+        )
+    return parts
+
+
+def _table(canvas: Canvas, y: int, view: InstanceInput, model: InstanceModel, look: Look) -> None:
+    theme, glyphs = look.theme, look.glyphs
+    roles = {
+        "truth": (glyphs.truth, theme.truth),
+        "sim": (glyphs.sim, theme.sim),
+        "real": (glyphs.real, theme.real),
+    }
+    label = 8 if canvas.width >= 42 else 2
+    column = min(8, max(6, (canvas.width - label) // 5))
+    canvas.text(0, y, f"#{view.iid}"[: label + column - 4], theme.muted)
+    for index, heading in enumerate(HEADINGS):
+        canvas.text(label + (index + 1) * column, y, heading, theme.muted, align="right")
+    for row, line in enumerate(model.poses, start=y + 1):
+        glyph, colour = roles[line.role]
+        canvas.text(0, row, f"{glyph} {line.role}"[: label - 1], colour)
+        for index, text in enumerate(line.cells):
+            strong = index >= 3
+            ink = colour if strong else theme.text
+            at = label + (index + 1) * column
+            canvas.text(at, row, text, ink, bold=strong, align="right")
+    for row, (name, value) in enumerate(view.notes, start=y + 1 + len(model.poses)):
+        text = f"{name} {value}"
+        text = text.encode("ascii", "replace").decode() if look.ascii else text
+        canvas.text(0, row, text, theme.muted)

@@ -1,0 +1,141 @@
+"""Headings as numbers: counts in bins of 5 degrees, their mean directions, one common scale."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtui.analysis import joint_histogram
+from s2rtui.analysis.bins import Bins, Chosen, bins, choose
+from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.canvas.pending_brush import wrapped
+from s2rtui.charts.shared.inputs import Floats, OrientationInput
+
+BINS = 72
+WIDTH = 360 / BINS
+NAMES = ("sim", "truth", "real")
+EXACTLY_UP_TO = 20_000
+"""A mean direction of so many is taken over the instances, of more over the bins."""
+Counts = NDArray[np.intp]
+Lengths = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Headings:
+    """One panel: counts per bin from -180 degrees on, of the selected and of all valid.
+
+    mean: circular mean of the selected in degrees, -180 .. 180, and their resultant length 0 .. 1;
+    NaN where none is selected. cursor: degrees, or None.
+    """
+
+    lit: Counts
+    total: Counts
+    mean: float
+    resultant: float
+    cursor: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrientationModel:
+    """The panels in the order of NAMES, and what their longest bar stands for.
+
+    peak: so many of the selected. whole: so many of all valid; grey bars show all, shrunk by the
+    share that is selected, so that they are what a selection blind to heading would give.
+    """
+
+    panels: tuple[Headings, ...]
+    peak: int
+    whole: float
+
+    def lengths(self, panel: Headings) -> tuple[Lengths, Lengths]:
+        """Bars 0 .. 1 of the selected and of all."""
+        return panel.lit / self.peak, panel.total / self.whole
+
+
+def orientation_model(view: OrientationInput, count: int = BINS) -> OrientationModel:
+    """Counts in `count` bins (a divisor of 72) and means of the three headings."""
+    sides = (view.sim, view.truth, view.real)
+    keys = tuple(Same(side) for side in sides)
+    counted = _counts(keys, Same(view.selected), Same(view.valid))
+    panels = tuple(
+        Headings(
+            lit.reshape(count, -1).sum(axis=1),
+            total.reshape(count, -1).sum(axis=1),
+            math.degrees(np.angle(vector)),
+            abs(vector),
+            _cursor(side, view),
+        )
+        for side, (lit, total, vector) in zip(sides, counted, strict=True)
+    )
+    chosen = sum(int(panel.lit.sum()) for panel in panels)
+    share = chosen / sum(int(panel.total.sum()) for panel in panels) if chosen else 1.0
+    longest = max(float(panel.total.max()) * share for panel in panels)
+    longest = max(1, math.ceil(longest), *(int(panel.lit.max()) for panel in panels))
+    return OrientationModel(panels, longest, longest / share)
+
+
+@kept(16)
+def _bins(headings: Same) -> Bins:
+    turned = np.degrees(np.asarray(headings.array, dtype=np.float64)) + 180
+    turned = (turned - 360 * np.floor(turned / 360)) / WIDTH
+    return bins(np.where(turned >= BINS, 0.0, turned), BINS)
+
+
+@kept(16)
+def _directions(headings: Same) -> NDArray[np.complex128]:
+    """(72,) the mean unit vector of everything in each bin, to single precision."""
+    column = np.asarray(headings.array, dtype=np.float32)
+    codes = _bins(headings).codes
+    known = np.where(codes < BINS, column, 0.0)
+    cosines = np.bincount(codes, np.cos(known), BINS + 1)[:BINS]
+    sines = np.bincount(codes, np.sin(known), BINS + 1)[:BINS]
+    number = np.maximum(np.bincount(codes, minlength=BINS + 1)[:BINS], 1)
+    return np.asarray((cosines + 1j * sines) / number)
+
+
+@kept(4)
+def _counts(
+    sides: tuple[Same, ...], selected: Same, valid: Same
+) -> list[tuple[Counts, Counts, complex]]:
+    """Counts of the selected and of all in 72 bins, and the selected's mean unit vector."""
+    chosen = choose(np.asarray(selected.array), np.asarray(valid.array))
+    counted = joint_histogram.counts([_bins(side) for side in sides], chosen)
+    return [
+        (lit, total, _mean(np.asarray(side.array), lit, chosen))
+        for side, (lit, total) in zip(sides, counted, strict=True)
+    ]
+
+
+def _cursor(column: Floats, view: OrientationInput) -> float | None:
+    """Degrees of the cursor's instance, where it is valid and known."""
+    cursor = view.cursor
+    if cursor is None or not (0 <= cursor < len(view.valid) and view.valid[cursor]):
+        return None
+    heading = float(column[cursor])
+    return wrapped(math.degrees(heading)) if math.isfinite(heading) else None
+
+
+def _units(column: Floats, iids: NDArray[np.intp]) -> NDArray[np.complex128]:
+    """Unit vectors of some headings, kept where those of all are few."""
+    if len(column) <= EXACTLY_UP_TO:
+        return _all_units(Same(column))[iids]
+    return np.asarray(np.exp(1j * column[iids]))
+
+
+@kept(16)
+def _all_units(column: Same) -> NDArray[np.complex128]:
+    return np.asarray(np.exp(1j * np.asarray(column.array)))
+
+
+def _mean(column: Floats, lit: Counts, chosen: Chosen) -> complex:
+    """The mean unit vector of the selected."""
+    number = int(lit.sum())
+    if number == 0:
+        return complex(math.nan, math.nan)
+    if number <= EXACTLY_UP_TO:
+        own = _units(column, chosen.members)
+        return complex(own[np.isfinite(own)].mean())
+    return complex((lit * _directions(Same(column))).sum() / number)

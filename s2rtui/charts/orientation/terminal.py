@@ -1,0 +1,234 @@
+"""Where instances look: radial bars of prediction, truth and prediction, or strips of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2rtui.canvas.brush_surface import Panel, Point
+from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.colour import Rgb
+from s2rtui.canvas.pending_brush import pending, wrapped
+from s2rtui.canvas.render_options import Glyphs, Look
+from s2rtui.charts.orientation.dial import Dial, dial_of
+from s2rtui.charts.orientation.dial_drawing import draw_dial
+from s2rtui.charts.orientation.heading_strips import draw_strip, draw_strip_axis
+from s2rtui.charts.orientation.model import (
+    BINS,
+    NAMES,
+    Headings,
+    OrientationModel,
+    orientation_model,
+)
+from s2rtui.charts.shared.axis_scale import short
+from s2rtui.charts.shared.inputs import OrientationInput
+
+SMALLEST = 6.0
+"""Radius in columns from which a dial can be read; without braille dots twice that."""
+COARSER = (72, 36, 24, 18, 12, 9, 8, 6, 4, 3, 2, 1)
+LABEL = 8
+"""Columns at the left of a strip that names take."""
+Place = tuple[int, int, int, int]
+Way = Callable[[float, float], Point]
+
+
+@dataclass(frozen=True, slots=True)
+class OrientationLayout:
+    """Up to three rectangles (x, y, width, height) in cells for the bars, in the order of NAMES.
+
+    `dial`: the disc inside each, in its own cells; None: strips of `count` bins.
+    `room` is the width that each rectangle's header and footer have; `labels` stand round a dial.
+    """
+
+    places: tuple[Place, ...]
+    dial: Dial | None
+    count: int
+    room: int
+    header: int
+    footer: int
+    labels: bool
+
+
+def orientation_layout(
+    view: OrientationInput, size: Size, look: Look | None = None
+) -> OrientationLayout:
+    """Dials in a row or a column, whichever are larger; strips where both are too small."""
+    width, height = max(1, size[0]), max(1, size[1])
+    row, column = ((width - 2) // 3, height), (width, height // 3)
+    upright = _rim(*column)[0] > _rim(*row)[0]
+    room, rows = column if upright else row
+    rim, header, footer, margin = _rim(room, rows)
+    smallest = 2 * SMALLEST if look is not None and look.ascii else SMALLEST
+    if rim < smallest:
+        return _strips(width, height)
+    inner = min(rows - header - footer, math.ceil(rim + 2 * margin[1]))
+    top = header + (rows - header - footer - inner) // 2
+    corners = [(0, index * rows) if upright else (index * (room + 1), 0) for index in range(3)]
+    places = tuple((x, y + top, room, inner) for x, y in corners)
+    dial = dial_of(0, 0, room, inner, view.y_down, margin)
+    return OrientationLayout(places, dial, BINS, room, header, footer, margin[1] > 0)
+
+
+def _rim(width: int, height: int) -> tuple[float, int, int, Point]:
+    """A dial's radius in columns, rows above and below, and the margin that its degrees take."""
+    header, footer = (1, 1) if height >= 10 else (int(height >= 8), 0)
+    rows = height - header - footer
+    margin = (3.0 if width < 32 else 4.0, 1.0) if width >= 24 and rows >= 11 else (0.0, 0.0)
+    return min(width / 2 - margin[0], rows - 2 * margin[1]), header, footer, margin
+
+
+def _strips(width: int, height: int) -> OrientationLayout:
+    left = LABEL if width >= 36 + LABEL else 0
+    footer = 1 if height >= 4 else 0
+    rows = max(1, (height - footer) // 3)
+    count = next(count for count in COARSER if count <= width - left)
+    each = (width - left) // count
+    places = tuple((left, index * rows, count * each, rows) for index in range(min(3, height)))
+    return OrientationLayout(places, None, count, left, 0, footer, False)
+
+
+def orientation_surface(
+    view: OrientationInput, size: Size, look: Look | None = None
+) -> tuple[Panel, ...]:
+    """Turns "sim", "truth" and "real": degrees in [-180, 180), and how far out (0 .. 1)."""
+    layout = orientation_layout(view, size, look)
+    dial = layout.dial
+    panels = []
+    for name, place in zip(NAMES, layout.places, strict=False):
+        to_data, to_cells = _on_strip(place) if dial is None else _on_dial(dial, place)
+        panels.append(Panel(name, "turn", *place, to_data, to_cells))
+    return tuple(panels)
+
+
+def _on_dial(dial: Dial, place: Place) -> tuple[Way, Way]:
+    x, y, _, _ = place
+
+    def to_data(column: float, row: float) -> Point:
+        return dial.to_data(column - x, row - y)
+
+    def to_cells(degrees: float, radius: float) -> Point:
+        column, row = dial.to_cells(degrees, radius)
+        return column + x, row + y
+
+    return to_data, to_cells
+
+
+def _on_strip(place: Place) -> tuple[Way, Way]:
+    x, y, width, height = place
+
+    def to_data(column: float, row: float) -> Point:
+        return wrapped(360 * (column - x) / width - 180), (y + height - row) / height
+
+    def to_cells(degrees: float, radius: float) -> Point:
+        return x + (wrapped(degrees) + 180) / 360 * width, y + height * (1 - radius)
+
+    return to_data, to_cells
+
+
+def orientation(view: OrientationInput, size: Size, look: Look | None = None) -> Canvas:
+    """The view in `size` (columns, rows)."""
+    look = look or Look()
+    canvas = Canvas(*size, theme=look.theme)
+    size = (canvas.width, canvas.height)
+    layout = orientation_layout(view, size, look)
+    model = orientation_model(view, layout.count)
+    panels = orientation_surface(view, size, look)
+    for panel, headings in zip(panels, model.panels, strict=False):
+        bars, cursor, name = model.lengths(headings), headings.cursor, _name(panel.name, look)
+        mark = pending(view.mark, panel.name)
+        if layout.dial is None:
+            draw_strip(canvas, panel, bars, cursor, mark, name[1], look)
+            _beside(canvas, panel, layout, headings, name, look)
+        else:
+            draw_dial(canvas, panel, layout.dial, bars, cursor, mark, name[1], look)
+            _around(canvas, panel, layout, headings, _scale(model, layout.room - 8), name, look)
+    if layout.dial is None and layout.footer:
+        draw_strip_axis(canvas, panels[0], _scale(model, layout.room - 1), look)
+    return canvas
+
+
+def _scale(model: OrientationModel, room: int) -> str:
+    """What the longest bar stands for: of the selected, and of all where that differs."""
+    lit, whole = short(model.peak, 2), short(model.whole, 2)
+    options = [f"max {lit}", lit]
+    if lit != whole:
+        options.insert(0, f"max {lit} (all {whole})")
+    return next((text for text in options if len(text) <= room), "")
+
+
+def _beside(
+    canvas: Canvas,
+    panel: Panel,
+    layout: OrientationLayout,
+    headings: Headings,
+    name: tuple[str, Rgb],
+    look: Look,
+) -> None:
+    """Name and mean at the left of a strip."""
+    if layout.room:
+        canvas.text(0, panel.y, *name)
+        if panel.height > 1:
+            canvas.text(0, panel.y + 1, _mean(headings, layout.room - 1, look), look.theme.muted)
+
+
+def _name(panel: str, look: Look) -> tuple[str, Rgb]:
+    """Glyph and name with their colour."""
+    glyphs, theme = look.glyphs, look.theme
+    kinds: dict[str, tuple[str, Rgb]] = {
+        "sim": (glyphs.sim, theme.sim),
+        "truth": (glyphs.truth, theme.truth),
+        "real": (glyphs.real, theme.real),
+    }
+    glyph, colour = kinds[panel]
+    return f"{glyph} {panel}", colour
+
+
+def _around(
+    canvas: Canvas,
+    panel: Panel,
+    layout: OrientationLayout,
+    headings: Headings,
+    scale: str,
+    name: tuple[str, Rgb],
+    look: Look,
+) -> None:
+    """Name and scale above a dial, the mean below it, degrees round it."""
+    theme, room = look.theme, layout.room
+    if layout.header:
+        canvas.text(panel.x, panel.y - 1, *name)
+        canvas.text(panel.x + room, panel.y - 1, scale, theme.muted, align="right")
+    if layout.footer:
+        text = _mean(headings, room, look)
+        start = panel.x + (room - len(text)) // 2
+        canvas.text(start, panel.y + panel.height, text, theme.muted)
+    if layout.labels:
+        for degrees in (0, 90, 180, -90):
+            text, flat = str(degrees), degrees in (0, 180)
+            column, row = panel.to_cells(degrees, 1.0)
+            start = int(column) - len(text) // 2
+            if flat:
+                start = (
+                    int(np.ceil(column)) + 1
+                    if degrees == 0
+                    else max(panel.x, int(column) - 1 - len(text))
+                )
+            below = row > panel.y + panel.height / 2
+            at = int(row) if flat else int(np.ceil(row)) if below else int(np.ceil(row)) - 1
+            canvas.text(start, at, text, theme.muted)
+
+
+def _mean(headings: Headings, room: int, look: Look) -> str:
+    """The mean direction and the resultant length in at most `room` cells."""
+    if not np.isfinite(headings.mean):
+        return "none"[:room]
+    degree = _degrees(headings.mean, look.glyphs)
+    length = f"R {headings.resultant:.2f}"
+    options = (f"mean {degree} {length}", f"{degree} {length}", degree)
+    return next((text for text in options if len(text) <= room), "")
+
+
+def _degrees(mean: float, glyphs: Glyphs) -> str:
+    return f"{int(wrapped(round(mean)))}{glyphs.degree}"

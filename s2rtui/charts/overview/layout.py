@@ -1,0 +1,151 @@
+"""Where the overview's parts stand, and how its columns become accuracies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from rich.cells import cell_len
+
+from s2rtui.canvas.brush_surface import Panel, Point
+from s2rtui.canvas.canvas import Size
+from s2rtui.charts.overview.model import overview_model
+from s2rtui.charts.shared.inputs import Interval, OverviewLines, OverviewRow
+
+NUMBERS = 12
+"""Columns that the two numbers at the right take."""
+OWN = 7
+"""Columns that the cursor's numbers take beside them."""
+MOST = 12
+"""Rows that one run takes at most, its lines to the next run among them."""
+
+
+@dataclass(frozen=True, slots=True)
+class OverviewLayout:
+    """Where the parts stand: columns of name, chart and numbers; rows of the runs.
+
+    Run `first` stands at row `top`, each further one `step` rows lower. `own`: columns of the
+    cursor's numbers at the right edge, 0 for none.
+    """
+
+    name: int
+    chart: int
+    chart_width: int
+    numbers: int
+    top: int
+    first: int
+    shown: int
+    axis_rows: int
+    step: int = 1
+    own: int = 0
+
+    def row_of(self, index: int) -> int:
+        """The row of a run's marks."""
+        return self.top + (index - self.first) * self.step
+
+    @property
+    def height(self) -> int:
+        """Rows from the first run's to the last one's."""
+        return (self.shown - 1) * self.step + 1
+
+    def run_at(self, y: int) -> int | None:
+        """The index of the run drawn on row `y`, or nearest to it between two runs."""
+        offset = y - self.top
+        index = (offset + self.step // 2) // self.step
+        return self.first + index if offset >= 0 and 0 <= index < self.shown else None
+
+    def column(self, value: float, axis: Interval) -> int:
+        """The column of an accuracy; beyond the axis its end."""
+        last = self.chart_width - 1
+        place = round(axis_share(value, axis) * last)
+        return self.chart + min(last, max(0, place))
+
+
+def axis_share(value: float, axis: Interval) -> float:
+    """An accuracy's place on the axis, 0 .. 1 within it."""
+    return (value - axis[0]) / (axis[1] - axis[0])
+
+
+def overview_layout(
+    rows: Sequence[OverviewRow],
+    selected: int | None,
+    size: Size,
+    lines: OverviewLines | None = None,
+) -> OverviewLayout:
+    """Room for each part; the window of runs follows `selected` where not all fit."""
+    width, height = size
+    longest = max((cell_len(row.run) for row in rows), default=0)
+    numbers = NUMBERS if width >= 24 else 0
+    name = max(0, min(longest, 24, (width - numbers) // 3))
+    chart_width = max(0, width - 2 - name - 1 - numbers)
+    if chart_width < 8:
+        name, chart_width = max(0, width - 2 - numbers), 0
+    own = OWN if lines is not None and lines.cursor is not None and chart_width >= 27 else 0
+    chart_width -= own
+    top = 1 if height >= 4 else 0
+    axis_rows = 0 if height < 5 or chart_width == 0 else 2
+    space = max(1, height - top - axis_rows)
+    shown = min(len(rows), space)
+    step = 1
+    if lines is not None and chart_width and shown == len(rows) > 1:
+        step = max(1, min(MOST, (space - 1) // (shown - 1)))
+    first = 0
+    if selected is not None and len(rows) > space:
+        first = min(max(0, selected - space // 2), len(rows) - space)
+    return OverviewLayout(
+        name=name,
+        chart=name + 3,
+        chart_width=chart_width,
+        numbers=width - numbers - own,
+        top=top,
+        first=first,
+        shown=shown,
+        axis_rows=axis_rows,
+        step=step,
+        own=own,
+    )
+
+
+def overview_surface(
+    rows: Sequence[OverviewRow],
+    baseline: float | None,
+    selected: int | None,
+    size: Size,
+    lines: OverviewLines | None = None,
+) -> tuple[Panel, ...]:
+    """A range of accuracies per run in view, named as the run.
+
+    With lines the leftmost column stands for all that lies below the axis, from 0.
+    """
+    width, height = max(1, size[0]), max(1, size[1])
+    layout = overview_layout(rows, selected, (width, height), lines)
+    if not layout.chart_width:
+        return ()
+    model = overview_model(rows, baseline, lines)
+    panels = []
+    for index in range(layout.first, layout.first + layout.shown):
+        held = [
+            y for y in range(layout.top, layout.top + layout.height) if layout.run_at(y) == index
+        ]
+        place = layout.chart, held[0], layout.chart_width, len(held)
+        to_data = partial(_to_data, layout, model.axis, held[0], lines is not None)
+        to_cells = partial(_to_cells, layout, model.axis, held[0])
+        panels.append(Panel(model.rows[index].run, "range", *place, to_data, to_cells))
+    return tuple(panels)
+
+
+def _to_data(
+    layout: OverviewLayout, axis: Interval, top: int, open_below: bool, column: float, row: float
+) -> Point:
+    at = column - layout.chart
+    if open_below and at < 1:
+        return 0.0, row - top
+    share = (at - 0.5) / max(1, layout.chart_width - 1)
+    return axis[0] + share * (axis[1] - axis[0]), row - top
+
+
+def _to_cells(layout: OverviewLayout, axis: Interval, top: int, value: float, row: float) -> Point:
+    last = layout.chart_width - 1
+    place = min(float(last), max(0.0, axis_share(value, axis) * last))
+    return layout.chart + 0.5 + place, row + top

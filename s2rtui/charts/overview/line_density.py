@@ -1,0 +1,214 @@
+"""Instances as lines across the runs, as numbers: how many lines cross each braille dot.
+
+Each column of accuracies is binned once per axis, neighbouring columns are joined to codes once;
+a selection is counted per pair of bins, and every pair of bins that occurs is one segment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtui.analysis import joint_histogram
+from s2rtui.analysis.bins import Bins, Chosen, choose, count
+from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.charts.overview.layout import OverviewLayout
+from s2rtui.charts.shared.inputs import Interval, OverviewLines
+
+PIECE = 1 << 15
+MANY = 20_000
+"""More instances than these are binned coarsely on wide charts, too."""
+BANDS = 2_000
+"""More lines than these are bands as wide as their bins, so that no gaps show between bins."""
+Density = NDArray[np.float64]
+Counts = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineDensity:
+    """Lines per braille dot, (4 rows, 2 columns per cell of the chart): selected, and others."""
+
+    lit: Density
+    others: Density
+
+
+def line_density(lines: OverviewLines, axis: Interval, layout: OverviewLayout) -> LineDensity:
+    """Segments between neighbouring runs in view, or bars on their rows where those adjoin."""
+    chosen = choose(np.asarray(lines.selected), np.asarray(lines.valid))
+    shown = lines.values[layout.first : layout.first + layout.shown]
+    columns = tuple(Same(column) for column in shown)
+    draw = _segments if layout.step > 1 and layout.shown > 1 else _bars
+    return draw(columns, axis, layout.chart_width, layout.step, chosen)
+
+
+@kept(4)
+def _segments(
+    columns: tuple[Same, ...], axis: Interval, width: int, step: int, chosen: Chosen
+) -> LineDensity:
+    """From the middle of one run's row to the middle of the next one's."""
+    size = bin_count(width, len(chosen.base))
+    parts: tuple[list[Density], list[Density]] = ([], [])
+    for first, second in pairwise(columns):
+        for part, table in zip(parts, _tables(first, second, axis, size, chosen), strict=True):
+            held = table[:size, :size].ravel()
+            bands = int(held.sum()) > BANDS
+            part.append(_spans(width, step, size, bands).density(held))
+    edge = np.zeros((2, 2 * width))
+    return LineDensity(*(np.concatenate([edge, *part, edge]) for part in parts))
+
+
+@kept(4)
+def _bars(
+    columns: tuple[Same, ...], axis: Interval, width: int, step: int, chosen: Chosen
+) -> LineDensity:
+    """On each run's row a bar of up to four dots per column of dots."""
+    size = bin_count(width, len(chosen.base))
+    counted = joint_histogram.counts(_bar_bins(columns, axis, size), chosen)
+    both = np.stack([*(lit for lit, _ in counted), *(total - lit for lit, total in counted)])
+    dots = _per_dot(both, width).reshape(2, len(columns), 2 * width)
+    up = np.arange(4, 0, -1)[:, None]
+    grids = (_heights(dots)[:, :, None] >= up) * dots[:, :, None]
+    return LineDensity(*grids.reshape(2, 4 * len(columns), -1))
+
+
+def _heights(dots: Density) -> Density:
+    """Counts (2 parts, runs, dots) as dots of height, 0 .. 4 for the largest sum of both parts."""
+    peak = int(dots.sum(axis=0).max())
+    if peak > dots.size:
+        return np.asarray(np.ceil(4 * levels(dots, peak)))
+    return np.asarray(_heights_up_to(peak)[dots.astype(np.intp)])
+
+
+@lru_cache(64)
+def _heights_up_to(peak: int) -> Density:
+    """(peak + 1,) by count."""
+    return np.asarray(np.ceil(4 * levels(np.arange(peak + 1.0), peak)))
+
+
+def pair_counts(lines: OverviewLines, axis: Interval, size: int) -> list[tuple[Counts, Counts]]:
+    """Per pair of neighbouring runs how many go from bin to bin: selected, and others.
+
+    Each (size, size), size up to 254; bin i covers i .. i + 1 of `size` parts of the axis.
+    """
+    chosen = choose(np.asarray(lines.selected), np.asarray(lines.valid))
+    found = []
+    for first, second in pairwise(lines.values):
+        lit, others = _tables(Same(first), Same(second), axis, size, chosen)
+        found.append((lit[:size, :size], others[:size, :size]))
+    return found
+
+
+def _tables(
+    first: Same, second: Same, axis: Interval, size: int, chosen: Chosen
+) -> tuple[Counts, Counts]:
+    """Counts per pair of bins, (size + 1, size + 1), the last ones none: selected, and others."""
+    lit, total = count(_pairs(first, second, axis, size), chosen)
+    shape = (size + 1, size + 1)
+    return lit.reshape(shape), (total - lit).reshape(shape)
+
+
+def _per_dot(counts: Counts, width: int) -> Density:
+    """Counts per bin (runs, bins) to counts per column of dots, (runs, 2 width)."""
+    dots, first = _dots(width, counts.shape[1])
+    found = np.zeros((len(counts), 2 * width))
+    found[:, dots] = np.add.reduceat(counts, first, axis=1)
+    return found
+
+
+@lru_cache(8)
+def _dots(width: int, size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The columns of dots that hold any of `size` bins, and the first bin of each."""
+    at = np.floor(_places(width, size)).astype(np.intp)
+    dots, first = np.unique(at, return_index=True)
+    return dots, first
+
+
+def levels(density: Density, peak: float) -> Density:
+    """Counts as 0 .. 1 on a logarithmic scale, steeper where they are many."""
+    shares: Density = np.log1p(density) / np.log1p(max(peak, 1.0))
+    return shares ** max(1.0, float(np.log10(max(peak, 1.0))) - 1)
+
+
+def bin_count(chart_width: int, instances: int) -> int:
+    """Bins of an accuracy axis: about one per dot where the chart is wide and lines are few."""
+    return 64 if instances > MANY or chart_width < 80 else 128
+
+
+def _places(chart_width: int, size: int, within: float = 0.5) -> Density:
+    """Each bin in dots, (size,), as marks of the same accuracy stand; by default its middle."""
+    return 2 * (0.5 + (np.arange(size) + within) / size * (chart_width - 1))
+
+
+@kept(64)
+def _binned(values: Same, axis: Interval, size: int) -> NDArray[np.uint8]:
+    """Bins of the axis; what lies beyond an end is in the last one there, NaN in bin `size`."""
+    column = np.asarray(values.array)
+    codes = np.empty(len(column), dtype=np.uint8)
+    scale = size / (axis[1] - axis[0])
+    for start in range(0, len(column), PIECE):
+        places = (column[start : start + PIECE] - axis[0]) * scale
+        places = np.where(np.isnan(places), size, np.clip(places, 0, size - 1))
+        codes[start : start + PIECE] = places
+    return codes
+
+
+@kept(4)
+def _bar_bins(columns: tuple[Same, ...], axis: Interval, size: int) -> list[Bins]:
+    return [Bins(_binned(column, axis, size), size) for column in columns]
+
+
+@kept(32)
+def _pairs(first: Same, second: Same, axis: Interval, size: int) -> Bins:
+    """Both bins: code = first * (size + 1) + second; the last bin of each is none."""
+    one, two = (_binned(part, axis, size) for part in (first, second))
+    return Bins(one.astype(np.uint16) * np.uint16(size + 1) + two, (size + 1) ** 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spans:
+    """For each pair of bins and row of dots where its segment begins, and the dot after it.
+
+    begin, end: (pairs, rows) places in a grid of `rows` x (`width` + 1).
+    """
+
+    begin: NDArray[np.int32]
+    end: NDArray[np.int32]
+    rows: int
+    width: int
+
+    def density(self, counts: NDArray[np.intp]) -> Density:
+        """Lines per dot, (rows, width)."""
+        held = np.flatnonzero(counts)
+        weights = np.repeat(counts[held].astype(np.float64), self.rows)
+        size = self.rows * (self.width + 1)
+        steps = np.bincount(self.begin[held].ravel(), weights, minlength=size)
+        steps -= np.bincount(self.end[held].ravel(), weights, minlength=size)
+        grid = np.cumsum(steps.reshape(self.rows, self.width + 1), axis=1)
+        return np.rint(grid[:, : self.width])
+
+
+@lru_cache(4)
+def _spans(chart_width: int, step: int, size: int, bands: bool) -> _Spans:
+    """Segments from the middle of one run's row to the middle of the next one's."""
+    rows, width = 4 * step, 2 * chart_width
+    left, right = (
+        _edges(chart_width, rows, size, part) for part in ((0, 1) if bands else (0.5, 0.5))
+    )
+    low, high = np.minimum(left[:, :-1], left[:, 1:]), np.maximum(right[:, :-1], right[:, 1:])
+    if not bands:
+        low += left[:, 1:] < left[:, :-1]
+        high -= right[:, 1:] > right[:, :-1]
+    base = np.arange(rows, dtype=np.int32) * (width + 1)
+    return _Spans(low + base, np.minimum(high + 1, width) + base, rows, width)
+
+
+def _edges(chart_width: int, rows: int, size: int, within: float) -> NDArray[np.int32]:
+    """The dot of each segment at the upper end of every row and the lower end of the last."""
+    places = _places(chart_width, size, within)
+    along = np.arange(rows + 1) / rows
+    start, stop = places[:, None, None], places[None, :, None]
+    return np.floor(start + (stop - start) * along).astype(np.int32).reshape(-1, rows + 1)

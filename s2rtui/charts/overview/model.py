@@ -1,0 +1,84 @@
+"""The overview as numbers: clean rows and the axis that holds them, with or without lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.charts.shared.axis_scale import finite, step
+from s2rtui.charts.shared.inputs import Interval, OverviewLines, OverviewRow
+
+
+@dataclass(frozen=True, slots=True)
+class OverviewModel:
+    """Rows with NaN turned into None, and the axis (accuracies) that holds them all."""
+
+    rows: tuple[OverviewRow, ...]
+    baseline: float | None
+    axis: Interval
+
+
+def overview_model(
+    rows: Sequence[OverviewRow],
+    baseline: float | None = None,
+    lines: OverviewLines | None = None,
+) -> OverviewModel:
+    """The cleaned rows; the axis is rounded outwards and stays within what accuracies can be.
+
+    With lines it also reaches from the 1st percentile of the valid of every run to 1.
+    """
+    if lines is None:
+        return _model(tuple(rows), baseline, (), Same(None))
+    columns = tuple(Same(column) for column in lines.values)
+    return _model(tuple(rows), baseline, columns, Same(lines.valid))
+
+
+@kept(8)
+def _model(
+    rows: tuple[OverviewRow, ...], baseline: float | None, columns: tuple[Same, ...], valid: Same
+) -> OverviewModel:
+    clean = tuple(
+        OverviewRow(
+            row.run,
+            finite(row.sim_accuracy),
+            finite(row.real_accuracy),
+            _interval(row.sim_interval),
+            _interval(row.real_interval),
+            row.n,
+            row.note,
+        )
+        for row in rows
+    )
+    seen = [finite(baseline)]
+    for row in clean:
+        seen += [row.sim_accuracy, row.real_accuracy]
+        seen += [*(row.sim_interval or ()), *(row.real_interval or ())]
+    if valid.array is not None:
+        seen += [1.0, *_lowest(columns, valid.array)]
+    values = [value for value in seen if value is not None]
+    low, high = (min(values), max(values)) if values else (0.0, 1.0)
+    width = step(max(high - low, 0.02), 4)
+    low, high = math.floor(low / width + 1e-9) * width, math.ceil(high / width - 1e-9) * width
+    if high <= low:
+        high = low + width
+    return OverviewModel(clean, finite(baseline), (max(0.0, low), min(max(1.0, low + width), high)))
+
+
+def _lowest(columns: tuple[Same, ...], valid: NDArray[np.generic]) -> list[float]:
+    """The 1st percentile of the valid of each column where any is known."""
+    members = np.asarray(valid, dtype=np.bool_)
+    shown = (np.asarray(column.array)[members] for column in columns)
+    known = (column[np.isfinite(column)] for column in shown)
+    return [float(np.percentile(column, 1)) for column in known if column.size]
+
+
+def _interval(interval: Interval | None) -> Interval | None:
+    if interval is None:
+        return None
+    low, high = finite(interval[0]), finite(interval[1])
+    return None if low is None or high is None else (min(low, high), max(low, high))

@@ -1,0 +1,253 @@
+"""The overview on paper: a line per run with intervals, the gap, and the baseline."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from s2rstore.metrics.pose_metrics import LEVEL_TOLD
+from s2rtui.canvas.colour import LIGHT, Theme
+from s2rtui.charts.overview.model import OverviewModel, overview_model
+from s2rtui.charts.overview.paper_lines import draw_lines, keys
+from s2rtui.charts.shared.inputs import OverviewLines, OverviewRow
+from s2rtui.charts.shared.paper import (
+    Page,
+    Pixels,
+    dress,
+    heading,
+    new_figure,
+    page_of,
+    unit,
+    written,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+NUMBERS = 2.75
+"""Inches at the right that the numbers take."""
+
+
+def overview_figure(
+    rows: Sequence[OverviewRow],
+    baseline: float | None,
+    size: Pixels = (1600, 900),
+    theme: Theme = LIGHT,
+    selected: int | None = None,
+    title: str = "Accuracy in simulation and in reality",
+    subtitle: str = "",
+    lines: OverviewLines | None = None,
+) -> bytes:
+    """A PNG of `size` pixels; `selected` (an index) is set apart by a ground and bold type.
+
+    With `lines` every instance is a line across the runs, the selected in their side's colour.
+    """
+    page = page_of(size, theme)
+    model = overview_model(rows, baseline, lines)
+    figure = new_figure(page)
+    top = heading(figure, page, title, subtitle)
+    wide, _ = page.inches
+    longest = max((len(row.run) for row in model.rows), default=4)
+    left = min(0.4 + 0.085 * min(longest, 32), wide * 0.35)
+    right = min(NUMBERS, wide * 0.32)
+    across, keyed = _legend_size(wide, lines)
+    box = page.box(left, 0.62, wide - left - right, top - 0.62 - keyed)
+    axes = figure.add_axes(box)
+    dress(axes, theme, grid=True)
+    axes.spines["left"].set_visible(False)
+    count = max(1, len(model.rows))
+    axes.set_ylim(count - 0.5, -0.5)
+    low, high = (100 * end for end in model.axis)
+    axes.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
+    axes.set_xlabel("accuracy (%)")
+    axes.set_yticks([])
+    if lines is not None:
+        draw_lines(axes, lines, model.axis, theme)
+    for index, row in enumerate(model.rows):
+        _row(axes, index, row, page, index == selected)
+    _columns(axes, model, page, selected)
+    _legend(figure, axes, model, page, (top, across), lines)
+    return written(figure, page)
+
+
+def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> None:
+    theme = page.theme
+    if selected:
+        from matplotlib.patches import Rectangle
+
+        low, high = axes.get_xlim()
+        span = high - low
+        ground = Rectangle((low - 9 * span, y - 0.5), 19 * span, 1, linewidth=0, zorder=0)
+        ground.set_color(unit(theme.highlight))
+        ground.set_clip_on(False)
+        axes.add_patch(ground)
+    _name(axes, y, row, page, selected)
+    sides = (
+        (row.sim_accuracy, row.sim_interval, theme.sim, unit(theme.sim)),
+        (row.real_accuracy, row.real_interval, theme.real, unit(theme.background)),
+    )
+    if row.sim_accuracy is not None and row.real_accuracy is not None:
+        ends = [100 * row.sim_accuracy, 100 * row.real_accuracy]
+        axes.plot(
+            ends, [y, y], color=unit(theme.faint), linewidth=5, solid_capstyle="butt", zorder=2
+        )
+    for accuracy, interval, colour, face in sides:
+        ink = unit(colour)
+        if interval is not None:
+            ends = [100 * interval[0], 100 * interval[1]]
+            axes.plot(ends, [y, y], color=ink, linewidth=1.3, marker="|", markersize=6, zorder=3)
+        if accuracy is not None:
+            axes.plot(
+                [100 * accuracy],
+                [y],
+                marker="D",
+                markersize=8,
+                markerfacecolor=face,
+                markeredgecolor=ink,
+                markeredgewidth=1.6,
+                zorder=4,
+            )
+
+
+def _name(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> None:
+    """The run at the left and, where no accuracy is left, the note in their place."""
+    theme = page.theme
+    name = row.run if len(row.run) <= 32 else row.run[:31] + "…"
+    label = axes.annotate(
+        name,
+        (0, y),
+        xycoords=("axes fraction", "data"),
+        xytext=(-10, 0),
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        fontsize=10,
+    )
+    label.set_color(unit(theme.text))
+    label.set_fontweight("bold" if selected else "normal")
+    if row.sim_accuracy is None and row.real_accuracy is None:
+        axes.annotate(
+            row.note or "n/a",
+            (0.02, y),
+            xycoords=("axes fraction", "data"),
+            va="center",
+            fontsize=9,
+            color=unit(theme.muted),
+            bbox={"facecolor": unit(theme.background), "edgecolor": "none", "pad": 2},
+            zorder=5,
+        )
+
+
+def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None) -> None:
+    """The numbers at the right: sim, real, gap in percent, and n."""
+    theme = page.theme
+    spots = (46, 92, 138, 180)
+    names = (("sim", theme.sim), ("real", theme.real), ("gap", theme.muted), ("n", theme.muted))
+    squeeze = min(1.0, min(NUMBERS, page.inches[0] * 0.32) / NUMBERS)
+
+    def put(x: float, y: float, text: str, ink: tuple[int, int, int], bold: bool) -> None:
+        label = axes.annotate(
+            text,
+            (1, y),
+            xycoords=("axes fraction", "data"),
+            xytext=(x * squeeze, 0),
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            fontsize=10 * max(squeeze, 0.6),
+        )
+        label.set_color(unit(ink))
+        label.set_fontweight("bold" if bold else "normal")
+
+    for spot, (name, ink) in zip(spots, names, strict=True):
+        label = axes.annotate(
+            name,
+            (1, 1),
+            xycoords="axes fraction",
+            xytext=(spot * squeeze, 12),
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            fontsize=9 * max(squeeze, 0.6),
+        )
+        label.set_color(unit(ink))
+    for y, row in enumerate(model.rows):
+        sim, real = row.sim_accuracy, row.real_accuracy
+        gap = None if sim is None or real is None else sim - real
+        texts = [_percent(sim), _percent(real), _percent(gap), _size(row.n)]
+        for spot, text, (_, ink) in zip(spots, texts, names, strict=True):
+            put(spot, y, text, ink if text != "n/a" else theme.muted, y == selected)
+
+
+def _size(n: int) -> str:
+    """How many, in few characters."""
+    if n >= 1_000_000:
+        return f"{n / 1e6:.1f}M"
+    return f"{n // 1000}k" if n >= 100_000 else str(n) if n else "–"
+
+
+def _percent(value: float | None) -> str:
+    return "n/a" if value is None else f"{100 * value:.1f}".replace("-", "−")
+
+
+def _diamonds(theme: Theme) -> list[Line2D]:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=unit(theme.sim)),
+        Line2D([], [], color=unit(theme.real), markerfacecolor=unit(theme.background)),
+    ]
+    for handle in handles:
+        handle.set(linestyle="none", marker="D", markersize=7, markeredgewidth=1.6)
+    return handles
+
+
+def _legend_size(wide: float, lines: OverviewLines | None) -> tuple[int, float]:
+    """How many keys stand side by side on a page of so many inches, and the inches of all lines."""
+    keys = 4 if lines is None else 7
+    fit = 7 if wide > 8.5 else 4 if wide > (5 if lines is None else 6) else 3 if wide > 4 else 2
+    across = min(fit, keys)
+    return across, 0.4 + 0.22 * -(-keys // across)
+
+
+def _legend(
+    figure: Figure,
+    axes: Axes,
+    model: OverviewModel,
+    page: Page,
+    place: tuple[float, int],
+    lines: OverviewLines | None,
+) -> None:
+    """Lines of their own; `place`: inches from the page's foot to their top, keys in a line."""
+    from matplotlib.lines import Line2D
+
+    theme = page.theme
+    handles = _diamonds(theme)
+    handles.append(Line2D([], [], color=unit(theme.muted), linewidth=1.3, marker="|", markersize=6))
+    names = ["sim", "real", f"{LEVEL_TOLD} interval"]
+    if model.baseline is not None:
+        line = axes.axvline(
+            100 * model.baseline, color=unit(theme.truth), linewidth=1.4, linestyle=(0, (2, 2))
+        )
+        line.set_zorder(1.5)
+        handles.append(line)
+        names.append(f"constant mean position ({_percent(model.baseline)} %)")
+    for ink, name in keys(lines, theme):
+        handles.append(Line2D([], [], color=unit(ink), linewidth=1.2))
+        names.append(name)
+    legend = figure.legend(
+        handles,
+        names,
+        loc="upper left",
+        bbox_to_anchor=(0.17 / page.inches[0], place[0] / page.inches[1]),
+        ncols=place[1],
+        frameon=False,
+        fontsize=9 if page.inches[0] > 6 else 7,
+        handletextpad=0.4,
+        columnspacing=1.4,
+        borderaxespad=0,
+    )
+    for text in legend.get_texts():
+        text.set_color(unit(theme.muted))

@@ -1,0 +1,229 @@
+"""The overview: a line per run, sim and real accuracy as marks with the gap between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.cells import cell_len, set_cell_size
+
+from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.colour import Rgb
+from s2rtui.canvas.pending_brush import pending, range_of
+from s2rtui.canvas.render_options import Look
+from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_surface
+from s2rtui.charts.overview.line_drawing import draw_threads, own_accuracies
+from s2rtui.charts.overview.model import OverviewModel, overview_model
+from s2rtui.charts.shared.axis_scale import step, tick_text, ticks
+from s2rtui.charts.shared.inputs import OverviewLines, OverviewRow
+
+
+def overview(
+    rows: Sequence[OverviewRow],
+    baseline: float | None,
+    selected: int | None,
+    size: Size,
+    look: Look | None = None,
+    lines: OverviewLines | None = None,
+    mark: Mark | None = None,
+) -> Canvas:
+    """The view in `size` (columns, rows); `selected` is an index into `rows`.
+
+    With `lines` each instance is drawn as a line across the runs, and the axis holds them, too.
+    """
+    look = look or Look()
+    canvas = Canvas(*size, theme=look.theme)
+    if not rows:
+        canvas.text(0, 0, "no run has been computed", look.theme.muted)
+        return canvas
+    model = overview_model(rows, baseline, lines)
+    layout = overview_layout(model.rows, selected, (canvas.width, canvas.height), lines)
+    if layout.top:
+        _header(canvas, layout, lines, look)
+    if selected is not None and layout.first <= selected < layout.first + layout.shown:
+        y = layout.row_of(selected)
+        canvas.fill(0, y, canvas.width, 1, look.theme.highlight)
+        canvas.put(0, y, look.glyphs.pointer, look.theme.text, bold=True)
+    if lines is not None and layout.chart_width:
+        draw_threads(canvas, lines, model.axis, layout, look)
+    own = own_accuracies(lines) if lines is not None else []
+    for index in range(layout.first, layout.first + layout.shown):
+        _line(canvas, model, index, layout, look, index == selected)
+        if lines is not None:
+            _own(canvas, model, index, own[index], layout, look)
+    if lines is not None and layout.chart_width and model.baseline is not None:
+        _baseline(canvas, layout.column(model.baseline, model.axis), layout, look)
+    if layout.axis_rows:
+        _axis(canvas, layout.top + layout.height, model, layout, look)
+    if mark is not None:
+        _mark(canvas, rows, baseline, selected, lines, mark, look)
+    return canvas
+
+
+def _header(
+    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, look: Look
+) -> None:
+    theme, glyphs = look.theme, look.glyphs
+    canvas.text(2, 0, set_cell_size("run", min(layout.name, 3)), theme.muted)
+    if layout.chart_width:
+        _chart_header(canvas, layout, lines, look)
+    if layout.numbers < canvas.width:
+        canvas.text(layout.numbers + 5, 0, f"{glyphs.sim} sim", theme.sim, align="right")
+        canvas.text(layout.numbers + 12, 0, f"{glyphs.real} real", theme.real, align="right")
+    if layout.own and lines is not None:
+        name = f"{glyphs.cursor} {lines.cursor}"
+        fits = name if len(name) < layout.own else glyphs.cursor
+        canvas.text(canvas.width, 0, fits, theme.cursor, align="right")
+
+
+def _chart_header(
+    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, look: Look
+) -> None:
+    """Accuracy and baseline; where lines are drawn, of which side they are."""
+    theme, glyphs = look.theme, look.glyphs
+    free, stop = layout.chart, layout.chart + layout.chart_width
+    pieces: list[tuple[str, Rgb]] = [("accuracy %", theme.muted)]
+    if layout.chart_width < 24 or (lines is not None and layout.chart_width < 36):
+        pieces = [("acc. %", theme.muted)]
+    if lines is not None:
+        colour = theme.sim if lines.side == "sim" else theme.real
+        pieces.append((f"lines: {lines.side}", colour))
+    if layout.chart_width >= 24:
+        pieces.append((f"{glyphs.baseline} baseline", theme.muted))
+    for text, colour in pieces:
+        if text == pieces[0][0] or free + len(text) <= stop:
+            free = canvas.text(free, 0, text[: stop - free], colour) + 2
+
+
+def _line(
+    canvas: Canvas,
+    model: OverviewModel,
+    index: int,
+    layout: OverviewLayout,
+    look: Look,
+    bold: bool,
+) -> None:
+    row, theme, y = model.rows[index], look.theme, layout.row_of(index)
+    name = row.run
+    if cell_len(name) > layout.name:
+        name = set_cell_size(name, max(0, layout.name - 1)) + look.glyphs.ellipsis
+    if look.ascii:
+        name = name.encode("ascii", "replace").decode()
+    canvas.text(2, y, name if layout.name else "", theme.text, bold=bold)
+    if layout.chart_width:
+        _marks(canvas, y, model, row, layout, look)
+    if layout.numbers < canvas.width:
+        for value, right, colour in (
+            (row.sim_accuracy, 5, theme.sim),
+            (row.real_accuracy, 12, theme.real),
+        ):
+            text = "n/a" if value is None else f"{100 * value:.1f}"
+            shade = theme.muted if value is None else colour
+            canvas.text(layout.numbers + right, y, text, shade, bold=bold, align="right")
+
+
+def _marks(
+    canvas: Canvas,
+    y: int,
+    model: OverviewModel,
+    row: OverviewRow,
+    layout: OverviewLayout,
+    look: Look,
+) -> None:
+    theme, glyphs = look.theme, look.glyphs
+    sides = (
+        (row.sim_accuracy, row.sim_interval, theme.sim, glyphs.sim),
+        (row.real_accuracy, row.real_interval, theme.real, glyphs.real),
+    )
+    for _, interval, colour, _ in sides:
+        if interval is not None:
+            ends = [layout.column(value, model.axis) for value in interval]
+            canvas.hline(ends[0], ends[1], y, glyphs.interval, colour)
+    places = [None if value is None else layout.column(value, model.axis) for value, *_ in sides]
+    sim, real = places
+    if sim is not None and real is not None and abs(sim - real) > 1:
+        low, high = sorted((sim, real))
+        worse = row.real_accuracy is not None and row.sim_accuracy is not None
+        worse = worse and (row.real_accuracy or 0.0) < (row.sim_accuracy or 0.0)
+        canvas.hline(low + 1, high - 1, y, glyphs.bar, theme.muted if worse else theme.truth)
+    if model.baseline is not None:
+        at = layout.column(model.baseline, model.axis)
+        canvas.put(at, y, glyphs.baseline, theme.truth)
+    if sim is not None and sim == real:
+        canvas.put(sim, y, glyphs.both, theme.text, bold=True)
+        return
+    for place, (_, _, colour, glyph) in zip(places, sides, strict=True):
+        if place is not None:
+            canvas.put(place, y, glyph, colour, bold=True)
+    if sim is None and real is None:
+        note = f"{row.note or 'n/a'} "
+        canvas.text(layout.chart, y, note[: layout.chart_width], theme.muted)
+
+
+def _own(
+    canvas: Canvas,
+    model: OverviewModel,
+    index: int,
+    value: float | None,
+    layout: OverviewLayout,
+    look: Look,
+) -> None:
+    """The cursor's accuracy in one run: its glyph beside the marks (no note), and the number."""
+    if value is None:
+        return
+    y, theme = layout.row_of(index), look.theme
+    row = model.rows[index]
+    is_noted = row.sim_accuracy is None and row.real_accuracy is None
+    if layout.chart_width and not is_noted:
+        at = layout.column(value, model.axis)
+        if canvas.char[y, at] not in (look.glyphs.sim, look.glyphs.real, look.glyphs.both):
+            canvas.put(at, y, look.glyphs.cursor, theme.cursor, bold=True)
+    if layout.own:
+        canvas.text(canvas.width, y, f"{100 * value:.1f}", theme.cursor, align="right")
+
+
+def _baseline(canvas: Canvas, column: int, layout: OverviewLayout, look: Look) -> None:
+    """The baseline between the runs, where no line runs."""
+    for y in range(layout.top, layout.top + layout.height):
+        if (y - layout.top) % layout.step and canvas.char[y, column] == " ":
+            canvas.put(column, y, look.glyphs.baseline, look.theme.truth)
+
+
+def _mark(
+    canvas: Canvas,
+    rows: Sequence[OverviewRow],
+    baseline: float | None,
+    selected: int | None,
+    lines: OverviewLines | None,
+    mark: Mark,
+    look: Look,
+) -> None:
+    """A range on a run's axis: highlighted ground between bold ends."""
+    panels = overview_surface(rows, baseline, selected, (canvas.width, canvas.height), lines)
+    panel = next((panel for panel in panels if pending(mark, panel.name)), None)
+    if panel is None:
+        return
+    low, high = (int(panel.to_cells(end, 0.0)[0]) for end in range_of(mark))
+    canvas.fill(low, panel.y, high - low + 1, panel.height, look.theme.highlight)
+    for y in range(panel.y, panel.y + panel.height):
+        canvas.put(low, y, look.glyphs.scale_left, look.theme.truth, bold=True)
+        canvas.put(high, y, look.glyphs.scale_right, look.theme.truth, bold=True)
+
+
+def _axis(canvas: Canvas, y: int, model: OverviewModel, layout: OverviewLayout, look: Look) -> None:
+    theme, glyphs = look.theme, look.glyphs
+    low, high = (100 * end for end in model.axis)
+    end = layout.chart + layout.chart_width - 1
+    canvas.hline(layout.chart, end, y, glyphs.horizontal, theme.faint)
+    count = max(1, layout.chart_width // 8)
+    width = step(high - low, count)
+    if model.baseline is not None:
+        canvas.put(layout.column(model.baseline, model.axis), y, glyphs.baseline, theme.truth)
+    free = layout.chart - 1
+    for tick in ticks(low, high, count):
+        at = layout.column(tick / 100, model.axis)
+        canvas.put(at, y, glyphs.tick, theme.muted)
+        text = tick_text(tick, width)
+        start = min(at - len(text) // 2, canvas.width - len(text))
+        if start >= free:
+            free = canvas.text(start, y + 1, text, theme.muted) + 1

@@ -1,0 +1,69 @@
+"""Rooms as numbers: how many predictions and truths lie in each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtui.analysis import joint_histogram
+from s2rtui.analysis.bins import Bins, choose
+from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.charts.shared.inputs import RoomsInput
+
+NAMES = ("sim", "truth", "real")
+NO_ROOM = "no room"
+Counts = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoomsModel:
+    """names: a row each, the last one for no room where any instance is in none.
+
+    lit, total: (3, rows) counts of the selected and of all valid, in the order of NAMES. peak:
+    the largest count. cursor: the row of the cursor's instance in each column, or None.
+    """
+
+    names: tuple[str, ...]
+    lit: Counts
+    total: Counts
+    peak: int
+    cursor: tuple[int | None, int | None, int | None]
+
+
+def rooms_model(view: RoomsInput) -> RoomsModel:
+    """Counts of all three columns over one scale."""
+    number = len(view.room_names)
+    sides = (view.sim, view.truth, view.real)
+    keys = (Same(view.sim), Same(view.truth), Same(view.real))
+    lit, total = _counts(keys, number, Same(view.selected), Same(view.valid))
+    names = (*view.room_names, NO_ROOM)
+    if not total[:, -1].any():
+        names, lit, total = names[:-1], lit[:, :-1], total[:, :-1]
+    cursor = view.cursor
+    at: list[int | None] = [None, None, None]
+    if cursor is not None and 0 <= cursor < len(view.valid) and view.valid[cursor]:
+        rooms = [int(side[cursor]) for side in sides]
+        at = [room if 0 <= room < number else number for room in rooms]
+    peak = max(1, int(total.max(initial=0)))
+    return RoomsModel(names, lit, total, peak, (at[0], at[1], at[2]))
+
+
+@kept(4)
+def _counts(
+    columns: tuple[Same, ...], number: int, selected: Same, valid: Same
+) -> tuple[Counts, Counts]:
+    """(3, number + 1) each, the last for no room."""
+    chosen = choose(np.asarray(selected.array), np.asarray(valid.array))
+    counted = joint_histogram.counts([_bins(column, number) for column in columns], chosen)
+    return np.stack([lit for lit, _ in counted]), np.stack([total for _, total in counted])
+
+
+@kept(32)
+def _bins(rooms: Same, number: int) -> Bins:
+    """The room of each instance; what is in none has the last bin."""
+    codes = np.asarray(rooms.array)
+    inside = (codes >= 0) & (codes < number)
+    kind = np.uint16 if number < (1 << 16) - 1 else np.uint32
+    return Bins(np.where(inside, codes, number).astype(kind), number + 1)

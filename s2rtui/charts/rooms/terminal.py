@@ -1,0 +1,223 @@
+"""Rooms of prediction, truth and prediction: a row per room, a bar per column."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from rich.cells import cell_len, set_cell_size
+
+from s2rtui.canvas.brush_surface import Mark, Panel, Point
+from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.colour import Rgb
+from s2rtui.canvas.pending_brush import pending, steps_of
+from s2rtui.canvas.render_options import Look
+from s2rtui.charts.rooms.model import NAMES, RoomsModel, rooms_model
+from s2rtui.charts.shared.bars import put_over, rightward
+from s2rtui.charts.shared.inputs import RoomsInput
+
+WIDEST = 18
+"""Columns that a room's name takes at most."""
+SHORTEST = 5
+"""Columns that a bar keeps before counts are written beside it."""
+THICKEST = 3
+"""Rows that a room takes at most, the gap below its bar included."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoomsLayout:
+    """Where the parts stand, in cells.
+
+    name: width of the names. columns: (x, width) of up to three columns: a gutter, the bar, and
+    `numbers` cells for the counts. top: the first room's row; `each` rows a room; `first` and
+    `shown`: the window of rooms.
+    """
+
+    name: int
+    columns: tuple[tuple[int, int], ...]
+    gutter: int
+    numbers: int
+    whole: bool
+    top: int
+    each: int
+    first: int
+    shown: int
+
+    @property
+    def bar(self) -> int:
+        """Columns of the longest bar."""
+        return max(1, self.columns[0][1] - self.gutter - self.numbers)
+
+
+def rooms_layout(view: RoomsInput, size: Size, model: RoomsModel | None = None) -> RoomsLayout:
+    """Room for each part; the window follows the pending brush or else the cursor's true room."""
+    model = model or rooms_model(view)
+    width, height = max(1, size[0]), max(1, size[1])
+    longest = max((cell_len(name) for name in model.names), default=0)
+    name = min(longest, WIDEST, width // 4) if width >= 16 else 0
+    free = width - name - (1 if name else 0)
+    each_wide = (free - 2) // 3 if free >= 5 else max(1, free // 3)
+    number = 3 if free >= 3 else 1
+    start, step = width - free, each_wide + (1 if free >= 5 else 0)
+    columns = tuple((start + index * step, each_wide) for index in range(number))
+    gutter = 2 if each_wide >= 18 else 1 if each_wide >= 4 else 0
+    both = max(map(len, _numbers(model, True)), default=0) + 1
+    alone = max(map(len, _numbers(model, False)), default=0) + 1
+    room = each_wide - gutter - SHORTEST
+    whole = both <= room
+    numbers = both if whole else alone if alone <= room else 0
+    top = 1 if height >= 3 else 0
+    rows = max(1, height - top)
+    count = len(model.names)
+    each = min(THICKEST, max(1, rows // max(1, count)))
+    shown = min(count, rows // each)
+    first = min(max(0, _focus(view, model) - shown // 2), count - shown)
+    return RoomsLayout(name, columns, gutter, numbers, whole, top, each, first, shown)
+
+
+def _focus(view: RoomsInput, model: RoomsModel) -> int:
+    if view.mark is not None and view.mark.points:
+        return round(view.mark.points[-1][1])
+    return model.cursor[1] or 0
+
+
+def _numbers(model: RoomsModel, whole: bool) -> list[str]:
+    pairs = zip(model.lit.ravel().tolist(), model.total.ravel().tolist(), strict=True)
+    return [_number(lit, total, whole) for lit, total in pairs]
+
+
+def _number(lit: int, total: int, whole: bool) -> str:
+    return f"{_brief(lit)}/{_brief(total)}" if whole else _brief(lit)
+
+
+def _brief(count: int) -> str:
+    """At most five characters."""
+    return str(count) if count < 100_000 else f"{count // 1000}k"
+
+
+def rooms_surface(view: RoomsInput, size: Size, look: Look | None = None) -> tuple[Panel, ...]:
+    """Steps "sim", "truth" and "real": y is the room's index, x a count on the bars' scale.
+
+    An index of len(room_names) stands for no room.
+    """
+    model = rooms_model(view)
+    layout = rooms_layout(view, size, model)
+    if not layout.shown:
+        return ()
+    per_cell = model.peak / layout.bar
+    return tuple(
+        Panel(
+            name,
+            "steps",
+            x,
+            layout.top,
+            width,
+            layout.shown * layout.each,
+            partial(_to_data, layout, x + layout.gutter, per_cell),
+            partial(_to_cells, layout, x + layout.gutter, per_cell),
+        )
+        for name, (x, width) in zip(NAMES, layout.columns, strict=False)
+    )
+
+
+def _to_data(layout: RoomsLayout, left: int, per_cell: float, column: float, row: float) -> Point:
+    index = int(np.floor((row - layout.top) / layout.each))
+    held = min(max(index, 0), layout.shown - 1)
+    return (column - left) * per_cell, float(layout.first + held)
+
+
+def _to_cells(layout: RoomsLayout, left: int, per_cell: float, x: float, y: float) -> Point:
+    row = layout.top + (round(y) - layout.first) * layout.each
+    return left + x / per_cell, row + max(1, layout.each - 1) / 2
+
+
+def rooms(view: RoomsInput, size: Size, look: Look | None = None) -> Canvas:
+    """The view in `size` (columns, rows)."""
+    look = look or Look()
+    canvas = Canvas(*size, theme=look.theme)
+    model = rooms_model(view)
+    if not model.names:
+        canvas.text(0, 0, "no rooms", look.theme.muted)
+        return canvas
+    layout = rooms_layout(view, (canvas.width, canvas.height), model)
+    _names(canvas, model, layout, look)
+    panels = rooms_surface(view, (canvas.width, canvas.height), look)
+    colours = (look.theme.sim, look.theme.truth, look.theme.real)
+    for index, (panel, colour) in enumerate(zip(panels, colours, strict=False)):
+        mark = pending(view.mark, panel.name)
+        _column(canvas, panel, index, model, layout, mark, colour, look)
+    return canvas
+
+
+def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, look: Look) -> None:
+    theme, glyphs = look.theme, look.glyphs
+    if layout.top:
+        heads = (
+            (f"{glyphs.sim} sim", theme.sim),
+            (f"{glyphs.truth} truth", theme.truth),
+            (f"{glyphs.real} real", theme.real),
+        )
+        for (x, width), (text, colour) in zip(layout.columns, heads, strict=False):
+            fits = len(text) <= width - layout.gutter
+            canvas.text(x + layout.gutter, 0, text if fits else text[0], colour)
+        if layout.shown < len(model.names):
+            last = layout.first + layout.shown
+            window, count = f"{layout.first + 1}-{last}", len(model.names)
+            options = (f"{window} of {count}", f"{window}/{count}", window)
+            told = next((text for text in options if len(text) <= layout.name), "")
+            canvas.text(0, 0, told, theme.muted)
+    if not layout.name:
+        return
+    for place in range(layout.shown):
+        index = layout.first + place
+        name = model.names[index]
+        if cell_len(name) > layout.name:
+            name = set_cell_size(name, layout.name - 1) + glyphs.ellipsis
+        if look.ascii:
+            name = name.encode("ascii", "replace").decode()
+        own = index == model.cursor[1]
+        row = layout.top + place * layout.each + (layout.each - 1) // 2
+        canvas.text(0, row, name, theme.text if own else theme.muted, bold=own)
+
+
+def _column(
+    canvas: Canvas,
+    panel: Panel,
+    index: int,
+    model: RoomsModel,
+    layout: RoomsLayout,
+    mark: Mark | None,
+    colour: Rgb,
+    look: Look,
+) -> None:
+    """Bars with their counts; the pending brush and the cursor's room in the gutter."""
+    theme, each = look.theme, layout.each
+    thick = max(1, each - 1)
+    low, high = (-1, -2) if mark is None else steps_of(mark)
+    shown = slice(layout.first, layout.first + layout.shown)
+    for room in range(max(low, shown.start), min(high + 1, shown.stop)):
+        row = panel.y + (room - layout.first) * each
+        canvas.fill(panel.x, row, panel.width, thick, theme.highlight)
+    inked = np.arange(layout.shown * each) % each < thick
+    lit, grey = (
+        np.where(inked, np.repeat(part[index, shown] / model.peak, each), 0.0)
+        for part in (model.lit, model.total)
+    )
+    rightward(canvas, panel.x + layout.gutter, panel.y, layout.bar, (lit, grey), colour, look)
+    for room in range(shown.start, shown.stop):
+        middle, held = (
+            panel.y + (room - layout.first) * each + (thick - 1) // 2,
+            low <= room <= high,
+        )
+        if layout.numbers:
+            own, whole = int(model.lit[index, room]), int(model.total[index, room])
+            text = _number(own, whole, layout.whole)
+            ink, end = theme.text if own else theme.muted, panel.x + panel.width
+            canvas.text(end, middle, text, ink, bold=held, align="right")
+        if held:
+            canvas.put(panel.x, middle, look.glyphs.pointer, theme.truth, bold=True)
+        if room == model.cursor[index]:
+            beside = held and layout.gutter == 1
+            at = panel.x + (1 if beside else max(0, layout.gutter - 1))
+            put_over(canvas, at, middle, look.glyphs.cursor, theme.cursor)

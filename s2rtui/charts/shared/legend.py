@@ -1,0 +1,136 @@
+"""Colour bars, scale bars and legends, laid out in a line of cells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.cells import cell_len
+
+from s2rtui.canvas.canvas import Canvas
+from s2rtui.canvas.colour import Pixels, Rgb, legible, turbo
+from s2rtui.canvas.colour_mode import ColourMode
+from s2rtui.canvas.render_options import Look
+from s2rtui.charts.shared.axis_scale import Interval, short, step
+
+DIGITS = "0123456789"
+Scale = Callable[[NDArray[np.float64]], Pixels]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A piece of a legend: its width in cells and how to draw it at (x, y)."""
+
+    width: int
+    draw: Callable[[Canvas, int, int], None]
+
+
+def words(pieces: Sequence[tuple[str, Rgb]]) -> Part:
+    """Coloured pieces of text, one after the other."""
+
+    def draw(canvas: Canvas, x: int, y: int) -> None:
+        for text, colour in pieces:
+            x = canvas.text(x, y, text, colour)
+
+    return Part(sum(cell_len(text) for text, _ in pieces), draw)
+
+
+@lru_cache(64)
+def colour_bar(
+    label: str,
+    unit: str,
+    scale: Interval,
+    look: Look,
+    length: int = 12,
+    colours: Scale = turbo,
+    ramp: str | None = None,
+    room: int | None = None,
+    clipped: bool = False,
+) -> Part:
+    """`label low [bar] high unit`; the bar is of colours, or of `ramp` where colours lack.
+
+    `clipped` ends are the 1st and the 99th percentile, told as `p1` and `p99`. Within `room` cells
+    the bar shrinks to no less than 4, then the label goes; to no less than 2, then these names go.
+    """
+    small = 0.005 * max(abs(scale[0]), abs(scale[1]))
+    low, high = (short(0.0 if abs(end) < small else end, 2) for end in scale)
+    first, last = ("p1 ", "p99 ") if clipped else ("", "")
+    told = (
+        (f"{label} {first}{low} ".lstrip(), f" {last}{high} {unit}".rstrip()),
+        (f"{first}{low} ", f" {last}{high} {unit}".rstrip()),
+        (f"{low} ", f" {high} {unit}".rstrip()),
+    )
+    before, after = told[0]
+    if room is not None:
+        widths = (sum(map(cell_len, pair)) for pair in told)
+        least = zip(told, widths, (4, 2, 0), strict=True)
+        before, after = next((pair for pair, width, bar in least if width + bar <= room), told[-1])
+        length = max(1, min(length, room - cell_len(before) - cell_len(after)))
+
+    def draw(canvas: Canvas, x: int, y: int) -> None:
+        x = canvas.text(x, y, before, look.theme.muted)
+        shades = colours(np.linspace(0, 1, max(2, length)))
+        plain = look.pictures and ramp is None
+        if not plain:
+            shades = legible(shades, look.theme)
+        glyphs = ramp or look.glyphs.shades
+        for place in range(length):
+            red, green, blue = (int(part) for part in shades[place])
+            if plain:
+                canvas.put(x + place, y, " ", bg=(red, green, blue))
+            else:
+                glyph = glyphs[min(len(glyphs) - 1, place * len(glyphs) // length)]
+                canvas.put(x + place, y, glyph, (red, green, blue))
+        canvas.text(x + length, y, after, look.theme.muted)
+
+    return Part(cell_len(before) + length + cell_len(after), draw)
+
+
+@lru_cache(64)
+def scale_bar(metres_per_cell: float, room: int, look: Look) -> Part:
+    """A bar of a round length in metres, at most `room` cells long."""
+    length = step(metres_per_cell * room, 1)
+    if length > metres_per_cell * room * (1 + 1e-9):
+        length = step(metres_per_cell * room / 2.5, 1)
+    cells = max(2, round(length / metres_per_cell))
+    glyphs, label = look.glyphs, f" {short(length)} m"
+
+    def draw(canvas: Canvas, x: int, y: int) -> None:
+        canvas.hline(x, x + cells - 1, y, glyphs.horizontal, look.theme.text)
+        canvas.put(x, y, glyphs.scale_left, look.theme.text)
+        canvas.put(x + cells - 1, y, glyphs.scale_right, look.theme.text)
+        canvas.text(x + cells, y, label, look.theme.muted)
+
+    return Part(cells + len(label), draw)
+
+
+def flow(parts: Sequence[Part], width: int, gap: int = 2) -> list[list[Part]]:
+    """Parts to rows that fit `width`; a part that fits nowhere is left out."""
+    rows: list[list[Part]] = []
+    free = -1
+    for part in parts:
+        if part.width > width:
+            continue
+        if not rows or part.width + gap > free:
+            rows.append([])
+            free = width + gap
+        rows[-1].append(part)
+        free -= part.width + gap
+    return rows
+
+
+def draw_rows(canvas: Canvas, x: int, y: int, rows: Sequence[Sequence[Part]], gap: int = 2) -> None:
+    """Rows of parts from (x, y) downwards."""
+    for offset, row in enumerate(rows):
+        at = x
+        for part in row:
+            part.draw(canvas, at, y + offset)
+            at += part.width + gap
+
+
+def ramp_for_values(look: Look) -> str | None:
+    """The glyphs that stand for values where colours lack or only ASCII is allowed."""
+    return DIGITS if look.ascii or look.mode is ColourMode.NONE else None

@@ -1,0 +1,142 @@
+"""Points of a map as codes of the cells and dots that they fall into, kept per frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtui.analysis.binned_sums import occupied
+from s2rtui.analysis.bins import Bins, Chosen, Codes, count
+from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.map_frame import MapFrame
+from s2rtui.charts.shared.axis_scale import fraction
+from s2rtui.charts.shared.inputs import Floats, Interval
+
+PIECE = 1 << 15
+LEVELS = 60
+"""Steps of a value's scale; a multiple of ten, so that digits are exact."""
+
+
+def cells(points: Floats, frame: MapFrame) -> Bins:
+    """Cell of each point (N, 2), row by row; in no bin outside the frame."""
+    return _cells(Same(points), frame)
+
+
+def dots(points: Floats, frame: MapFrame) -> Bins:
+    """Braille dot of each point (N, 2), row by row over (4 rows, 2 columns) per cell."""
+    return _dots(Same(points), frame)
+
+
+@kept(16)
+def _cells(points: Same, frame: MapFrame) -> Bins:
+    across, down = frame.width, frame.height // 2
+    rows, columns = np.divmod(np.arange(8 * across * down), 2 * across)
+    table = np.append(rows // 4 * across + columns // 2, across * down)
+    codes = _dots(points, frame).codes
+    if across * down < 1 << 16:
+        return Bins(table.astype(np.uint16)[codes], across * down)
+    return Bins(table.astype(np.uint32)[codes], across * down)
+
+
+@kept(16)
+def _dots(points: Same, frame: MapFrame) -> Bins:
+    """In pieces that stay in the processor's caches."""
+    places = np.asarray(points.array)
+    across, down = 2 * frame.width, frame.height // 2 * 4
+    size, sign = across * down, 1 if frame.y_down else -1
+    codes: Codes = np.empty(len(places), dtype=np.uint16 if size < 1 << 16 else np.uint32)
+    for start in range(0, len(places), PIECE):
+        piece = places[start : start + PIECE]
+        column = np.floor((piece[:, 0] - frame.x0) * (2 / frame.pitch))
+        row = np.floor((piece[:, 1] - frame.y0) * (2 * sign / frame.pitch))
+        inside = (column >= 0) & (column < across) & (row >= 0) & (row < down)
+        with np.errstate(invalid="ignore", over="ignore"):
+            place = row * across + column
+        codes[start : start + PIECE] = np.where(inside, place, size)
+    return Bins(codes, size)
+
+
+def lit_cells(points: Floats, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
+    """(rows, columns), read-only: where a selected point lies."""
+    return _lit_cells(Same(points), chosen, frame)
+
+
+def other_dots(points: Floats, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
+    """(4 rows, 2 columns), read-only: where a point of the base lies that is not selected."""
+    return _other_dots(Same(points), chosen, frame)
+
+
+def top_levels(
+    points: Floats, values: Floats, scale: Interval, chosen: Chosen, frame: MapFrame
+) -> NDArray[np.intp]:
+    """(rows, columns), read-only: the largest value of the selected in each cell.
+
+    -1 where none lies, 0 where no value is known, else 1 .. LEVELS.
+    """
+    return _top_levels(Same(points), Same(values), scale, chosen, frame)
+
+
+@kept(6)
+def _lit_cells(points: Same, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
+    lit = (count(_cells(points, frame), chosen)[0] > 0).reshape(frame.height // 2, frame.width)
+    lit.setflags(write=False)
+    return lit
+
+
+@kept(4)
+def _other_dots(points: Same, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
+    lit, total = count(_dots(points, frame), chosen)
+    others = (total > lit).reshape(frame.height // 2 * 4, frame.width * 2)
+    others.setflags(write=False)
+    return others
+
+
+@kept(4)
+def _top_levels(
+    points: Same, values: Same, scale: Interval, chosen: Chosen, frame: MapFrame
+) -> NDArray[np.intp]:
+    found = _tinted(points, values, scale, frame)
+    lit, _ = count(found.codes, chosen)
+    top = np.full(frame.height // 2 * frame.width, -1, dtype=np.intp)
+    if len(found.cell):
+        shown = np.where(lit > 0, found.level, np.int8(-1))
+        top[found.cell] = np.maximum.reduceat(shown, found.start)
+    top.setflags(write=False)
+    return top.reshape(-1, frame.width)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tinted:
+    """A bin per cell and level that occur.
+
+    level: the bins' levels, int8. cell: the cells that hold any, `start` the first bin of each.
+    """
+
+    codes: Bins
+    level: NDArray[np.int8]
+    cell: NDArray[np.intp]
+    start: NDArray[np.intp]
+
+
+@kept(4)
+def _tinted(points: Same, values: Same, scale: Interval, frame: MapFrame) -> _Tinted:
+    places = _cells(points, frame)
+    steps = np.uint32(LEVELS + 1)
+    wide = places.codes.astype(np.uint32) * steps + _levels(values, scale)
+    np.minimum(wide, places.count * steps, out=wide)
+    codes, kept = occupied(Bins(wide, places.count * int(steps)))
+    cell, start = np.unique(kept // (LEVELS + 1), return_index=True)
+    return _Tinted(codes, (kept % (LEVELS + 1)).astype(np.int8), cell, start)
+
+
+@kept(8)
+def _levels(values: Same, scale: Interval) -> NDArray[np.uint8]:
+    steps = np.minimum(fraction(np.asarray(values.array), scale) * LEVELS, LEVELS - 1) + 1
+    return np.nan_to_num(steps).astype(np.uint8)
+
+
+def level_shares(levels: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Levels as places on the scale, 0 .. 1; NaN for the unknown."""
+    return np.where(levels > 0, (levels - 1) / (LEVELS - 1), np.nan)

@@ -1,0 +1,118 @@
+"""The list on paper: as many rows and columns as the page takes, and how many it leaves out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from s2rtui.canvas.colour import LIGHT, Rgb, Theme
+from s2rtui.charts.shared.paper import (
+    Page,
+    Pixels,
+    heading,
+    new_figure,
+    page_of,
+    unit,
+    written,
+)
+from s2rtui.charts.table.terminal import TableColumn, TableInput
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ROW, LETTER, GAP, LEFT, FOOT = 0.215, 0.078, 0.22, 0.3, 0.45
+"""Inches: a row's height, a letter's width, between columns, at the left, at the foot."""
+
+
+def table_figure(
+    view: TableInput,
+    size: Pixels = (1600, 1200),
+    theme: Theme = LIGHT,
+    title: str = "List",
+    subtitle: str = "",
+) -> bytes:
+    """A PNG of `size` pixels: the first rows in the list's order, the cursor's row set apart."""
+    page = page_of(size, theme)
+    figure = new_figure(page)
+    top = heading(figure, page, title, subtitle) - 0.1
+    count = max(1, min(len(view.rows), int((top - FOOT) / ROW) - 1))
+    rows = view.rows[:count].tolist()
+    columns = _columns(view, rows, page)
+    _line(figure, page, top - ROW + 0.02, theme.muted, 0.9)
+    for column, start, end in columns:
+        ink = theme.text if column.sorts else theme.muted
+        name = column.title + (" ▼" if view.descending else " ▲") * column.sorts
+        _put(figure, page, (column, start, end), top - ROW / 2, name, ink, column.sorts)
+    for index, iid in enumerate(rows):
+        y = top - ROW * (index + 1.5)
+        if iid == view.cursor:
+            _ground(figure, page, y)
+        for column, start, end in columns:
+            _put(figure, page, (column, start, end), y, column.text(iid), theme.text, False)
+    _note(figure, page, _left_out(len(view.rows) - len(rows), len(view.columns) - len(columns)))
+    return written(figure, page)
+
+
+def _columns(
+    view: TableInput, rows: list[int], page: Page
+) -> list[tuple[TableColumn, float, float]]:
+    """Those that fit, with their left and right ends in inches."""
+    found: list[tuple[TableColumn, float, float]] = []
+    x = LEFT
+    for column in view.columns:
+        texts = [len(column.text(iid)) for iid in rows]
+        letters = max([len(column.title) + 2 * column.sorts, *texts])
+        end = x + LETTER * min(letters, 3 * column.width)
+        if found and end > page.inches[0] - 0.15:
+            break
+        found.append((column, x, end))
+        x = end + GAP
+    return found
+
+
+def _left_out(rows: int, columns: int) -> str:
+    parts = [f"{n} more {what}" for n, what in ((rows, "rows"), (columns, "columns")) if n > 0]
+    return " and ".join(parts)
+
+
+def _put(
+    figure: Figure,
+    page: Page,
+    place: tuple[TableColumn, float, float],
+    y: float,
+    text: str,
+    ink: Rgb,
+    bold: bool,
+) -> None:
+    column, start, end = place
+    most = int((end - start) / LETTER + 0.5)
+    text = text if len(text) <= most else text[: most - 1] + "…"
+    wide, high = page.inches
+    x = end if column.right else start
+    label = figure.text(x / wide, y / high, text, va="center", fontsize=9)
+    label.set_horizontalalignment("right" if column.right else "left")
+    label.set_color(unit(ink))
+    label.set_fontweight("bold" if bold else "normal")
+
+
+def _line(figure: Figure, page: Page, y: float, ink: Rgb, width: float) -> None:
+    from matplotlib.lines import Line2D
+
+    wide, high = page.inches
+    ends = [0.2 / wide, 1 - 0.2 / wide]
+    figure.add_artist(Line2D(ends, [y / high, y / high], color=unit(ink), linewidth=width))
+
+
+def _ground(figure: Figure, page: Page, y: float) -> None:
+    from matplotlib.patches import Rectangle
+
+    wide, high = page.inches
+    corner = (0.2 / wide, (y - ROW / 2) / high)
+    ground = Rectangle(corner, 1 - 0.4 / wide, ROW / high, linewidth=0, zorder=-1)
+    ground.set_color(unit(page.theme.highlight))
+    figure.add_artist(ground)
+
+
+def _note(figure: Figure, page: Page, text: str) -> None:
+    wide, high = page.inches
+    label = figure.text(LEFT / wide, 0.2 / high, text, va="center", fontsize=8)
+    label.set_color(unit(page.theme.muted))

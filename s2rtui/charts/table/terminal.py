@@ -1,0 +1,146 @@
+"""A list of instances: a window of rows around the cursor, as many columns as fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.cells import cell_len, set_cell_size
+
+from s2rtui.canvas.brush_surface import Panel
+from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.render_options import Look
+
+Text = Callable[[int], str]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TableColumn:
+    """`text` gives the words of an iid; `width` in cells; numbers stand to the right."""
+
+    title: str
+    text: Text
+    width: int
+    right: bool = True
+    sorts: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TableInput:
+    """rows: (n,) iids in the list's order; `cursor` one of them; `descending` marks the order."""
+
+    rows: NDArray[np.intp]
+    columns: tuple[TableColumn, ...]
+    cursor: int | None = None
+    descending: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class TableLayout:
+    """starts: the first cell of each column that fits; first: the index into `rows` of the line
+    `top`; shown: how many lines there are from there on.
+    """
+
+    starts: tuple[int, ...]
+    first: int
+    shown: int
+    top: int
+
+    def row_at(self, y: int) -> int | None:
+        """The index into `rows` that stands on line `y`."""
+        index = y - self.top
+        return self.first + index if 0 <= index < self.shown else None
+
+
+def table_layout(view: TableInput, size: Size) -> TableLayout:
+    """Where columns and rows stand in `size` (columns, rows), in cells from the upper left corner.
+
+    Columns from the left while they fit, the first one always; the cursor's row is in view.
+    """
+    width, height = size
+    starts: list[int] = []
+    x = 2
+    for column in view.columns:
+        if starts and x + column.width > width:
+            break
+        starts.append(x)
+        x += column.width + 2
+    top = 1 if height > 1 else 0
+    space = max(1, height - top)
+    at = cursor_row(view)
+    first = 0 if at is None else min(max(0, at - space // 2), max(0, view.rows.size - space))
+    return TableLayout(tuple(starts), first, min(space, view.rows.size - first), top)
+
+
+def cursor_row(view: TableInput) -> int | None:
+    """The cursor's place in the list; None where it is not in it."""
+    found = np.flatnonzero(view.rows == view.cursor) if view.cursor is not None else view.rows[:0]
+    return int(found[0]) if found.size else None
+
+
+def table(view: TableInput, size: Size, look: Look | None = None) -> Canvas:
+    """The view in `size` (columns, rows)."""
+    look = look or Look()
+    canvas = Canvas(*size, theme=look.theme)
+    theme = look.theme
+    layout = table_layout(view, (canvas.width, canvas.height))
+    if not view.rows.size:
+        canvas.text(0, 0, "nothing is selected", theme.muted)
+        return canvas
+    if layout.top:
+        for start, column in zip(layout.starts, view.columns, strict=False):
+            title = column.title + (_arrow(view, look) if column.sorts else "")
+            ink = theme.text if column.sorts else theme.muted
+            _cell(canvas, start, 0, column, title, ink, column.sorts)
+    for line in range(layout.shown):
+        iid = int(view.rows[layout.first + line])
+        y, here = layout.top + line, iid == view.cursor
+        if here:
+            canvas.fill(0, y, canvas.width, 1, theme.highlight)
+            canvas.put(0, y, look.glyphs.pointer, theme.text, bold=True)
+        for start, column in zip(layout.starts, view.columns, strict=False):
+            text = column.text(iid)
+            if look.ascii:
+                text = text.encode("ascii", "replace").decode()
+            _cell(canvas, start, y, column, text, theme.text, here)
+    return canvas
+
+
+def _arrow(view: TableInput, look: Look) -> str:
+    down, up = ("v", "^") if look.ascii else ("▼", "▲")
+    return down if view.descending else up
+
+
+def _cell(
+    canvas: Canvas,
+    x: int,
+    y: int,
+    column: TableColumn,
+    text: str,
+    ink: tuple[int, int, int],
+    bold: bool,
+) -> None:
+    if cell_len(text) > column.width:
+        text = set_cell_size(text, column.width)
+    if column.right:
+        canvas.text(x + column.width, y, text, ink, bold=bold, align="right")
+    else:
+        canvas.text(x, y, text, ink, bold=bold)
+
+
+def table_surface(view: TableInput, size: Size, look: Look | None = None) -> tuple[Panel, ...]:
+    """One panel whose data are the row's index in the list."""
+    layout = table_layout(view, size)
+    if not layout.shown:
+        return ()
+
+    def to_data(column: float, row: float) -> tuple[float, float]:
+        return 0.0, float(math.floor(row) - layout.top + layout.first)
+
+    def to_cells(x: float, y: float) -> tuple[float, float]:
+        return 0.5, y - layout.first + layout.top + 0.5
+
+    return (Panel("rows", "steps", 0, layout.top, size[0], layout.shown, to_data, to_cells),)

@@ -1,0 +1,159 @@
+"""The UMAP view as numbers: a common frame, and what is lit and grey in each panel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.records import Bounds
+from s2rtui.analysis.bins import Bins, Chosen, bins, choose, count, joined
+from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.map_frame import MapFrame, fit
+from s2rtui.charts.shared.axis_scale import fraction, percentile_range
+from s2rtui.charts.shared.inputs import Bools, Floats, Interval, UmapInput
+from s2rtui.charts.shared.map_cells import cells, dots
+
+LEVELS = 20
+"""Steps of the colour scale; level 0 stands for no value."""
+_WEIGHTS = np.stack([np.arange(LEVELS + 1) > 0, np.arange(LEVELS + 1) - 0.5], axis=1)
+_WEIGHTS[0] = 0
+"""What each level adds: to the number of known values, and to their sum in levels."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UmapLayer:
+    """One side in a frame of h x w cells.
+
+    level: (h, w) the mean of the selected in each cell as a level 1 .. LEVELS, 0 where none has a
+    value, -1 where none is (the largest would look the same wherever cells hold many). grey:
+    (4h, 2w) braille dots of the valid in all other cells. selected, total: how many instances lie
+    in the frame.
+    """
+
+    level: NDArray[np.int8]
+    grey: Bools
+    selected: int
+    total: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UmapModel:
+    """Both sides in one frame, on one scale; cursor: a valid iid or None."""
+
+    frame: MapFrame
+    value_range: Interval
+    sim: UmapLayer
+    real: UmapLayer
+    cursor: int | None
+
+
+def umap_model(view: UmapInput, frame: MapFrame) -> UmapModel:
+    """What lies in each cell of `frame` (an even number of pixels high)."""
+    values = umap_values(view)
+    scale = value_range(view)
+    chosen = choose(view.selected, view.valid)
+    sim, real = (
+        _layer(Same(points), Same(values), scale, frame, chosen) for points in (view.sim, view.real)
+    )
+    cursor = view.cursor
+    if cursor is not None and not (0 <= cursor < len(view.valid) and view.valid[cursor]):
+        cursor = None
+    return UmapModel(frame, scale, sim, real, cursor)
+
+
+def umap_frame(view: UmapInput, columns: int, rows: int) -> MapFrame:
+    """The window of `columns` x `rows` cells that shows every point of both sides."""
+    return fit(extent(view), columns, 2 * rows, y_down=False)
+
+
+def extent(view: UmapInput) -> Bounds:
+    """The box of all points of both sides with a small margin; the unit square without any."""
+    return _extent(Same(view.sim), Same(view.real))
+
+
+def umap_values(view: UmapInput) -> Floats:
+    """(N,) what colours the points: given, or the distance to the counterpart."""
+    return _distance(Same(view.sim), Same(view.real)) if view.values is None else view.values
+
+
+def value_range(view: UmapInput) -> Interval:
+    """The scale of the values: of all instances, so that it stays as trajectories come and go."""
+    return view.value_range or _percentiles(Same(umap_values(view)))
+
+
+def level_shares() -> NDArray[np.float64]:
+    """(LEVELS,) the place of levels 1 .. LEVELS on the scale: the middle of each."""
+    return (np.arange(LEVELS) + 0.5) / LEVELS
+
+
+@kept(16)
+def _extent(sim: Same, real: Same) -> Bounds:
+    ends = []
+    for side in (sim, real):
+        x, y = np.asarray(side.array).T
+        finite = np.isfinite(x) & np.isfinite(y)
+        if not finite.all():
+            x, y = x[finite], y[finite]
+        if x.size:
+            ends += [(x.min(), y.min()), (x.max(), y.max())]
+    if not ends:
+        return Bounds(0.0, 0.0, 1.0, 1.0)
+    low, high = np.min(ends, axis=0), np.max(ends, axis=0)
+    margin = 0.02 * float(max(*(high - low), 1e-3))
+    (x0, y0), (x1, y1) = low - margin, high + margin
+    return Bounds(float(x0), float(y0), float(x1), float(y1))
+
+
+@kept(16)
+def _distance(sim: Same, real: Same) -> NDArray[np.float64]:
+    apart = np.asarray(sim.array, dtype=np.float64) - np.asarray(real.array, dtype=np.float64)
+    return np.hypot(apart[:, 0], apart[:, 1])
+
+
+@kept(16)
+def _percentiles(values: Same) -> Interval:
+    return percentile_range(np.asarray(values.array))
+
+
+@kept(16)
+def _levels(values: Same, scale: Interval) -> Bins:
+    """Level of each instance; all have one, 0 for no value."""
+    steps = np.floor(fraction(np.asarray(values.array), scale) * LEVELS)
+    return bins(np.nan_to_num(np.minimum(steps, LEVELS - 1) + 1, nan=0.0), LEVELS + 1)
+
+
+@kept(16)
+def _cells(points: Same, frame: MapFrame, levels: Same) -> Bins:
+    """Cell and level together."""
+    places = cells(np.asarray(points.array), frame)
+    return joined(places, Bins(np.asarray(levels.array), LEVELS + 1))
+
+
+def _layer(
+    points: Same, values: Same, scale: Interval, frame: MapFrame, chosen: Chosen
+) -> UmapLayer:
+    rows, columns, depth = frame.height // 2, frame.width, LEVELS + 1
+    coloured = _cells(points, frame, Same(_levels(values, scale).codes))
+    lit, total = count(coloured, chosen)
+    table = lit.reshape(rows, columns, depth)
+    level = _mean_level(table)
+    held = _population(points, frame, Same(chosen.base)).reshape(rows, 4, columns, 2)
+    grey = (held & (level < 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
+    return UmapLayer(level, grey, int(lit.sum()), int(total.sum()))
+
+
+def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
+    """Counts (h, w, LEVELS + 1) per level to the mean one: of the middles of the levels."""
+    known, total = (table @ _WEIGHTS).transpose(2, 0, 1)
+    mean = np.floor(total / np.maximum(known, 1)) + 1
+    empty = np.where(table[..., 0] > 0, 0, -1)
+    return np.where(known > 0, mean, empty).astype(np.int8)
+
+
+@kept(16)
+def _population(points: Same, frame: MapFrame, base: Same) -> Bools:
+    """Which braille dots hold any valid instance."""
+    nobody = Chosen(np.asarray(base.array), np.empty(0, dtype=np.intp), inverted=False)
+    return np.asarray(count(dots(np.asarray(points.array), frame), nobody)[1] > 0)

@@ -1,0 +1,215 @@
+"""Two embeddings side by side in one frame: who lies where, and how far from its counterpart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from s2rtui.analysis.map_frame import MapFrame
+from s2rtui.canvas.brush_surface import Panel, Point, draw_mark
+from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.colour import legible, turbo
+from s2rtui.canvas.raster import braille
+from s2rtui.canvas.render_options import Look
+from s2rtui.charts.shared.axis_scale import short, step, tick_text, ticks
+from s2rtui.charts.shared.inputs import UmapInput
+from s2rtui.charts.shared.legend import Part, colour_bar, ramp_for_values, words
+from s2rtui.charts.umap.model import (
+    LEVELS,
+    UmapLayer,
+    UmapModel,
+    level_shares,
+    umap_frame,
+    umap_model,
+)
+
+AXES = 5
+"""Columns at the left of a panel that its ticks take."""
+
+
+@dataclass(frozen=True, slots=True)
+class UmapLayout:
+    """The corner of each panel in cells, sim first; both show `frame`, `width` x `height` cells.
+
+    `room` is how wide a panel is with its ticks, `header` how many rows lie above it.
+    """
+
+    corners: tuple[tuple[int, int], ...]
+    width: int
+    height: int
+    room: int
+    header: int
+    axes: bool
+    frame: MapFrame
+
+
+def umap_layout(view: UmapInput, size: Size) -> UmapLayout:
+    """Side by side, or one above the other where the view is higher than wide."""
+    width, height = max(1, size[0]), max(1, size[1])
+    stacked = 2 * height > width
+    gap = 0 if stacked or width < 10 else 1
+    room = width if stacked else max(1, (width - gap) // 2)
+    rows = max(1, height // 2) if stacked else height
+    header = 1 if rows >= 4 else 0
+    axes = room >= 36 and rows >= 16
+    left, below = (AXES, 1) if axes else (0, 0)
+    shown = [(0, header), (0, rows + header) if stacked else (room + gap, header)]
+    corners = tuple((x + left, y) for x, y in shown if x < width and y < height)
+    inner, high = max(1, room - left), max(1, rows - header - below)
+    frame = umap_frame(view, inner, high)
+    return UmapLayout(corners, inner, high, room, header, axes, frame)
+
+
+def umap_surface(view: UmapInput, size: Size, look: Look | None = None) -> tuple[Panel, ...]:
+    """Planes "sim" and "real" in UMAP coordinates, y upwards."""
+    layout = umap_layout(view, size)
+    return tuple(
+        Panel(
+            name,
+            "plane",
+            x,
+            y,
+            layout.width,
+            layout.height,
+            partial(_to_data, layout.frame, (x, y)),
+            partial(_to_cells, layout.frame, (x, y)),
+        )
+        for name, (x, y) in zip(("sim", "real"), layout.corners, strict=False)
+    )
+
+
+def _to_data(frame: MapFrame, corner: tuple[int, int], column: float, row: float) -> Point:
+    return frame.to_world(column - corner[0] - 0.5, row - corner[1] - 0.5)
+
+
+def _to_cells(frame: MapFrame, corner: tuple[int, int], x: float, y: float) -> Point:
+    column, row = frame.to_cells([[x, y]])[0]
+    return float(column) + corner[0], float(row) + corner[1]
+
+
+def umap(view: UmapInput, size: Size, look: Look | None = None) -> Canvas:
+    """The view in `size` (columns, rows)."""
+    look = look or Look()
+    canvas = Canvas(*size, theme=look.theme)
+    layout = umap_layout(view, (canvas.width, canvas.height))
+    model = umap_model(view, layout.frame)
+    panels = umap_surface(view, (canvas.width, canvas.height), look)
+    for panel, layer in zip(panels, (model.sim, model.real), strict=False):
+        chart = Canvas(layout.width, layout.height, look.theme)
+        _points(chart, layer, look)
+        canvas.paste(chart, panel.x, panel.y)
+        _cursor(canvas, panel, view, model, look)
+        draw_mark(canvas, panel, view.mark, look)
+        if layout.header:
+            _header(canvas, panel, view, model, layout, look)
+        if layout.axes:
+            _axes(canvas, panel, layout, look)
+    _divide(canvas, layout, look)
+    return canvas
+
+
+def _points(chart: Canvas, layer: UmapLayer, look: Look) -> None:
+    """Unselected dots in grey; cells with selected ones in the colour or digit of their mean.
+
+    A disc, not dots: the colour of single braille dots cannot be told apart.
+    """
+    theme = look.theme
+    if look.ascii:
+        held = layer.grey.reshape(chart.height, 4, chart.width, 2).any(axis=(1, 3))
+        chart.char[held] = look.glyphs.unselected
+        chart.fg[held] = theme.unselected
+    else:
+        braille(chart, 0, 0, layer.grey, np.array(theme.unselected, dtype=np.uint8))
+    lit = layer.level >= 0
+    inks = np.empty((LEVELS + 1, 3), dtype=np.uint8)
+    inks[0] = theme.text
+    inks[1:] = legible(turbo(level_shares()), theme)
+    ink = inks[np.maximum(layer.level, 0)]
+    digits = ramp_for_values(look)
+    if digits is None:
+        chart.char[lit] = look.glyphs.selected
+    else:
+        names = np.array(["?", *(digits[place * 10 // LEVELS] for place in range(LEVELS))])
+        chart.char[lit] = names[layer.level[lit]]
+    chart.fg[lit] = ink[lit]
+    chart.bold[lit] = True
+
+
+def _cursor(canvas: Canvas, panel: Panel, view: UmapInput, model: UmapModel, look: Look) -> None:
+    if model.cursor is None:
+        return
+    points = view.sim if panel.name == "sim" else view.real
+    x, y = (float(part) for part in points[model.cursor])
+    if np.isfinite([x, y]).all():
+        column, row = (int(np.floor(part)) for part in panel.to_cells(x, y))
+        canvas.put(column, row, look.glyphs.cursor, look.theme.cursor, bold=True)
+
+
+def _header(
+    canvas: Canvas,
+    panel: Panel,
+    view: UmapInput,
+    model: UmapModel,
+    layout: UmapLayout,
+    look: Look,
+) -> None:
+    """Name and counts at the left; the colour bar at the right of the second panel."""
+    theme, glyphs = look.theme, look.glyphs
+    sim = panel.name == "sim"
+    layer = model.sim if sim else model.real
+    left, row = panel.x + layout.width - layout.room, panel.y - 1
+    glyph, colour = (glyphs.sim, theme.sim) if sim else (glyphs.real, theme.real)
+    parts = [words(((f"{glyph} {panel.name}", colour),))]
+    if layer.total:
+        told = f"{layer.selected} of {layer.total}"
+        parts.append(words(((told, theme.muted),)))
+    else:
+        parts.append(words((("no coordinates", theme.muted),)))
+    free = layout.room
+    bar = None if sim else _bar(view, model, free - parts[0].width - 2, look)
+    if bar is not None:
+        free -= bar.width + 2
+        bar.draw(canvas, left + layout.room - bar.width, row)
+    for part in parts:
+        if part.width <= free:
+            part.draw(canvas, left, row)
+            left, free = left + part.width + 2, free - part.width - 2
+
+
+def _bar(view: UmapInput, model: UmapModel, room: int, look: Look) -> Part | None:
+    if room < 12:
+        return None
+    ramp, scale = ramp_for_values(look), model.value_range
+    length = 10 if ramp else 8 if room < 40 else 16
+    clipped = view.value_range is None
+    return colour_bar(
+        view.value_label, view.value_unit, scale, look, length,
+        ramp=ramp, room=room, clipped=clipped,
+    )  # fmt: skip
+
+
+def _divide(canvas: Canvas, layout: UmapLayout, look: Look) -> None:
+    """A faint line between panels side by side."""
+    level = len({y for _, y in layout.corners}) == 1
+    if level and canvas.width > 2 * layout.room:
+        canvas.vline(layout.room, 0, canvas.height - 1, look.glyphs.vertical, look.theme.faint)
+
+
+def _axes(canvas: Canvas, panel: Panel, layout: UmapLayout, look: Look) -> None:
+    """Ticks along the left and the lower edge of a panel."""
+    theme, area = look.theme, layout.frame.extent
+    width = step(area.width, max(2, panel.width // 10))
+    free, stop = panel.x, panel.x + panel.width
+    for tick in ticks(area.x0, area.x1, max(2, panel.width // 10)):
+        text = tick_text(tick, width) if width >= 1e-2 else short(tick)
+        start = int(panel.to_cells(tick, area.y0)[0]) - len(text) // 2
+        if start >= free and start + len(text) <= stop:
+            free = canvas.text(start, panel.y + panel.height, text, theme.muted) + 1
+    width = step(area.height, max(2, panel.height // 4))
+    for tick in ticks(area.y0, area.y1, max(2, panel.height // 4)):
+        row = int(panel.to_cells(area.x0, tick)[1])
+        if panel.y <= row < panel.y + panel.height:
+            text = (tick_text(tick, width) if width >= 1e-2 else short(tick))[: AXES - 1]
+            canvas.text(panel.x - 1, row, text, theme.muted, align="right")

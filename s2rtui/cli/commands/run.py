@@ -1,0 +1,33 @@
+"""`s2r run add`: register a run; `s2r precompute` fills it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(metavar="ACTION", required=True)
+    add = actions.add_parser("add", help="register a run of a model")
+    add.add_argument("name")
+    add.add_argument("--store", type=Path, required=True)
+    add.add_argument("--model", required=True)
+    add.add_argument("--sim", help="domain of the sim side (default: the first of kind sim)")
+    add.add_argument("--real", help="domain of the real side (default: the first of kind real)")
+    add.add_argument(
+        "--adjust", action="append", default=[], metavar="SIDE:NAME=VALUE,...",
+        help="adjust one side's images, for example real:brightness=1.15,contrast=1.1",
+    )  # fmt: skip
+
+
+def execute(options: argparse.Namespace) -> int:
+    from s2rtools.adjustments import parse
+    from s2rtools.precompute.registry import add_run
+
+    chains: dict[str, list[dict[str, object]]] = {"sim": [], "real": []}
+    for text in options.adjust:
+        for side, steps in parse(text).items():
+            chains[side] += steps
+    run = add_run(options.store, options.name, options.model, options.sim, options.real, chains)
+    print(f"{options.store}: run {run} registered; `s2r precompute {options.store}` fills it")
+    return 0

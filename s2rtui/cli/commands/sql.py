@@ -1,0 +1,102 @@
+"""`s2r sql`: a query on the index, on a connection that can neither write nor reach other files."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from concurrent.futures import ThreadPoolExecutor, wait
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from s2rtui.cli.formatting import rows as output
+
+if TYPE_CHECKING:
+    import duckdb
+
+Rows = list[tuple[Any, ...]]
+
+DEFAULT_TIMEOUT = 60.0
+DEFAULT_MEMORY = "400MB"
+
+_MEMORY = re.compile(r"(\d{1,6})(MB|GB)\Z")
+_BYTES = {"MB": 10**6, "GB": 10**9}
+_ROWS_AT_ONCE = 10_000
+_OVERHEAD = 100 * 10**6
+"""Bytes beside DuckDB's own: the rows as Python objects and the printed text."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("store")
+    parser.add_argument("sql", help="for example: SELECT run, avg(gap) FROM pair GROUP BY run")
+    parser.add_argument(
+        "--timeout", type=float, default=DEFAULT_TIMEOUT, metavar="SECONDS",
+        help=f"stop the query after this time (default {DEFAULT_TIMEOUT:g})",
+    )  # fmt: skip
+    parser.add_argument(
+        "--memory", default=DEFAULT_MEMORY, metavar="SIZE",
+        help=f"memory for the query and its rows, such as 2GB (default {DEFAULT_MEMORY})",
+    )  # fmt: skip
+    output.add_format(parser)
+
+
+def execute(options: argparse.Namespace) -> int:
+    import s2rstore
+    from s2rstore.errors import RequestError
+
+    size = _MEMORY.match(options.memory)
+    if size is None or int(size[1]) == 0:
+        raise RequestError(f"--memory {options.memory}: a whole number of MB or GB, such as 2GB")
+    if not 0 < options.timeout < 1e6:
+        raise RequestError(f"--timeout {options.timeout:g}: seconds, more than 0")
+    with s2rstore.open(Path(options.store), options.memory) as store:
+        names, rows = _run(store.connection(), options, int(size[1]) * _BYTES[size[2]])
+    output.write(names, rows, options)
+    return 0
+
+
+def _run(
+    connection: duckdb.DuckDBPyConnection, options: argparse.Namespace, memory: int
+) -> tuple[list[str], Rows]:
+    """Column names and rows; RequestError where the query fails or reaches a limit.
+
+    The query runs in a thread of its own, so that this one hears ctrl-c.
+    """
+    import duckdb
+
+    from s2rstore.errors import RequestError
+    from s2rstore.security.memory_limit import bounded_memory
+
+    with bounded_memory(memory + _OVERHEAD), ThreadPoolExecutor(1) as pool:
+        query = pool.submit(_fetch, connection, options.sql)
+        try:
+            names, rows = query.result(options.timeout)
+        except TimeoutError:
+            raise RequestError(
+                f"sql: stopped after {options.timeout:g} s; select less, or raise --timeout"
+            ) from None
+        except (MemoryError, duckdb.OutOfMemoryException):
+            raise RequestError(
+                f"sql: stopped, it needs more than {options.memory} of memory; "
+                "select less, or raise --memory"
+            ) from None
+        except duckdb.Error as error:
+            reason = str(error).split("Traceback")[0]
+            raise RequestError(f"sql: {' '.join(reason.split())}") from error
+        finally:
+            while not query.done():  # an interrupt between two statements has no effect
+                connection.interrupt()
+                wait([query], 0.05)
+    if not names:
+        raise RequestError("sql: no statement that returns rows")
+    return names, rows
+
+
+def _fetch(connection: duckdb.DuckDBPyConnection, sql: str) -> tuple[list[str], Rows]:
+    result = connection.execute(sql)
+    if result is None:
+        return [], []
+    names = [column[0] for column in result.description or ()]
+    rows: Rows = []
+    while names and (fetched := result.fetchmany(_ROWS_AT_ONCE)):
+        rows += fetched
+    return names, rows

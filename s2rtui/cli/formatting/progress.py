@@ -1,0 +1,131 @@
+"""Progress of long work: a bar on a terminal, a line now and then in a log."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Literal, Protocol
+
+from s2rstore.security.printable_text import printable, unescaped
+
+Style = Literal["auto", "json"]
+STYLES: tuple[Style, ...] = ("auto", "json")
+_LOG_SECONDS = 10.0
+
+
+class Reporter(Protocol):
+    """Told of stages of work: `begin` one of `total` steps, `advance` it, `say` a line."""
+
+    def begin(self, what: str, total: int) -> None: ...
+    def advance(self, steps: int) -> None: ...
+    def say(self, line: str) -> None: ...
+
+
+class LogReporter:
+    """Writes a line to standard error at the start, every ten seconds and at the end of a stage."""
+
+    def __init__(self) -> None:
+        self._what, self._total, self._done = "", 0, 0
+        self._started = self._told = 0.0
+
+    def begin(self, what: str, total: int) -> None:
+        self._what, self._total, self._done = what, total, 0
+        self._started = self._told = time.monotonic()
+
+    def advance(self, steps: int) -> None:
+        self._done += steps
+        now = time.monotonic()
+        finished = self._done >= self._total
+        if finished or now - self._told >= _LOG_SECONDS:
+            self._told = now
+            self.say(f"{self._what}: {self._done}/{self._total}, {now - self._started:.0f} s")
+
+    def say(self, line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+
+
+class JsonReporter:
+    """Writes a JSON object per line to standard output, {"stage", "done", "total"} or {"said"};
+    goes on in silence when nobody reads them any more.
+    """
+
+    def __init__(self) -> None:
+        self._what, self._total, self._done = "", 0, 0
+
+    def begin(self, what: str, total: int) -> None:
+        self._what, self._total, self._done = what, total, 0
+        self.advance(0)
+
+    def advance(self, steps: int) -> None:
+        self._done += steps
+        self._write({"stage": self._what, "done": self._done, "total": self._total})
+
+    def say(self, line: str) -> None:
+        self._write({"said": line})
+
+    def _write(self, told: dict[str, object]) -> None:
+        try:
+            print(json.dumps(told), flush=True)
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+class BarReporter:
+    """A rich progress bar per stage."""
+
+    def __init__(self, progress: Any) -> None:
+        self._progress = progress
+        self._task: Any = None
+
+    def begin(self, what: str, total: int) -> None:
+        self._task = self._progress.add_task(printable(what), total=total)
+
+    def advance(self, steps: int) -> None:
+        if self._task is not None:
+            self._progress.advance(self._task, steps)
+
+    def say(self, line: str) -> None:
+        self._progress.console.print(printable(line), highlight=False, markup=False)
+
+
+def percent(told: Reporter, what: str) -> Callable[[float, float, float], None]:
+    """A callback (fraction done, last loss, seconds to go) that advances a stage of 100 steps."""
+    told.begin(what, 100)
+    done = 0
+
+    def report(fraction: float, loss: float, seconds: float) -> None:
+        nonlocal done
+        steps = int(100 * fraction) - done
+        if steps > 0:
+            done += steps
+            told.advance(steps)
+
+    return report
+
+
+@contextmanager
+def reporter(style: Style = "auto") -> Iterator[Reporter]:
+    """The reporter that fits standard error, or JSON lines."""
+    if style == "json":
+        yield JsonReporter()
+        return
+    if not sys.stderr.isatty():
+        yield LogReporter()
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
+               TimeRemainingColumn())  # fmt: skip
+    with Progress(*columns, console=Console(file=unescaped(sys.stderr))) as progress:
+        yield BarReporter(progress)

@@ -1,6 +1,0 @@
-"""A report of selections: one HTML file that stands alone, for a browser, a printer, a reader."""
-
-from s2rtui.report.request import Asked, Request, saved, selections
-from s2rtui.report.write import report
-
-__all__ = ["Asked", "Request", "report", "saved", "selections"]

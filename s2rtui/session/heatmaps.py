@@ -1,0 +1,190 @@
+"""Which heatmaps a run has, and one instance's heat laid on the map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.geometry.floor_grid import AGGREGATES, MapGrid, Projector, Ray
+from s2rstore.geometry.reprojection import Surface
+from s2rstore.reader import Store
+from s2rstore.records import Domain, Run, Side
+from s2rstore.run_inputs import run_domain, run_frames
+from s2rtui.session.state import Aggregate, HeatChoice, State
+
+SIGNED = ("activation", "occlusion")
+_ORDER: dict[Side, tuple[Side, Side]] = {"sim": ("sim", "real"), "real": ("real", "sim")}
+_PLANES = {"activation": ("loss", "x", "y", "heading")}
+_UNITS = {"m degrees": "m", "m m rad loss": ""}
+_BLOCK = 32
+MOST_GATHERED = 2000
+"""Heat of a larger selection is gathered over so many of its instances, evenly taken."""
+Told = Callable[[float], bool]
+_PLANE_UNITS = {"x": "m", "y": "m", "heading": "rad", "loss": "loss"}
+
+
+def choices(store: Store, run: str) -> list[tuple[str, str | None]]:
+    """Kinds and modes of a run's heatmaps, in the order that keys walk through them."""
+    found: list[tuple[str, str | None]] = []
+    for record in store.arrays(run):
+        if "row" not in record.axes or record.kind.startswith(("map:", "frames:")):
+            continue
+        for mode in _PLANES.get(record.kind, (record.mode,)):
+            if (record.kind, mode) not in found:
+                found.append((record.kind, mode))
+    return found
+
+
+def with_heat(store: Store, state: State) -> State:
+    """The same heat where the run has it, else the run's first."""
+    options = choices(store, state.run)
+    side: Side = state.heat.side if state.heat else "real"
+    wanted = (state.heat.kind, state.heat.mode) if state.heat else None
+    if not options:
+        return replace(state, heat=None)
+    kind, mode = wanted if wanted in options else options[0]
+    return replace(state, heat=HeatChoice(kind, mode, side))
+
+
+def unit(store: Store, run: str, heat: HeatChoice) -> str:
+    """The unit of the shown values."""
+    if heat.kind in _PLANES:
+        return _PLANE_UNITS[heat.mode or "loss"]
+    record = next((r for r in store.arrays(run) if r.kind == heat.kind), None)
+    return _UNITS.get(record.unit, record.unit) if record else ""
+
+
+def run_range(store: Store, run: str, heat: HeatChoice) -> tuple[float, float] | None:
+    """The run's own 1st .. 99th percentile of a heatmap kind; None where it was not noted."""
+    noted = store.provenance_object(f"run:{run}", "heat ranges")
+    found = noted.get(":".join(part for part in (heat.kind, heat.mode) if part))
+    if not isinstance(found, list) or len(found) != 2:
+        return None
+    low, high = found
+    return (float(low), float(high)) if all(isinstance(v, int | float) for v in found) else None
+
+
+def ray_of(heat: HeatChoice) -> Ray:
+    """The camera whose pixels a heatmap lies on."""
+    return "depth" if heat.mode == "depth" else "rgb"
+
+
+def run_grid(
+    store: Store, run: str, heat: HeatChoice, aggregate: str = "mean"
+) -> NDArray[np.float32] | None:
+    """A published grid of a run, NaN where nothing fell; None where it was not computed."""
+    try:
+        grid = store.map_grid(run, heat.kind, heat.side, heat.mode, aggregate)
+    except RequestError:
+        return None
+    return np.where(grid > 0, grid, np.nan) if aggregate == "count" else grid
+
+
+def instance_grid(store: Store, run: str, heat: HeatChoice, iid: int) -> NDArray[np.float32]:
+    """The mean grid of one instance's heatmap, (rows, cols), NaN where nothing fell."""
+    return gathered(store, run, heat, np.array([iid]), "mean")
+
+
+def gathered(
+    store: Store,
+    run: str,
+    heat: HeatChoice,
+    iids: NDArray[np.intp],
+    aggregate: Aggregate,
+    told: Told = lambda share: True,
+) -> NDArray[np.float32]:
+    """Heatmaps of some instances on the floor, (rows, cols), NaN where nothing fell.
+
+    `told` hears the share that is done and answers whether to go on.
+    """
+    grid = MapGrid(store.dataset.bounds)
+    for chosen, block in _blocks(iids):
+        record = store.run(run)
+        values = store.heatmaps(run, heat.kind, heat.side, block.start, block.stop, heat.mode)
+        _project(store, record, heat, values[chosen], chosen, block, grid)
+        if not told(float(np.searchsorted(iids, block.stop)) / iids.size):
+            break
+    found = np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])
+    return np.where(found > 0, found, np.nan) if aggregate == "count" else found
+
+
+def share_told(state: State) -> str:
+    """` (2000 of 5301 instances)` where a selection is too large to be gathered as a whole."""
+    count = int(np.count_nonzero(state.selected))
+    return f" ({MOST_GATHERED} of {count} instances)" if count > MOST_GATHERED else ""
+
+
+def seen(
+    store: Store, run: str, side: Side, iids: NDArray[np.intp], told: Told = lambda share: True
+) -> NDArray[np.float32]:
+    """How often the frames of some instances saw each cell of the floor, NaN for never."""
+    grid = MapGrid(store.dataset.bounds)
+    heat = HeatChoice("depth", "depth", side)
+    for chosen, block in _blocks(iids):
+        flat = np.zeros((len(chosen), 1, 1), dtype=np.float32)
+        _project(store, store.run(run), heat, flat, chosen, block, grid)
+        if not told(float(np.searchsorted(iids, block.stop)) / iids.size):
+            break
+    counts = np.asarray(grid.aggregates()[AGGREGATES.index("count")])
+    return np.where(counts > 0, counts, np.nan).astype(np.float32)
+
+
+def _blocks(iids: NDArray[np.intp]) -> Iterator[tuple[NDArray[np.intp], slice]]:
+    """Neighbouring iids together: their offsets into a span of at most `_BLOCK` instances."""
+    starts = np.flatnonzero(np.diff(iids // _BLOCK, prepend=-1))
+    for part in np.split(iids, starts[1:]):
+        if part.size:
+            yield part - part[0], slice(int(part[0]), int(part[-1]) + 1)
+
+
+def _project(
+    store: Store,
+    run: Run,
+    heat: HeatChoice,
+    values: NDArray[np.float32],
+    chosen: NDArray[np.intp],
+    block: slice,
+    grid: MapGrid,
+) -> None:
+    """Lay the heat of the chosen instances of a block on the grid, as precompute does."""
+    dataset, truth = store.dataset, store.instances
+    frame = dataset.frame_height, dataset.frame_width
+    own, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
+    noted = store.provenance_object(f"run:{run.run}", "surfaces")
+    correction = store.correction(run.sim_domain, run.real_domain)
+    surface = Surface(own, other, frame, heat.side == "real", correction, noted.get(heat.kind))
+
+    def depth(side: Side) -> NDArray[Any]:
+        read = run_frames(store, run, side, block.start, block.stop, ("depth",))
+        return np.asarray(read["depth"][chosen])
+
+    near, far = _ORDER[heat.side]
+    lies = surface.depth(depth(near), depth(far) if surface.needs_other else None)
+    poses = np.stack([truth.x[block], truth.y[block], truth.heading[block]], axis=1)[chosen]
+    rig = surface.domain
+    projector = _projector(rig.domain, _Held(rig), frame, dataset.y_down)
+    grid.add(*projector.project(values, lies, poses, ray_of(heat), grid))
+
+
+class _Held:
+    """A domain as a cache key by its content."""
+
+    def __init__(self, domain: Domain) -> None:
+        self.domain = domain
+
+    def __hash__(self) -> int:
+        return hash(self.domain.domain)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Held) and other.domain == self.domain
+
+
+@lru_cache(maxsize=8)
+def _projector(name: str, held: _Held, frame: tuple[int, int], y_down: bool) -> Projector:
+    return Projector(held.domain, frame, y_down)

@@ -1,0 +1,68 @@
+"""What two runs differ in beside their model: domains, cameras, adjustments."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+
+from s2rstore.geometry.camera_offset import hfov
+from s2rstore.reader import Store
+from s2rstore.records import SIDES, Domain
+from s2rstore.run_inputs import run_domain
+from s2rtui.canvas.brush_surface import Panel, Point
+from s2rtui.session.state import State
+
+
+def other_run(state: State) -> str | None:
+    """The run to compare with: the chosen one, else the one after the present."""
+    if state.other is not None and state.other != state.run:
+        return state.other
+    others = [name for name in state.runs if name != state.run]
+    after = [name for name in others if state.runs.index(name) > state.runs.index(state.run)]
+    return next(iter(after or others), None)
+
+
+def differences(store: Store, first: str, second: str) -> list[str]:
+    """A line per side whose domain or cameras differ between two runs."""
+    found = []
+    for side in SIDES:
+        one, two = (run_domain(store, store.run(run), side) for run in (first, second))
+        same = "same cameras" if one.domain != two.domain else ""
+        told = _cameras(one, two, store.dataset.frame_width) or same
+        if told:
+            found.append(f"{side}: {one.domain} and {two.domain}: {told}")
+    return found
+
+
+def _cameras(one: Domain, two: Domain, width: int) -> str:
+    """What differs between two rigs, in degrees and metres; empty where nothing does."""
+    figures = [
+        ("field of view", hfov(one.rgb, width), hfov(two.rgb, width), "deg"),
+        ("pitch", math.degrees(one.rgb.pitch), math.degrees(two.rgb.pitch), "deg"),
+        ("depth field of view", hfov(one.depth, width), hfov(two.depth, width), "deg"),
+        ("height", one.camera_height, two.camera_height, "m"),
+    ]
+    differing = [
+        f"{name} {a:.2f} and {b:.2f} {unit}" for name, a, b, unit in figures if abs(a - b) > 5e-3
+    ]
+    return f"the cameras differ: {', '.join(differing)}" if differing else ""
+
+
+def lowered(panel: Panel, rows: int) -> Panel:
+    """A panel further down in its view."""
+    return replace(
+        panel,
+        y=panel.y + rows,
+        to_data=partial(_data_above, panel, rows),
+        to_cells=partial(_cells_below, panel, rows),
+    )
+
+
+def _data_above(panel: Panel, rows: int, column: float, row: float) -> Point:
+    return panel.to_data(column, row - rows)
+
+
+def _cells_below(panel: Panel, rows: int, x: float, y: float) -> Point:
+    column, row = panel.to_cells(x, y)
+    return column, row + rows

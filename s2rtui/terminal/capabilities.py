@@ -1,0 +1,93 @@
+"""What the terminal can do, told by its environment alone: no probes that could go wrong."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from s2rstore.errors import RequestError
+from s2rtui.canvas.colour_mode import ColourMode
+
+if TYPE_CHECKING:
+    from s2rtui.terminal.graphics.probe import Graphics
+
+COLOURS = ("auto", *(mode.value for mode in ColourMode))
+_STREAMS = (0, 1, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Terminal:
+    """Colours and characters to use, and why; `graphics` is None where nothing was asked."""
+
+    mode: ColourMode
+    ascii: bool
+    reason: str
+    graphics: Graphics | None = None
+
+
+def detect(
+    colour: str = "auto", ascii: bool = False, environment: Mapping[str, str] | None = None
+) -> Terminal:
+    """What to draw with; options win over the environment."""
+    env = os.environ if environment is None else environment
+    mode, reason = _mode(colour, env)
+    if not ascii and not _unicode(env):
+        return Terminal(mode, True, f"{reason}; ASCII because the locale is not UTF-8")
+    return Terminal(mode, ascii, reason)
+
+
+def _mode(colour: str, env: Mapping[str, str]) -> tuple[ColourMode, str]:
+    if colour != "auto":
+        return ColourMode(colour), f"{colour} as asked"
+    if env.get("NO_COLOR"):
+        return ColourMode.NONE, "no colour because NO_COLOR is set"
+    term = env.get("TERM", "")
+    if env.get("COLORTERM", "").lower() in ("truecolor", "24bit") or term.endswith("-direct"):
+        return ColourMode.TRUECOLOR, "truecolor by COLORTERM or TERM"
+    if "256" in term:
+        return ColourMode.PALETTE, f"256 colours by TERM={term}"
+    if term in ("vt100", "vt220", "ansi-m"):
+        return ColourMode.NONE, f"no colour by TERM={term}"
+    return ColourMode.ANSI, f"16 colours by TERM={term or 'unset'}"
+
+
+def _unicode(env: Mapping[str, str]) -> bool:
+    coerced = env.get("LC_CTYPE") == "C.UTF-8" and not env.get("LC_ALL")
+    if coerced and env.get("LANG") in ("C", "POSIX"):
+        return False  # Python's own doing (PEP 538), not what the user's terminal says
+    for name in ("LC_ALL", "LC_CTYPE", "LANG"):
+        if env.get(name):
+            return "utf" in env[name].lower()
+    return True
+
+
+def refuse_unusable(
+    environment: Mapping[str, str] | None = None,
+    instead: str = "`s2r snapshot` writes the screen to a file",
+) -> None:
+    """RequestError with the reason, and what to do instead, where no application can run.
+
+    Keys come from standard input; the screen is drawn on standard error.
+    """
+    env = os.environ if environment is None else environment
+    if not all(os.isatty(number) for number in _STREAMS):
+        raise RequestError(f"no terminal here; {instead}")
+    if env.get("TERM", "") in ("dumb", ""):
+        raise RequestError(
+            f"TERM={env.get('TERM', '') or 'unset'}: it cannot move the cursor; use another "
+            f"terminal; {instead}"
+        )
+
+
+def prepare_environment(terminal: Terminal) -> None:
+    """Tell Textual what was decided; it reads these names when it is imported."""
+    names = {
+        ColourMode.TRUECOLOR: "truecolor", ColourMode.PALETTE: "256", ColourMode.ANSI: "standard",
+    }  # fmt: skip
+    os.environ["TEXTUAL_ANIMATIONS"] = "none"
+    if terminal.mode is ColourMode.NONE:
+        os.environ["NO_COLOR"] = "1"
+    else:
+        os.environ["TEXTUAL_COLOR_SYSTEM"] = names[terminal.mode]

@@ -1,0 +1,86 @@
+"""What this machine and terminal can do, and what is missing: pairs of a thing and its state."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import shutil
+import sys
+from pathlib import Path
+
+from s2rtui.terminal.capabilities import Terminal, detect
+from s2rtui.user_data.folder import own_folder
+
+Rows = list[tuple[str, str]]
+
+PARTS = {
+    "application": ("textual", "rich", "numpy", "PIL"),
+    "store": ("zarr", "duckdb", "lark"),
+    "figures": ("matplotlib",),
+    "tools": ("torch", "cv2", "scipy", "sklearn", "umap", "safetensors"),
+    "faster inference": ("openvino",),
+    "in a browser": ("textual_serve",),
+}
+
+
+def machine() -> Rows:
+    """Interpreter, processor and the user's folder."""
+    flags = ""
+    if os.path.exists("/proc/cpuinfo"):
+        with open("/proc/cpuinfo") as file:
+            text = file.read()
+        found = [flag for flag in ("avx2", "avx512f", "avx512_bf16", "amx_bf16") if flag in text]
+        flags = f", {' '.join(found)}" if found else ""
+    return [
+        ("python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
+        ("processors", f"{os.cpu_count()}{flags}"),
+        ("OMP_WAIT_POLICY", os.environ.get("OMP_WAIT_POLICY", "unset")),
+        ("data folder", str(own_folder())),
+    ]
+
+
+def terminal(found: Terminal | None = None) -> Rows:
+    """Size, colours and characters, and why."""
+    found = found or detect()
+    size = shutil.get_terminal_size()
+    return [
+        ("terminal", f"{size.columns}x{size.lines}, {'yes' if sys.stdout.isatty() else 'none'}"),
+        ("TERM", os.environ.get("TERM", "unset")),
+        ("colours", f"{found.mode.value}: {found.reason}"),
+        ("characters", "ASCII" if found.ascii else "Unicode"),
+        ("graphics", _graphics(found)),
+        ("over SSH", "yes" if os.environ.get("SSH_CONNECTION") else "no"),
+        ("in tmux", "yes" if os.environ.get("TMUX") else "no"),
+    ]
+
+
+def _graphics(found: Terminal) -> str:
+    """Which pictures in true pixels the terminal draws, where it was asked."""
+    if found.graphics is None:
+        return "half blocks; --graphics asks the terminal for more"
+    told, (width, height) = found.graphics.told, found.graphics.cell
+    return f"{told}; cells of {width}x{height} px" if found.graphics.pictures else told
+
+
+def packages() -> Rows:
+    """The parts of the program that can be installed, and what they lack."""
+    rows = []
+    for part, names in PARTS.items():
+        missing = [name for name in names if importlib.util.find_spec(name) is None]
+        rows.append((part, f"missing: {', '.join(missing)}" if missing else "installed"))
+    return rows
+
+
+def of_store(path: str | Path) -> Rows:
+    """Generation, size and runs of a store. Raises RequestError."""
+    import s2rstore
+
+    with s2rstore.open(path) as store:
+        computed = [name for name, run in store.runs.items() if run.key]
+        writable = "writable" if os.access(path, os.W_OK) else "read-only"
+        return [
+            ("store", f"{path}: generation {store.generation}, {writable}"),
+            ("instances", str(len(store.instances))),
+            ("runs", f"{len(computed)} computed of {len(store.runs)}"),
+        ]

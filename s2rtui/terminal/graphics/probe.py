@@ -1,0 +1,137 @@
+"""Which graphics the terminal draws: asked once, before the application begins, by its own answer.
+
+Every terminal answers the last question (its attributes, DA1), so nothing is guessed from how long
+an answer takes: over a slow connection it is only waited for longer.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import select
+import struct
+import subprocess
+import sys
+import termios
+import time
+import tty
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+
+from s2rtui.canvas import Look, Size
+from s2rtui.terminal.capabilities import Terminal
+from s2rtui.terminal.graphics import kitty_protocol
+
+PATIENCE = 3.0
+"""Seconds that the answer is waited for."""
+USUAL_CELL = (10, 20)
+_NUMBER = 31
+_ATTRIBUTES = re.compile(rb"\x1b\[\?[\d;]*c")
+_CURSOR = re.compile(rb"\x1b\[\d+;\d+R")
+_CELL = re.compile(rb"\x1b\[6;(\d+);(\d+)t")
+_DRAWN = b"\x1b_Gi=%d;OK" % _NUMBER
+_ON_TMUX = re.compile("kitty|ghostty")
+
+
+@dataclass(frozen=True, slots=True)
+class Graphics:
+    """What the terminal draws: pictures or not, in cells of (width, height) pixels, and why."""
+
+    pictures: bool
+    told: str
+    cell: Size = USUAL_CELL
+    in_tmux: bool = False
+
+
+def ask(terminal: Terminal, environment: Mapping[str, str] | None = None) -> Graphics:
+    """Ask the terminal, or tmux about its terminal."""
+    env = os.environ if environment is None else environment
+    if terminal.ascii or not Look(mode=terminal.mode).fine:
+        return Graphics(False, "pictures need 256 colours or more, and UTF-8")
+    if not _here():
+        return Graphics(False, "no terminal to ask")
+    if env.get("TMUX"):
+        return _of_tmux(_ask_tmux())
+    return of_answer(_ask_terminal())
+
+
+def _here() -> bool:
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def of_answer(answer: bytes) -> Graphics:
+    """What the answers to `_question` say."""
+    if not _ATTRIBUTES.search(answer):
+        return Graphics(False, f"the terminal did not answer within {PATIENCE:.0f} s")
+    if _DRAWN not in answer:
+        return Graphics(False, "the terminal does not draw pictures by the Kitty protocol")
+    if len(set(_CURSOR.findall(answer))) != 1:
+        told = "the terminal knows the Kitty protocol, but not its placeholders"
+        return Graphics(False, told)
+    cell = _CELL.search(answer)
+    size = (int(cell[2]), int(cell[1])) if cell else USUAL_CELL
+    return Graphics(True, "Kitty protocol, as the terminal answers", cell_pixels(size))
+
+
+def cell_pixels(otherwise: Size = USUAL_CELL) -> Size:
+    """(width, height) of a cell in pixels, where the system knows it."""
+    with suppress(OSError, ValueError, AttributeError):
+        told = fcntl.ioctl(sys.__stdout__.fileno(), termios.TIOCGWINSZ, bytes(8))  # type: ignore[union-attr]
+        rows, columns, width, height = struct.unpack("HHHH", told)
+        if rows and columns and width >= columns and height >= rows:
+            return width // columns, height // rows
+    return otherwise
+
+
+def _question() -> bytes:
+    """A pixel that is sent and deleted, the size of a cell, and the terminal's attributes.
+
+    Where a placeholder is not known the pixel is shown at once, and the cursor moves.
+    """
+    pixel = kitty_protocol.command(f"a=T,U=1,i={_NUMBER},c=1,r=1,s=1,v=1,f=24,t=d;AAAA")
+    return f"\x1b[6n{pixel}\x1b[6n{kitty_protocol.forget([_NUMBER])}\x1b[16t\x1b[c".encode()
+
+
+def _ask_terminal() -> bytes:
+    """All that the terminal says up to its attributes; keys pressed meanwhile are lost."""
+    source = sys.stdin.fileno()
+    before = termios.tcgetattr(source)
+    answer = b""
+    try:
+        tty.setcbreak(source, termios.TCSANOW)
+        os.write(sys.stdout.fileno(), _question())
+        limit = time.monotonic() + PATIENCE
+        while not _ATTRIBUTES.search(answer):
+            left = limit - time.monotonic()
+            if left <= 0 or not select.select([source], [], [], left)[0]:
+                break
+            piece = os.read(source, 4096)
+            if not piece:
+                break
+            answer += piece
+    finally:
+        termios.tcsetattr(source, termios.TCSANOW, before)
+    return answer
+
+
+def _ask_tmux() -> str:
+    """The terminal below tmux and whether sequences pass; empty where tmux does not say."""
+    what = "#{client_termname} #{client_termtype} #{allow-passthrough}"
+    words = ["tmux", "display-message", "-p", what]
+    try:
+        done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout
+
+
+def _of_tmux(answer: str) -> Graphics:
+    if not answer.strip():
+        return Graphics(False, "tmux does not tell which terminal it is in")
+    if not _ON_TMUX.search(answer.lower()):
+        return Graphics(False, "inside tmux pictures need kitty or ghostty below it")
+    if answer.split()[-1] in ("0", "off"):
+        return Graphics(False, "tmux keeps pictures back: `tmux set -g allow-passthrough on`")
+    return Graphics(True, "Kitty protocol, passed on by tmux", cell_pixels(), in_tmux=True)

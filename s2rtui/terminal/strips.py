@@ -1,0 +1,259 @@
+"""Canvas -> Textual strips: colours quantised in numpy, runs merged, styles and codes cached.
+
+A strip makes its own escape codes, and only the changes between runs: a widget that hands the
+strips over as they are, or cuts of them (by `render_lines`), sends a third of the bytes. Wherever
+a strip is restyled the plain segments take over.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.color import Color, ColorSystem
+from rich.console import Console
+from rich.segment import Segment
+from rich.style import Style
+from textual.strip import Strip
+
+from s2rtui.canvas.canvas import Canvas
+from s2rtui.canvas.colour import Pixels, Rgb, to_16, to_256
+from s2rtui.canvas.colour_mode import ColourMode
+
+_DEFAULT = 1 << 24
+_BOLD = 1 << 26
+
+
+@dataclass(frozen=True, slots=True)
+class Runs:
+    """A row of cells: where its runs begin, and the codes of each run (see `_codes`).
+
+    text: one character per cell, NUL for the second cell of a wide one. starts: ascending, from 0.
+    """
+
+    text: str
+    starts: list[int]
+    inks: list[int]
+    grounds: list[int]
+    mode: ColourMode
+
+    def parts(self) -> Iterator[tuple[str, int, int]]:
+        """Text and codes of each run."""
+        ends = [*self.starts[1:], len(self.text)]
+        for start, end, ink, ground in zip(self.starts, ends, self.inks, self.grounds, strict=True):
+            yield self.text[start:end].replace("\0", ""), ink, ground
+
+    def cut(self, start: int, end: int) -> Runs:
+        """The cells from `start` to `end`, where no wide character is cut."""
+        first, last = bisect_right(self.starts, start) - 1, bisect_left(self.starts, end)
+        starts = [0, *(at - start for at in self.starts[first + 1 : last])]
+        runs = slice(first, last)
+        return Runs(self.text[start:end], starts, self.inks[runs], self.grounds[runs], self.mode)
+
+
+class DeltaStrip(Strip):
+    """A strip that is made to escape codes, or to segments, only when these are asked for.
+
+    Codes hold the changes between runs, and a part that is cut out does so, too.
+    """
+
+    __slots__ = ("_made", "_runs")
+
+    def __init__(self, runs: Runs) -> None:
+        self._runs = runs
+        self._made: list[Segment] | None = None
+        super().__init__((), len(runs.text))
+
+    @property
+    def _segments(self) -> list[Segment]:
+        if self._made is None:
+            mode = self._runs.mode
+            self._made = [
+                Segment(text, _style(ink % _BOLD, ground, ink >= _BOLD, mode))
+                for text, ink, ground in self._runs.parts()
+            ]
+        return self._made
+
+    @_segments.setter
+    def _segments(self, empty: list[Segment]) -> None:
+        """What the base class begins with."""
+
+    def crop(self, start: int, end: int | None = None) -> Strip:
+        text = self._runs.text
+        start, end = max(0, start), len(text) if end is None else min(len(text), end)
+        if start == 0 and end == len(text):
+            return self
+        if end <= start or text[start] == "\0" or text[end : end + 1] == "\0":
+            return super().crop(start, end)
+        return DeltaStrip(self._runs.cut(start, end))
+
+    def render(self, console: Console) -> str:
+        if self._render_cache is None:
+            self._render_cache = encoded(self._runs)
+        return self._render_cache
+
+
+@lru_cache(65536)
+def _colour(code: int, mode: ColourMode) -> Color | None:
+    if code == _DEFAULT:
+        return None
+    if mode is ColourMode.TRUECOLOR:
+        return Color.from_rgb(code >> 16, code >> 8 & 255, code & 255)
+    return Color.from_ansi(code)
+
+
+@lru_cache(65536)
+def _style(fg: int, bg: int, bold: bool, mode: ColourMode) -> Style:
+    return Style(color=_colour(fg, mode), bgcolor=_colour(bg, mode), bold=bold or None)
+
+
+@lru_cache(65536)
+def _sgr(code: int, mode: ColourMode, background: bool) -> str:
+    base = 48 if background else 38
+    if code == _DEFAULT:
+        return str(base + 1)
+    if mode is ColourMode.TRUECOLOR:
+        return f"{base};2;{code >> 16};{code >> 8 & 255};{code & 255}"
+    if mode is ColourMode.PALETTE:
+        return f"{base};5;{code}"
+    return str(base - 8 + code if code < 8 else base + 44 + code)
+
+
+@lru_cache(64)
+def _exact(ground: Rgb, mode: ColourMode) -> int:
+    """The code that the rest of the screen has for its ground, so that no seam shows."""
+    red, green, blue = ground
+    if mode is ColourMode.TRUECOLOR:
+        return red << 16 | green << 8 | blue
+    if mode is ColourMode.PALETTE:
+        number = Color.from_rgb(red, green, blue).downgrade(ColorSystem.EIGHT_BIT).number
+        return 16 if number is None else number
+    return _DEFAULT
+
+
+def _quantised(colours: Pixels, mode: ColourMode, ground: Pixels | None) -> NDArray[np.int64]:
+    """(h, w, 3) to (h, w) codes; a colour equal to `ground` gets the screen's own code."""
+    if mode is ColourMode.NONE:
+        return np.full(colours.shape[:2], _DEFAULT, dtype=np.int64)
+    if mode is ColourMode.PALETTE:
+        codes = to_256(colours).astype(np.int64)
+    elif mode is ColourMode.ANSI:
+        codes = to_16(colours).astype(np.int64)
+    else:
+        steps = np.minimum((colours.astype(np.int64) + 2) & ~3, 255)
+        codes = (steps[..., 0] << 16) | (steps[..., 1] << 8) | steps[..., 2]
+    if ground is not None:
+        codes[(colours == ground).all(axis=-1)] = _exact(tuple(ground.tolist()), mode)
+    return codes
+
+
+def calm(canvas: Canvas, tolerance: int) -> None:
+    """Let neighbours of equal glyph share a run's first colours where within `tolerance`.
+
+    Only pictures are touched (half blocks and blanks); in place, per channel, left to right.
+    """
+    half = canvas.char == "▀"
+    if tolerance <= 0 or not half.any():
+        return
+    picture = half | (canvas.char == " ")
+    both = np.concatenate([canvas.fg, canvas.bg], axis=-1).astype(np.int16)
+    both[..., :3][~half] = 0
+    start = both[:, 0].copy()
+    empty = np.array(canvas.theme.background, dtype=np.uint8)
+    ground = (canvas.bg == empty).all(axis=-1) & ((canvas.fg == empty).all(axis=-1) | ~half)
+    joins = picture[:, 1:] & picture[:, :-1] & (half[:, 1:] == half[:, :-1])
+    joins &= ground[:, 1:] == ground[:, :-1]  # a picture keeps its edges
+    for column in range(1, canvas.width):
+        here = both[:, column]
+        near = joins[:, column - 1] & (np.abs(here - start).max(axis=-1) <= tolerance)
+        start = np.where(near[:, None], start, here)
+        both[:, column] = start
+    canvas.fg[half] = both[..., :3][half].astype(np.uint8)
+    canvas.bg[picture] = both[..., 3:][picture].astype(np.uint8)
+
+
+def _codes(canvas: Canvas, mode: ColourMode) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Foreground (with the bold bit) and background codes, (h, w) each.
+
+    A blank takes the foreground of the glyph at its left, so that text does not break at spaces;
+    a half block whose halves agree becomes a blank.
+    """
+    ground = np.array(canvas.theme.background, dtype=np.uint8)
+    fg = _quantised(canvas.fg, mode, None)
+    bg = _quantised(canvas.bg, mode, ground)
+    flat = (canvas.char == "▀") & (fg == bg)
+    canvas.char[flat] = " "
+    fg = fg | (canvas.bold.astype(np.int64) * _BOLD)
+    columns = np.arange(canvas.width)
+    inked = (canvas.char != " ") & (canvas.char != "")
+    last = np.maximum.accumulate(np.where(inked, columns, -1), axis=1)
+    first = np.where(inked.any(axis=1), inked.argmax(axis=1), 0)[:, None]
+    return np.take_along_axis(fg, np.where(last < 0, first, last), axis=1), bg
+
+
+def to_strips(
+    canvas: Canvas, mode: ColourMode, ascii: bool = False, tolerance: int = 0
+) -> list[Strip]:
+    """One strip per row. With `ascii`, what is not ASCII becomes "?". `tolerance`: see `calm`."""
+    drawn = Canvas(1, 1, canvas.theme)
+    drawn.char, drawn.bold = canvas.char.copy(), canvas.bold
+    drawn.fg, drawn.bg = canvas.fg, canvas.bg
+    if tolerance > 0:
+        drawn.fg, drawn.bg = canvas.fg.copy(), canvas.bg.copy()
+        calm(drawn, tolerance)
+    fg, bg = _codes(drawn, mode)
+    if ascii:
+        drawn.char[(drawn.char > "~") & (drawn.char != "")] = "?"
+    width = drawn.width
+    text = drawn.char.tobytes().decode("utf-32-le")
+    breaks = np.ones(fg.shape, dtype=np.bool_)
+    breaks[:, 1:] = ((fg[:, 1:] != fg[:, :-1]) | (bg[:, 1:] != bg[:, :-1])) & (
+        drawn.char[:, 1:] != ""
+    )
+    rows, columns = np.nonzero(breaks)
+    bounds = np.searchsorted(rows, np.arange(drawn.height + 1)).tolist()
+    starts, inks, grounds = (
+        part.tolist() for part in (columns, fg[rows, columns], bg[rows, columns])
+    )
+    return [
+        DeltaStrip(
+            Runs(
+                text[row * width : (row + 1) * width],
+                starts[first:last],
+                inks[first:last],
+                grounds[first:last],
+                mode,
+            )
+        )
+        for row, (first, last) in enumerate(pairwise(bounds))
+    ]
+
+
+def encoded(runs: Runs) -> str:
+    """Escape codes of a row on their own: the first run says all, the others what changes."""
+    mode = runs.mode
+    codes: list[str] = []
+    last_fg = last_bg = -1
+    last_bold = False
+    for part, code, ground in runs.parts():
+        bold, ink = code >= _BOLD, code % _BOLD
+        changes = []
+        if bold != last_bold:
+            changes.append("1" if bold else "22")
+            last_bold = bold
+        if ink != last_fg and not part.isspace():
+            if ink != _DEFAULT or last_fg != -1:
+                changes.append(_sgr(ink, mode, False))
+            last_fg = ink
+        if ground != last_bg:
+            if ground != _DEFAULT or last_bg != -1:
+                changes.append(_sgr(ground, mode, True))
+            last_bg = ground
+        codes.append(f"\x1b[{';'.join(changes)}m{part}" if changes else part)
+    body = "".join(codes)
+    return f"{body}\x1b[0m" if "\x1b" in body else body

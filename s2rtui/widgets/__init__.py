@@ -1,6 +1,0 @@
-"""Widgets: they draw ready canvases and fetch nothing."""
-
-from s2rtui.widgets.bar import Bar
-from s2rtui.widgets.plot import PlotView
-
-__all__ = ["Bar", "PlotView"]

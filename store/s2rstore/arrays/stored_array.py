@@ -1,0 +1,395 @@
+"""Zarr arrays of a store: created once, written a whole shard at a time, read row by row.
+
+Chunks are small for random reads of one instance; a shard is one work unit's file, written by
+one process. zarr encodes what is written. What is read is only of that form (`zarr_metadata`), by a
+reader of its own on `safe_files`: no link is followed, a shard that is missing is an error and
+never zeros, and no chunk takes more memory than its array's metadata says, none of which zarr can
+be told. It needs no import of zarr, either, and reads one instance in a third of the time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.arrays import zarr_metadata
+from s2rstore.arrays.zarr_metadata import CHUNK_BYTES, Layout
+from s2rstore.errors import RequestError
+from s2rstore.files import safe_files
+from s2rstore.files.layout import CURRENT
+
+METADATA = "zarr.json"
+
+_BLOSC_HEADER = 16
+_BLOSC_ZSTD = 4
+_INDEX_CHECKSUM = 4
+_ABSENT = 2**64 - 1
+_READ_BYTES = 16 * 2**20
+_PARALLEL_CHUNKS = 8
+_PARALLEL_BYTES = 64 * 1024
+
+
+def plan(rows: int, item: tuple[int, ...], dtype: str, shard_rows: int) -> Layout:
+    """The layout of an array of `rows` items, with chunks of about 256 kB."""
+    size = int(np.dtype(dtype).itemsize * np.prod(item, dtype=np.int64))
+    wanted = max(1, min(shard_rows, CHUNK_BYTES // max(size, 1)))
+    per_chunk = next(n for n in range(wanted, 0, -1) if shard_rows % n == 0)
+    return Layout((rows, *item), dtype, shard_rows, per_chunk)
+
+
+def create(
+    path: Path, layout: Layout, attributes: dict[str, Any] | None = None, root: Path | None = None
+) -> None:
+    """Make an empty array, or leave an equal one as it is.
+
+    `root` is the store that `path` lies in; see `open_read`. Raises RequestError where another
+    array lies there: stored arrays are never rewritten.
+    """
+    root, relative = _place(path, root)
+    document = f"{relative}/{METADATA}"
+    if safe_files.kind(root, document) is not None:
+        found = open_read(path, root)
+        if found.layout != layout:
+            raise RequestError(f"{path}: holds another array; run `s2r prune`, or remove it")
+        return
+    content = zarr_metadata.document(layout, attributes or {})
+    zarr_metadata.parsed(content, str(path))
+    safe_files.write(root, document, content)
+
+
+def _place(path: Path, root: Path | None) -> tuple[Path, str]:
+    """The folder below which no link is followed, and the array's path in it.
+
+    Without `root` that is the store that the path lies in, or else the closest existing folder.
+    """
+    if root is None:
+        above = path.parents
+        stores = (folder for folder in above if (folder / CURRENT).is_file())
+        root = next(stores, None) or next(folder for folder in above if folder.is_dir())
+    return root, path.relative_to(root).as_posix()
+
+
+class StoredArray:
+    """An array of a store, for any thread; indexing gives numpy arrays.
+
+    Every read raises RequestError, which names the file, where a shard is missing or damaged.
+    """
+
+    def __init__(
+        self, root: Path, relative: str, layout: Layout, attributes: Mapping[str, str], sha256: str
+    ) -> None:
+        self._root = root
+        self._relative = relative
+        self.layout = layout
+        self.attrs = dict(attributes)
+        self.metadata_sha256 = sha256
+        self.shape = layout.shape
+        self.dtype = np.dtype(layout.dtype)
+
+    @property
+    def path(self) -> Path:
+        return self._root / self._relative
+
+    @property
+    def ndim(self) -> int:
+        return len(self.shape)
+
+    @property
+    def chunks(self) -> tuple[int, ...]:
+        return (self.layout.rows_per_chunk, *self.shape[1:])
+
+    @property
+    def shards(self) -> tuple[int, ...]:
+        return (self.layout.shard_rows, *self.shape[1:])
+
+    @property
+    def nbytes(self) -> int:
+        return self.shape[0] * self.layout.item_bytes
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, selection: Any) -> Any:
+        """Index as a numpy array; only the rows that the first axis selects are read."""
+        first, *rest = selection if isinstance(selection, tuple) else (selection,)
+        count = self.shape[0]
+        if isinstance(first, slice) and (first.step is None or first.step > 0):
+            start, stop, step = first.indices(count)
+            first = slice(None, None, step)
+        elif isinstance(first, int | np.integer):
+            if not -count <= first < count:
+                raise IndexError(f"{self.path}: row {first} of {count}")
+            start = int(first) % count
+            stop, first = start + 1, 0
+        else:
+            start, stop = 0, count
+        return self.rows(start, max(start, stop))[(first, *rest)]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.asarray(self.rows(0, self.shape[0]), dtype=dtype)
+
+    @cached_property
+    def oindex(self) -> _Rows:
+        """Rows by their numbers: `array.oindex[rows]`."""
+        return _Rows(self)
+
+    def rows(self, start: int, stop: int) -> NDArray[Any]:
+        """Rows [start, stop), which lie within the array."""
+        if not 0 <= start <= stop <= self.shape[0]:
+            raise IndexError(f"{self.path}: rows {start} to {stop} of {self.shape[0]}")
+        found = np.empty((stop - start, *self.shape[1:]), dtype=self.dtype)
+        shard_rows = self.layout.shard_rows
+        for shard in range(start // shard_rows, -(-stop // shard_rows)) if stop > start else ():
+            base = shard * shard_rows
+            low, high = max(start, base), min(stop, base + shard_rows)
+            self._read(shard, low - base, high - base, found[low - start : high - start])
+        return found
+
+    def file(self, shard: int) -> str:
+        """A shard's file, inside the root that the array was opened with."""
+        return shard_file(Path(self._relative), shard, self.ndim).as_posix()
+
+    def rows_in(self, shard: int) -> int:
+        """How many rows a shard holds; fewer in the last one."""
+        return min(self.layout.shard_rows, self.shape[0] - shard * self.layout.shard_rows)
+
+    def check(self, shard: int) -> None:
+        """Hold a shard's size, index and chunk headers against the metadata; decode nothing."""
+        name = self.file(shard)
+        where = self._root / name
+        chunks = -(-self.rows_in(shard) // self.layout.rows_per_chunk)
+        with _reading(where), safe_files.open_read(self._root, name) as file:
+            index = self._index(file.fileno(), where)[:chunks]
+            _check_places(index, self.layout, where)
+            for offset, size in index.tolist():
+                header = os.pread(file.fileno(), min(size, _BLOSC_HEADER), offset)
+                _check_header(header, size, self.layout.chunk_bytes, where)
+
+    def _read(self, shard: int, low: int, high: int, into: NDArray[Any]) -> None:
+        """Rows [low, high) of a shard into `into`."""
+        name = self.file(shard)
+        where = self._root / name
+        per_chunk = self.layout.rows_per_chunk
+        first, last = low // per_chunk, -(-high // per_chunk)
+        at_once = max(1, _READ_BYTES // self.layout.chunk_bytes)
+
+        def decode(chunk: int, part: memoryview) -> None:
+            base = chunk * per_chunk
+            start, stop = max(low, base), min(high, base + per_chunk)
+            self._decode(part, start - base, stop - base, into[start - low : stop - low], where)
+
+        with _reading(where), safe_files.open_read(self._root, name) as file:
+            index = self._index(file.fileno(), where)
+            for group in range(first, last, at_once):
+                sizes = index[group : min(group + at_once, last)]
+                parts = _parts(file.fileno(), sizes, self.layout, where)
+                numbers = range(group, group + len(parts))
+                if len(parts) < _PARALLEL_CHUNKS or self.layout.chunk_bytes < _PARALLEL_BYTES:
+                    for chunk, part in zip(numbers, parts, strict=True):
+                        decode(chunk, part)
+                else:
+                    list(_decoders().map(decode, numbers, parts))
+
+    def _index(self, descriptor: int, where: Path) -> NDArray[np.uint64]:
+        """Offset and size of each chunk, (n, 2), within the shard's file."""
+        layout = self.layout
+        length = 16 * layout.shard_chunks + _INDEX_CHECKSUM
+        most = layout.shard_chunks * (layout.chunk_bytes + _BLOSC_HEADER) + length
+        size = os.fstat(descriptor).st_size
+        if not length <= size <= most:
+            raise _damaged(where, f"{size} bytes")
+        content = os.pread(descriptor, length, size - length)
+        if len(content) != length or not _proves(content):
+            raise _damaged(where, "the index does not fit its checksum")
+        index = np.frombuffer(content, dtype="<u8", count=2 * layout.shard_chunks).reshape(-1, 2)
+        known = index[(index != _ABSENT).all(axis=1)]
+        room = size - length
+        if known.size and ((known > room).any() or (known.sum(axis=1) > room).any()):
+            raise _damaged(where, "the index leads out of the file")
+        return index
+
+    def _decode(
+        self, part: memoryview, start: int, stop: int, target: NDArray[Any], where: Path
+    ) -> None:
+        """Rows [start, stop) of a chunk into `target`."""
+        codec = _codec(self.layout.dtype)
+        try:
+            if stop - start == self.layout.rows_per_chunk and target.flags.c_contiguous:
+                codec.decode(part, target)
+                return
+            whole = np.empty((self.layout.rows_per_chunk, *self.shape[1:]), dtype=self.dtype)
+            codec.decode(part, whole)
+        except (RuntimeError, ValueError, BufferError) as error:
+            raise _damaged(where, str(error)) from error
+        target[...] = whole[start:stop]
+
+
+class _Rows:
+    """Rows by their numbers or by a mask, each read once, in the order that is asked for."""
+
+    def __init__(self, array: StoredArray) -> None:
+        self._array = array
+
+    def __getitem__(self, rows: Any) -> NDArray[Any]:
+        array = self._array
+        wanted = np.asarray(rows)
+        wanted = np.flatnonzero(wanted) if wanted.dtype == bool else wanted.astype(np.int64)
+        found = np.empty((wanted.size, *array.shape[1:]), dtype=array.dtype)
+        chunk = wanted // array.layout.rows_per_chunk
+        for number in np.unique(chunk):
+            places = np.flatnonzero(chunk == number)
+            first, last = int(wanted[places].min()), int(wanted[places].max())
+            found[places] = array.rows(first, last + 1)[wanted[places] - first]
+        return found
+
+
+def _proves(content: bytes) -> bool:
+    """Whether an index ends with its own CRC-32C."""
+    import google_crc32c
+
+    stated = int.from_bytes(content[-_INDEX_CHECKSUM:], "little")
+    return int(google_crc32c.value(content[:-_INDEX_CHECKSUM])) == stated
+
+
+@contextmanager
+def _reading(where: Path) -> Iterator[None]:
+    """Errors of the operating system as RequestErrors that name the shard."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        message = f"{where}: missing; open the store again, or run `s2r verify`"
+        raise RequestError(message) from error
+    except OSError as error:
+        reason = safe_files.explained(error)
+        raise RequestError(f"{where}: cannot be read ({reason}); run `s2r verify`") from error
+
+
+@cache
+def _decoders() -> ThreadPoolExecutor:
+    """Threads that decompress the chunks of large reads."""
+    return ThreadPoolExecutor(min(4, os.cpu_count() or 1), "decode")
+
+
+def _parts(
+    descriptor: int, index: NDArray[np.uint64], layout: Layout, where: Path
+) -> list[memoryview]:
+    """The compressed bytes of neighbouring chunks, which lie one behind the other."""
+    begin, end = _check_places(index, layout, where)
+    content = memoryview(os.pread(descriptor, end - begin, begin))
+    if len(content) != end - begin:
+        raise _damaged(where, "it ends early")
+    parts = [content[offset - begin : offset - begin + size] for offset, size in index.tolist()]
+    for part in parts:
+        _check_header(part, len(part), layout.chunk_bytes, where)
+    return parts
+
+
+def _check_places(index: NDArray[np.uint64], layout: Layout, where: Path) -> tuple[int, int]:
+    """Where some neighbouring chunks begin and end; each must follow the one before."""
+    if (index == _ABSENT).any():
+        raise _damaged(where, "a chunk is missing")
+    offsets, sizes = index[:, 0].tolist(), index[:, 1].tolist()
+    behind = [offset + size for offset, size in zip(offsets, sizes, strict=True)]
+    if max(sizes) > layout.chunk_bytes + _BLOSC_HEADER or offsets[1:] != behind[:-1]:
+        raise _damaged(where, "its chunks do not lie one behind the other")
+    return offsets[0], behind[-1]
+
+
+def _check_header(header: memoryview | bytes, size: int, chunk_bytes: int, where: Path) -> None:
+    """Blosc states what it decompresses to; anything but one chunk is refused before it is."""
+    if len(header) < _BLOSC_HEADER:
+        raise _damaged(where, "a chunk is cut")
+    total, packed = (int.from_bytes(header[at : at + 4], "little") for at in (4, 12))
+    if header[2] >> 5 != _BLOSC_ZSTD or packed != size:
+        raise _damaged(where, "a chunk is not compressed as Blosc with zstd")
+    if total != chunk_bytes:
+        raise _damaged(where, f"a chunk of {total} bytes in place of {chunk_bytes}")
+
+
+def _damaged(where: Path, why: str) -> RequestError:
+    return RequestError(f"{where}: damaged ({why}); run `s2r verify`")
+
+
+_codecs: dict[str, Any] = {}
+
+
+def _codec(dtype: str) -> Any:
+    if dtype not in _codecs:
+        from numcodecs import blosc
+
+        blosc.use_threads = False
+        kind = np.dtype(dtype)
+        mode = blosc.BITSHUFFLE if zarr_metadata.shuffle(dtype) == "bitshuffle" else blosc.SHUFFLE
+        _codecs[dtype] = blosc.Blosc("zstd", 3, mode, typesize=kind.itemsize)
+    return _codecs[dtype]
+
+
+def open_read(path: Path, root: Path | None = None) -> StoredArray:
+    """Open an array; `root` is the store that it lies in, by default the closest one above it.
+
+    Raises RequestError where the array is missing, where a link leads to it, and where its
+    metadata is not of the form that is written here.
+    """
+    root, relative = _place(path, root)
+    try:
+        content = safe_files.read(root, f"{relative}/{METADATA}", zarr_metadata.DOCUMENT_BYTES)
+    except FileNotFoundError as error:
+        old = safe_files.kind(root, f"{relative}/.zarray") is not None
+        what = "an array of Zarr format 2, which is not read" if old else "no such array"
+        raise RequestError(f"{path}: {what}; run `s2r verify`") from error
+    except OSError as error:
+        reason = safe_files.explained(error)
+        raise RequestError(f"{path}: unreadable metadata ({reason}); run `s2r verify`") from error
+    layout, attributes = zarr_metadata.parsed(content, str(path))
+    return StoredArray(root, relative, layout, attributes, hashlib.sha256(content).hexdigest())
+
+
+def read_rows(array: StoredArray, start: int, stop: int) -> NDArray[Any]:
+    """Rows [start, stop). RequestError where a shard's file is damaged or missing."""
+    stop = min(stop, array.shape[0])
+    return array.rows(min(start, stop), stop)
+
+
+def write_shard(path: Path, shard: int, rows: NDArray[Any], root: Path | None = None) -> Path:
+    """Write shard number `shard` completely; gives the file that holds it.
+
+    `rows` has as many rows as the shard holds in this array (fewer in the last one). The ledger
+    makes the file durable when the unit is recorded.
+    """
+    array = open_read(path, root)
+    expected = (array.rows_in(shard), *array.shape[1:])
+    if rows.shape != expected:
+        raise ValueError(f"{path}: shard {shard} holds {expected[0]} rows, got {rows.shape}")
+    root, _ = _place(path, root)
+    name = array.file(shard)
+    safe_files.write(root, name, _encoded(array.layout, rows), durable=False)
+    return root / name
+
+
+def _encoded(layout: Layout, rows: NDArray[Any]) -> bytes:
+    """Encode the rows of one shard with zarr; gives the content of its file."""
+    import zarr
+    from zarr.core.buffer import default_buffer_prototype
+    from zarr.storage import MemoryStore
+
+    alone = replace(layout, shape=(len(rows), *layout.shape[1:]))
+    metadata = default_buffer_prototype().buffer.from_bytes(zarr_metadata.document(alone, {}))
+    content = {METADATA: metadata}
+    with zarr.config.set({"array.write_empty_chunks": True}):
+        zarr.open_array(MemoryStore(content), mode="r+")[...] = rows
+    (shard,) = content.keys() - {METADATA}
+    return content[shard].to_bytes()
+
+
+def shard_file(path: Path, shard: int, ndim: int) -> Path:
+    return path.joinpath("c", str(shard), *["0"] * (ndim - 1))

@@ -1,0 +1,180 @@
+"""The `zarr.json` of an array: the one form that is written, and the only one that is read.
+
+An array is Zarr format 3, cut along its first axis into shards and these into chunks, each chunk
+compressed by Blosc with zstd. A document is read by building the one that belongs to its shape,
+type, shard and chunk size and attributes, and comparing: other codecs, filters, data types, fill
+values and format 2 are refused, and so are sizes beyond the limits below, before anything is
+allocated.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from s2rstore.errors import RequestError
+from s2rstore.geometry.floor_grid import AGGREGATES
+
+DATA_TYPES = ("uint8", "uint16", "float16", "float32", "float64")
+ATTRIBUTES = ("method", "aggregates")
+DOCUMENT_BYTES = 65_536
+CHUNK_BYTES = 256 * 1024
+ITEM_BYTES = 64 * 2**20
+VECTOR_LENGTH = 65_536
+"""Values of one row of a two-dimensional array."""
+
+_ROWS = 2**31 - 1
+_SHARD_CHUNKS = 2**20
+_TEXT = 1_000
+_DIMENSIONS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Shape (rows first), type and the rows of one shard; `rows_per_chunk` divides it."""
+
+    shape: tuple[int, ...]
+    dtype: str
+    shard_rows: int
+    rows_per_chunk: int
+
+    @property
+    def shards(self) -> int:
+        return -(-self.shape[0] // self.shard_rows)
+
+    @property
+    def shard_chunks(self) -> int:
+        return self.shard_rows // self.rows_per_chunk
+
+    @property
+    def item_bytes(self) -> int:
+        """Bytes of one row."""
+        size = np.dtype(self.dtype).itemsize
+        for length in self.shape[1:]:
+            size *= length
+        return size
+
+    @property
+    def chunk_bytes(self) -> int:
+        return self.rows_per_chunk * self.item_bytes
+
+
+def shuffle(dtype: str) -> str:
+    """The Blosc filter that suits a data type."""
+    kind = np.dtype(dtype)
+    return "bitshuffle" if kind.kind == "u" and kind.itemsize > 1 else "shuffle"
+
+
+def document(layout: Layout, attributes: dict[str, Any]) -> bytes:
+    """The content of `zarr.json`."""
+    return (json.dumps(_document(layout, attributes), indent=2)).encode()
+
+
+def _document(layout: Layout, attributes: dict[str, Any]) -> dict[str, Any]:
+    item = list(layout.shape[1:])
+    dtype = np.dtype(layout.dtype)
+    endian = {"name": "bytes", "configuration": {"endian": "little"}}
+    blosc = {"typesize": dtype.itemsize, "cname": "zstd", "clevel": 3,
+             "shuffle": shuffle(layout.dtype), "blocksize": 0}  # fmt: skip
+    sharding = {
+        "chunk_shape": [layout.rows_per_chunk, *item],
+        "codecs": [
+            endian if dtype.itemsize > 1 else {"name": "bytes"},
+            {"name": "blosc", "configuration": blosc},
+        ],
+        "index_codecs": [endian, {"name": "crc32c"}],
+        "index_location": "end",
+    }
+    return {
+        "shape": list(layout.shape),
+        "data_type": layout.dtype,
+        "chunk_grid": {
+            "name": "regular",
+            "configuration": {"chunk_shape": [layout.shard_rows, *item]},
+        },
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
+        "fill_value": 0 if dtype.kind == "u" else 0.0,
+        "codecs": [{"name": "sharding_indexed", "configuration": sharding}],
+        "attributes": attributes,
+        "zarr_format": 3,
+        "node_type": "array",
+        "storage_transformers": [],
+    }
+
+
+def parsed(content: bytes, where: str) -> tuple[Layout, dict[str, str]]:
+    """Layout and attributes of a `zarr.json`. RequestError names the array and what is wrong."""
+    try:
+        found = json.loads(content, object_pairs_hook=_once)
+        layout, attributes = _layout(found), _attributes(found["attributes"])
+    except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
+        raise _refused(where, f"{type(error).__name__}: {error}") from error
+    wanted = _document(layout, attributes)
+    for key in wanted.keys() | found.keys():
+        if _text(found.get(key)) != _text(wanted.get(key)):
+            raise _refused(where, f"unexpected {key}")
+    _check_sizes(layout, where)
+    return layout, attributes
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    made = dict(pairs)
+    if len(made) != len(pairs):
+        raise ValueError("a key stands twice")
+    return made
+
+
+def _layout(found: Any) -> Layout:
+    if found["zarr_format"] != 3 or found["node_type"] != "array":
+        raise ValueError("no array of Zarr format 3")
+    shape = _sizes(found["shape"], least=0)
+    grid = found["chunk_grid"]["configuration"]["chunk_shape"]
+    chunks = found["codecs"][0]["configuration"]["chunk_shape"]
+    if found["data_type"] not in DATA_TYPES:
+        raise ValueError(f"data type {str(found['data_type'])[:40]!r}")
+    shard_rows, rows_per_chunk = _sizes(grid, least=1)[0], _sizes(chunks, least=1)[0]
+    return Layout(shape, found["data_type"], shard_rows, rows_per_chunk)
+
+
+def _sizes(given: Any, least: int) -> tuple[int, ...]:
+    if not isinstance(given, list) or not 1 <= len(given) <= _DIMENSIONS:
+        raise ValueError(f"a shape is a list of 1 to {_DIMENSIONS} sizes")
+    for number, size in enumerate(given):
+        if type(size) is not int or not (least if number == 0 else 1) <= size <= _ROWS:
+            raise ValueError(f"a size of {str(size)[:40]}")
+    return tuple(given)
+
+
+def _attributes(found: Any) -> dict[str, str]:
+    for name, value in found.items():
+        if name not in ATTRIBUTES or not isinstance(value, str) or len(value) > _TEXT:
+            raise ValueError(f"attribute {name[:40]!r}")
+        if name == "aggregates" and value != ",".join(AGGREGATES):
+            raise ValueError(f"aggregates {value[:40]!r}")
+    return dict(found)
+
+
+def _text(value: Any) -> str:
+    """Equal texts for equal values of equal types: JSON tells 1 from 1.0 and from true."""
+    return json.dumps(value, sort_keys=True)
+
+
+def _check_sizes(layout: Layout, where: str) -> None:
+    item = layout.item_bytes
+    if item > ITEM_BYTES or (len(layout.shape) == 2 and layout.shape[1] > VECTOR_LENGTH):
+        raise _refused(where, f"{item} bytes a row")
+    if layout.shard_rows % layout.rows_per_chunk:
+        raise _refused(where, "its chunks do not divide its shards")
+    if layout.chunk_bytes > max(CHUNK_BYTES, item):
+        raise _refused(where, f"{layout.chunk_bytes} bytes a chunk")
+    if layout.shard_chunks > _SHARD_CHUNKS:
+        raise _refused(where, f"{layout.shard_chunks} chunks a shard")
+
+
+def _refused(where: str, why: str) -> RequestError:
+    reason = " ".join(why.split())[:200]
+    return RequestError(f"{where}: metadata that this program does not write ({reason}); "
+                        "do not trust it, or run `s2r verify`")  # fmt: skip

@@ -1,0 +1,151 @@
+"""Where things lie in a store folder, and the file that names the published generation."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import secrets
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from s2rstore.errors import RequestError
+from s2rstore.files import safe_files
+
+CURRENT = "CURRENT.json"
+INDEX = "index"
+FRAMES = "frames.zarr"
+RUNS = "runs.zarr"
+LEDGER = "ledger"
+MODELS = "models"
+ASSETS = "assets"
+HISTORY = "history"
+DRIVES = "drives"
+
+_HASH = re.compile(r"[0-9a-f]{16,64}\Z")
+_CURRENT_BYTES = 65_536
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,79}\Z")
+
+
+@dataclass(frozen=True, slots=True)
+class Current:
+    """The content of `CURRENT.json`: which index file is the published state."""
+
+    generation: int
+    index: str
+    sha256: str
+    bytes: int
+    schema: int
+    dataset_hash: str
+
+
+def index_name(generation: int) -> str:
+    return f"{INDEX}/index-{generation:06d}.duckdb"
+
+
+def generation_of(path: Path) -> int | None:
+    """The generation that an index file's name states; None for other files."""
+    found = re.fullmatch(r"index-(\d{6,})\.duckdb", path.name)
+    return int(found[1]) if found else None
+
+
+def read_current(root: Path) -> Current:
+    """The published generation of the store at `root`.
+
+    Raises RequestError where there is no store, or one that cannot be read.
+    """
+    path = root / CURRENT
+    try:
+        content = safe_files.read(root, CURRENT, _CURRENT_BYTES)
+    except (FileNotFoundError, NotADirectoryError):
+        kind = f"no {CURRENT} in it" if root.is_dir() else "no such folder"
+        kind = "a file, no folder" if root.is_file() else kind
+        raise RequestError(f"{root}: not a store ({kind}); make one with `s2r ingest`") from None
+    except OSError as error:
+        where, reason = error.filename or path, safe_files.explained(error)
+        raise RequestError(f"{where}: cannot be read ({reason}); check its permissions") from error
+    try:
+        current = Current(**json.loads(content))
+    except (ValueError, TypeError, RecursionError) as error:
+        raise RequestError(f"{path}: damaged ({type(error).__name__}); restore it") from error
+    numbers = current.generation, current.bytes, current.schema
+    if not all(type(number) is int for number in numbers) or (
+        current.index != index_name(current.generation)
+    ):
+        raise RequestError(f"{path}: damaged (generation and index do not agree); restore it")
+    return current
+
+
+def write_current(root: Path, current: Current) -> None:
+    """Make `current` the published generation, atomically and durably."""
+    content = json.dumps(asdict(current), indent=2) + "\n"
+    safe_files.write(root, CURRENT, content.encode())
+
+
+def write_atomic(path: Path, content: bytes) -> None:
+    """Write a file so that readers see the old content or the new, never a part."""
+    beside = write_beside(path, content)
+    try:
+        beside.replace(path)
+    except BaseException:
+        with suppress(OSError):
+            beside.unlink()
+        raise
+    sync_folder(path.parent)
+
+
+def write_beside(path: Path, content: bytes) -> Path:
+    """The content on the disk, in a hidden file that is to take the place of `path`."""
+    beside = path.with_name(f".{path.name[:64]}.{secrets.token_hex(8)}{safe_files.PARTIAL}")
+    try:
+        with beside.open("xb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+    except BaseException:
+        with suppress(OSError):
+            beside.unlink()
+        raise
+    return beside
+
+
+def sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def sync_file(path: Path) -> None:
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def file_sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def inside(root: Path, relative: str | Path) -> Path:
+    """A path that a store's content names; RequestError where it leads out of the store."""
+    safe_files.parts_of(root, relative)
+    return root / relative
+
+
+def checked_hash(text: object, what: str) -> str:
+    """`text` where it is 16 to 64 lowercase hexadecimal digits, else RequestError."""
+    if not isinstance(text, str) or not _HASH.match(text):
+        raise RequestError(f"{what} {repr(text)[:80]}: not 16 to 64 hexadecimal digits (0-9, a-f)")
+    return text
+
+
+def checked_name(name: str, what: str) -> str:
+    """`name` where it can be a folder's name and a word of the language, else RequestError."""
+    if not _NAME.match(name) or ".." in name:
+        raise RequestError(
+            f"{what} {name!r}: use letters, digits and _ . + - (at most 80, the first no sign)"
+        )
+    return name

@@ -1,0 +1,150 @@
+"""The ledger: one JSON line per finished work unit; nothing else proves that a unit is done.
+
+Each writing process appends to a file of its own, so no two processes share one. A line that a
+killed process left half-written is not a line.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import socket
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from s2rstore.errors import RequestError
+from s2rstore.files import layout, safe_files
+
+_COMPACTED = f"{layout.LEDGER}/compacted.jsonl"
+_LONGEST_LINE = 65_536
+_LARGEST_FILE = 2 << 30
+"""Bytes of one process' file: some 8 million entries."""
+_SHA256 = re.compile(r"[0-9a-f]{64}\Z")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A finished file: `key` names the work unit, `path` the file inside the store."""
+
+    key: str
+    path: str
+    bytes: int
+    checksum: str
+    count: int
+
+
+class Ledger:
+    """All entries of a store, and the door through which this process adds its own."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+
+    def entries(self) -> Iterator[Entry]:
+        """Every entry that was completely written, in no particular order."""
+        for line in self._lines():
+            entry = _parsed(line)
+            if entry is not None:
+                yield entry
+
+    def unreadable_lines(self) -> int:
+        """How many lines are no entry: unfinished by a killed process, or damaged."""
+        return sum(_parsed(line) is None for line in self._lines())
+
+    def _lines(self) -> Iterator[bytes]:
+        for name in self._files():
+            with io.BufferedReader(safe_files.open_read(self._root, name)) as file:
+                size = os.fstat(file.fileno()).st_size
+                if size > _LARGEST_FILE:
+                    raise RequestError(f"{self._root / name}: {size} bytes; restore the ledger")
+                yield from _lines_of(file)
+
+    def _files(self) -> list[str]:
+        found = safe_files.names(self._root, layout.LEDGER)
+        return [e.path for e in found if e.name.endswith(".jsonl") and e.kind in ("file", "link")]
+
+    def add(self, key: str, files: list[tuple[str, int]]) -> None:
+        """Record a unit whose files, given as (path inside the store, count), are complete.
+
+        The files are made durable first, then the lines.
+        """
+        lines = []
+        for relative, count in files:
+            safe_files.sync(self._root, relative)
+            size = safe_files.size(self._root, relative)
+            checksum = safe_files.sha256(self._root, relative)
+            lines.append(_line(Entry(key, relative, size, checksum, count)))
+        own = f"{layout.LEDGER}/{socket.gethostname()}-{os.getpid()}.jsonl"
+        safe_files.append_lines(self._root, own, "".join(lines).encode())
+        safe_files.sync(self._root, own)
+
+    def by_path(self) -> dict[str, list[Entry]]:
+        """Entries grouped by file: a file that was made again has several."""
+        grouped: dict[str, list[Entry]] = {}
+        for entry in self.entries():
+            grouped.setdefault(entry.path, []).append(entry)
+        return grouped
+
+    def proves(self, entries: list[Entry]) -> bool:
+        """Whether one of the entries of a file states its size and checksum.
+
+        Raises LinkError where the path leads through a symbolic link.
+        """
+        return self.proof(entries) is not None
+
+    def proof(self, entries: list[Entry]) -> Entry | None:
+        """The entry that states the size and checksum of the file that lies there."""
+        if not entries:
+            return None
+        path = entries[0].path
+        try:
+            size = safe_files.size(self._root, path)
+            if not any(entry.bytes == size for entry in entries):
+                return None
+            checksum = safe_files.sha256(self._root, path)
+        except OSError:
+            return None
+        known = (each for each in entries if (each.bytes, each.checksum) == (size, checksum))
+        return next(known, None)
+
+    def forget(self, gone: set[str]) -> None:
+        """Drop the entries of files that were removed, by their paths inside the store.
+
+        Only for the holder of the store's compute lock: other processes must not be adding.
+        """
+        lines = "".join(_line(entry) for entry in self.entries() if entry.path not in gone)
+        old = self._files()
+        safe_files.write(self._root, _COMPACTED, lines.encode())
+        for path in old:
+            if path != _COMPACTED:
+                safe_files.remove(self._root, path)
+
+
+def _lines_of(file: BinaryIO) -> Iterator[bytes]:
+    """Lines that are not empty; of one that is far too long, pieces, which are no entries."""
+    while line := file.readline(_LONGEST_LINE):
+        if line != b"\n":
+            yield line.rstrip(b"\n")
+
+
+def _line(entry: Entry) -> str:
+    return json.dumps(asdict(entry), separators=(",", ":")) + "\n"
+
+
+def _parsed(line: bytes) -> Entry | None:
+    if not line.startswith(b'{"key":'):
+        return None
+    try:
+        entry = Entry(**json.loads(line))
+    except (ValueError, TypeError, RecursionError):
+        return None
+    sizes = entry.bytes, entry.count
+    if not all(type(size) is int and size >= 0 for size in sizes):
+        return None
+    words = entry.key, entry.path, entry.checksum
+    if not all(isinstance(word, str) for word in words) or not _SHA256.match(entry.checksum):
+        return None
+    return entry

@@ -1,0 +1,84 @@
+"""Advisory locks between the processes that write one store.
+
+`publish` is held for the seconds that a new generation takes; `compute` for as long as a process
+fills `runs.zarr`. A file that is replaced as a whole has a lock of its own. Readers take none.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
+from pathlib import Path
+
+from s2rstore.errors import RequestError, StoreBusyError
+from s2rstore.files import layout, safe_files
+
+
+@contextmanager
+def publish_lock(root: Path, patience: float = 120.0) -> Iterator[None]:
+    """Wait up to `patience` seconds for other publishers; StoreBusyError after that."""
+    with _locked(root, "publish", patience):
+        yield
+
+
+@contextmanager
+def compute_lock(root: Path, patience: float = 0.0) -> Iterator[None]:
+    """Hold the store's computation; StoreBusyError names the process that has it."""
+    with _locked(root, "compute", patience):
+        yield
+
+
+@contextmanager
+def file_lock(path: Path, patience: float = 120.0) -> Iterator[None]:
+    """Wait up to `patience` seconds for others that replace this file; StoreBusyError after it."""
+    with suppress(OSError):
+        path.parent.mkdir(exist_ok=True)
+    lock = path.with_name(f".{path.name}.lock")
+    with _held(partial(safe_files.lock_beside, lock), path, "writing", patience):
+        yield
+
+
+@contextmanager
+def _locked(root: Path, what: str, patience: float) -> Iterator[None]:
+    lock = f"{layout.LEDGER}/{what}.lock"
+    with _held(partial(safe_files.lock_file, root, lock), root, what, patience):
+        yield
+
+
+@contextmanager
+def _held(opened: Callable[[], int], named: Path, what: str, patience: float) -> Iterator[None]:
+    try:
+        descriptor = opened()
+    except OSError as error:
+        raise RequestError(
+            f"{named}: the {what} lock cannot be opened ({error.strerror})"
+        ) from error
+    try:
+        _wait(descriptor, named, what, patience)
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _wait(descriptor: int, root: Path, what: str, patience: float) -> None:
+    deadline = time.monotonic() + patience
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            if time.monotonic() >= deadline:
+                holder = os.pread(descriptor, 200, 0).decode(errors="replace") or "another process"
+                raise StoreBusyError(
+                    f"{root}: {holder} holds the {what} lock; wait for it, or stop it"
+                ) from None
+            time.sleep(0.05)
+        except OSError as error:  # a file system without locks
+            raise RequestError(f"{root}: cannot be locked ({error.strerror})") from error

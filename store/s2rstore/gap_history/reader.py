@@ -1,0 +1,264 @@
+"""Reading the history of nightly gaps: a file that is only ever replaced as a whole."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import duckdb
+
+from s2rstore.errors import RequestError
+from s2rstore.files import layout, safe_files
+from s2rstore.gap_history import schema
+from s2rstore.index import locked_connection
+from s2rstore.index.schema import Table
+from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.security.printable_text import printable
+
+_MEMORY = "64MB"
+Stamp = tuple[int, int, int]
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class AxisFigures:
+    """One axis of one measurement; what is unknown is NaN. `state` and the rest as in the table."""
+
+    axis: str
+    state: str
+    measure: str | None
+    unit: str | None
+    value: Interval
+    floor: Interval
+    gap: Interval
+    anchor: float
+    n: int | None
+    note: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A parameter of the simulator as identified."""
+
+    parameter: str
+    value: Interval
+    unit: str
+    note: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Night:
+    """One row of `night` with the figures that it shares; what is unknown is NaN or None."""
+
+    id: int
+    name: str
+    night: datetime.date
+    key: str
+    evidence: str
+    measured: int
+    dataset: str
+    dataset_hash: str
+    run: str
+    run_key: str
+    model: str
+    expression: str
+    outcome: str
+    exit_code: int
+    headline: str
+    gap: Interval
+    worst: str | None
+    threshold: float
+    reason: str
+    golden: str | None
+    golden_change: Interval
+    golden_margin: float
+    evidence_since: datetime.date
+    evidence_age: int
+    stale_after: float
+    written_at: str
+    axes: tuple[AxisFigures, ...] = ()
+    estimates: tuple[Estimate, ...] = ()
+
+    @property
+    def stale(self) -> bool:
+        """Whether nothing new was recorded for too long."""
+        return self.evidence_age > self.stale_after
+
+    @property
+    def refused(self) -> bool:
+        """Whether nothing could be measured; `reason` says why."""
+        return not self.axes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """All rows of a history, by night and order of writing; equal only to itself.
+
+    `recorded` is the first night that saw a part of the evidence, by configuration and part;
+    `last_id` is the largest id that was ever used, withdrawn nights included.
+    """
+
+    nights: tuple[Night, ...] = ()
+    recorded: Mapping[tuple[str, str], datetime.date] = field(default_factory=dict)
+    last_id: int = 0
+
+    def counting(self, name: str) -> tuple[Night, ...]:
+        """The nights of one configuration, each once."""
+        return tuple({n.night: n for n in self.nights if n.name == name}.values())
+
+    def of_run(self, run: str, dataset: str) -> tuple[Night, ...]:
+        """The nights of a run, each once; of several configurations those that ran last.
+
+        A data set is known by its name: what is recorded anew every day has another hash.
+        """
+        mine = [n for n in self.nights if (n.run, n.dataset) == (run, dataset)]
+        if not mine:
+            return ()
+        name = max(mine, key=lambda night: (night.night, night.id)).name
+        return tuple(night for night in self.counting(name) if night in mine)
+
+    def shown_runs(self, dataset: str) -> tuple[str, ...]:
+        """The runs of a data set that have nights."""
+        runs = (n.run for n in self.nights if n.dataset == dataset)
+        return tuple(dict.fromkeys(runs))
+
+
+def path_in(store: Path) -> Path:
+    """Where a store keeps its own history."""
+    return store / layout.HISTORY / "gap.duckdb"
+
+
+def check_place(path: Path) -> None:
+    """Raises RequestError where a store's own history is a link, a folder or a device.
+
+    A history that lies elsewhere is the user's, who may link it.
+    """
+    store = path.parent.parent
+    if path == path_in(store) and safe_files.kind(store, layout.CURRENT) is not None:
+        safe_files.checked_path(store, path.relative_to(store))
+
+
+def stamp(path: Path) -> Stamp | None:
+    """What changes whenever the file is replaced; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns, found.st_size
+
+
+def read(path: Path) -> History:
+    """Everything but the reports. Raises RequestError for a file that is missing or no history."""
+    with _opened(path) as connection:
+        names = [table.name for table in tables_of(connection, "history")]
+        rows = {name: _rows(connection, name) for name in names if name != "report"}
+    used = [*rows["night"], *rows.get(schema.WITHDRAWN.name, ())]
+    last_id = max((row["id"] for row in used), default=0)
+    axes = _grouped(rows["axis"], _axis)
+    estimates = _grouped(rows["estimate"], _estimate)
+    nights = []
+    for row in rows["night"]:
+        figures = {name: _interval(row, name) for name in ("gap", "golden_change")}
+        plain = {name: value for name, value in row.items() if not name.endswith(("_low", "_high"))}
+        for name in ("threshold", "golden_margin", "stale_after"):
+            plain[name] = _number(row[name])
+        shared = {"axes": axes.get(row["measured"], ()),
+                  "estimates": estimates.get(row["measured"], ())}  # fmt: skip
+        nights.append(Night(**(plain | figures | shared)))
+    recorded: dict[tuple[str, str], datetime.date] = {}
+    for row in rows["recorded"]:
+        recorded.setdefault((row["name"], row["part"]), row["night"])
+    return History(tuple(nights), recorded, last_id)
+
+
+def report_text(path: Path, measured: int) -> str:
+    """The JSON of one measurement's report."""
+    with _opened(path) as connection:
+        query = "SELECT report FROM history.report WHERE measured = ?"
+        found = connection.execute(query, [measured]).fetchone()
+    if found is None:
+        raise RequestError(f"{path}: holds no report of measurement {measured}; restore it")
+    return str(found[0])
+
+
+def check(path: Path) -> None:
+    """Read everything, reports included, which holds every block against its checksum.
+
+    Raises RequestError for a file that is missing, damaged or no history.
+    """
+    read(path)
+    with _opened(path) as connection:
+        connection.execute("SELECT measured, report, version FROM history.report").fetchall()
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
+    """A connection that can reach no other file, with the file attached as `history`.
+
+    The file is attached to a database of its own each time: DuckDB would give a second connection
+    to one path the content that the first one saw.
+    """
+    check_place(path)
+    path = path.resolve()
+    if not path.is_file():
+        raise RequestError(f"{path}: no history; `s2r nightly CONFIG.toml` writes one")
+    connection = locked_connection.connect_empty([path.absolute().parent], _MEMORY)
+    try:
+        locked_connection.attach_read_only(connection, path, "history", schema.TABLES, schema.VIEWS)
+        yield connection
+    except duckdb.Error as error:
+        reason = locked_connection.first_line(error)
+        raise RequestError(f"{path}: no history that this version reads ({reason})") from error
+    finally:
+        connection.close()
+
+
+def tables_of(connection: duckdb.DuckDBPyConnection, database: str) -> tuple[Table, ...]:
+    """The known tables that an attached history has; old ones lack those of withdrawn nights."""
+    query = "SELECT table_name FROM duckdb_tables() WHERE database_name = ?"
+    there = {row[0] for row in connection.execute(query, [database]).fetchall()}
+    return tuple(table for table in schema.TABLES if table.name in there)
+
+
+def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:
+    known = next(each for each in schema.TABLES if each.name == table)
+    names = ", ".join(f'"{name}"' for name in known.column_names)
+    query = f'SELECT {names} FROM history."{table}" ORDER BY {", ".join(known.order)}'
+    found = connection.execute(query).fetchall()
+    shown = (tuple(_shown(value) for value in row) for row in found)
+    return [dict(zip(known.column_names, row, strict=True)) for row in shown]
+
+
+def _shown(value: Any) -> Any:
+    return printable(value) if isinstance(value, str) else value
+
+
+def _grouped(rows: Sequence[Row], made: Any) -> dict[int, tuple[Any, ...]]:
+    grouped: dict[int, list[Any]] = {}
+    for row in rows:
+        grouped.setdefault(row["measured"], []).append(made(row))
+    return {measured: tuple(parts) for measured, parts in grouped.items()}
+
+
+def _axis(row: Row) -> AxisFigures:
+    value, floor, gap = (_interval(row, name) for name in ("value", "floor", "gap"))
+    return AxisFigures(
+        row["axis"], row["state"], row["measure"], row["unit"], value, floor, gap,
+        _number(row["anchor"]), row["n"], row["note"],
+    )  # fmt: skip
+
+
+def _estimate(row: Row) -> Estimate:
+    return Estimate(row["parameter"], _interval(row, "value"), row["unit"] or "", row["note"])
+
+
+def _interval(row: Row, name: str) -> Interval:
+    return Interval(*(_number(row[f"{name}{end}"]) for end in ("", "_low", "_high")))
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)

@@ -1,0 +1,271 @@
+"""The index of a store at one generation: its tables as records."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from functools import cached_property
+from pathlib import Path
+from threading import RLock
+from typing import Any
+
+import duckdb
+
+from s2rstore.errors import RequestError
+from s2rstore.files import layout, safe_files
+from s2rstore.files.input_files import parse_object
+from s2rstore.geometry.reprojection import Correction
+from s2rstore.index import locked_connection, row_check, schema
+from s2rstore.records import (
+    ArrayRecord,
+    Bounds,
+    Dataset,
+    Domain,
+    Intrinsics,
+    Model,
+    Room,
+    Run,
+    Trajectory,
+)
+from s2rstore.security.printable_text import printable, printable_lines, printable_values
+
+_JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention")
+"""Columns of JSON, whose strings become printable once they are parsed."""
+
+
+class Tables:
+    """The tables of an open index; any thread may read them."""
+
+    def __init__(self, path: str | Path, memory: str = "", generation: int | None = None) -> None:
+        """At the published generation, or at an earlier one; `memory`: see `locked_connection.connect`.
+
+        Raises RequestError where `path` holds no store that this version can read.
+        """
+        self.path = Path(path)
+        current = layout.read_current(self.path)
+        if current.schema != schema.VERSION:
+            raise RequestError(
+                f"{path}: schema {current.schema}, this program reads {schema.VERSION}; "
+                "use the release that wrote it, or ingest again"
+            )
+        self.generation = current.generation if generation is None else generation
+        name = layout.index_name(self.generation)
+        self._index = safe_files.checked_path(self.path, name)
+        self._lock = RLock()
+        self._opened: duckdb.DuckDBPyConnection | None = locked_connection.connect(
+            self._index, memory
+        )
+        try:
+            self._check_rows()
+        except BaseException:
+            self._opened.close()
+            raise
+
+    def _check_rows(self) -> None:
+        """Raises RequestError where a small table holds what the program must not rely on."""
+        filled = self.execute("SELECT count(*) FROM dataset") != [(0,)]
+        tables = ["trajectories", "rooms", "domains", "models", "runs"]
+        for name, most in row_check.MOST_ROWS.items():
+            (count,) = self.execute(f'SELECT count(*) FROM "{name}"')[0]
+            if count > most:
+                raise RequestError(f"{self._index}: table {name}: {count} rows, at most {most}")
+        for table in ["dataset", *tables] if filled else tables:
+            getattr(self, table)  # checks what it reads
+
+    def close(self) -> None:
+        """Let the index go."""
+        with self._lock:
+            opened, self._opened = self._opened, None
+        if opened is not None:
+            with contextlib.suppress(duckdb.Error):  # busy in another thread: closed after that
+                opened.close()
+
+    @property
+    def _connection(self) -> duckdb.DuckDBPyConnection:
+        if self._opened is None:
+            raise RequestError(f"{self.path}: the store is closed")
+        return self._opened
+
+    def latest_generation(self) -> int:
+        """The generation that is published now; this store stays at its own."""
+        return layout.read_current(self.path).generation
+
+    def connection(self) -> duckdb.DuckDBPyConnection:
+        """A new read-only connection to this generation's index, for use in another thread."""
+        with self._lock:
+            return self._connection.cursor()
+
+    def execute(self, sql: str, parameters: list[Any] | None = None) -> list[tuple[Any, ...]]:
+        """All rows of a query."""
+        return self.connection().execute(sql, parameters or []).fetchall()
+
+    def _rows(self, table: str) -> list[dict[str, Any]]:
+        """The rows of a table, with texts in printable characters.
+
+        Columns that an earlier release did not write are None.
+        """
+        return [
+            {name: _shown(name, value) for name, value in row.items()}
+            for row in self._stored_rows(table)
+        ]
+
+    def _stored_rows(self, table: str) -> list[dict[str, Any]]:
+        known = schema.BY_NAME[table]
+        lacking = self.lacking(table)
+        listed = ["NULL" if name in lacking else f'"{name}"' for name in known.column_names]
+        query = f'SELECT {", ".join(listed)} FROM "{table}" ORDER BY {", ".join(known.order)}'
+        try:
+            found = self.execute(query)
+        except duckdb.Error as error:
+            reason = locked_connection.first_line(error)
+            raise RequestError(
+                f"{self._index}: table {table}: {reason}; run `s2r verify`"
+            ) from error
+        return [dict(zip(known.column_names, row, strict=True)) for row in found]
+
+    @cached_property
+    def dataset(self) -> Dataset:
+        rows = self._rows("dataset")
+        if not rows:
+            raise RequestError(f"{self.path}: holds no data set; run `s2r ingest`")
+        if len(rows) > 1:
+            raise RequestError(f"{self._index}: table dataset: more than one row; run `s2r verify`")
+        row = rows[0]
+        row_check.check_dataset(self._index, row)
+        bounds = Bounds(*(row.pop(f"bounds_{name}") for name in ("x0", "y0", "x1", "y1")))
+        return Dataset(bounds=bounds, **row)
+
+    @cached_property
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """In the order of their instances."""
+        rows = self._rows("trajectory")
+        row_check.check_trajectories(self._index, rows)
+        return tuple(Trajectory(**row) for row in rows)
+
+    @cached_property
+    def rooms(self) -> tuple[Room, ...]:
+        """Rectangles in order of precedence."""
+        rows = self._stored_rows("room")
+        row_check.check_rooms(self._index, rows)
+        shown = {stored: name for name, stored in self.stored_rooms.items()}
+        return tuple(Room(**row | {"room": shown[row["room"]]}) for row in rows)
+
+    @cached_property
+    def stored_rooms(self) -> dict[str, str]:
+        """The names of rooms as they are shown and typed, with the index's own, by precedence.
+
+        They differ where a name holds characters that are not printable. Raises RequestError
+        where two names would be shown alike.
+        """
+        names: dict[str, str] = {}
+        for row in self._stored_rows("room"):
+            shown = printable(row["room"])
+            if names.setdefault(shown, row["room"]) != row["room"]:
+                raise RequestError(
+                    f'{self.path}: two rooms are both shown as "{shown}", because one name holds '
+                    "control characters; rename it in the source and ingest again"
+                )
+        return names
+
+    @cached_property
+    def domains(self) -> dict[str, Domain]:
+        rows = self._rows("domain")
+        row_check.check_domains(self._index, rows)
+        return {row["domain"]: _domain(row) for row in rows}
+
+    def domain(self, name: str) -> Domain:
+        """Raises RequestError with the known names."""
+        if name not in self.domains:
+            known = ", ".join(self.domains)
+            raise RequestError(f"domain {name!r}: not in {self.path} (domains: {known})")
+        return self.domains[name]
+
+    @cached_property
+    def models(self) -> dict[str, Model]:
+        rows = self._rows("model")
+        row_check.check_models(self._index, rows)
+        return {row["model"]: Model(**row) for row in rows}
+
+    @cached_property
+    def runs(self) -> dict[str, Run]:
+        """In order of creation."""
+        rows = row_check.check_runs(self._index, self._rows("run"))
+        return {row["run"]: Run(**row) for row in rows}
+
+    def run(self, name: str | None = None) -> Run:
+        """The named run, by default the first computed one; RequestError with the known names."""
+        if name is None:
+            computed = [run for run in self.runs.values() if run.key]
+            if not computed:
+                raise RequestError(f"{self.path}: no computed run; `s2r precompute` makes them")
+            return computed[0]
+        if name not in self.runs:
+            known = ", ".join(self.runs) or "none"
+            raise RequestError(f"run {name!r}: not in {self.path} (runs: {known})")
+        return self.runs[name]
+
+    def lacking(self, table: str) -> frozenset[str]:
+        """The columns that this index, written by an earlier release, does not have."""
+        optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
+        if not optional:
+            return frozenset()
+        cursor = self.connection().execute(f'SELECT * FROM "{table}" LIMIT 0')
+        return frozenset(optional - {column[0] for column in cursor.description})
+
+    def provenance(self, what: str) -> dict[str, str]:
+        """Facts about how `what` came to be, such as `dataset` or `model:NAME`."""
+        found = self.execute(
+            "SELECT key, value FROM provenance WHERE what = ? ORDER BY key", [what]
+        )
+        return {printable(key): printable_lines(value) for key, value in found}
+
+    @cached_property
+    def checksums(self) -> dict[str, str]:
+        """SHA-256 of files by their paths inside the store; empty where version 0.1.0 wrote it."""
+        return self.provenance(schema.CHECKSUMS)
+
+    def provenance_object(self, what: str, key: str) -> dict[str, Any]:
+        """One fact that is a JSON object; empty where it was not noted. Raises RequestError."""
+        text = self.provenance(what).get(key, "{}")
+        return parse_object(text, f"{self.path}: provenance of {what}: {key}")
+
+    def correction(self, sim: str, real: str) -> Correction | None:
+        """What the declared real rig was found to be off by; None where nobody has looked."""
+        noted = self.provenance(f"alignment:{sim}|{real}")
+        try:
+            if not noted:
+                return None
+            found = Correction(float(noted["height"]), float(noted["zoom"]))
+            if not (abs(found.height) < 10 and 0.1 < found.zoom < 10):
+                raise ValueError("out of range")
+            return found
+        except (KeyError, ValueError) as error:
+            message = f"{self.path}: the alignment of {sim} and {real} makes no sense"
+            raise RequestError(message) from error
+
+    @cached_property
+    def _array_records(self) -> dict[str, list[ArrayRecord]]:
+        grouped: dict[str, list[ArrayRecord]] = {}
+        for row in row_check.check_arrays(self._index, self._rows("zarr_array")):
+            grouped.setdefault(row["run"], []).append(ArrayRecord(**row))
+        return grouped
+
+    def arrays(self, run: str) -> list[ArrayRecord]:
+        """The published arrays of a run."""
+        return list(self._array_records.get(self.run(run).run, ()))
+
+
+def _shown(column: str, value: Any) -> Any:
+    if not isinstance(value, str):
+        return value
+    return printable_lines(value) if column in _JSON else printable(value)
+
+
+def _domain(row: dict[str, Any]) -> Domain:
+    figures = ("fx", "fy", "cx", "cy", "pitch")
+    rgb, depth = (
+        Intrinsics(*(row.pop(f"{image}_{figure}") for figure in figures))
+        for image in ("rgb", "depth")
+    )
+    sources = printable_values(json.loads(row.pop("source") or "{}"))
+    return Domain(rgb=rgb, depth=depth, sources=sources, **row)

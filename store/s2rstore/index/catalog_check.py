@@ -1,0 +1,127 @@
+"""Comparing the catalog of a DuckDB file with the tables and views that this program makes.
+
+A macro called `sqrt` would replace the function of that name in every query on the file, and a
+view called `instance` could read other files or never end. So a file may hold the known tables as
+base tables, the known views with the known definition, other tables, and nothing else.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import duckdb
+
+from s2rstore.errors import RequestError
+from s2rstore.index.schema import Table
+
+_MOST_ROWS_PER_BYTE = 1.0
+"""Rows of a table per byte of its file: real poses take more than a byte, repetitions do not."""
+
+# Objects of a database that can hold code or change what names mean. Macros come first: nothing
+# else may be asked before it is known that no function was replaced.
+_MACROS = "SELECT function_name FROM system.main.duckdb_functions() WHERE NOT internal"
+_OTHERS = """
+    SELECT 'type', type_name FROM duckdb_types() WHERE NOT internal
+    UNION ALL SELECT 'sequence', sequence_name FROM duckdb_sequences()
+    UNION ALL SELECT 'index', index_name FROM duckdb_indexes()
+    UNION ALL SELECT 'schema', schema_name FROM duckdb_schemas() WHERE NOT internal
+"""
+_VIEWS = "SELECT view_name, sql FROM duckdb_views() WHERE NOT internal AND database_name = ?"
+_COLUMNS = """
+    SELECT table_name, column_name, data_type, column_default FROM duckdb_columns()
+    WHERE NOT internal AND database_name = ? AND table_name IN
+        (SELECT table_name FROM duckdb_tables() WHERE database_name = ?)
+"""
+_COUNTS = "SELECT table_name, estimated_size FROM duckdb_tables() WHERE database_name = ?"
+_VIEW = re.compile(r"\s*CREATE VIEW (\w+) AS\s+(.*?)[\s;]*\Z", re.DOTALL)
+_POSITIONS = re.compile(r'"query_location(_length)?":\d+,?')
+
+
+def check(
+    connection: duckdb.DuckDBPyConnection,
+    tables: Sequence[Table],
+    views: Sequence[str],
+    path: Path,
+    database: str | None = None,
+) -> None:
+    """Raises RequestError where the catalog of `database` differs from what `path` should hold.
+
+    `views` are the statements that may have made its views. The database is the connection's own
+    unless another one, which was attached, is named.
+    """
+    try:
+        for (name,) in connection.execute(_MACROS).fetchall():
+            raise _refusal(path, f"macro {name!r}")
+        for what, name in connection.execute(_OTHERS).fetchall():
+            raise _refusal(path, f"{what} {name!r}")
+        if database is None:
+            (database,) = connection.execute("SELECT current_database()").fetchall()[0]
+        _check_views(connection, views, path, database)
+        _check_tables(connection, tables, path, database)
+    except duckdb.Error as error:
+        reason = str(error).splitlines()[0]
+        raise RequestError(f"{path}: unreadable catalog ({reason}); run `s2r verify`") from error
+
+
+def _refusal(path: Path, what: str) -> RequestError:
+    return RequestError(f"{path}: holds the {what}, which this program never writes; do not use it")
+
+
+def _check_views(
+    connection: duckdb.DuckDBPyConnection, views: Sequence[str], path: Path, database: str
+) -> None:
+    known: dict[str, list[str]] = {}
+    for statement in views:
+        known.setdefault(_parts(statement)[0], []).append(_tree(connection, statement))
+    for name, sql in connection.execute(_VIEWS, [database]).fetchall():
+        if name not in known:
+            raise _refusal(path, f"view {name!r}")
+        if _parts(sql)[0] != name or _tree(connection, sql) not in known[name]:
+            raise _refusal(path, f"view {name!r} with another definition")
+
+
+def _parts(statement: str) -> tuple[str, str]:
+    """Split `CREATE VIEW name AS select` into name and select; empty texts if it differs."""
+    found = _VIEW.match(statement)
+    return (found[1], found[2]) if found else ("", "")
+
+
+def _tree(connection: duckdb.DuckDBPyConnection, statement: str) -> str:
+    """The parsed SELECT of a view, without the positions of its words."""
+    query = "SELECT json_serialize_sql(?::VARCHAR)"
+    (found,) = connection.execute(query, [_parts(statement)[1]]).fetchall()[0]
+    return _POSITIONS.sub("", found)
+
+
+def _check_tables(
+    connection: duckdb.DuckDBPyConnection, tables: Sequence[Table], path: Path, database: str
+) -> None:
+    found: dict[str, dict[str, tuple[str, str | None]]] = {}
+    for table, column, kind, default in connection.execute(_COLUMNS, [database] * 2).fetchall():
+        found.setdefault(table, {})[column] = (kind, default)
+    for known in tables:
+        if known.name not in found and known.optional:
+            continue
+        if known.name not in found:
+            raise RequestError(f"{path}: no table {known.name}; run `s2r verify`")
+        for wanted in known.columns:
+            kind, default = found[known.name].get(wanted.name, ("", None))
+            if not kind and wanted.optional:
+                continue
+            if kind != wanted.type or default is not None:
+                has = f"{kind} {default or ''}".strip() or "missing"
+                raise RequestError(
+                    f"{path}: table {known.name}: column {wanted.name} is {has}, "
+                    f"expected {wanted.type}; run `s2r verify`"
+                )
+    _check_counts(connection, path, database)
+
+
+def _check_counts(connection: duckdb.DuckDBPyConnection, path: Path, database: str) -> None:
+    """Refuse tables of repeated rows, which would take far more memory than the file is large."""
+    limit = _MOST_ROWS_PER_BYTE * path.stat().st_size
+    for table, rows in connection.execute(_COUNTS, [database]).fetchall():
+        if rows > limit:
+            raise RequestError(f"{path}: table {table}: {rows} rows in {path.stat().st_size} bytes")

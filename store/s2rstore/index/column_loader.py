@@ -1,0 +1,165 @@
+"""From index rows to dense columns aligned by iid, each read when it is first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
+
+import duckdb
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.geometry import rooms as room_geometry
+from s2rstore.index.columns import InstanceColumns, RunColumns, SideColumns
+from s2rstore.lru_cache import Recent
+from s2rstore.records import SIDES, SPLITS, Room, Side
+
+_PROJECTED = ("u", "v")
+_SELECT = "SELECT iid, {} AS value FROM {} WHERE run = ? AND side = ?"
+
+
+@dataclass(frozen=True)
+class Index:
+    """An open index: `connect` gives a connection of its own, `kept` holds the columns read last.
+
+    `n` is the number of instances.
+    """
+
+    connect: Callable[[], duckdb.DuckDBPyConnection]
+    kept: Recent
+    n: int
+
+    @cached_property
+    def iids(self) -> NDArray[np.int32]:
+        return np.arange(self.n, dtype=np.int32)
+
+    def column(
+        self, sql: str, parameters: Sequence[object], missing: float | None = None
+    ) -> NDArray[Any]:
+        """(n,) from rows of iid and value: float64, int32 where there is a number for `missing`.
+
+        Raises RequestError where the index cannot be read or holds other instances.
+        """
+        try:
+            found = self.connect().execute(sql, list(parameters)).fetchnumpy()
+        except duckdb.Error as error:
+            reason = str(error).splitlines()[0]
+            raise RequestError(f"the index cannot be read ({reason}); run `s2r verify`") from error
+        iid, values = found["iid"], found["value"]
+        kind = np.float64 if missing is None else np.int32
+        blank = np.nan if missing is None else missing
+        if type(values) is not np.ndarray:  # masked; to ask for numpy.ma would import it
+            values = np.ma.filled(values.astype(kind), blank)
+        values = np.asarray(values, dtype=kind)
+        if np.array_equal(iid, self.iids):
+            return values
+        if iid.size and not 0 <= iid.min() <= iid.max() < self.n:
+            raise RequestError(f"the index has iids beyond {self.n - 1}; run `s2r verify`")
+        column = np.full(self.n, blank, dtype=kind)
+        column[iid] = values
+        return column
+
+
+def instances(
+    index: Index, trajectories: tuple[str, ...], rooms: Mapping[str, str]
+) -> InstanceColumns:
+    """All instances in iid order; `rooms` are names as shown with those in the index."""
+    stored = {"trajectory": trajectories, "room": tuple(rooms.values())}
+
+    def read(name: str) -> NDArray[Any]:
+        return index.kept.get(("instance", name), partial(_of_instances, index, name, stored))
+
+    return InstanceColumns(read, index.n, trajectories, tuple(rooms))
+
+
+def _of_instances(index: Index, name: str, names: dict[str, tuple[str, ...]]) -> NDArray[Any]:
+    if name not in names:
+        sql = f'SELECT iid, "{name}" AS value FROM instance'
+        return index.column(sql, (), -1 if name == "seq" else None)
+    sql = f"""SELECT iid, code AS value FROM instance LEFT JOIN
+              (SELECT unnest(?) AS name, unnest(range(?)) AS code) ON name = "{name}" """
+    return index.column(sql, (list(names[name]), len(names[name])), -1)
+
+
+def run_columns(
+    index: Index,
+    run: str,
+    truth: InstanceColumns,
+    rooms: Sequence[Room],
+    lacking: frozenset[str] = frozenset(),
+) -> RunColumns:
+    """Both sides of one run; instances without a prediction are NaN and not valid.
+
+    `lacking` are columns of table `prediction` that the index does not have.
+    """
+
+    def kept(side: Side | None, make: Callable[[str], NDArray[Any]]) -> Callable[[str], Any]:
+        return lambda name: index.kept.get((*_key(run), side, name), partial(make, name))
+
+    def of_side(side: Side, name: str) -> NDArray[Any]:
+        part = sides[side]
+        if name == "room":
+            return room_geometry.room_codes(part.x, part.y, rooms, truth.room_names)
+        if name in _PROJECTED:
+            return _projected(index, run, side, name, part.x)
+        return _predicted(index, run, side, name, lacking)
+
+    sides: dict[Side, SideColumns] = {
+        side: SideColumns(kept(side, partial(of_side, side))) for side in SIDES
+    }
+    sim, real = sides["sim"], sides["real"]
+
+    def of_run(name: str) -> NDArray[Any]:
+        if name == "gap":
+            return np.asarray(real.error - sim.error)
+        if name == "valid":
+            return np.asarray(~(np.isnan(sim.error) | np.isnan(real.error)))
+        dx, dy = real.x - sim.x, real.y - sim.y
+        return np.asarray(np.sqrt(dx * dx + dy * dy))
+
+    return RunColumns(kept(None, of_run), run, sim, real)
+
+
+def forget(index: Index, run: str) -> None:
+    """Drop what is kept of a run's columns."""
+    index.kept.drop(lambda key: isinstance(key, tuple) and key[:2] == _key(run))
+
+
+def has_read(index: Index, run: str | None, side: Side | None, names: Iterable[str]) -> bool:
+    """Whether columns of a run are kept; side None are those of both, run None the truth's."""
+    of = ("instance",) if run is None else (*_key(run), side)
+    return all((*of, name) in index.kept for name in names)
+
+
+def _key(run: str) -> tuple[str, str]:
+    return "run", run
+
+
+def _predicted(
+    index: Index, run: str, side: Side, name: str, lacking: frozenset[str]
+) -> NDArray[Any]:
+    if name == "split":
+        sql = _SELECT.format("list_position(?, split) - 1", "prediction")
+        return index.column(sql, (list(SPLITS), run, side), -1)
+    value = "NULL::DOUBLE" if name in lacking else f'"{name}"'
+    sql = _SELECT.format(value, "prediction")
+    return index.column(sql, (run, side), 0 if name == "rank" else None)
+
+
+def _projected(
+    index: Index, run: str, side: Side, name: str, x: NDArray[np.float64]
+) -> NDArray[Any]:
+    """NaN where nothing is predicted, too: where an `x` is known something is."""
+    column = index.column(_SELECT.format(f'"{name}"', "projection"), (run, side))
+    if not np.isnan(x).any():
+        return column
+    predicted = index.column(_SELECT.format("1", "prediction"), (run, side), 0)
+    return np.where(predicted, column, np.nan)
+
+
+def accuracies(index: Index, run: str, side: str) -> NDArray[np.float32]:
+    """One side of one run, (n,), NaN where there is no prediction."""
+    return index.column(_SELECT.format("accuracy", "prediction"), (run, side)).astype(np.float32)

@@ -1,0 +1,162 @@
+"""Connections to DuckDB files that came from outside.
+
+Such a file can hold views, macros and a write-ahead log made by anybody, and a connection that is
+only `read_only` still reads and writes other files. Every connection made here has external access
+off and its configuration locked before the first statement, and nothing is read from a file before
+its catalog was compared with the known tables (`catalog_check`).
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+import duckdb
+
+from s2rstore.errors import RequestError
+from s2rstore.index import catalog_check, checked_files, schema
+
+DEFAULT_MEMORY = "2GB"
+"""What DuckDB may hold of one file and take for queries, unless a caller says otherwise."""
+
+_CLOSED: dict[str, str | bool | int | float | list[str]] = {
+    "enable_external_access": "false",
+    "temp_directory": "",
+}
+_SETTINGS = {
+    "autoinstall_known_extensions": "false",
+    "autoload_known_extensions": "false",
+    "threads": str(min(8, os.cpu_count() or 1)),
+}
+_opening = threading.Lock()
+"""Connections of one process to one file share a configuration, which is locked once."""
+_checked: dict[tuple[int, ...], None] = {}
+"""Identities of the files whose catalog was found right; a published file never changes."""
+
+
+def connect(
+    path: Path,
+    memory: str = "",
+    tables: Sequence[schema.Table] = schema.TABLES,
+    views: Sequence[str] = schema.VIEWS,
+) -> duckdb.DuckDBPyConnection:
+    """A locked read-only connection to a file that holds `tables`, `views` and no other code.
+
+    By default those of an index.
+
+    `memory`, as DuckDB writes it (128MB), bounds what it holds of the file and what queries may
+    take; the first to open a file in a process decides. Raises RequestError where the file is
+    missing, is not such a database, or does not hold what it should.
+    """
+    require_regular(path)
+    try:
+        connection = duckdb.connect(literal_path(path), read_only=True, config=_CLOSED)
+        with _opening:
+            _lock(connection, memory or DEFAULT_MEMORY)
+    except duckdb.Error as error:
+        reason = first_line(error)
+        raise RequestError(f"{path}: cannot be opened ({reason}); run `s2r verify`") from error
+    try:
+        _check(connection, tables, views, path)
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def connect_empty(
+    folders: Sequence[Path], memory: str = DEFAULT_MEMORY
+) -> duckdb.DuckDBPyConnection:
+    """A locked connection to an empty database that can attach files in `folders` alone."""
+    connection = duckdb.connect()
+    listed = ", ".join(f"'{escaped(literal_path(folder))}'" for folder in folders)
+    connection.execute(f"SET allowed_directories = [{listed}]")
+    connection.execute("SET temp_directory = ''")
+    connection.execute("SET enable_external_access = false")
+    _lock(connection, memory)
+    return connection
+
+
+def attach_read_only(
+    connection: duckdb.DuckDBPyConnection,
+    path: Path,
+    name: str,
+    tables: Sequence[schema.Table] = schema.TABLES,
+    views: Sequence[str] = schema.VIEWS,
+) -> None:
+    """Attach a file of a folder that the connection may reach, and check its catalog."""
+    require_regular(path)
+    connection.execute(f"ATTACH '{escaped(literal_path(path))}' AS {name} (READ_ONLY)")
+    catalog_check.check(connection, tables, views, path, name)
+
+
+def _lock(connection: duckdb.DuckDBPyConnection, memory: str) -> None:
+    """Bound memory and threads and lock the configuration, unless another connection did so."""
+    settings = {**_SETTINGS, "memory_limit": memory} if memory else _SETTINGS
+    try:
+        for name, value in settings.items():
+            connection.execute(f"SET {name} = '{value}'")
+        connection.execute("SET lock_configuration = true")
+    except duckdb.InvalidInputException as error:
+        if "locked" not in str(error):
+            raise
+
+
+def require_regular(path: Path) -> None:
+    """Raises RequestError where `path` is no regular file, or a write-ahead log lies beside it.
+
+    DuckDB would replay the log, so that a published file said something else than its checksum.
+    """
+    if path.is_symlink() or not path.is_file():
+        what = "a link" if path.is_symlink() else "missing" if not path.exists() else "not a file"
+        raise RequestError(f"{path}: {what}; run `s2r verify`")
+    log = path.with_name(f"{path.name}.wal")
+    if os.path.lexists(log):
+        raise RequestError(f"{log}: a write-ahead log beside a published file; remove it")
+
+
+def literal_path(path: Path) -> str:
+    """The absolute path, which DuckDB takes literally; a relative one could name an extension.
+
+    Raises RequestError for characters that DuckDB gives a meaning of its own.
+    """
+    absolute = str(path.absolute())
+    for character in "?\\":
+        if character in absolute:
+            raise RequestError(f"{path}: DuckDB cannot open a path with {character}; rename it")
+    return absolute
+
+
+def escaped(text: str) -> str:
+    """Text between single quotes of SQL."""
+    return text.replace("'", "''")
+
+
+def first_line(error: BaseException) -> str:
+    """What an error says first; DuckDB adds the statement below it."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def _check(
+    connection: duckdb.DuckDBPyConnection,
+    tables: Sequence[schema.Table],
+    views: Sequence[str],
+    path: Path,
+) -> None:
+    """Compare the catalog, unless this file, or one of the same content, was found right before."""
+    identity = _identity(path)
+    if identity in _checked:
+        return
+    key = checked_files.key(path, repr((duckdb.__version__, tables, views)))
+    if key is None or not checked_files.contains(key):
+        catalog_check.check(connection, tables, views, path)
+        if key is not None:
+            checked_files.add(key)
+    _checked[identity] = None
+
+
+def _identity(path: Path) -> tuple[int, ...]:
+    found = path.stat()
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns

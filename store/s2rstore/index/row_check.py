@@ -1,0 +1,224 @@
+"""What the rows of an index must satisfy before anything relies on them.
+
+An index can have been edited by hand, or made to do harm: numbers may be NULL, NaN or absurdly
+large, JSON may not parse, names may be paths. Checked when a store is opened.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from s2rstore.errors import RequestError
+from s2rstore.files import layout
+from s2rstore.records import SIDES
+from s2rstore.security.printable_text import printable_values
+
+Row = dict[str, Any]
+
+LARGEST_COORDINATE = 1e6
+"""Metres from the origin that bounds and rooms may reach."""
+LARGEST_IMAGE = 16_384
+"""Rows or columns of a stored frame, or of the input of a model."""
+LONGEST_TEXT = 1_000
+LONGEST_JSON = 100_000
+MOST_ROWS = {"trajectory": 100_000, "room": 4_096, "domain": 1_024, "model": 10_000, "run": 10_000}
+"""Rows that a table which is read whole may have."""
+_DTYPES = frozenset({"uint8", "uint16", "int8", "int16", "int32", "float16", "float32", "float64"})
+_KIND = re.compile(r"[a-z][a-z0-9_:]{0,79}\Z")
+_EDGES = ("x0", "y0", "x1", "y1")
+
+
+class RowChecker:
+    """Checks one row; a RequestError names the file, the table, the row and the column."""
+
+    def __init__(self, index: Path, table: str, row: Row, label: object = "") -> None:
+        self._index = index
+        self._table = table
+        self._row = row
+        self._label = f" of {label!r}" if label else ""
+
+    def refuse(self, column: str, reason: str) -> NoReturn:
+        where = f"table {self._table}: {column}{self._label}"
+        raise RequestError(f"{self._index}: {where}: {reason}; run `s2r verify`")
+
+    def number(self, column: str, low: float, high: float) -> float:
+        """A finite number in [low, high]."""
+        value = self._row[column]
+        if not isinstance(value, int | float) or not low <= value <= high:
+            self.refuse(column, f"{value} is not a number from {low:g} to {high:g}")
+        return value
+
+    def text(self, column: str, optional: bool = False, longest: int = LONGEST_TEXT) -> None:
+        value = self._row[column]
+        if value is None and optional:
+            return
+        if not isinstance(value, str) or not value or len(value) > longest:
+            self.refuse(column, f"not a text of 1 to {longest} characters")
+
+    def name(self, column: str) -> None:
+        """A name that folders of the store are called by."""
+        self.text(column)
+        try:
+            layout.checked_name(self._row[column], column)
+        except RequestError as error:
+            raise RequestError(f"{self._index}: {error}") from error
+
+    def choice(self, column: str, allowed: Sequence[str | None]) -> None:
+        if self._row[column] not in allowed:
+            self.refuse(
+                column, f"{self._row[column]!r} is not one of {', '.join(map(str, allowed))}"
+            )
+
+    def parsed(self, column: str, kind: type) -> Any:
+        """The JSON value of a column, which must be of this type; its texts are printable."""
+        text = self._row[column]
+        if not isinstance(text, str) or len(text) > LONGEST_JSON:
+            self.refuse(column, "not a JSON text")
+        try:
+            value = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            self.refuse(column, f"not valid JSON ({type(error).__name__})")
+        if not isinstance(value, kind):
+            self.refuse(column, f"not a JSON {'list' if kind is list else 'object'}")
+        return printable_values(value)
+
+
+def check_dataset(index: Path, row: Row) -> None:
+    check = RowChecker(index, "dataset", row)
+    check.text("name")
+    check.text("floor_plan", optional=True)
+    layout.checked_hash(row["hash"], f"{index}: table dataset: hash")
+    x0, y0, x1, y1 = (
+        check.number(f"bounds_{edge}", -LARGEST_COORDINATE, LARGEST_COORDINATE) for edge in _EDGES
+    )
+    if not (x1 > x0 and y1 > y0):
+        check.refuse("bounds", "x1 and y1 must be larger than x0 and y0")
+    check.number("accuracy_scale", 1e-6, 2 * LARGEST_COORDINATE)
+    check.choice("y_down", (True, False))  # type: ignore[arg-type]
+    for column in ("frame_height", "frame_width"):
+        check.number(column, 1, LARGEST_IMAGE)
+
+
+def check_trajectories(index: Path, rows: Sequence[Row]) -> None:
+    for row in rows:
+        check = RowChecker(index, "trajectory", row, row["trajectory"])
+        check.name("trajectory")
+        check.text("recorded_at", optional=True)
+        check.number("instances", 0, 2**31 - 1)
+    _check_unique(index, "trajectory", "trajectory", rows)
+
+
+def check_rooms(index: Path, rows: Sequence[Row]) -> None:
+    """`position` decides which of two rooms a point belongs to, so it must be unique."""
+    for row in rows:
+        check = RowChecker(index, "room", row, row["room"])
+        check.text("room")
+        check.number("position", 0, 2**31 - 1)
+        x0, y0, x1, y1 = (
+            check.number(edge, -LARGEST_COORDINATE, LARGEST_COORDINATE) for edge in _EDGES
+        )
+        if x1 < x0 or y1 < y0:
+            check.refuse("x1", "x1 and y1 must not be smaller than x0 and y0")
+    _check_unique(index, "room", "position", rows)
+
+
+def check_domains(index: Path, rows: Sequence[Row]) -> None:
+    for row in rows:
+        check = RowChecker(index, "domain", row, row["domain"])
+        check.name("domain")
+        check.choice("kind", SIDES)
+        for image in ("rgb", "depth"):
+            for figure in ("fx", "fy"):
+                check.number(f"{image}_{figure}", 1e-6, 1e7)
+            for figure in ("cx", "cy"):
+                check.number(f"{image}_{figure}", -1e7, 1e7)
+            check.number(f"{image}_pitch", -math.pi, math.pi)
+        for column in ("camera_height", "forward_offset"):
+            check.number(column, -LARGEST_COORDINATE, LARGEST_COORDINATE)
+        check.number("depth_scale", 1e-12, 1e6)
+        for column in ("depth_raw_min", "depth_raw_max"):
+            check.number(column, 0, 2**31 - 1)
+        sources = check.parsed("source", dict) if row["source"] else {}
+        if not all(isinstance(value, str) for value in sources.values()):
+            check.refuse("source", "not an object of texts")
+    _check_unique(index, "domain", "domain", rows)
+
+
+def check_models(index: Path, rows: Sequence[Row]) -> None:
+    for row in rows:
+        check = RowChecker(index, "model", row, row["model"])
+        check.name("model")
+        check.text("architecture")
+        layout.checked_hash(row["sha256"], f"{index}: table model: sha256 of {row['model']!r}")
+        for column in ("input_height", "input_width"):
+            check.number(column, 1, LARGEST_IMAGE)
+        check.parsed("convention", dict)
+        check.text("trained_by", optional=True, longest=LONGEST_JSON)
+    _check_unique(index, "model", "model", rows)
+
+
+def check_runs(index: Path, rows: Sequence[Row]) -> list[Row]:
+    """Rows whose adjustments are lists of `{"name", "value"}`."""
+    made = []
+    for row in rows:
+        check = RowChecker(index, "run", row, row["run"])
+        for column in ("run", "model", "sim_domain", "real_domain"):
+            check.name(column)
+        adjustments = {}
+        for side in SIDES:
+            column = f"{side}_adjustments"
+            adjustments[column] = check.parsed(column, list)
+            for step in adjustments[column]:
+                if not isinstance(step, dict) or not isinstance(step.get("name"), str):
+                    check.refuse(column, 'not a list of {"name", "value"}')
+        if row["key"] is not None:
+            check.name("key")
+        check.text("precision", optional=True)
+        check.text("created_at")
+        made.append({**row, **adjustments})
+    _check_unique(index, "run", "run", rows)
+    return made
+
+
+def check_arrays(index: Path, rows: Sequence[Row]) -> list[Row]:
+    """Rows with `shape` and `axes` as tuples."""
+    made = []
+    for row in rows:
+        check = RowChecker(index, "zarr_array", row, row["path"])
+        check.text("path")
+        for column in ("kind", "mode"):
+            text = row[column]
+            if text is None and column == "mode":
+                continue
+            if not isinstance(text, str) or not _KIND.match(text):
+                check.refuse(column, f"{text!r} is no name of a kind or mode")
+        check.choice("side", (*SIDES, None))
+        check.choice("dtype", sorted(_DTYPES))
+        shape, axes = check.parsed("shape", list), check.parsed("axes", list)
+        if not all(type(size) is int and 0 <= size < 2**31 for size in shape):
+            check.refuse("shape", f"{row['shape']} is not a list of sizes")
+        if len(axes) != len(shape) or not all(isinstance(axis, str) for axis in axes):
+            check.refuse("axes", f"{row['axes']} does not name the axes of {row['shape']}")
+        check.number("scale", -1e9, 1e9)
+        check.number("zero", -1e9, 1e9)
+        if row["metadata_sha256"] is not None:
+            layout.checked_hash(
+                row["metadata_sha256"], f"{index}: table zarr_array: metadata_sha256"
+            )
+        made.append({**row, "shape": tuple(shape), "axes": tuple(axes)})
+    return made
+
+
+def _check_unique(index: Path, table: str, column: str, rows: Sequence[Mapping[str, Any]]) -> None:
+    found = set()
+    for row in rows:
+        if row[column] in found:
+            raise RequestError(
+                f"{index}: table {table}: {column} {row[column]!r} is given twice; run `s2r verify`"
+            )
+        found.add(row[column])

@@ -1,0 +1,230 @@
+"""Writing a store: the next generation's index is built beside and published in one step."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.files import layout, locks, safe_files
+from s2rstore.index import locked_connection, schema
+
+ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
+
+
+class Draft:
+    """The index of a generation that is not published yet.
+
+    Starts as a copy of the current one. Everything written here becomes visible at once when
+    the `edit` block ends, or never.
+    """
+
+    def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
+        self._connection = connection
+
+    def insert(self, table: str, columns: ColumnData) -> None:
+        """Append rows given as equally long columns; NaN and None become NULL.
+
+        Columns that are not given become NULL. Raises KeyError for unknown names.
+        """
+        known = schema.BY_NAME[table]
+        unknown = set(columns) - set(known.column_names)
+        if unknown:
+            raise KeyError(f"{table} has no column {sorted(unknown)[0]}")
+        arrays = {name: _column(values) for name, values in columns.items()}
+        if not arrays or len(next(iter(arrays.values()))) == 0:
+            return
+        picked = [_selected(name, array) for name, array in arrays.items()]
+        names = ", ".join(f'"{name}"' for name in arrays)
+        self._connection.register("incoming", arrays)
+        self._connection.execute(
+            f'INSERT INTO "{table}" ({names}) SELECT {", ".join(picked)} FROM incoming'
+        )
+        self._connection.unregister("incoming")
+
+    def insert_row(self, table: str, row: Mapping[str, Any]) -> None:
+        """Append one row; dicts, lists and tuples are stored as JSON text."""
+        values = {k: _text(v) if isinstance(v, dict | list | tuple) else v for k, v in row.items()}
+        self.insert(table, {name: [value] for name, value in values.items()})
+
+    def delete(self, table: str, **where: str) -> None:
+        """Remove the rows whose columns equal the given values."""
+        known = schema.BY_NAME[table]
+        for name in where:
+            if name not in known.column_names:
+                raise KeyError(f"{table} has no column {name}")
+        condition = " AND ".join(f'"{name}" = ?' for name in where) or "true"
+        self._connection.execute(f'DELETE FROM "{table}" WHERE {condition}', list(where.values()))
+
+    def update(self, table: str, where: Mapping[str, str], values: Mapping[str, Any]) -> None:
+        """Set columns of the rows whose columns equal the given values."""
+        known = schema.BY_NAME[table].column_names
+        for name in (*where, *values):
+            if name not in known:
+                raise KeyError(f"{table} has no column {name}")
+        changes = ", ".join(f'"{name}" = ?' for name in values)
+        condition = " AND ".join(f'"{name}" = ?' for name in where)
+        self._connection.execute(
+            f'UPDATE "{table}" SET {changes} WHERE {condition}',
+            [*values.values(), *where.values()],
+        )
+
+    def note(self, what: str, facts: Mapping[str, Any]) -> None:
+        """Set provenance facts of `what`, replacing those of the same key."""
+        for key, value in facts.items():
+            self.delete("provenance", what=what, key=key)
+            text = value if isinstance(value, str) else _text(value)
+            self.insert_row("provenance", {"what": what, "key": key, "value": text})
+
+    def note_checksums(self, checksums: Mapping[str, str]) -> None:
+        """Record the SHA-256 of files, by their paths inside the store."""
+        self._connection.execute(
+            "DELETE FROM provenance WHERE what = ? AND key IN (SELECT unnest(?::VARCHAR[]))",
+            [schema.CHECKSUMS, list(checksums)],
+        )
+        rows = {"what": [schema.CHECKSUMS] * len(checksums), "key": list(checksums)}
+        self.insert("provenance", {**rows, "value": list(checksums.values())})
+
+    def rows(self, query: str, parameters: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+        """Read from the draft."""
+        return self._connection.execute(query, list(parameters)).fetchall()
+
+
+@contextmanager
+def edit(root: Path) -> Iterator[Draft]:
+    """Publish the next generation of the store at `root` with the changes made in the block.
+
+    An exception inside leaves the store at its current generation. A folder without a
+    generation gets its first one.
+    """
+    check_writable(root)
+    with locks.publish_lock(root):
+        is_new = safe_files.kind(root, layout.CURRENT) is None
+        base = None if is_new else layout.read_current(root)
+        _remove_leftovers(root)
+        building = f"{layout.INDEX}/.building-{os.getpid()}.duckdb"
+        beside = safe_files.checked_path(root, building)
+        connection = locked_connection.connect_empty([root / layout.INDEX])
+        try:
+            old = safe_files.checked_path(root, base.index) if base else None
+            _begin(connection, beside, old)
+            yield Draft(connection)
+            dataset_hash = _finish(connection)
+            connection.close()
+            _publish(root, building, _next_generation(root, base), dataset_hash)
+        except duckdb.IOException as error:
+            reason = " ".join(str(error).split())
+            raise RequestError(f"{root}: the index cannot be written ({reason})") from error
+        finally:
+            connection.close()
+            safe_files.remove(root, building)
+            safe_files.remove(root, f"{building}.wal")
+
+
+def check_writable(root: Path) -> None:
+    """Raises RequestError where no generation can be published."""
+    folder = root / layout.INDEX
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        safe_files.make_folder(root, layout.INDEX)
+    except OSError as error:
+        raise RequestError(f"{folder}: cannot be written ({error.strerror})") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise RequestError(f"{folder}: cannot be written (the store is read-only)")
+
+
+def _begin(connection: duckdb.DuckDBPyConnection, beside: Path, base: Path | None) -> None:
+    connection.execute(
+        f"ATTACH '{_literal(beside)}' AS draft (STORAGE_VERSION '{schema.STORAGE_VERSION}')"
+    )
+    connection.execute("USE draft")
+    for statement in schema.statements():
+        connection.execute(statement)
+    if base is not None:
+        locked_connection.attach_read_only(connection, base, "base")
+        for table in schema.TABLES:
+            names = ", ".join(f'"{name}"' for name in _shared(connection, table))
+            rows = f'SELECT {names} FROM base."{table.name}"'
+            connection.execute(f'INSERT INTO draft."{table.name}" ({names}) {rows}')
+        connection.execute("DETACH base")
+
+
+def _shared(connection: duckdb.DuckDBPyConnection, table: schema.Table) -> list[str]:
+    """The table's columns, without the optional ones that the base lacks."""
+    described = connection.execute(f'SELECT * FROM base."{table.name}" LIMIT 0').description
+    found = {column[0] for column in described}
+    return [c.name for c in table.columns if c.name in found or not c.optional]
+
+
+def _finish(connection: duckdb.DuckDBPyConnection) -> str:
+    found = connection.execute("SELECT hash FROM dataset").fetchall()
+    connection.execute("CHECKPOINT draft")
+    connection.execute("USE memory")
+    connection.execute("DETACH draft")
+    return str(found[0][0]) if found else ""
+
+
+def _publish(root: Path, building: str, generation: int, dataset_hash: str) -> None:
+    name = layout.index_name(generation)
+    safe_files.sync(root, building)
+    safe_files.rename(root, building, name)
+    current = layout.Current(
+        generation=generation,
+        index=name,
+        sha256=safe_files.sha256(root, name),
+        bytes=safe_files.size(root, name),
+        schema=schema.VERSION,
+        dataset_hash=dataset_hash,
+    )
+    layout.write_current(root, current)
+
+
+def _next_generation(root: Path, base: layout.Current | None) -> int:
+    """One above every number that was ever used: a name is never used again."""
+    found = safe_files.names(root, layout.INDEX)
+    used = [layout.generation_of(Path(entry.path)) or 0 for entry in found]
+    return max([*used, base.generation if base else 0]) + 1
+
+
+def _remove_leftovers(root: Path) -> None:
+    for entry in safe_files.names(root, layout.INDEX):
+        if entry.name.startswith(".building-"):
+            safe_files.remove(root, entry.path)
+
+
+def _literal(path: Path) -> str:
+    return locked_connection.escaped(locked_connection.literal_path(path))
+
+
+def _column(values: NDArray[Any] | Sequence[Any]) -> NDArray[Any]:
+    if isinstance(values, np.ndarray) and values.dtype != object:
+        return values
+    listed = list(values)
+    known = [value for value in listed if value is not None]
+    if known and len(known) == len(listed) and not isinstance(known[0], str):
+        return np.asarray(listed)
+    if known and isinstance(known[0], bool | int | float):
+        return np.array([np.nan if v is None else float(v) for v in listed])
+    return np.array(listed, dtype=object)
+
+
+def _selected(name: str, array: NDArray[Any]) -> str:
+    return f"nullif(\"{name}\", 'NaN'::DOUBLE)" if array.dtype.kind == "f" else f'"{name}"'
+
+
+def _text(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"), sort_keys=True, default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} is no JSON value")

@@ -1,0 +1,188 @@
+"""What an expression is checked against, and saved selections put in their places."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.language import fields
+from s2rstore.language.errors import ExpressionError, unknown
+from s2rstore.language.syntax_tree import (
+    Around,
+    Between,
+    Box,
+    Compare,
+    Extreme,
+    Field,
+    Lasso,
+    Like,
+    Named,
+    Near,
+    Node,
+    Not,
+    Saved,
+    chain,
+    leaves,
+)
+from s2rstore.records import SPLITS, Side
+
+MAX_TERMS = 1_000
+"""Terms of an expression once its saved selections are expanded."""
+MAX_LEVELS = 200
+"""Levels of an expression that lie in each other once its saved selections are expanded."""
+
+
+class Neighbours(Protocol):
+    """Who is near whom in the embeddings of a run's side."""
+
+    def __call__(
+        self, run: str, side: Side, iid: int, count: int, trajectories: tuple[str, ...] | None
+    ) -> NDArray[np.int64]:
+        """The instance and its `count` nearest of the base population; RequestError if unknown."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Vocabulary:
+    """The names that an expression may use; `saved` maps names to parsed selections."""
+
+    runs: tuple[str, ...]
+    rooms: tuple[str, ...]
+    trajectories: tuple[str, ...]
+    saved: Mapping[str, Node] = field(default_factory=dict)
+    splits: tuple[str, ...] = SPLITS
+
+    def of(self, name: str) -> tuple[str, ...]:
+        """The known values of a text field's vocabulary."""
+        return {"rooms": self.rooms, "trajectories": self.trajectories, "splits": self.splits}[name]
+
+
+def expand(node: Node, words: Vocabulary) -> Node:
+    """Check every name and replace saved selections by what they stand for.
+
+    A saved selection is expanded once, however often it is named. Raises ExpressionError for
+    unknown names, for saved selections that contain themselves, and where the whole has more than
+    `MAX_TERMS` terms or is nested deeper than `MAX_LEVELS`.
+    """
+    return _Expansion(words).expanded(node, 0).node
+
+
+@dataclass(frozen=True, slots=True)
+class _Expanded:
+    """A node without saved selections, with its terms and its height.
+
+    Height counts negations and right operands: a chain of operators, which is a left operand in a
+    left operand, is evaluated in a loop.
+    """
+
+    node: Node
+    terms: int = 1
+    height: int = 0
+
+
+class _Expansion:
+    """One expression's expansion: `_saved` keeps what each name stands for."""
+
+    def __init__(self, words: Vocabulary) -> None:
+        self._words = words
+        self._saved: dict[str, _Expanded] = {}
+        self._open: list[Saved] = []
+
+    def expanded(self, node: Node, level: int) -> _Expanded:
+        """`level` is the number of operators that the node is the right operand of, or in."""
+        if level > MAX_LEVELS:
+            raise self._too_large(f"nested over {MAX_LEVELS} levels deep")
+        first, links = chain(node)
+        found = self._operand(first, level)
+        for link in links:
+            right = self.expanded(link.right, level + 1)
+            whole = _Expanded(
+                type(link)(found.node, right.node),
+                found.terms + right.terms,
+                max(found.height, right.height + 1),
+            )
+            found = self._checked(whole, level)
+        return found
+
+    def _operand(self, node: Node, level: int) -> _Expanded:
+        if isinstance(node, Saved):
+            return self._of_name(node, level)
+        if isinstance(node, Not):
+            inner = self.expanded(node.inner, level + 1)
+            return self._checked(_Expanded(Not(inner.node), inner.terms, inner.height + 1), level)
+        _check_names(node, self._words)
+        return self._checked(_Expanded(node), level)
+
+    def _of_name(self, node: Saved, level: int) -> _Expanded:
+        if node.name not in self._words.saved:
+            raise unknown(node.column, "saved selection", node.name, self._words.saved)
+        if any(node.name == outer.name for outer in self._open):
+            raise ExpressionError(node.column, f"@{node.name} contains itself")
+        self._open.append(node)
+        if node.name not in self._saved:
+            self._saved[node.name] = self.expanded(self._words.saved[node.name], level + 1)
+        found = self._checked(self._saved[node.name], level)
+        self._open.pop()
+        return found
+
+    def _checked(self, found: _Expanded, level: int) -> _Expanded:
+        """`found`, or ExpressionError where the expression becomes too large by it."""
+        if level + found.height > MAX_LEVELS:
+            raise self._too_large(f"nested over {MAX_LEVELS} levels deep")
+        if found.terms > MAX_TERMS:
+            raise self._too_large(f"over {MAX_TERMS} terms long")
+        return found
+
+    def _too_large(self, what: str) -> ExpressionError:
+        if not self._open:
+            return ExpressionError(1, f"with its saved selections it is {what}; write it with less")
+        first = self._open[0]
+        problem = f"@{first.name}, with what it is made of, is {what}"
+        return ExpressionError(first.column, f"{problem}; save a simpler selection under this name")
+
+
+def _check_names(leaf: Node, words: Vocabulary) -> None:
+    for run in _runs(leaf):
+        if run not in words.runs:
+            raise unknown(1, "run", run, words.runs)
+    if isinstance(leaf, Named):
+        text = fields.TEXT[leaf.field.name]
+        if leaf.value not in words.of(text.vocabulary):
+            raise unknown(leaf.column, leaf.field.name, leaf.value, words.of(text.vocabulary))
+
+
+def used_fields(node: Node) -> tuple[Field, ...]:
+    """The fields that a leaf looks at."""
+    if isinstance(node, Compare | Between | Around | Named | Extreme):
+        return (node.field,)
+    return (node.x, node.y) if isinstance(node, Box | Near | Lasso) else ()
+
+
+def used_runs(node: Node) -> set[str]:
+    """The runs that an expanded expression names."""
+    return {run for leaf in leaves(node) for run in _runs(leaf)}
+
+
+def _runs(leaf: Node) -> set[str]:
+    named = [leaf.run] if isinstance(leaf, Like) else [f.run for f in used_fields(leaf)]
+    return {run for run in named if run is not None}
+
+
+def resolved(
+    node: Like, run: str, trajectories: tuple[str, ...] | None, neighbours: Neighbours | None
+) -> NDArray[np.int64]:
+    """The instances that `like` means, where `run` is the current one.
+
+    Raises ExpressionError where the run has no embeddings or the instance does not exist.
+    """
+    if neighbours is None:
+        raise ExpressionError(node.column, "like needs a store with embeddings")
+    try:
+        return neighbours(node.run or run, node.side, node.iid, node.count, trajectories)
+    except RequestError as error:
+        raise ExpressionError(node.column, f"like: {error}") from error

@@ -1,0 +1,92 @@
+"""Expressions on an open store."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.language import (
+    MaskContext,
+    Neighbours,
+    Node,
+    SqlContext,
+    Vocabulary,
+    mask,
+    parse,
+    to_sql,
+)
+from s2rstore.metrics import similarity
+from s2rstore.reader import Store
+from s2rstore.records import SIDES, Side
+
+Saved = Mapping[str, Node]
+
+
+def vocabulary(store: Store, saved: Saved | None = None) -> Vocabulary:
+    """The names that expressions on this store may use; only computed runs count."""
+    truth = store.instances
+    runs = tuple(name for name, run in store.runs.items() if run.key)
+    return Vocabulary(runs, truth.room_names, truth.trajectory_names, saved or {})
+
+
+def context(
+    store: Store,
+    run: str | None = None,
+    trajectories: Sequence[str] | None = None,
+    saved: Saved | None = None,
+) -> MaskContext:
+    """What masks of a run (by default the first computed one) are evaluated on."""
+    names = None if trajectories is None else tuple(trajectories)
+    return MaskContext(
+        store.instances,
+        store.run(run).run,
+        store.run_columns,
+        vocabulary(store, saved),
+        names,
+        _neighbours(store),
+        store.evaluated,
+    )
+
+
+def select(
+    store: Store,
+    expression: str,
+    run: str | None = None,
+    trajectories: Sequence[str] | None = None,
+    saved: Saved | None = None,
+) -> NDArray[np.bool_]:
+    """The instances that an expression selects, shape (N,).
+
+    Raises ExpressionError, a RequestError that tells the column.
+    """
+    return mask(parse(expression), context(store, run, trajectories, saved))
+
+
+def sql(
+    store: Store,
+    expression: str,
+    run: str | None = None,
+    trajectories: Sequence[str] | None = None,
+    saved: Saved | None = None,
+) -> tuple[str, list[object]]:
+    """The same selection as a DuckDB query with bound parameters."""
+    names = None if trajectories is None else tuple(trajectories)
+    lacking = frozenset(f"{s}_{name}" for name in store.lacking("prediction") for s in SIDES)
+    words = vocabulary(store, saved)
+    return to_sql(
+        parse(expression),
+        SqlContext(
+            store.run(run).run, words, names, _neighbours(store), lacking, store.stored_rooms
+        ),
+    )
+
+
+def _neighbours(store: Store) -> Neighbours:
+    def found(
+        run: str, side: Side, iid: int, count: int, trajectories: tuple[str, ...] | None
+    ) -> NDArray[np.int64]:
+        return similarity.neighbours(store, run, side, iid, count, trajectories)[0]
+
+    return found

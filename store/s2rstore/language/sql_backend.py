@@ -1,0 +1,261 @@
+"""From nodes to DuckDB SQL with bound parameters: the scripts' back end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from s2rstore.language import fields, lasso, turning
+from s2rstore.language.checking import Neighbours, Vocabulary, expand, resolved
+from s2rstore.language.syntax_tree import (
+    And,
+    Around,
+    Bend,
+    Between,
+    Box,
+    Compare,
+    Everything,
+    Extreme,
+    Field,
+    Ids,
+    Lasso,
+    Like,
+    Minus,
+    Named,
+    Near,
+    Node,
+    Not,
+    Nothing,
+    Or,
+    chain,
+)
+
+_STRAIGHT_BELOW = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class SqlContext:
+    """The current run and the trajectories in view (None = all).
+
+    `neighbours` finds what `like` means; `lacking` are columns of view `pair` that the index,
+    written by an earlier release, does not have. `stored_rooms` gives the index's own name of a
+    room for the one that is shown, where they differ.
+    """
+
+    run: str
+    words: Vocabulary
+    trajectories: tuple[str, ...] | None = None
+    neighbours: Neighbours | None = None
+    lacking: frozenset[str] = frozenset()
+    stored_rooms: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class _Writer:
+    """Collects parameters in the order of their question marks."""
+
+    context: SqlContext
+    parameters: list[Any] = field(default_factory=list)
+
+    def bind(self, value: Any) -> str:
+        self.parameters.append(value)
+        return "?"
+
+    def column(self, field: Field) -> str:
+        """A numeric column on alias q, NULL where the index lacks it."""
+        name = fields.NUMERIC[field.name].column
+        return "NULL::DOUBLE" if name in self.context.lacking else f"q.{name}"
+
+
+def to_sql(node: Node, context: SqlContext) -> tuple[str, list[Any]]:
+    """`SELECT iid ... ORDER BY iid` and its parameters. Raises ExpressionError."""
+    writer = _Writer(context)
+    base = _base(writer, None, "q")
+    condition = _condition(expand(node, context.words), writer)
+    return (
+        f"SELECT q.iid FROM pair q WHERE {base} AND {condition} ORDER BY q.iid",
+        writer.parameters,
+    )
+
+
+def _base(writer: _Writer, run: str | None, alias: str) -> str:
+    """The condition of the base population of a run."""
+    parts = [
+        f"{alias}.run = {writer.bind(run or writer.context.run)}",
+        f"{_known(f'{alias}.sim_error')}",
+        f"{_known(f'{alias}.real_error')}",
+    ]
+    if writer.context.trajectories is not None:
+        listed = writer.bind(list(writer.context.trajectories))
+        parts.append(f"list_contains({listed}, {alias}.trajectory)")
+    return " AND ".join(parts)
+
+
+def _known(column: str) -> str:
+    return f"({column} IS NOT NULL AND NOT isnan({column}::DOUBLE))"
+
+
+def _condition(node: Node, writer: _Writer) -> str:
+    """A condition in parentheses; a chain of one operator takes one pair."""
+    first, links = chain(node)
+    if not links:
+        return _operand(first, writer)
+    parts, joined = [_operand(first, writer)], _joined(links[0])
+    for link in links:
+        if _joined(link) != joined:
+            parts, joined = [f"({f' {joined} '.join(parts)})"], _joined(link)
+        right = _condition(link.right, writer)
+        parts.append(f"NOT {right}" if isinstance(link, Minus) else right)
+    return f"({f' {joined} '.join(parts)})"
+
+
+def _joined(link: And | Minus | Or) -> str:
+    return "OR" if isinstance(link, Or) else "AND"
+
+
+def _operand(node: Node, writer: _Writer) -> str:
+    if isinstance(node, Not):
+        return f"(NOT {_condition(node.inner, writer)})"
+    return _leaf(node, writer)
+
+
+def _leaf(node: Node, writer: _Writer) -> str:
+    match node:
+        case Everything():
+            return "true"
+        case Nothing():
+            return "false"
+        case Ids(ranges):
+            parts = [f"q.iid BETWEEN {writer.bind(a)} AND {writer.bind(b)}" for a, b in ranges]
+            return f"({' OR '.join(parts) or 'false'})"
+        case Compare(field, operator, value):
+            column = writer.column(field)
+            sign = "<>" if operator == "!=" else operator
+            return _among(writer, field, lambda w: (
+                f"{_known(column)} AND {column} {sign} {w.bind(value * _scale(field))}"
+            ))  # fmt: skip
+        case Between():
+            return _among(writer, node.field, lambda w: _between(node, w))
+        case Around():
+            return _among(writer, node.field, lambda w: _around(node, w))
+        case Named():
+            return _among(writer, node.field, lambda w: _named(node, w))
+        case Extreme():
+            return _extreme(node, writer)
+        case Box(x, y, corners):
+            u, v = writer.column(x), writer.column(y)
+            return _among(writer, x, lambda w: (
+                f"{u} >= {w.bind(corners[0])} AND {v} >= {w.bind(corners[1])} AND "
+                f"{u} <= {w.bind(corners[2])} AND {v} <= {w.bind(corners[3])}"
+            ))  # fmt: skip
+        case Near(x, y, centre, radius):
+            dx = f"({writer.column(x)} - {{}})"
+            dy = f"({writer.column(y)} - {{}})"
+            return _among(writer, x, lambda w: (
+                f"{dx.format(w.bind(centre[0]))} * {dx.format(w.bind(centre[0]))} + "
+                f"{dy.format(w.bind(centre[1]))} * {dy.format(w.bind(centre[1]))} "
+                f"<= {w.bind(radius * radius)}"
+            ))  # fmt: skip
+        case Lasso(x):
+            return _among(writer, x, lambda w: _lasso(node, w))
+        case Like():
+            context = writer.context
+            found = resolved(node, context.run, context.trajectories, context.neighbours)
+            return f"q.iid IN (SELECT unnest({writer.bind(found.tolist())}::INTEGER[]))"
+        case Bend(straight):
+            sign = "<" if straight else ">="
+            column = "q.curvature"
+            limit = writer.bind(_STRAIGHT_BELOW)
+            return f"coalesce({_known(column)} AND abs({column}) {sign} {limit}, false)"
+        case _:
+            raise TypeError(f"{type(node).__name__} is no leaf")
+
+
+def _among(writer: _Writer, field: Field, condition: Any) -> str:
+    """The instances whose row of the field's run satisfies a condition on alias q.
+
+    Ground truth is the instance's own, whatever the run. The row of the current run is at hand;
+    that of another one takes a subquery, whose q hides the outer one.
+    """
+    if fields.is_truth(field.name):
+        return f"coalesce({condition(writer)}, false)"
+    joins = field.name in fields.TEXT  # a room of a prediction: slow unless it has its own query
+    if field.run in (None, writer.context.run) and not joins:
+        return f"coalesce({condition(writer)}, false)"
+    run = writer.bind(field.run or writer.context.run)
+    return f"q.iid IN (SELECT q.iid FROM pair q WHERE q.run = {run} AND {condition(writer)})"
+
+
+def _scale(field: Field) -> float:
+    return fields.NUMERIC[field.name].scale
+
+
+def _between(node: Between, writer: _Writer) -> str:
+    column = writer.column(node.field)
+    if not fields.NUMERIC[node.field.name].angle:
+        scale = _scale(node.field)
+        low, high = writer.bind(node.low * scale), writer.bind(node.high * scale)
+        return f"{_known(column)} AND {column} >= {low} AND {column} <= {high}"
+    ends = turning.span(node.low, node.high)
+    if ends is None:
+        return _known(column)
+    word = "AND" if ends[0] <= ends[1] else "OR"
+    low, high = writer.bind(ends[0]), writer.bind(ends[1])
+    return f"{_known(column)} AND ({column} >= {low} {word} {column} <= {high})"
+
+
+def _around(node: Around, writer: _Writer) -> str:
+    column = writer.column(node.field)
+    if not fields.NUMERIC[node.field.name].angle:
+        scale = _scale(node.field)
+        centre, tolerance = writer.bind(node.centre * scale), writer.bind(node.tolerance * scale)
+        return f"{_known(column)} AND abs({column} - {centre}) <= {tolerance}"
+    middle = turning.wrapped(node.centre)
+    first = f"abs({column} - {writer.bind(middle)})"
+    turn = writer.bind(turning.TURN)
+    second = f"abs({column} - {writer.bind(middle)})"
+    limit = writer.bind(math.radians(node.tolerance) + turning.TOLERANCE)
+    return f"{_known(column)} AND least({first}, {turn} - {second}) <= {limit}"
+
+
+def _lasso(node: Lasso, writer: _Writer) -> str:
+    """An odd number of edges to the right, as `lasso` defines it."""
+    x, y = writer.column(node.x), writer.column(node.y)
+    parts = ["0"]
+    for edge in lasso.edges(node.corners):
+        low, high = writer.bind(edge.low), writer.bind(edge.high)
+        at = f"({y} - {writer.bind(edge.low)}) / {writer.bind(edge.rise)}"
+        at = f"{at} * {writer.bind(edge.run)} + {writer.bind(edge.x)}"
+        parts.append(f"(CASE WHEN {y} >= {low} AND {y} < {high} AND {x} < {at} THEN 1 ELSE 0 END)")
+    return f"{_known(x)} AND {_known(y)} AND ({' + '.join(parts)}) % 2 = 1"
+
+
+def _named(node: Named, writer: _Writer) -> str:
+    side, _, name = node.field.name.rpartition(".")
+    value = node.value
+    if name == "room":
+        value = writer.context.stored_rooms.get(value, value)
+    if name != "room" or not side:
+        return f"q.{fields.TEXT[node.field.name].column} = {writer.bind(value)}"
+    x, y = f"q.{side}_x", f"q.{side}_y"
+    return (
+        "(SELECT arg_min(r.room, r.position) FROM room r WHERE "
+        f"{x} >= r.x0 AND {x} <= r.x1 AND {y} >= r.y0 AND {y} <= r.y1) = {writer.bind(value)}"
+    )
+
+
+def _extreme(node: Extreme, writer: _Writer) -> str:
+    column = writer.column(node.field)
+    direction = "ASC" if node.which == "best" else "DESC"
+    inner = (
+        f"SELECT q.iid FROM pair q WHERE {_base(writer, node.field.run, 'q')} AND {_known(column)}"
+    )
+    if node.percent:
+        amount = writer.bind(float(node.amount))
+        base = _base(writer, node.field.run, "b")
+        count = f"(SELECT ceil({amount} * count(*) / 100)::BIGINT FROM pair b WHERE {base})"
+    else:
+        count = writer.bind(int(node.amount))
+    return f"q.iid IN ({inner} ORDER BY {column} {direction}, q.iid LIMIT {count})"

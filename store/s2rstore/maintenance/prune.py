@@ -1,0 +1,166 @@
+"""Removing what no kept generation needs, and what killed writes have left.
+
+Nothing outside the store is removed but folders that an interrupted `s2r ingest` has left beside
+it. Links are neither followed nor removed: they are reported.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+from s2rstore.errors import RequestError
+from s2rstore.files import layout, locks, safe_files
+from s2rstore.files.ingest_folder import building_folders, is_running
+from s2rstore.files.ledger import Ledger
+from s2rstore.files.safe_files import Entry
+from s2rstore.index import locked_connection, schema
+
+_PROCESS = re.compile(r"\.(\d+)\.new(\.wal)?$")
+
+
+@dataclass(frozen=True, slots=True)
+class Pruned:
+    """What was removed, as paths inside the store, and how many bytes that freed.
+
+    `links` are symbolic links, which were left alone with what they lead to.
+    """
+
+    paths: tuple[str, ...]
+    bytes: int
+    links: tuple[str, ...] = ()
+
+
+def prune(root: Path, keep: int = 3, dry_run: bool = False) -> Pruned:
+    """Keep the newest `keep` generations and what they reference; remove the rest.
+
+    Takes the compute lock, so that no half-written unit is mistaken for refuse. Where there is no
+    store, only what an interrupted ingest of it has left beside it is removed. Raises
+    StoreBusyError while a precompute runs, RequestError for a store that another release wrote or
+    whose published index is missing.
+    """
+    beside = [folder.path for folder in building_folders(root) if folder.is_abandoned]
+    if beside and not root.exists():
+        return _with_beside(Pruned((), 0), beside, dry_run)
+    layout.read_current(root)
+    with locks.compute_lock(root), locks.publish_lock(root):
+        current = layout.read_current(root)
+        if current.schema != schema.VERSION:
+            raise RequestError(f"{root}: schema {current.schema}; prune it with its own release")
+        _check_index(root, current)
+        indexes = _indexes(root)
+        wanted = {number for number, _ in indexes if number <= current.generation}
+        kept = sorted(wanted)[-max(1, keep) :]
+        gone = [entry.path for number, entry in indexes if number not in kept]
+        gone += _unreferenced(root, [entry.path for number, entry in indexes if number in kept])
+        gone += [path for path in _unfinished(root) if not _is_below(path, gone)]
+        below = {path: _below(root, path) for path in gone}
+        size = sum(entry.bytes for entries in below.values() for entry in entries)
+        links = tuple(entry.path for entry in safe_files.walk(root) if entry.kind == "link")
+        if not dry_run:
+            _remove(root, below)
+    return _with_beside(Pruned(tuple(gone), size, links), beside, dry_run)
+
+
+def _check_index(root: Path, current: layout.Current) -> None:
+    """Raises RequestError where the published index is not the one that was published."""
+    path = safe_files.checked_path(root, current.index)
+    if safe_files.kind(root, current.index) is None:
+        raise RequestError(f"{path}: the published index is missing")
+    if safe_files.sha256(root, current.index) != current.sha256:
+        raise RequestError(f"{path}: not what was published; run `s2r verify`, and restore it")
+
+
+def _indexes(root: Path) -> list[tuple[int, Entry]]:
+    """The generations whose index is there, oldest first.
+
+    Raises RequestError for one that is no regular file: what it references must not be removed.
+    """
+    found = []
+    for entry in safe_files.names(root, layout.INDEX):
+        number = layout.generation_of(Path(entry.path))
+        if number is not None:
+            safe_files.checked_path(root, entry.path)
+            found.append((number, entry))
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def _files(root: Path, folder: str) -> list[Entry]:
+    if safe_files.kind(root, folder) != "folder":
+        return []
+    return [entry for entry in safe_files.names(root, folder) if entry.kind == "file"]
+
+
+def _folders(root: Path, folder: str) -> list[Entry]:
+    if safe_files.kind(root, folder) != "folder":
+        return []
+    return [entry for entry in safe_files.names(root, folder) if entry.kind == "folder"]
+
+
+def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
+    arrays: set[str] = set()
+    weights: set[str] = set()
+    for index in indexes:
+        connection = locked_connection.connect(safe_files.checked_path(root, index))
+        try:
+            arrays |= {
+                row[0] for row in connection.execute("SELECT path FROM zarr_array").fetchall()
+            }
+            weights |= {row[0] for row in connection.execute("SELECT sha256 FROM model").fetchall()}
+        finally:
+            connection.close()
+    used = {f"{layout.RUNS}/{'/'.join(path.split('/')[:2])}" for path in arrays}
+    gone = [
+        key.path
+        for run in _folders(root, layout.RUNS)
+        for key in _folders(root, run.path)
+        if key.path not in used
+    ]
+    models = _files(root, layout.MODELS)
+    return gone + [entry.path for entry in models if entry.name.split(".")[0] not in weights]
+
+
+def _unfinished(root: Path) -> list[str]:
+    """Files that killed writes have left; not those that a process still writes without a lock."""
+    found = []
+    for entry in safe_files.leftovers(root):
+        process = _PROCESS.search(entry.name)
+        in_history = entry.path.startswith(f"{layout.HISTORY}/")
+        if process and is_running(int(process[1])):
+            continue
+        if in_history and process is None:
+            continue
+        found.append(entry.path)
+    return found
+
+
+def _is_below(path: str, folders: list[str]) -> bool:
+    return any(path == folder or path.startswith(f"{folder}/") for folder in folders)
+
+
+def _below(root: Path, path: str) -> list[Entry]:
+    """The files at and below a path."""
+    if safe_files.kind(root, path) == "folder":
+        return [entry for entry in safe_files.walk(root, path) if entry.kind == "file"]
+    return [Entry(path, "file", safe_files.size(root, path))]
+
+
+def _remove(root: Path, below: dict[str, list[Entry]]) -> None:
+    for path in below:
+        safe_files.remove(root, path)
+    Ledger(root).forget({entry.path for entries in below.values() for entry in entries})
+    for run in _folders(root, layout.RUNS):
+        if not safe_files.names(root, run.path):
+            safe_files.remove(root, run.path)
+
+
+def _with_beside(pruned: Pruned, folders: list[Path], dry_run: bool) -> Pruned:
+    """With the folders that interrupted ingests have left beside the store."""
+    size = sum(entry.bytes for folder in folders for entry in safe_files.walk(folder))
+    if not dry_run:
+        for folder in folders:
+            shutil.rmtree(folder, ignore_errors=True)
+    paths = (*pruned.paths, *(f"../{folder.name}" for folder in folders))
+    return Pruned(paths, pruned.bytes + size, pruned.links)

@@ -1,0 +1,418 @@
+"""Checking a store: does all that the published generation promises lie there, undamaged?
+
+Every file that can change a figure or a picture is held against a checksum: shards against the
+ledger; metadata of arrays, weights, floor plan and drives against the index; the index against
+`CURRENT.json`; the gap history against those of its own blocks. Stores that version 0.1.0 wrote
+lack some of the checksums: there the structure of arrays and floor plan is checked, and a note says
+so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import duckdb
+
+from s2rstore.arrays import stored_array
+from s2rstore.arrays.stored_array import StoredArray
+from s2rstore.errors import RequestError
+from s2rstore.files import layout, safe_files
+from s2rstore.files.image_header import floor_plan_bytes
+from s2rstore.files.ingest_folder import building_folders
+from s2rstore.files.ledger import Ledger
+from s2rstore.gap_history import reader
+from s2rstore.index import locked_connection, schema
+from s2rstore.reader import Store
+from s2rstore.records import SIDES
+
+_FAILURES = (
+    RequestError, duckdb.Error, OSError, ValueError, TypeError, KeyError, AttributeError,
+    OverflowError, RecursionError,
+)  # fmt: skip
+_NAMED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """One thing that is not as it should be: where, and what is wrong with it."""
+
+    where: str
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What is wrong with a store, and lines about what is not damage but worth knowing."""
+
+    damages: tuple[Damage, ...]
+    notes: tuple[str, ...] = ()
+
+
+def verify(root: Path) -> list[Damage]:
+    """Everything wrong with the published generation; an empty list means none was found.
+
+    Raises RequestError where there is no store at all, or none that DuckDB can open.
+    """
+    return list(check(root).damages)
+
+
+def check(root: Path) -> Report:
+    """Everything wrong with the published generation, and notes on unfinished files and on
+    what no checksum covers.
+
+    Raises RequestError where there is no store at all, or none that DuckDB can open.
+    """
+    locked_connection.literal_path(root)
+    try:
+        current = layout.read_current(root)
+    except RequestError as error:
+        if safe_files.kind(root, layout.CURRENT) is None:
+            raise
+        return Report((Damage(layout.CURRENT, str(error)),))
+    foreign, notes = list(_foreign(root)), list(_leftovers(root))
+    try:
+        damage = _index(root, current)
+        if damage is not None:
+            return Report((*foreign, damage), tuple(notes))
+        with Store(root) as store:
+            checks = _Checks(root, store, current)
+            checks.run()
+    except _FAILURES as error:
+        return Report((*foreign, Damage(current.index, _first_line(error))), tuple(notes))
+    return Report((*foreign, *checks.damages), (*notes, *checks.notes()))
+
+
+def _foreign(root: Path) -> Iterator[Damage]:
+    """Links, pipes and devices: a store holds files and folders alone."""
+    for entry in safe_files.walk(root):
+        if entry.kind == "link":
+            yield Damage(entry.path, "a symbolic link, which is never followed; remove it")
+        elif entry.kind == "other":
+            yield Damage(entry.path, "a pipe or a device; remove it")
+
+
+def _leftovers(root: Path) -> Iterator[str]:
+    for entry in safe_files.leftovers(root):
+        yield (
+            f"{entry.path}: unfinished; unless something is being written now, a killed write left "
+            "it and `s2r prune` removes it"
+        )
+    for folder in building_folders(root):
+        if folder.is_abandoned:
+            yield f"{folder.path}: left by an ingest that was killed; `s2r prune` removes it"
+
+
+def _index(root: Path, current: layout.Current) -> Damage | None:
+    try:
+        size = safe_files.size(root, current.index)
+        if size == current.bytes and safe_files.sha256(root, current.index) == current.sha256:
+            return None
+    except FileNotFoundError:
+        return Damage(current.index, "missing")
+    return Damage(current.index, "its size or checksum is not the published one")
+
+
+def _first_line(error: BaseException) -> str:
+    return next(iter(str(error).splitlines()), "") or type(error).__name__
+
+
+@dataclass
+class _Checks:
+    """All checks of an open store; `damages` grows, `uncovered` names what has no checksum."""
+
+    root: Path
+    store: Store
+    current: layout.Current
+    damages: list[Damage] = field(default_factory=list)
+    uncovered: dict[str, None] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+
+    def run(self) -> None:
+        self._ledger = Ledger(self.root)
+        self._entries = self._ledger.by_path()
+        for where, part in (
+            (self.current.index, self._tables), (layout.MODELS, self._weights),
+            (layout.FRAMES, self._frames), (layout.RUNS, self._arrays),
+            (layout.ASSETS, self._floor_plan), (layout.DRIVES, self._drives),
+            (schema.CHECKSUMS, self._stated), (layout.HISTORY, self._history),
+            (layout.LEDGER, self._ledger_lines),
+        ):  # fmt: skip
+            self._guarded(where, part)
+
+    def _guarded(self, where: str, part: Callable[[], Iterator[Damage]]) -> None:
+        try:
+            self.damages.extend(part())
+        except _FAILURES as error:
+            self.damages.append(Damage(where, _first_line(error)))
+
+    def notes(self) -> Iterator[str]:
+        if self.uncovered:
+            yield (
+                f"the store carries no checksums of {', '.join(self.uncovered)} "
+                "(version 0.1.0 wrote none); damage in them is found only where it breaks a format"
+            )
+        yield from self.remarks
+
+    def _tables(self) -> Iterator[Damage]:
+        yield from _tables(self.store, self.current)
+
+    def _weights(self) -> Iterator[Damage]:
+        """Each model's file by the checksum of the index, else by the ledger's."""
+        lying = {e.path for e in safe_files.names(self.root, layout.MODELS) if e.kind == "file"}
+        known = lying | self._entries.keys() | self.store.checksums.keys()
+        for model in self.store.models.values():
+            start = f"{layout.MODELS}/{model.sha256}."
+            paths = sorted(path for path in known if path.startswith(start))
+            if not paths:
+                self.remarks.append(f"model {model.model}: no weights in the store")
+            for path in paths:
+                yield from self._weights_file(path, model.sha256)
+
+    def _weights_file(self, path: str, sha256: str) -> Iterator[Damage]:
+        stated = self.store.checksums.get(path)
+        if stated is not None:
+            yield from self._file(path, stated, "not the registered weights")
+            return
+        self.uncovered["weights"] = None
+        entries = self._entries.get(path, [])
+        if safe_files.kind(self.root, path) is None:
+            yield Damage(path, "missing")
+        elif not self._ledger.proves(entries) and (
+            entries or safe_files.sha256(self.root, path) != sha256
+        ):
+            yield Damage(path, "not the registered weights")
+
+    def _file(self, path: str, stated: str, otherwise: str) -> Iterator[Damage]:
+        """A file against its checksum; a link is reported where links are."""
+        try:
+            if safe_files.sha256(self.root, path) != stated:
+                yield Damage(path, otherwise)
+        except FileNotFoundError:
+            yield Damage(path, "missing")
+        except (RequestError, OSError) as error:
+            yield Damage(path, _first_line(error))
+
+    def _frames(self) -> Iterator[Damage]:
+        for domain in self.store.domains:
+            for trajectory in self.store.trajectories:
+                for image in ("rgb", "depth"):
+                    names = domain, trajectory.trajectory, image
+                    relative = "/".join((layout.FRAMES, *names))
+                    covered = f"{relative}/{stored_array.METADATA}" in self.store.checksums
+                    if not covered:
+                        self.uncovered["the metadata of frames"] = None
+                    try:
+                        array = self.store.frames_array(*names)
+                    except _FAILURES as error:
+                        yield Damage(relative, _first_line(error))
+                        continue
+                    yield from self._shards(array, covered)
+
+    def _arrays(self) -> Iterator[Damage]:
+        for run in self.store.runs:
+            for record in self.store.arrays(run):
+                covered = record.metadata_sha256 is not None
+                if not covered:
+                    self.uncovered["the metadata of computed arrays"] = None
+                try:
+                    array = self.store.stored(record)
+                except _FAILURES as error:
+                    yield Damage(f"{layout.RUNS}/{record.path}", _first_line(error))
+                    continue
+                yield from self._shards(array, covered)
+
+    def _shards(self, array: StoredArray, covered: bool) -> Iterator[Damage]:
+        """Every shard must have an intact entry in the ledger."""
+        for shard in range(array.layout.shards):
+            path, rows = array.file(shard), array.rows_in(shard)
+            entries = self._entries.get(path)
+            if safe_files.kind(self.root, path) is None:
+                yield Damage(path, "missing")
+            elif entries is None:
+                yield Damage(path, "no ledger entry proves it")
+            elif not self._ledger.proves(entries):
+                yield Damage(path, "its checksum is not the ledger's")
+            elif not any(entry.count == rows for entry in entries):
+                yield Damage(path, f"the ledger counts {entries[0].count} rows, not {rows}")
+            elif not covered:
+                try:
+                    array.check(shard)
+                except RequestError as error:
+                    yield Damage(path, _first_line(error))
+
+    def _floor_plan(self) -> Iterator[Damage]:
+        name = self.store.dataset.floor_plan
+        if name is None:
+            return
+        if name in self.store.checksums:
+            return  # with the other files whose checksums are stated
+        self.uncovered["the floor plan"] = None
+        path = safe_files.checked_path(self.root, name)
+        if not path.exists():
+            yield Damage(name, "the floor plan is missing")
+            return
+        try:
+            floor_plan_bytes(path)
+        except RequestError as error:
+            yield Damage(name, str(error))
+
+    def _drives(self) -> Iterator[Damage]:
+        """What is stated is held against its checksum with the other files; the rest is noted."""
+        lying = [e.path for e in safe_files.walk(self.root, layout.DRIVES) if e.kind == "file"]
+        other = [path for path in lying if path not in self.store.checksums]
+        if other and len(other) == len(lying):
+            self.uncovered["drives"] = None
+        elif other:
+            more = f" and {len(other) - _NAMED} more" if len(other) > _NAMED else ""
+            named = ", ".join(other[:_NAMED])
+            self.remarks.append(f"{named}{more}: added later, no checksum covers it")
+        yield from ()
+
+    def _stated(self) -> Iterator[Damage]:
+        """All files whose checksums the index states and that no other check has looked at."""
+        for path, stated in self.store.checksums.items():
+            if not path.startswith((f"{layout.FRAMES}/", f"{layout.MODELS}/")):
+                yield from self._file(path, stated, "its checksum is not the published one")
+
+    def _history(self) -> Iterator[Damage]:
+        path = reader.path_in(self.root)
+        if safe_files.kind(self.root, path.relative_to(self.root)) is not None:
+            try:
+                reader.check(path)
+            except RequestError as error:
+                yield Damage(path.relative_to(self.root).as_posix(), _first_line(error))
+
+    def _ledger_lines(self) -> Iterator[Damage]:
+        count = self._ledger.unreadable_lines()
+        if count:
+            self.remarks.append(
+                f"{layout.LEDGER}: {count} lines cannot be read (cut by a killed write, or "
+                "damaged); they prove nothing"
+            )
+        yield from ()
+
+
+_RULES = (
+    (
+        "instance",
+        "pose is NULL or not finite",
+        "x IS NULL OR y IS NULL OR heading IS NULL OR "
+        "NOT isfinite(x) OR NOT isfinite(y) OR NOT isfinite(heading)",
+    ),
+    (
+        "prediction",
+        "a NaN where NULL belongs",
+        "isnan(x) OR isnan(y) OR isnan(heading) OR "
+        "isnan(error) OR isnan(heading_error) OR isnan(loss) OR isnan(accuracy)",
+    ),
+    (
+        "instance",
+        "room without a row in room",
+        "room IS NOT NULL AND room NOT IN (SELECT room FROM room)",
+    ),
+    (
+        "run",
+        "domain without a row in domain",
+        "sim_domain NOT IN (SELECT domain FROM domain) "
+        "OR real_domain NOT IN (SELECT domain FROM domain)",
+    ),
+    ("prediction", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
+    (
+        "prediction",
+        "unknown side or split",
+        "side NOT IN ('sim', 'real') OR split NOT IN ('train', 'validation', 'test', 'unseen')",
+    ),
+    ("prediction", "run without a row in run", "run NOT IN (SELECT run FROM run)"),
+    ("run", "model without a row in model", "model NOT IN (SELECT model FROM model)"),
+    ("run", "name given twice", "run IN (SELECT run FROM run GROUP BY run HAVING count(*) > 1)"),
+    (
+        "model",
+        "name given twice",
+        "model IN (SELECT model FROM model GROUP BY model HAVING count(*) > 1)",
+    ),
+)
+
+# What readers rely on to find an instance's row in the frames of its trajectory.
+_ORDER = """
+    SELECT count(*) FROM (
+        SELECT trajectory, count(*) AS n, max(iid) - min(iid) + 1 AS span,
+               min(seq) AS first, max(seq) AS last, count(DISTINCT seq) AS seqs
+        FROM instance GROUP BY trajectory) i
+    LEFT JOIN trajectory t USING (trajectory)
+    WHERE t.instances IS DISTINCT FROM n OR span <> n OR first < 0 OR seqs <> n
+"""
+
+_FORMULAS = (
+    ("error is not the distance to the truth", "error", "sqrt(dx * dx + dy * dy)"),
+    ("loss is not that of its errors", "loss", "0.7 * error * error + 0.3 * turn"),
+    ("accuracy is not that of its error", "accuracy", "greatest(0, 1 - error / scale)"),
+)
+_TOLERANCE = 1e-9
+"""Relative; absolute for figures below 1."""
+_RANK = ("rank is not that of its error", "rank IS DISTINCT FROM place")
+_FIGURES = """WITH figures AS (
+    SELECT p.error, p.loss, p.accuracy, p.rank, p.heading_error AS turn,
+           p.x - i.x AS dx, p.y - i.y AS dy, (SELECT accuracy_scale FROM dataset) AS scale,
+           CASE WHEN p.error IS NOT NULL THEN row_number() OVER (
+               PARTITION BY p.side ORDER BY p.error NULLS LAST, p.iid) END AS place
+    FROM prediction p JOIN instance i USING (iid) WHERE p.run = ?)
+    SELECT """
+
+
+def _tables(store: Store, current: layout.Current) -> Iterator[Damage]:
+    for table, what, condition in (*_RULES, *_optional_rules(store)):
+        count = store.execute(f'SELECT count(*) FROM "{table}" WHERE {condition}')[0][0]
+        if count:
+            yield Damage(f"table {table}", f"{count} rows: {what}")
+    total, least, most, distinct = store.execute(
+        "SELECT count(*), min(iid), max(iid), count(DISTINCT iid) FROM instance"
+    )[0]
+    if total and (least, most, distinct) != (0, total - 1, total):
+        yield Damage("table instance", f"iid is not 0 .. {total - 1}, each once")
+    (unordered,) = store.execute(_ORDER)[0]
+    if unordered:
+        yield Damage("table instance", f"{unordered} trajectories: not the stated rows in order")
+    stated = sum(trajectory.instances for trajectory in store.trajectories)
+    if stated != total:
+        yield Damage("table trajectory", f"states {stated} instances, there are {total}")
+    wrong = [*((what, _differ(name, formula)) for what, name, formula in _FORMULAS), _RANK]
+    counts = ", ".join(f"count(*) FILTER ({condition})" for _, condition in wrong)
+    for run in store.runs:  # one at a time: ranks of all runs would not fit into DuckDB's memory
+        found = store.execute(f"{_FIGURES} {counts} FROM figures", [run])[0]
+        for count, (what, _) in zip(found, wrong, strict=True):
+            if count:
+                yield Damage("table prediction", f"run {run}: {count} rows: {what}")
+    yield from _complete_runs(store, total)
+    if store.dataset.hash != current.dataset_hash:
+        yield Damage(layout.CURRENT, "names another data set than the index")
+    for known in schema.TABLES:
+        names = [name for name in known.column_names if name not in store.lacking(known.name)]
+        store.execute(f'SELECT {", ".join(names)} FROM "{known.name}" LIMIT 0')
+
+
+def _differ(name: str, formula: str) -> str:
+    """The condition that a figure and its formula differ; NULL where one of them is NULL."""
+    near = f"abs({name} - ({formula})) <= {_TOLERANCE} * greatest(1, abs({formula}))"
+    return f"NOT ({name} = ({formula}) OR {near})"
+
+
+def _optional_rules(store: Store) -> Iterator[tuple[str, str, str]]:
+    if "outlier" not in store.lacking("prediction"):
+        yield "prediction", "outlier is no distance", "isnan(outlier) OR outlier < 0"
+
+
+def _complete_runs(store: Store, total: int) -> Iterator[Damage]:
+    """Every computed run has one prediction per instance and side."""
+    counted = {
+        (run, side): count
+        for run, side, count in store.execute(
+            "SELECT run, side, count(DISTINCT iid) FROM prediction GROUP BY run, side"
+        )
+    }
+    for name, run in store.runs.items():
+        for side in SIDES if run.key else ():
+            if counted.get((name, side), 0) != total:
+                have = counted.get((name, side), 0)
+                yield Damage("table prediction", f"run {name}: {have} of {total} {side} rows")

@@ -1,0 +1,96 @@
+"""Which instances a run sees alike: nearest neighbours in the embeddings of one side.
+
+By brute force: exact, and fast enough for one question at a time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.arrays import stored_array
+from s2rstore.errors import RequestError
+from s2rstore.index.columns import population
+from s2rstore.metrics.top_k import extremes
+from s2rstore.reader import Store
+from s2rstore.records import Side
+
+_BLOCK = 4096
+_KINDS = ("pca", "embedding")
+
+
+def neighbours(
+    store: Store,
+    run: str,
+    side: Side,
+    iid: int,
+    count: int,
+    trajectories: tuple[str, ...] | None = None,
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """An instance and its nearest in one side's embeddings, with their distances.
+
+    The instance comes first, at 0; then at most `count` valid ones of the named trajectories
+    (None = all), the nearest first, ties by iid. Empty where the instance has no embedding.
+    Raises RequestError for an unknown instance and for a run without embeddings.
+    """
+    truth = store.instances
+    if not 0 <= iid < len(truth):
+        raise RequestError(f"no instance {iid}: the store holds 0 .. {len(truth) - 1}")
+    points = embedding(store, run, side)
+    return nearest(
+        points, iid, count, population(store.run_columns(run).valid, truth, trajectories)
+    )
+
+
+def can_compare(store: Store, run: str) -> bool:
+    """Whether a run has embeddings."""
+    return any(record.kind in _KINDS for record in store.arrays(run))
+
+
+def embedding(store: Store, run: str, side: Side) -> NDArray[np.float32]:
+    """What `neighbours` compares, (N, D): the principal components, NaN where there is none.
+
+    Stays in memory for the next question. Raises RequestError for a run without embeddings.
+    """
+
+    def read() -> NDArray[np.float32]:
+        kinds = {record.kind for record in store.arrays(run)}
+        kind = next((kind for kind in _KINDS if kind in kinds), None)
+        if kind is None:
+            raise RequestError(f"run {run!r} has no embeddings to compare; run `s2r precompute`")
+        _, array = store.array(run, kind, side)
+        found = np.asarray(stored_array.read_rows(array, 0, array.shape[0]), dtype=np.float32)
+        if found.shape[0] != len(store.instances):
+            raise RequestError(f"run {run!r}: {kind} has {found.shape[0]} rows; run `s2r verify`")
+        return found
+
+    return store.embeddings.get((run, side), read)
+
+
+def nearest(
+    points: NDArray[np.float32], row: int, count: int, base: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """`row` itself, then its at most `count` nearest among `base` (n,), and the distances.
+
+    `points` (n, d); Euclidean distance, ties by index. Points that are not finite are near
+    nothing, and nothing is near them.
+    """
+    found = _distances(points, points[row])
+    if not np.isfinite(found[row]):
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.float32)
+    others = base & np.isfinite(found)
+    others[row] = False
+    rows = np.flatnonzero(extremes(found, others, count, largest=False))
+    rows = rows[np.argsort(found[rows], kind="stable")]
+    chosen = np.concatenate([[row], rows]).astype(np.int64)
+    return chosen, np.sqrt(found[chosen])
+
+
+def _distances(points: NDArray[np.float32], centre: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Squared distances, summed over differences so that near ones stay exact; shape (n,)."""
+    found = np.empty(len(points), dtype=np.float32)
+    with np.errstate(invalid="ignore", over="ignore"):
+        for start in range(0, len(points), _BLOCK):
+            block = points[start : start + _BLOCK] - centre
+            np.einsum("ij,ij->i", block, block, out=found[start : start + _BLOCK])
+    return found

@@ -1,0 +1,141 @@
+"""What a store shows at first glance: the room where reality is worst, the costliest gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from s2rstore.errors import RequestError
+from s2rstore.metrics import run_metrics
+from s2rstore.reader import Store
+from s2rstore.security.printable_text import printable
+
+MIN_INSTANCES = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A room of one run: median errors in metres over `n` instances new to the model."""
+
+    room: str
+    n: int
+    real_median: float
+    sim_median: float
+
+
+def regions(store: Store, run: str) -> list[Region]:
+    """Rooms with at least five instances new to the model, the largest median real error first."""
+    columns = store.run_columns(run)
+    fresh = run_metrics.held_out(store, run)
+    truth = store.instances
+    found = []
+    for code, name in enumerate(truth.room_names):
+        members = fresh & (truth.room == code)
+        n = int(members.sum())
+        if n >= MIN_INSTANCES:
+            real = float(np.median(columns.real.error[members]))
+            sim = float(np.median(columns.sim.error[members]))
+            found.append(Region(name, n, real, sim))
+    return sorted(found, key=lambda region: -region.real_median)
+
+
+def lines(store: Store) -> list[str]:
+    """The findings in a dozen lines, for the end of a demo or a log."""
+    computed = [name for name, run in store.runs.items() if run.key]
+    if not computed:
+        return ["no run is computed yet"]
+    truth = store.instances
+    told = [
+        f"{len(truth)} instances, {len(computed)} runs; predicting the mean position scores "
+        f"{100 * run_metrics.baseline(store, computed[0]):.1f} % accuracy"
+    ]
+    told += [_run_line(store, name) for name in computed]
+    best = max(computed, key=lambda name: _accuracy(store, name))
+    told.append(f"best in reality: {best} ({100 * _accuracy(store, best):.1f} %)")
+    found = regions(store, computed[0])
+    if found:
+        worst = found[0]
+        told.append(
+            f"worst region of {computed[0]}: {worst.room} (median real error "
+            f"{worst.real_median:.2f} m, sim {worst.sim_median:.2f} m; {worst.n} new instances)"
+        )
+    return [printable(line) for line in [*told, *_score_lines(store)]]
+
+
+def _score_lines(store: Store) -> list[str]:
+    """Why, and which heatmap to trust: what `s2r score` noted of the first run that it fits."""
+    noted = store.provenance("score").get("report")
+    if noted is None:
+        return []
+    try:
+        return _told(store, store.provenance_object("score", "report"))
+    except (RequestError, ValueError, TypeError, KeyError, AttributeError):
+        return ["the noted score makes no sense; run `s2r score` again"]
+
+
+def _told(store: Store, report: dict[str, Any]) -> list[str]:
+    known = report["runs"]
+    runs = [name for name, run in store.runs.items() if run.key and run.key == known.get(name)]
+    if not runs:
+        return []
+    mine = [
+        [row for row in report[part] if row["run"] == runs[0]] for part in ("factors", "heatmaps")
+    ]
+    return [*_cause_lines(runs[0], mine[0]), *_heatmap_lines(runs[0], mine[1])]
+
+
+def _cause_lines(run: str, causes: list[dict[str, Any]]) -> list[str]:
+    known = [row for row in causes if row["cost"] is not None]
+    if not known:
+        return []
+    worst = max(known, key=lambda row: row["cost"])
+    return [
+        f"costliest factor of {run}: {worst['factor']}, alone +{worst['cost']:.2f} m "
+        f"({worst['cost_low']:.2f} .. {worst['cost_high']:.2f}); leaving it out gains "
+        f"{worst['gain']:.2f} m ({worst['gain_low']:.2f} .. {worst['gain_high']:.2f})"
+    ]
+
+
+def _heatmap_lines(run: str, heatmaps: list[dict[str, Any]]) -> list[str]:
+    """On the floor as both sides paint it, so that all kinds answer for the same cells."""
+    floors = [row for row in heatmaps if (row["place"], row["side"]) == ("floor", "both")]
+    known = sorted((row for row in floors if row["auroc"] is not None), key=lambda r: -r["auroc"])
+    if not known:
+        return []
+    best = known[0]
+    others: dict[str, float] = {}
+    for row in known[1:]:
+        if row["kind"] != best["kind"]:
+            others.setdefault(row["kind"], row["auroc"])
+    told = [
+        f"best heatmap of {run}: {best['kind']} finds the changed objects on the floor at AUROC "
+        f"{best['auroc']:.2f} ({best['auroc_low']:.2f} .. {best['auroc_high']:.2f}); "
+        f"{100 * best['precision']:.0f} % of its top cells are right (chance "
+        f"{100 * best['base_rate']:.0f} %)"
+    ]
+    if others:
+        told.append("  beside it: " + ", ".join(f"{k} {v:.2f}" for k, v in others.items()))
+    return told
+
+
+def _accuracy(store: Store, run: str) -> float:
+    value = run_metrics.headline(store, run, "real").accuracy.value
+    return value if np.isfinite(value) else -1.0
+
+
+def _run_line(store: Store, run: str) -> str:
+    parts = []
+    for side in ("sim", "real"):
+        found = run_metrics.headline(store, run, "sim" if side == "sim" else "real")
+        if not found.n:
+            parts.append(f"{side} n/a (all {found.trained_on} trained on)")
+            continue
+        span = f"{100 * found.accuracy.low:.1f} .. {100 * found.accuracy.high:.1f}"
+        left_out = f", {found.trained_on} trained on left out" if found.trained_on else ""
+        parts.append(
+            f"{side} {100 * found.accuracy.value:.1f} % ({span}), median "
+            f"{found.median_error:.2f} m, n {found.n}{left_out}"
+        )
+    return f"  {run}: " + "; ".join(parts)

@@ -1,0 +1,64 @@
+"""What a side of a run looks at: its cameras, and its frames before adjustments of the images.
+
+A side whose cameras are moved keeps rendered frames of its own, as arrays of the run.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.arrays import stored_array
+from s2rstore.errors import RequestError
+from s2rstore.geometry.camera_offset import UNMOVED, CameraMove, camera_move
+from s2rstore.reader import Frame, Store
+from s2rstore.records import Domain, Run, Side
+
+FRAME_KINDS = {"rgb": "frames:rgb", "depth": "frames:depth"}
+"""Kinds of the arrays that hold rendered frames."""
+
+
+def run_move(store: Store, run: Run, side: Side) -> CameraMove:
+    """How a run moves the cameras of a side."""
+    domain = store.domain(run.domain(side))
+    return camera_move(run.adjustments(side), domain, store.dataset.frame_width)
+
+
+def run_domain(store: Store, run: Run, side: Side) -> Domain:
+    """A side's domain with the cameras that the run's frames were taken with."""
+    return run_move(store, run, side).applied(store.domain(run.domain(side)))
+
+
+def run_frame(store: Store, run: Run, side: Side, iid: int) -> Frame:
+    """A side's view of one instance.
+
+    Raises RequestError for an unknown instance, and where rendered frames are not computed yet.
+    """
+    if run_move(store, run, side) == UNMOVED:
+        return store.frame(iid, run.domain(side))
+    if not 0 <= iid < len(store.instances):
+        raise RequestError(f"instance {iid}: the store holds 0 .. {len(store.instances) - 1}")
+    images = run_frames(store, run, side, iid, iid + 1)
+    domain, depth = store.domain(run.domain(side)), images["depth"][0]
+    valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
+    return Frame(images["rgb"][0], depth, valid)
+
+
+def run_frames(
+    store: Store,
+    run: Run,
+    side: Side,
+    start: int,
+    stop: int,
+    images: tuple[str, ...] = ("rgb", "depth"),
+) -> dict[str, NDArray[Any]]:
+    """A side's images of iids [start, stop), as `Store.frames` gives them."""
+    if run_move(store, run, side) == UNMOVED:
+        return store.frames(run.domain(side), start, stop, images)
+    found = {}
+    for image in images:
+        _, array = store.array(run.run, FRAME_KINDS[image], side)
+        found[image] = np.asarray(stored_array.read_rows(array, start, min(stop, array.shape[0])))
+    return found

@@ -1,0 +1,183 @@
+"""Small made-up views that every test of this room draws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from s2rstore.records import Bounds, Room
+from s2rtui.charts.shared.inputs import (
+    DifferenceInput,
+    GeoMapInput,
+    HistogramInput,
+    InstanceInput,
+    OrientationInput,
+    OverviewLines,
+    OverviewRow,
+    PoseNumbers,
+    RoomsInput,
+    SideView,
+    UmapInput,
+)
+
+N = 60
+BOUNDS = Bounds(0.0, 0.0, 20.0, 10.0)
+
+ROWS = (
+    OverviewRow("vanilla", 0.95, 0.78, (0.94, 0.96), (0.75, 0.81), 542),
+    OverviewRow("dataaug", 0.93, 0.86, (0.92, 0.94), (0.84, 0.88), 542),
+    OverviewRow("seen everything", None, float("nan"), None, None, 0, "no unseen instance"),
+)
+
+
+def overview_lines(**changes: Any) -> OverviewLines:
+    """Lines of the three runs of `ROWS`; the last one knows no accuracy."""
+    random = np.random.default_rng(11)
+    first = np.clip(random.normal(0.8, 0.1, N), 0, 1)
+    second = np.clip(first + random.normal(0.05, 0.05, N), 0, 1)
+    fields: dict[str, Any] = {
+        "values": (first, second, np.full(N, np.nan)),
+        "selected": np.arange(N) >= 45,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return OverviewLines(**(fields | changes))
+
+
+def geomap_input(**changes: Any) -> GeoMapInput:
+    random = np.random.default_rng(7)
+    along = np.linspace(0, 2 * np.pi, N, endpoint=False)
+    truth = np.stack([10 + 7 * np.cos(along), 5 + 3 * np.sin(along)], axis=1)
+    floor = np.zeros((50, 100, 3), dtype=np.uint8)
+    floor[:, 50:] = 220
+    heat = np.full((25, 50), np.nan)
+    heat[5:10, 5:15] = np.linspace(0.1, 2, 50).reshape(5, 10)
+    view: dict[str, Any] = {
+        "truth": truth,
+        "sim": truth + random.normal(0, 0.3, truth.shape),
+        "real": truth + random.normal(0, 1.5, truth.shape),
+        "values": np.linspace(0, 5, N),
+        "selected": np.arange(N) >= 45,
+        "valid": np.arange(N) != 3,
+        "bounds": BOUNDS,
+        "headings": along,
+        "sim_headings": along,
+        "real_headings": along,
+        "cursor": 50,
+        "floor_plan": floor,
+        "heat": heat,
+        "heat_unit": "m",
+        "rooms": (Room("hall", 0, 0, 0, 10, 10), Room("größer", 1, 10, 0, 20, 10)),
+    }
+    return GeoMapInput(**(view | changes))
+
+
+def difference_input(**changes: Any) -> DifferenceInput:
+    view = geomap_input()
+    random = np.random.default_rng(9)
+    fields: dict[str, Any] = {
+        "truth": view.truth,
+        "first": random.gamma(2, 0.5, N),
+        "second": random.gamma(2, 0.5, N),
+        "selected": view.selected,
+        "valid": view.valid,
+        "bounds": BOUNDS,
+        "names": ("vanilla", "größer"),
+        "cursor": 50,
+        "floor_plan": view.floor_plan,
+        "rooms": view.rooms,
+    }
+    return DifferenceInput(**(fields | changes))
+
+
+def side(seed: int, heat: bool = True, depth: bool = True) -> SideView:
+    random = np.random.default_rng(seed)
+    metres = random.uniform(0.5, 8, (32, 32)).astype(np.float32)
+    metres[:4] = np.nan
+    return SideView(
+        rgb=random.integers(0, 256, (32, 32, 3), dtype=np.uint8),
+        depth=metres if depth else None,
+        heat=random.normal(0, 1, (6, 6)).astype(np.float32) if heat else None,
+        pose=PoseNumbers(1.5, -2.25, 0.5, 0.75, 0.1),
+    )
+
+
+def instance_input(**changes: Any) -> InstanceInput:
+    view: dict[str, Any] = {
+        "iid": 12,
+        "sim": side(1),
+        "real": side(2),
+        "truth": (1.0, -2.0, 0.4),
+        "kind": "occlusion",
+        "mode": "rgb",
+        "unit": "m",
+        "signed": True,
+        "notes": (("room", "größer"),),
+    }
+    return InstanceInput(**(view | changes))
+
+
+def histogram_input(**changes: Any) -> HistogramInput:
+    random = np.random.default_rng(5)
+    view: dict[str, Any] = {
+        "sim": random.gamma(2, 0.2, N),
+        "real": random.gamma(2, 0.8, N),
+        "selected": np.arange(N) < 10,
+        "valid": np.ones(N, dtype=np.bool_),
+    }
+    return HistogramInput(**(view | changes))
+
+
+def umap_input(**changes: Any) -> UmapInput:
+    """Two clusters; instance 4 has no real point."""
+    random = np.random.default_rng(11)
+    sim = random.normal(0, 1, (N, 2)) + np.where(np.arange(N) < 30, 0, 6)[:, None]
+    real = sim + random.normal(0, 1.5, (N, 2))
+    real[4] = np.nan
+    view: dict[str, Any] = {
+        "sim": sim,
+        "real": real,
+        "values": None,
+        "selected": np.arange(N) >= 40,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return UmapInput(**(view | changes))
+
+
+def orientation_input(**changes: Any) -> OrientationInput:
+    """All round, sim a little and real a lot beside the truth; instance 4 has no real heading."""
+    random = np.random.default_rng(12)
+    truth = np.linspace(-np.pi, np.pi, N, endpoint=False)
+    real = truth + random.normal(0, 0.8, N)
+    real[4] = np.nan
+    view: dict[str, Any] = {
+        "sim": truth + random.normal(0, 0.1, N),
+        "truth": truth,
+        "real": real,
+        "selected": np.arange(N) < 20,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return OrientationInput(**(view | changes))
+
+
+ROOM_NAMES = ("hall", "größer", "a very long name of a room", "kitchen", "5")
+
+
+def rooms_input(**changes: Any) -> RoomsInput:
+    """Five rooms, some real predictions in none."""
+    random = np.random.default_rng(13)
+    truth = (np.arange(N) // 12).astype(np.int32)
+    real = np.where(random.random(N) < 0.2, -1, random.integers(0, 5, N)).astype(np.int32)
+    view: dict[str, Any] = {
+        "sim": truth,
+        "truth": truth,
+        "real": real,
+        "room_names": ROOM_NAMES,
+        "selected": np.arange(N) < 20,
+        "valid": np.arange(N) != 3,
+        "cursor": 50,
+    }
+    return RoomsInput(**(view | changes))

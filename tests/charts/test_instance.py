@@ -1,0 +1,92 @@
+"""One instance: panels side by side, heat over them, scales, numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from s2rtui.canvas import ColourMode, Look
+from s2rtui.canvas.colour import NO_DEPTH
+from s2rtui.charts.instance.model import heat_colours, instance_model, panel_pixels
+from s2rtui.charts.instance.terminal import instance, instance_layout
+from tests.charts.examples import instance_input, side
+
+
+def test_sim_stands_left_of_real_at_the_same_size() -> None:
+    panels = instance_layout(instance_input(), (60, 50)).panels
+    for what in ("rgb", "depth"):
+        sim, real = (panel for panel in panels if panel.what == what)
+        assert (sim.side, real.side) == ("sim", "real")
+        assert sim.x + sim.width <= real.x
+        assert (sim.y, sim.width, sim.height) == (real.y, real.width, real.height)
+
+
+@pytest.mark.parametrize("size", [(36, 38), (60, 50), (80, 22), (150, 30)])
+def test_panels_fit_and_keep_the_aspect(size: tuple[int, int]) -> None:
+    layout = instance_layout(instance_input(), size)
+    assert layout.panels
+    for panel in layout.panels:
+        assert panel.x + panel.width <= size[0]
+        assert panel.y + panel.height <= size[1]
+        assert panel.width == pytest.approx(2 * panel.height, abs=2)
+
+
+def test_signed_scale_is_symmetric_and_shared() -> None:
+    model = instance_model(instance_input())
+    assert model.heat_range is not None
+    low, high = model.heat_range
+    assert low == -high
+    both = np.concatenate([side(1).heat.ravel(), side(2).heat.ravel()])  # type: ignore[union-attr]
+    assert high == pytest.approx(np.abs(both).max())
+
+
+def test_unsigned_scale_starts_at_zero() -> None:
+    model = instance_model(instance_input(signed=False, sim=side(1, heat=False)))
+    assert model.heat_range is not None
+    assert model.heat_range[0] <= 0
+
+
+def test_zero_heat_leaves_the_picture_alone() -> None:
+    colours, opacity = heat_colours(np.array([[0.0, 1.0, np.nan]]), (-1.0, 1.0), signed=True)
+    assert colours.shape == (1, 3, 3)
+    assert opacity[0, 0] == 0
+    assert opacity[0, 1] > 0.7
+    assert opacity[0, 2] == 0
+
+
+def test_invalid_depth_has_a_colour_of_its_own() -> None:
+    view = instance_input()
+    pixels = panel_pixels(view.sim, "depth", instance_model(view), view, (32, 32))
+    assert (pixels[:4] == NO_DEPTH).all()
+    assert not (pixels[4:] == NO_DEPTH).all(axis=-1).any()
+
+
+def test_numbers_are_metres_and_degrees() -> None:
+    text = "\n".join(instance(instance_input(), (60, 50)).lines())
+    for number in ("1.50", "-2.25", "28.6", "0.75", "5.7", "22.9"):
+        assert number in text
+    assert "occlusion rgb" in text
+    assert "#12" in text
+    assert "größer" in text
+
+
+def test_no_minus_zero_and_no_nan() -> None:
+    model = instance_model(instance_input(truth=(-0.001, float("nan"), 0.0)))
+    assert model.poses[0].cells[:3] == ("0.00", "n/a", "0.0")
+
+
+@pytest.mark.parametrize("look", [Look(ascii=True), Look(mode=ColourMode.NONE)])
+def test_heat_becomes_digits_and_letters_where_it_cannot_be_colour(look: Look) -> None:
+    view = instance_input()
+    layout = instance_layout(view, (60, 60), look)
+    heat = [panel for panel in layout.panels if panel.what == "heat"]
+    assert len(heat) == 2
+    canvas = instance(view, (60, 60), look)
+    panel = heat[0]
+    part = canvas.char[panel.y : panel.y + panel.height, panel.x : panel.x + panel.width]
+    assert set(part.ravel()) <= set("ihgfedcba.123456789")
+
+
+def test_a_side_without_depth_says_so() -> None:
+    text = "\n".join(instance(instance_input(real=side(2, depth=False)), (60, 50)).lines())
+    assert "no depth" in text

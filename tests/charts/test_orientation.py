@@ -1,0 +1,219 @@
+"""Headings: counts, directions, means, and bars that can be read in every dress."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from s2rtui.canvas import DARK, ColourMode, Look
+from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.pending_brush import arc_of, wrapped
+from s2rtui.charts.orientation.dial import bar_dots, dial_of
+from s2rtui.charts.orientation.model import BINS, EXACTLY_UP_TO, orientation_model
+from s2rtui.charts.orientation.terminal import orientation, orientation_layout
+from s2rtui.charts.orientation.terminal import orientation_surface as surface
+from tests.charts.examples import N, orientation_input
+
+SIZE = (50, 10)
+COUNT = 30
+headings = arrays.arrays(np.float64, COUNT, elements=st.floats(-9, 9) | st.just(np.nan))
+masks = arrays.arrays(np.bool_, COUNT)
+
+
+def one_way(degrees: float, **changes):
+    """Everybody looks the same way, all selected."""
+    column = np.full(N, math.radians(degrees))
+    ones = np.ones(N, dtype=np.bool_)
+    view = {"sim": column, "truth": column, "real": column, "selected": ones, "valid": ones}
+    return orientation_input(**(view | {"cursor": None} | changes))
+
+
+@given(headings, masks, masks)
+def test_counts_and_means_are_those_of_the_selected(column, selected, valid) -> None:
+    view = orientation_input(
+        sim=column, truth=column, real=column, selected=selected, valid=valid, cursor=None
+    )
+    edges = np.arange(BINS + 1) * 5.0 - 180
+    panel = orientation_model(view).panels[0]
+    for mask, counts in ((selected & valid, panel.lit), (valid, panel.total)):
+        own = column[mask & np.isfinite(column)]
+        turned = np.array([wrapped(degrees) for degrees in np.degrees(own)])
+        expected, _ = np.histogram(turned, edges)
+        assert counts.sum() == own.size
+        assert (
+            np.abs(np.cumsum(counts) - np.cumsum(expected)).max(initial=0)
+            <= (np.abs(turned[:, None] - edges).min(initial=np.inf) < 1e-9) * own.size
+        )
+    own = column[selected & valid & np.isfinite(column)]
+    if own.size:
+        vector = np.exp(1j * own).mean()
+        assert panel.resultant == pytest.approx(abs(vector), abs=1e-12)
+        if abs(vector) > 1e-6:
+            apart = wrapped(panel.mean - math.degrees(np.angle(vector)))
+            assert apart == pytest.approx(0, abs=1e-6)
+    else:
+        assert math.isnan(panel.mean)
+
+
+def test_means_of_many_are_close_and_exact_on_few_directions() -> None:
+    random = np.random.default_rng(3)
+    number = 4 * EXACTLY_UP_TO
+    ones = np.ones(number, dtype=np.bool_)
+    selected = random.random(number) < 0.6
+    spread = random.vonmises(1.0, 2.0, number)
+    grid = np.radians(random.choice([0.0, 90.0, 91.0], number))
+    view = orientation_input(
+        sim=spread, truth=grid, real=grid, selected=selected, valid=ones, cursor=None
+    )
+    model = orientation_model(view)
+    vector = np.exp(1j * spread[selected]).mean()
+    assert model.panels[0].mean == pytest.approx(math.degrees(np.angle(vector)), abs=0.1)
+    assert model.panels[0].resultant == pytest.approx(abs(vector), abs=1e-3)
+    vector = np.exp(1j * grid[selected]).mean()
+    assert model.panels[1].mean == pytest.approx(math.degrees(np.angle(vector)), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "y_down", "way"),
+    [(2, True, "right"), (92, True, "down"), (92, False, "up"), (-88, True, "up"),
+     (178, True, "left")],
+)  # fmt: skip
+@pytest.mark.parametrize("look", [Look(), Look(ascii=True)])
+def test_bars_point_as_on_the_map(degrees: float, y_down: bool, way: str, look: Look) -> None:
+    size = (120, 24)
+    view = one_way(degrees, y_down=y_down)
+    canvas = orientation(view, size, look)
+    for panel, colour in zip(
+        surface(view, size, look), (DARK.sim, DARK.truth, DARK.real), strict=True
+    ):
+        rows, columns = (slice(panel.y, panel.y + panel.height),
+                         slice(panel.x, panel.x + panel.width))  # fmt: skip
+        inked = (canvas.fg[rows, columns] == colour).all(axis=-1)
+        inked &= canvas.char[rows, columns] != " "
+        row, column = (part.mean() for part in np.nonzero(inked))
+        across, down = column + 0.5 - panel.width / 2, 2 * (row + 0.5 - panel.height / 2)
+        offsets = {"right": across, "left": -across, "down": down, "up": -down}
+        assert max(offsets, key=lambda name: offsets[name]) == way
+        assert offsets[way] > 3
+
+
+@given(arrays.arrays(np.float64, BINS, elements=st.sampled_from([0.0, 0.01, 0.3, 1.0])))
+def test_every_bar_is_drawn_and_as_long_as_its_count(lengths) -> None:
+    dial = dial_of(0, 0, 40, 20, True, (0, 0))
+    dots = bar_dots(dial, 40, 20, lengths)
+    rows, columns = np.nonzero(dots)
+    places = [
+        dial.to_data((column + 0.5) / 2, (row + 0.5) / 4)
+        for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
+    ]
+    turns = np.array([place[0] for place in places])
+    radii = np.array([place[1] for place in places])
+    dot = 0.75 / (dial.rim - dial.ring)
+    for index in np.flatnonzero(lengths > 0):
+        middle = (index + 0.5) * 5 - 180
+        near = np.abs((turns - middle + 180) % 360 - 180) < 5
+        assert radii[near].max() > lengths[index] - dot
+    assert (radii > -dot).all()
+    if not (lengths > 0).any():
+        assert not dots.any()
+    elif lengths.max() < 1:
+        assert radii.max() < lengths.max() + dot + 0.5 / (dial.rim - dial.ring)
+
+
+def test_grey_bars_are_all_shrunk_by_the_selected_share() -> None:
+    view = orientation_input()
+    model = orientation_model(view)
+    lit, total = (sum(part.sum() for part in counts) for counts in zip(
+        *((panel.lit, panel.total) for panel in model.panels), strict=True))  # fmt: skip
+    assert model.whole == pytest.approx(model.peak * total / lit)
+    for panel in model.panels:
+        for bars in model.lengths(panel):
+            assert bars.max() <= 1 + 1e-9
+    everything = orientation_model(one_way(10))
+    assert everything.peak == everything.whole == N
+
+
+def test_the_scale_and_the_means_are_written() -> None:
+    lines = orientation(one_way(-93), SIZE).lines()
+    assert lines[0].count(f"max {N}") == 3
+    assert lines[-1].count("-93° R 1.00") == 3
+    assert "none" in orientation(one_way(5, selected=np.zeros(N, dtype=np.bool_)), SIZE).lines()[-1]
+
+
+@pytest.mark.parametrize("size", [(50, 4), (40, 3), (80, 5)])
+def test_strips_take_over_where_dials_are_too_small(size: tuple[int, int]) -> None:
+    view = one_way(92)
+    layout = orientation_layout(view, size)
+    assert layout.dial is None
+    assert layout.count in (36, 72)
+    canvas = orientation(view, size)
+    for panel in surface(view, size):
+        row = canvas.char[panel.y + panel.height - 1, panel.x : panel.x + panel.width]
+        at = np.flatnonzero(row == "█")
+        assert at.size == panel.width // layout.count
+        degrees = [panel.to_data(panel.x + place + 0.5, panel.y + 0.5)[0] for place in at]
+        assert all(abs(turn - 92) < 10 for turn in degrees)
+
+
+def test_selected_and_others_differ_without_colours() -> None:
+    none = np.zeros(N, dtype=np.bool_)
+    for look, lit in ((Look(mode=ColourMode.NONE), "▀▄█▌▐▘▝▖▗▛▜▙▟"), (Look(ascii=True), "#")):
+        size = (120, 24)
+        drawn = "".join(orientation(one_way(10), size, look).lines()[3:])
+        grey = "".join(orientation(one_way(10, selected=none), size, look).lines()[3:])
+        assert any(glyph in drawn for glyph in lit)
+        assert not any(glyph in grey for glyph in lit)
+        assert "".join(grey.split()) != ""
+
+
+def test_the_cursor_points_from_centre_to_rim_in_each_panel() -> None:
+    view = orientation_input(cursor=30)
+    canvas = orientation(view, (100, 20))
+    for panel, column in zip(
+        surface(view, (100, 20)), (view.sim, view.truth, view.real), strict=True
+    ):
+        x, y = panel.to_cells(math.degrees(column[30]), 1.0)
+        found = np.argwhere(
+            canvas.char[panel.y : panel.y + panel.height, panel.x : panel.x + panel.width] == "◉"
+        )
+        assert len(found) == 1
+        row, place = found[0]
+        assert abs(place + panel.x - x) <= 1
+        assert abs(row + panel.y - y) <= 1
+
+
+@pytest.mark.parametrize(
+    ("ends", "arc"),
+    [
+        ((30.0, 50.0), (40.0, 10.0)),
+        ((170.0, -160.0), (-175.0, 15.0)),
+        ((160.0, 200.0), (180.0, 20.0)),
+        ((-20.0, 240.0), (110.0, 130.0)),
+        ((50.0, 30.0), (-140.0, 170.0)),
+        ((-200.0, 200.0), (-20.0, 180.0)),
+    ],
+)
+def test_a_brush_turns_from_its_first_end_to_its_last(ends, arc) -> None:
+    middle, half = arc_of(Mark("sim", ((ends[0], 1.0), (ends[1], 1.0))))
+    assert wrapped(middle - arc[0]) == pytest.approx(0)
+    assert half == pytest.approx(arc[1])
+
+
+@pytest.mark.parametrize("size", [(100, 20), (60, 4)])
+def test_a_pending_arc_is_lit_and_its_ends_marked(size: tuple[int, int]) -> None:
+    mark = Mark("truth", ((170.0, 1.0), (-120.0, 1.0)))
+    view = orientation_input(mark=mark, cursor=None)
+    canvas = orientation(view, size, Look(mode=ColourMode.NONE))
+    _, truth, _ = surface(view, size)
+    assert "".join(canvas.lines()).count("+") == 2
+    ground = (canvas.bg == DARK.highlight).all(axis=-1)
+    assert ground.any()
+    for row, column in np.argwhere(ground):
+        assert truth.holds(int(column), int(row))
+        degrees = truth.to_data(column + 0.5, row + 0.5)[0]
+        assert abs(wrapped(degrees - -155)) <= 35 + 1e-6

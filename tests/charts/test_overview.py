@@ -1,0 +1,72 @@
+"""The overview puts marks where the numbers are."""
+
+from __future__ import annotations
+
+import pytest
+
+from s2rtui.canvas import DARK, ColourMode, Look
+from s2rtui.charts.overview.layout import overview_layout
+from s2rtui.charts.overview.model import overview_model
+from s2rtui.charts.overview.terminal import overview
+from s2rtui.charts.shared.inputs import OverviewRow
+from tests.charts.examples import ROWS
+
+SIZE = (70, 10)
+
+
+def test_axis_holds_every_value_with_round_ends() -> None:
+    low, high = overview_model(ROWS, 0.72).axis
+    assert low <= 0.72
+    assert high >= 0.96
+    assert (100 * low) % 5 == pytest.approx(0, abs=1e-9)
+
+
+def test_sim_lies_right_of_real_with_the_gap_between() -> None:
+    line = overview(ROWS, 0.72, 0, SIZE).lines()[1]
+    assert line.index("◇") < line.index("◆")
+    assert "━" in line[line.index("◇") : line.index("◆")]
+
+
+def test_numbers_stand_at_the_right_and_n_a_where_nothing_is_left() -> None:
+    lines = overview(ROWS, 0.72, 0, SIZE).lines()
+    assert lines[1].split()[-2:] == ["95.0", "78.0"]
+    assert lines[3].split()[-2:] == ["n/a", "n/a"]
+    assert "no unseen instance" in lines[3]
+
+
+def test_baseline_crosses_every_line_at_one_column() -> None:
+    lines = overview(ROWS, 0.72, None, SIZE).lines()
+    columns = {line.index("┊") for line in lines[1:3]}
+    assert len(columns) == 1
+
+
+def test_marks_of_equal_accuracy_become_one() -> None:
+    line = overview([OverviewRow("same", 0.9, 0.9)], None, 0, SIZE).lines()[1]
+    assert "◈" in line
+
+
+def test_selected_line_is_marked_by_glyph_and_ground() -> None:
+    canvas = overview(ROWS, 0.72, 1, SIZE)
+    assert canvas.char[2, 0] == "▶"
+    assert (canvas.bg[2] == DARK.highlight).all()
+    assert not (canvas.bg[1] == DARK.highlight).any()
+
+
+def test_colours_are_doubled_by_letters_in_ascii() -> None:
+    text = "\n".join(overview(ROWS, 0.72, 0, SIZE, Look(mode=ColourMode.NONE, ascii=True)).lines())
+    assert text.isascii()
+    assert "S" in text
+    assert "R" in text
+
+
+def test_window_follows_the_selection() -> None:
+    rows = [OverviewRow(f"run{index}", 0.9, 0.8) for index in range(40)]
+    for selected in (0, 17, 39):
+        layout = overview_layout(rows, selected, (60, 8))
+        assert layout.first <= selected < layout.first + layout.shown
+        assert layout.run_at(layout.top) == layout.first
+        assert layout.run_at(layout.top + layout.shown) is None
+
+
+def test_no_run_says_so() -> None:
+    assert "no run" in overview([], None, None, SIZE).lines()[0]

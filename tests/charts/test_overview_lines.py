@@ -1,0 +1,273 @@
+"""Every instance as a line across the runs: where it runs, what lights it, how it is brushed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from s2rtui.canvas import DARK, ColourMode, Look
+from s2rtui.canvas.brush_surface import Mark, panel_at
+from s2rtui.canvas.render_options import UNICODE
+from s2rtui.charts.overview import line_density as module
+from s2rtui.charts.overview.layout import overview_layout, overview_surface
+from s2rtui.charts.overview.line_density import bin_count, levels, line_density, pair_counts
+from s2rtui.charts.overview.model import overview_model
+from s2rtui.charts.overview.terminal import overview
+from s2rtui.charts.shared.inputs import OverviewLines, OverviewRow
+from tests.charts.examples import ROWS, N, overview_lines
+
+SIZE = (60, 16)
+FEW = 12
+AXIS = (0.5, 1.0)
+columns = arrays.arrays(np.float64, FEW, elements=st.floats(0.3, 1.0) | st.just(np.nan))
+masks = arrays.arrays(np.bool_, FEW)
+
+
+def rows(count: int) -> list[OverviewRow]:
+    return [OverviewRow(f"run{index}", 0.9, 0.8) for index in range(count)]
+
+
+def by_hand(lines: OverviewLines, width: int, step: int, members: np.ndarray) -> np.ndarray:
+    """Lines per dot, drawn one after the other."""
+    size, count = bin_count(width, FEW), len(lines.values)
+    grid = np.zeros((4 * ((count - 1) * step + 1), 2 * width))
+    for iid in np.flatnonzero(members):
+        for run in range(count - 1):
+            ends = [float(column[iid]) for column in lines.values[run : run + 2]]
+            if np.isnan(ends).any():
+                continue
+            share = [min(size - 1, max(0, int((end - AXIS[0]) / 0.5 * size))) for end in ends]
+            start, stop = (2 * (0.5 + (part + 0.5) / size * (width - 1)) for part in share)
+            for row in range(4 * step):
+                here, there = (
+                    int(start + (stop - start) * (at / (4 * step))) for at in (row, row + 1)
+                )
+                passed = range(here, there) if there > here else range(there + 1, here + 1)
+                for dot in passed if there != here else (here,):
+                    grid[4 * run * step + 2 + row, dot] += 1
+    return grid
+
+
+@given(columns, columns, columns, masks, masks)
+def test_density_is_that_of_single_lines(
+    first: np.ndarray,
+    second: np.ndarray,
+    third: np.ndarray,
+    selected: np.ndarray,
+    valid: np.ndarray,
+) -> None:
+    lines = OverviewLines((first, second, third), selected, valid)
+    layout = overview_layout(rows(3), 0, SIZE, lines)
+    found = line_density(lines, AXIS, layout)
+    lit = by_hand(lines, layout.chart_width, layout.step, selected & valid)
+    others = by_hand(lines, layout.chart_width, layout.step, ~selected & valid)
+    assert (found.lit == lit).all()
+    assert (found.others == others).all()
+
+
+@given(columns, columns, masks, masks)
+def test_pairs_count_who_goes_where(
+    first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
+) -> None:
+    ((lit, others),) = pair_counts(OverviewLines((first, second), selected, valid), AXIS, 10)
+    known = valid & np.isfinite(first) & np.isfinite(second)
+    assert lit.sum() == (known & selected).sum()
+    assert others.sum() == (known & ~selected).sum()
+    top = known & selected & (first >= 0.95)
+    assert lit[9].sum() == top.sum()
+
+
+def test_bars_stand_for_runs_that_adjoin_even_where_a_neighbour_is_unknown() -> None:
+    lines = overview_lines()
+    layout = overview_layout(ROWS, 0, (60, 6), lines)
+    assert layout.step == 1
+    found = line_density(lines, AXIS, layout)
+    assert found.lit.shape == (4 * 3, 2 * layout.chart_width)
+    assert found.lit[3].sum() == 15
+    assert found.others[7].sum() == 44
+    assert not found.lit[8:].any()
+    tall = (found.lit[:4] > 0).sum(axis=0)
+    assert tall.max() <= 4
+    assert (found.lit[3] > 0).sum() == (tall > 0).sum()
+
+
+def test_many_lines_are_bands_without_gaps() -> None:
+    count = module.BANDS + 500
+    values = np.linspace(0.5, 1.0, count)
+    yes = np.ones(count, dtype=np.bool_)
+    lines = OverviewLines((values, values), yes, yes)
+    layout = overview_layout(rows(2), 0, (200, 16), lines)
+    inside = line_density(lines, AXIS, layout).lit[2:-2, 2:-2]
+    assert (inside > 0).all()
+
+
+def test_levels_rise_from_above_zero_to_one() -> None:
+    for peak in (2.0, 30.0, 1e5):
+        shares = levels(np.array([0.0, 1.0, peak / 2, peak]), peak)
+        assert shares[0] == 0
+        assert shares[1] > 0
+        assert shares[3] == pytest.approx(1.0)
+        assert (np.diff(shares[1:]) >= 0).all()
+
+
+def test_another_selection_bins_nothing_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = overview_lines()
+    overview(ROWS, 0.72, 0, SIZE, None, lines)
+    monkeypatch.setattr(module, "_binned", lambda *_: pytest.fail("binned again"))
+    overview(ROWS, 0.72, 0, SIZE, None, replace(lines, selected=np.arange(N) < 9))
+
+
+def test_axis_holds_the_lines_only_where_they_are_drawn() -> None:
+    lines = overview_lines()
+    tight, wide = overview_model(ROWS, 0.72).axis, overview_model(ROWS, 0.72, lines).axis
+    lowest = np.percentile(lines.values[0][lines.valid], 1)
+    assert wide[0] <= lowest < tight[0]
+    assert wide[1] == 1.0
+
+
+def test_runs_take_the_rows_there_are() -> None:
+    lines = overview_lines()
+    assert overview_layout(ROWS, 0, (60, 16)).step == 1
+    assert overview_layout(ROWS, 0, (60, 16), lines).step == 6
+    assert overview_layout(ROWS, 0, (60, 6), lines).step == 1
+    tall = overview_layout(ROWS, 0, (60, 80), lines)
+    assert tall.row_of(2) == tall.top + 2 * tall.step
+    assert [tall.run_at(tall.row_of(index)) for index in range(3)] == [0, 1, 2]
+
+
+def test_marks_numbers_and_axis_stay_on_top() -> None:
+    lines = overview_lines(cursor=None)
+    canvas = overview(ROWS, 0.72, 0, SIZE, None, lines)
+    model, layout = overview_model(ROWS, 0.72, lines), overview_layout(ROWS, 0, SIZE, lines)
+    for index, row in enumerate(ROWS[:2]):
+        for value, glyph in ((row.sim_accuracy, UNICODE.sim), (row.real_accuracy, UNICODE.real)):
+            assert value is not None
+            assert canvas.char[layout.row_of(index), layout.column(value, model.axis)] == glyph
+        assert canvas.lines()[layout.row_of(index)].split()[-2:] == [
+            f"{100 * value:.1f}" for value in (row.sim_accuracy, row.real_accuracy) if value
+        ]
+    assert "no unseen instance" in canvas.lines()[layout.row_of(2)]
+
+
+@pytest.mark.parametrize("side", ["sim", "real"])
+def test_selected_lines_have_their_sides_hue_and_the_rest_is_grey(side: str) -> None:
+    lines = overview_lines(side=side, cursor=None)
+    canvas, layout = (
+        overview(ROWS, None, 0, SIZE, None, lines),
+        overview_layout(ROWS, 0, SIZE, lines),
+    )
+    band = slice(layout.row_of(0) + 1, layout.row_of(1))
+    inked = np.char.greater(canvas.char[band], "\u2800")
+    colours = canvas.fg[band][inked].astype(int)
+    strongest = 2 if side == "sim" else 0
+    lit = np.ptp(colours, axis=1) > 40
+    assert lit.any()
+    assert not lit.all()
+    assert (colours[lit].argmax(axis=1) == strongest).all()
+    assert f"lines: {side}" in canvas.lines()[0]
+
+
+def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> None:
+    lines = overview_lines(selected=np.zeros(N, dtype=np.bool_), cursor=None)
+    everything = replace(lines, selected=np.ones(N, dtype=np.bool_))
+    look = Look(mode=ColourMode.NONE)
+
+    def ink(view: OverviewLines) -> int:
+        drawn = "".join(overview(ROWS, None, None, SIZE, look, view).lines())
+        return sum(
+            (ord(glyph) - 0x2800).bit_count() for glyph in drawn if "\u2800" < glyph < "\u2900"
+        )
+
+    assert 0 < ink(lines) < 0.75 * ink(everything)
+    plain = Look(mode=ColourMode.NONE, ascii=True)
+    layout = overview_layout(ROWS, None, SIZE, lines)
+    for view, glyphs in ((lines, "."), (everything, "'+*#")):
+        band = overview(ROWS, None, None, SIZE, plain, view).lines()[
+            layout.top + 1 : layout.row_of(1)
+        ]
+        assert set("".join(band)) <= {*glyphs, " "}
+        assert set("".join(band)) & set(glyphs)
+
+
+def test_a_note_is_read_before_lines_and_cursor() -> None:
+    lines = overview_lines()
+    waiting = [replace(row, sim_accuracy=None, real_accuracy=None, note="reading") for row in ROWS]
+    canvas = overview(waiting, None, 0, SIZE, None, lines)
+    layout = overview_layout(waiting, 0, SIZE, lines)
+    for index in range(2):
+        assert "reading " in canvas.lines()[layout.row_of(index)][layout.chart :]
+
+
+def test_the_cursors_line_runs_on_top_with_its_numbers() -> None:
+    lines = overview_lines()
+    canvas, model = overview(ROWS, None, 0, SIZE, None, lines), overview_model(ROWS, None, lines)
+    layout = overview_layout(ROWS, 0, SIZE, lines)
+    for index in range(2):
+        value = float(lines.values[index][50])
+        line = canvas.lines()[layout.row_of(index)]
+        assert line.split()[-1] == f"{100 * value:.1f}"
+        at = canvas.char[layout.row_of(index), layout.column(value, model.axis)]
+        assert at in (UNICODE.cursor, UNICODE.sim, UNICODE.real)
+    assert f"{UNICODE.cursor} 50" in canvas.lines()[0]
+    band = slice(layout.row_of(0) + 1, layout.row_of(1))
+    white = (canvas.fg[band] == DARK.cursor).all(axis=-1) & (canvas.char[band] != " ")
+    assert white.any(axis=1).all()
+    assert canvas.lines()[layout.row_of(2)].split()[-1] == "n/a"
+
+
+@given(
+    size=st.tuples(st.integers(20, 120), st.integers(1, 50)),
+    part=st.floats(0, 0.999),
+    lined=st.booleans(),
+)
+def test_columns_become_accuracies_and_back(
+    size: tuple[int, int], part: float, lined: bool
+) -> None:
+    lines = overview_lines() if lined else None
+    panels = overview_surface(ROWS, 0.72, 1, size, lines)
+    model = overview_model(ROWS, 0.72, lines)
+    for panel in panels:
+        assert panel.shape == "range"
+        column = panel.x + int(part * panel.width)
+        for row in range(panel.y, panel.y + panel.height):
+            value, down = panel.to_data(column + 0.5, row + 0.5)
+            assert panel.to_cells(value, down) == pytest.approx((column + 0.5, row + 0.5))
+            assert 0 <= value <= model.axis[1] + 1e-9
+
+
+def test_a_panel_per_run_covers_the_rows_nearest_to_it() -> None:
+    lines = overview_lines()
+    panels = overview_surface(ROWS, 0.72, 1, SIZE, lines)
+    layout = overview_layout(ROWS, 1, SIZE, lines)
+    assert [panel.name for panel in panels] == [row.run for row in ROWS]
+    for y in range(layout.top, layout.top + layout.height):
+        held = panel_at(panels, layout.chart, y)
+        index = layout.run_at(y)
+        assert held is not None
+        assert index is not None
+        assert held.name == ROWS[index].run
+
+
+def test_the_leftmost_column_takes_all_that_is_drawn_there() -> None:
+    panel = overview_surface(ROWS, 0.72, 1, SIZE, overview_lines())[0]
+    assert panel.to_data(panel.x + 0.5, panel.y)[0] == 0.0
+    assert overview_surface(ROWS, 0.72, 1, SIZE)[0].to_data(panel.x + 0.5, panel.y)[0] > 0.5
+
+
+@pytest.mark.parametrize("look", [Look(), Look(mode=ColourMode.NONE, ascii=True)])
+def test_a_marked_range_stands_between_ends_on_its_run(look: Look) -> None:
+    lines = overview_lines()
+    mark = Mark("dataaug", ((0.75, 0.0), (0.9, 0.0)))
+    canvas = overview(ROWS, 0.72, 0, SIZE, look, lines, mark)
+    panel = overview_surface(ROWS, 0.72, 0, SIZE, lines)[1]
+    low, high = (int(panel.to_cells(value, 0.0)[0]) for value in (0.75, 0.9))
+    for y in range(panel.y, panel.y + panel.height):
+        assert canvas.char[y, low] == look.glyphs.scale_left
+        assert canvas.char[y, high] == look.glyphs.scale_right
+        assert (canvas.bg[y, low : high + 1] == DARK.highlight).all()
+    assert not (canvas.char[panel.y - 1] == look.glyphs.scale_left).any()

@@ -1,0 +1,88 @@
+"""The painter: cells to pixels, exact and repeatable."""
+
+from __future__ import annotations
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+from PIL import Image
+from rich.segment import Segment
+from rich.style import Style
+
+from s2rtui.canvas import DARK, Canvas, ColourMode
+from s2rtui.canvas.glyph_masks import geometric
+from s2rtui.export.rasterizer import paint, paint_png
+from s2rtui.terminal.strips import to_strips
+
+RED = Style(color="#ff0000", bgcolor="#0000ff")
+
+
+def pixels(text: str, style: Style = RED) -> np.ndarray:
+    return np.asarray(paint([[Segment(text, style)]]))
+
+
+def test_a_cell_is_ten_by_twenty() -> None:
+    assert pixels("ab").shape == (20, 20, 3)
+
+
+def test_half_block_splits_the_cell_in_the_middle() -> None:
+    cell = pixels("▀")
+    assert (cell[:10] == (255, 0, 0)).all()
+    assert (cell[10:] == (0, 0, 255)).all()
+
+
+def test_box_lines_join_across_cells() -> None:
+    rows = [[Segment("┌─┐", RED)], [Segment("│ │", RED)], [Segment("└─┘", RED)]]
+    ink = np.asarray(paint(rows))[..., 0] == 255
+    middle = np.flatnonzero(ink[:, 15])
+    assert ink[middle[0], 5:25].all()
+    left = np.flatnonzero(ink[30])[0]
+    assert ink[10:50, left].all()
+
+
+@pytest.mark.parametrize("code", [*range(0x2500, 0x25A0), *range(0x2801, 0x2900)])
+def test_every_geometric_character_has_ink_within_its_cell(code: int) -> None:
+    mask = geometric(chr(code), 20, 10)
+    assert mask is not None
+    assert mask.shape == (20, 10)
+    assert 0 < mask.sum() <= 200
+    assert mask.min() >= 0
+    assert mask.max() <= 1
+
+
+def test_mirrored_blocks_mirror() -> None:
+    def mask(char: str) -> np.ndarray:
+        found = geometric(char, 20, 10)
+        assert found is not None
+        return found
+
+    assert (mask("▌")[:, ::-1] == mask("▐")).all()
+    assert (mask("▀")[::-1] == mask("▄")).all()
+    assert (mask("▛")[::-1, ::-1] == mask("▟")).all()
+    assert mask("█").all()
+
+
+def test_letters_have_ink_and_bold_has_more() -> None:
+    plain = (pixels("m") != (0, 0, 255)).any(axis=-1).sum()
+    bold = (pixels("m", RED + Style(bold=True)) != (0, 0, 255)).any(axis=-1).sum()
+    assert 20 < plain < bold < 200
+
+
+def test_wide_characters_fill_two_cells() -> None:
+    assert pixels("界").shape == (20, 20, 3)
+
+
+def test_styles_without_colours_take_the_themes() -> None:
+    cell = np.asarray(paint([[Segment(" ", None)]]))
+    assert (cell == DARK.background).all()
+    turned = np.asarray(paint([[Segment(" ", Style(reverse=True))]]))
+    assert (turned == DARK.text).all()
+
+
+def test_canvas_paints_the_same_from_every_run() -> None:
+    canvas = Canvas(30, 4)
+    canvas.text(2, 1, "sim ◆ real ◇", DARK.sim, bold=True)
+    first, second = (paint_png(to_strips(canvas, ColourMode.TRUECOLOR)) for _ in range(2))
+    assert first == second
+    assert Image.open(BytesIO(first)).size == (300, 80)

@@ -1,0 +1,74 @@
+"""Pictures and dots land in the cells where they belong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from s2rtui.canvas import Canvas, ColourMode, Look
+from s2rtui.canvas.raster import (
+    braille,
+    braille_bits,
+    dot_grid,
+    half_blocks,
+    picture,
+    resample,
+)
+
+
+def test_resample_is_the_mean_of_what_a_pixel_covers() -> None:
+    image = np.arange(16, dtype=np.float32).reshape(4, 4)
+    assert resample(image, 2, 2).tolist() == [[2.5, 4.5], [10.5, 12.5]]
+    assert resample(image, 1, 1)[0, 0] == pytest.approx(7.5)
+
+
+def test_resample_leaves_holes_out() -> None:
+    image = np.array([[1.0, np.nan], [3.0, np.nan]])
+    small = resample(image, 1, 2)
+    assert small[0, 0] == 2.0
+    assert np.isnan(small[0, 1])
+
+
+def test_resample_enlarges_by_the_nearest() -> None:
+    assert resample(np.array([[1, 2]]), 2, 4).tolist() == [[1, 1, 2, 2]] * 2
+
+
+def test_half_blocks_pair_rows_and_clip() -> None:
+    pixels = np.arange(4 * 3 * 3, dtype=np.uint8).reshape(4, 3, 3)
+    canvas = Canvas(3, 3)
+    half_blocks(canvas, -1, 2, pixels)
+    assert canvas.char[2].tolist() == ["▀", "▀", " "]
+    assert canvas.fg[2, 0].tolist() == pixels[0, 1].tolist()
+    assert canvas.bg[2, 0].tolist() == pixels[1, 1].tolist()
+
+
+def test_braille_dots_have_their_unicode_places() -> None:
+    dots = np.zeros((4, 4), dtype=np.bool_)
+    dots[0, 0] = dots[3, 1] = dots[3, 2] = True
+    assert braille_bits(dots).tolist() == [[0x81, 0x40]]
+    canvas = Canvas(2, 1)
+    braille(canvas, 0, 0, dots, None)
+    assert canvas.lines() == ["⢁⡀"]
+
+
+def test_dots_outside_are_dropped() -> None:
+    dots = dot_grid(np.array([-0.1, 0.6, 9.0]), np.array([0.0, 0.9, 0.0]), 2, 1)
+    assert np.argwhere(dots).tolist() == [[3, 1]]
+
+
+def test_a_dot_on_a_picture_keeps_its_mean_as_ground() -> None:
+    canvas = Canvas(1, 1)
+    half_blocks(canvas, 0, 0, np.array([[[100, 0, 0]], [[200, 0, 0]]], dtype=np.uint8))
+    braille(canvas, 0, 0, np.ones((4, 2), dtype=np.bool_), None)
+    assert canvas.char[0, 0] == "⣿"
+    assert canvas.bg[0, 0].tolist() == [150, 0, 0]
+
+
+@pytest.mark.parametrize("look", [Look(ascii=True), Look(mode=ColourMode.NONE)])
+def test_without_half_blocks_brightness_becomes_density(look: Look) -> None:
+    pixels = np.zeros((2, 3, 3), dtype=np.uint8)
+    pixels[:, 1], pixels[:, 2] = 128, 255
+    canvas = Canvas(3, 1)
+    picture(canvas, 0, 0, pixels, look)
+    shades = look.glyphs.shades
+    assert canvas.lines()[0] == shades[0] + shades[len(shades) // 2] + shades[-1]

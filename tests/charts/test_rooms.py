@@ -1,0 +1,136 @@
+"""Rooms: counts per column, a row for none where needed, and a window that follows."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from s2rtui.canvas import DARK, ColourMode, Look
+from s2rtui.canvas.brush_surface import Mark
+from s2rtui.charts.rooms.model import rooms_model
+from s2rtui.charts.rooms.terminal import rooms, rooms_layout, rooms_surface
+from tests.charts.examples import ROOM_NAMES, N, rooms_input
+
+SIZE = (60, 9)
+COUNT = 30
+codes = arrays.arrays(np.int32, COUNT, elements=st.integers(-1, 4))
+masks = arrays.arrays(np.bool_, COUNT)
+MANY = tuple(f"room {index}" for index in range(40))
+
+
+def many(**changes):
+    """Forty rooms, one instance and a half in each."""
+    column = (np.arange(N) % 40).astype(np.int32)
+    view = {"sim": column, "truth": column, "real": column, "room_names": MANY}
+    return rooms_input(**(view | changes))
+
+
+@given(codes, codes, codes, masks, masks)
+def test_counts_are_those_of_each_column(sim, truth, real, selected, valid) -> None:
+    view = rooms_input(sim=sim, truth=truth, real=real, selected=selected, valid=valid, cursor=None)
+    model = rooms_model(view)
+    for index, column in enumerate((sim, truth, real)):
+        for mask, counts in ((valid, model.total), (selected & valid, model.lit)):
+            expected = Counter(column[mask].tolist())
+            shown = {room: expected[room] for room in range(5)}
+            if len(model.names) == 6:
+                shown[5] = expected[-1]
+            assert dict(enumerate(counts[index].tolist())) == shown
+    nowhere = any((column[valid] == -1).any() for column in (sim, truth, real))
+    assert (model.names[-1] == "no room") == nowhere
+
+
+def test_numbers_say_selected_of_all() -> None:
+    lines = rooms(rooms_input(), SIZE).lines()
+    assert lines[1].split()[0] == "hall"
+    assert [word for word in lines[1].split() if "/" in word][:2] == ["11/11", "11/11"]
+    assert "no room" in lines[6]
+
+
+def test_bars_share_one_scale_and_are_as_long_as_their_counts() -> None:
+    column = np.repeat([0, 1, 2], [32, 16, 12]).astype(np.int32)
+    selected = np.arange(N) < 40
+    view = rooms_input(
+        sim=column,
+        truth=column,
+        real=column,
+        room_names=("a", "b", "c"),
+        selected=selected,
+        valid=np.ones(N, dtype=np.bool_),
+        cursor=None,
+    )
+    canvas = rooms(view, (76, 4), Look(mode=ColourMode.NONE))
+    layout = rooms_layout(view, (76, 4))
+    for x, _ in layout.columns:
+        bar = slice(x + layout.gutter, x + layout.gutter + layout.bar)
+        for row, (lit, total) in enumerate(((32, 32), (8, 16), (0, 12)), start=1):
+            inked = "".join(canvas.char[row, bar]).rstrip()
+            assert len(inked) == -(-total * layout.bar // 32)
+            assert abs(inked.count("█") - lit * layout.bar / 32) <= 1
+
+
+def test_colours_are_those_of_the_sides() -> None:
+    view = rooms_input()
+    canvas = rooms(view, SIZE)
+    for panel, colour in zip(
+        rooms_surface(view, SIZE), (DARK.sim, DARK.truth, DARK.real), strict=True
+    ):
+        area = (slice(panel.y, None), slice(panel.x, panel.x + panel.width))
+        inked = canvas.char[area] != " "
+        assert (canvas.fg[area][inked] == colour).all(axis=-1).any()
+
+
+def test_the_window_follows_the_cursor_and_then_the_brush() -> None:
+    for cursor in (0, 17, 39):
+        layout = rooms_layout(many(cursor=cursor), SIZE)
+        assert layout.first <= cursor < layout.first + layout.shown
+        assert f"room {cursor}" in "\n".join(rooms(many(cursor=cursor), SIZE).lines())
+    mark = Mark("sim", ((0.0, 2.0), (0.0, 30.0)))
+    layout = rooms_layout(many(cursor=0, mark=mark), SIZE)
+    assert layout.first <= 30 < layout.first + layout.shown
+
+
+@pytest.mark.parametrize("size", [(60, 9), (90, 30), (40, 6)])
+def test_the_cursors_room_is_marked_in_each_column(size: tuple[int, int]) -> None:
+    view = rooms_input(cursor=40)
+    canvas = rooms(view, size)
+    panels = rooms_surface(view, size)
+    for panel, column in zip(panels, (view.sim, view.truth, view.real), strict=True):
+        found = [
+            panel.to_data(column_at + 0.5, row + 0.5)[1]
+            for row, column_at in np.argwhere(canvas.char == "◉").tolist()
+            if panel.holds(column_at, row)
+        ]
+        room = int(column[40])
+        assert found == [room if room >= 0 else len(ROOM_NAMES)]
+
+
+@pytest.mark.parametrize("look", [Look(), Look(mode=ColourMode.NONE), Look(ascii=True)])
+def test_pending_steps_are_pointed_at_in_their_column(look: Look) -> None:
+    view = rooms_input(mark=Mark("truth", ((0.0, 3.0), (0.0, 1.0))), cursor=20)
+    canvas = rooms(view, SIZE, look)
+    found = np.argwhere(canvas.char == look.glyphs.pointer)
+    _, truth, _ = rooms_surface(view, SIZE, look)
+    steps = [truth.to_data(column + 0.5, row + 0.5)[1] for row, column in found.tolist()]
+    assert steps == [1.0, 2.0, 3.0]
+    assert all(column == truth.x for _, column in found.tolist())
+
+
+def test_rooms_and_none_can_be_brushed() -> None:
+    view = rooms_input()
+    panel = rooms_surface(view, SIZE)[2]
+    steps = [panel.to_data(panel.x, panel.y + row + 0.5)[1] for row in range(panel.height)]
+    assert steps == [0.0, 1.0, 2.0, 3.0, 4.0, float(len(ROOM_NAMES))]
+
+
+def test_a_store_without_rooms_says_so() -> None:
+    nowhere = np.full(N, -1, dtype=np.int32)
+    none = np.zeros(N, dtype=np.bool_)
+    view = rooms_input(sim=nowhere, truth=nowhere, real=nowhere, room_names=(), valid=none)
+    assert "no rooms" in rooms(view, SIZE).lines()[0]
+    assert rooms_surface(view, SIZE) == ()

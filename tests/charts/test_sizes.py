@@ -1,0 +1,108 @@
+"""Any size draws something, in any mode, and ASCII means ASCII."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rtui.canvas import LIGHT, Canvas, ColourMode, Look
+from s2rtui.canvas.brush_surface import Mark
+from s2rtui.charts.compare.terminal import difference
+from s2rtui.charts.errors.terminal import histogram
+from s2rtui.charts.history.model import HistoryInput
+from s2rtui.charts.history.terminal import history
+from s2rtui.charts.instance.terminal import instance
+from s2rtui.charts.map.terminal import geomap
+from s2rtui.charts.orientation.terminal import orientation
+from s2rtui.charts.overview.terminal import overview
+from s2rtui.charts.rooms.terminal import rooms
+from s2rtui.charts.umap.terminal import umap
+from s2rtui.terminal.strips import to_strips
+from tests.charts.examples import (
+    ROWS,
+    difference_input,
+    geomap_input,
+    histogram_input,
+    instance_input,
+    orientation_input,
+    overview_lines,
+    rooms_input,
+    side,
+    umap_input,
+)
+from tests.support import gaps
+
+Draw = Callable[[tuple[int, int], Look], Canvas]
+BOX = Mark("map", ((2.0, 2.0), (9.0, 5.0)))
+LASSO = Mark("map", ((2.0, 2.0), (9.0, 5.0), (4.0, 8.0)), lasso=True)
+VIEWS: dict[str, Draw] = {
+    "overview": lambda size, look: overview(ROWS, 0.72, 1, size, look),
+    "threads": lambda size, look: overview(
+        ROWS, 0.72, 1, size, look, overview_lines(), Mark("vanilla", ((0.6, 0.0), (0.8, 0.0)))
+    ),
+    "map": lambda size, look: geomap(geomap_input(), size, look),
+    "full map": lambda size, look: geomap(geomap_input(mode="full"), size, look),
+    "glyph map": lambda size, look: geomap(
+        geomap_input(mode="glyph", clip=np.eye(5), mark=BOX), size, look
+    ),
+    "difference": lambda size, look: difference(difference_input(mark=LASSO), size, look),
+    "bare map": lambda size, look: geomap(
+        geomap_input(floor_plan=None, heat=None, headings=None, cursor=None), size, look
+    ),
+    "instance": lambda size, look: instance(instance_input(), size, look),
+    "plain instance": lambda size, look: instance(
+        instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None),
+        size,
+        look,
+    ),
+    "histogram": lambda size, look: histogram(histogram_input(), size, look),
+    "marked histogram": lambda size, look: histogram(
+        histogram_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0)))), size, look
+    ),
+    "history": lambda size, look: history(HistoryInput(gaps.week()), size, look),
+    "no history": lambda size, look: history(HistoryInput(()), size, look),
+    "umap": lambda size, look: umap(umap_input(), size, look),
+    "marked umap": lambda size, look: umap(
+        umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
+        size,
+        look,
+    ),
+    "orientation": lambda size, look: orientation(orientation_input(), size, look),
+    "marked orientation": lambda size, look: orientation(
+        orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0)))), size, look
+    ),
+    "rooms": lambda size, look: rooms(rooms_input(), size, look),
+    "marked rooms": lambda size, look: rooms(
+        rooms_input(mark=Mark("truth", ((0.0, 1.0), (0.0, 9.0)))), size, look
+    ),
+}
+LOOKS = [
+    Look(),
+    Look(theme=LIGHT, mode=ColourMode.PALETTE),
+    Look(mode=ColourMode.ANSI),
+    Look(mode=ColourMode.NONE),
+    Look(mode=ColourMode.PALETTE, ascii=True),
+    Look(mode=ColourMode.NONE, ascii=True),
+]
+
+
+@pytest.mark.parametrize("name", VIEWS)
+@settings(max_examples=40, deadline=None)
+@given(width=st.integers(1, 30), height=st.integers(1, 10), look=st.sampled_from(LOOKS))
+def test_small_sizes_are_filled_exactly(name: str, width: int, height: int, look: Look) -> None:
+    canvas = VIEWS[name]((width, height), look)
+    assert canvas.char.shape == (height, width)
+    strips = to_strips(canvas, look.mode, look.ascii)
+    assert [strip.cell_length for strip in strips] == [width] * height
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
+@pytest.mark.parametrize("name", VIEWS)
+def test_ascii_holds_at_every_size(name: str, size: tuple[int, int]) -> None:
+    for mode in (ColourMode.PALETTE, ColourMode.NONE):
+        canvas = VIEWS[name](size, Look(mode=mode, ascii=True))
+        assert "".join(canvas.lines()).isascii()

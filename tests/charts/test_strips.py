@@ -1,0 +1,139 @@
+"""Strips say what the canvas says, in few runs and few bytes."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from rich.console import Console
+from textual.strip import Strip
+
+from s2rtui.canvas import DARK, Canvas, ColourMode
+from s2rtui.canvas.raster import half_blocks
+from s2rtui.terminal.strips import calm, to_strips
+
+
+def codes(strip: Strip) -> str:
+    return strip.render(Console())
+
+
+def noise(width: int = 30, height: int = 5) -> Canvas:
+    random = np.random.default_rng(3)
+    canvas = Canvas(width, height)
+    canvas.char[:] = random.choice(list("▀ ab●"), canvas.char.shape)
+    canvas.fg[:] = random.integers(0, 256, canvas.fg.shape)
+    canvas.bg[:] = random.integers(0, 256, canvas.bg.shape)
+    canvas.bold[:] = random.random(canvas.char.shape) < 0.3
+    return canvas
+
+
+@pytest.mark.parametrize("mode", list(ColourMode))
+def test_every_strip_fills_the_width_with_the_same_text(mode: ColourMode) -> None:
+    canvas = Canvas(12, 2)
+    canvas.text(1, 0, "ab 界c", DARK.sim)
+    strips = to_strips(canvas, mode)
+    assert [strip.cell_length for strip in strips] == [12, 12]
+    assert [strip.text for strip in strips] == canvas.lines()
+
+
+def test_no_colour_code_at_all_without_colours() -> None:
+    drawn = "".join(codes(strip) for strip in to_strips(noise(), ColourMode.NONE))
+    assert not re.search(r"\x1b\[[\d;]*[34]8;", drawn)
+    assert not re.search(r"[34][0-7]m", drawn)
+
+
+def test_equal_cells_share_a_run_and_text_does_not_break_at_blanks() -> None:
+    canvas = Canvas(20, 1)
+    canvas.text(0, 0, "one two three", DARK.sim)
+    (strip,) = to_strips(canvas, ColourMode.TRUECOLOR)
+    assert len(strip._segments) == 1
+
+
+def test_half_blocks_of_one_colour_become_blanks() -> None:
+    canvas = Canvas(3, 1)
+    canvas.char[:] = "▀"
+    canvas.fg[:] = canvas.bg[:] = 99
+    assert to_strips(canvas, ColourMode.TRUECOLOR)[0].text == "   "
+    assert canvas.lines() == ["▀▀▀"]
+
+
+def test_the_ground_is_exact_in_truecolor_and_the_default_in_16() -> None:
+    canvas = Canvas(2, 1)
+    red, green, blue = DARK.background
+    assert f"48;2;{red};{green};{blue}" in codes(to_strips(canvas, ColourMode.TRUECOLOR)[0])
+    assert "48" not in codes(to_strips(canvas, ColourMode.ANSI)[0])
+
+
+@pytest.mark.parametrize("mode", [ColourMode.TRUECOLOR, ColourMode.PALETTE, ColourMode.ANSI])
+@pytest.mark.parametrize("cut", [(0, 30), (0, 7), (4, 19), (29, 30)])
+def test_delta_codes_draw_what_full_codes_draw(mode: ColourMode, cut: tuple[int, int]) -> None:
+    """A terminal that is given either ends with the same cells."""
+    pyte = pytest.importorskip("pyte")
+    canvas = noise()
+    console = Console(color_system="256" if mode is ColourMode.PALETTE else "truecolor")
+    screens = []
+    for plain in (False, True):
+        screen = pyte.Screen(canvas.width, canvas.height)
+        stream = pyte.Stream(screen)
+        for row, strip in enumerate(to_strips(canvas, mode)):
+            drawn = (Strip(strip._segments) if plain else strip).crop(*cut)
+            assert drawn.cell_length == cut[1] - cut[0]
+            stream.feed(f"\x1b[{row + 1};1H{drawn.render(console)}")
+        screens.append(
+            [
+                [
+                    (cell.data, cell.bg, cell.bold and cell.data != " ")
+                    + ((cell.fg,) if cell.data != " " else ())
+                    for cell in (screen.buffer[row][column] for column in range(canvas.width))
+                ]
+                for row in range(canvas.height)
+            ]
+        )
+    assert screens[0] == screens[1]
+
+
+def test_a_cut_through_a_wide_character_leaves_a_blank() -> None:
+    canvas = Canvas(6, 1)
+    canvas.text(0, 0, "a界b界", DARK.sim)
+    (strip,) = to_strips(canvas, ColourMode.TRUECOLOR)
+    for start in range(6):
+        for end in range(start + 1, 7):
+            plain = Strip(strip._segments).crop(start, end)
+            assert strip.crop(start, end).text == plain.text
+            assert strip.crop(start, end).cell_length == end - start
+
+
+def test_delta_codes_are_shorter() -> None:
+    canvas = noise(100, 10)
+    strips = to_strips(canvas, ColourMode.PALETTE)
+    console = Console(color_system="256")
+    plain = sum(len(Strip(strip._segments).render(console)) for strip in strips)
+    assert sum(len(codes(strip)) for strip in strips) < 0.8 * plain
+
+
+def test_tolerance_joins_near_neighbours_of_pictures_only() -> None:
+    canvas = Canvas(4, 1)
+    canvas.char[0] = list("▀▀▀a")
+    canvas.fg[0, :, 0] = (100, 106, 150, 151)
+    canvas.fg[0, :, 1:] = 0
+    canvas.bg[:] = 7
+    calm(canvas, 10)
+    assert canvas.fg[0, :, 0].tolist() == [100, 100, 150, 151]
+
+
+def test_ascii_strips_hold_no_other_character() -> None:
+    text = "".join(strip.text for strip in to_strips(noise(), ColourMode.PALETTE, ascii=True))
+    assert text.isascii()
+
+
+def test_a_picture_keeps_its_edge_against_the_ground() -> None:
+    canvas = Canvas(12, 1)
+    red, green, blue = canvas.theme.background
+    pixels = np.zeros((2, 12, 3), dtype=np.uint8)
+    pixels[:, :6] = canvas.theme.background
+    pixels[:, 6:] = (red + 6, green + 6, blue + 6)
+    half_blocks(canvas, 0, 0, pixels)
+    calm(canvas, 12)
+    assert (canvas.bg[0, :6] == canvas.theme.background).all()
+    assert (canvas.bg[0, 6:] == pixels[0, 6:]).all()

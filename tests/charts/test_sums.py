@@ -1,0 +1,66 @@
+"""Sums per bin agree with adding by hand, whichever list is the shorter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from s2rtui.analysis.binned_sums import occupied, sums, total_of
+from s2rtui.analysis.bins import bins, choose, count
+from s2rtui.charts.map.paper_error_glyphs import _shared
+
+SIZE = 40
+masks = arrays.arrays(np.bool_, SIZE)
+places = arrays.arrays(np.float64, SIZE, elements=st.floats(-2, 8) | st.just(np.nan))
+weights = arrays.arrays(np.float64, SIZE, elements=st.floats(-100, 100))
+
+
+@given(weights, masks, masks)
+def test_a_total_leaves_out_the_unknown(
+    numbers: np.ndarray, selected: np.ndarray, base: np.ndarray
+) -> None:
+    numbers = np.where(numbers > 50, np.nan, numbers)
+    inside = selected & base & np.isfinite(numbers)
+    assert total_of(numbers, choose(selected, base)) == pytest.approx(
+        numbers[inside].sum(), abs=1e-9
+    )
+
+
+@given(places, weights, masks, masks)
+def test_sums_are_those_of_the_masks(
+    column: np.ndarray, numbers: np.ndarray, selected: np.ndarray, base: np.ndarray
+) -> None:
+    found = sums(bins(column, 6), numbers, choose(selected, base))
+    with np.errstate(invalid="ignore"):
+        for index in range(6):
+            inside = (column >= index) & (column < index + 1) & selected & base
+            assert found[index] == pytest.approx(numbers[inside].sum(), abs=1e-9)
+
+
+@given(places, masks, masks)
+def test_occupied_bins_keep_their_counts(
+    column: np.ndarray, selected: np.ndarray, base: np.ndarray
+) -> None:
+    made = bins(column, 6)
+    fewer, kept = occupied(made)
+    chosen = choose(selected, base)
+    before, after = count(made, chosen)[0], count(fewer, chosen)[0]
+    assert (before[kept] == after).all()
+    assert before.sum() == after.sum()
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "shared"),
+    [
+        ((0, 40), (30, 90), (30, 40)),
+        ((0, 40), (50, 90), None),
+        ((170, 190), (-190, -175), (170, 185)),
+        ((-10, 10), (355, 375), (-5, 10)),
+        ((0, 40), None, None),
+    ],
+)
+def test_wedges_overlap_across_the_turn(first, second, shared) -> None:
+    assert _shared(first, second) == shared

@@ -1,0 +1,180 @@
+"""The UMAP panels: one frame, the mean of a cell, and everybody counted."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from s2rtui.canvas import DARK, LIGHT, ColourMode, Look
+from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.colour import legible, turbo
+from s2rtui.charts.umap.model import LEVELS, umap_frame, umap_model
+from s2rtui.charts.umap.terminal import umap, umap_layout, umap_surface
+from tests.charts.examples import N, umap_input
+
+SIZE = (60, 14)
+COUNT = 25
+points = arrays.arrays(np.float64, (COUNT, 2), elements=st.floats(-9, 9) | st.just(np.nan))
+masks = arrays.arrays(np.bool_, COUNT)
+values = arrays.arrays(np.float64, COUNT, elements=st.floats(-1, 5) | st.just(np.nan))
+
+
+@given(points, points, values, masks, masks)
+def test_cells_show_the_mean_of_their_selected(sim, real, values, selected, valid) -> None:
+    view = umap_input(
+        sim=sim,
+        real=real,
+        values=values,
+        selected=selected,
+        valid=valid,
+        value_range=(0.0, 4.0),
+        cursor=None,
+    )
+    frame = umap_frame(view, 9, 5)
+    model = umap_model(view, frame)
+    for side, layer in ((sim, model.sim), (real, model.real)):
+        cells: dict[tuple[int, int], list[float]] = {}
+        held = np.zeros((5, 9), dtype=np.bool_)
+        for iid in range(COUNT):
+            if not valid[iid] or not np.isfinite(side[iid]).all():
+                continue
+            column, row = (math.floor(part) for part in frame.to_cells(side[iid : iid + 1])[0])
+            held[row, column] = True
+            if selected[iid]:
+                cells.setdefault((row, column), []).append(values[iid])
+        for (row, column), own in cells.items():
+            known = np.clip([value for value in own if np.isfinite(value)], 0.0, 4.0)
+            place = layer.level[row, column]
+            if known.size:
+                assert abs((place - 0.5) / LEVELS - known.mean() / 4.0) <= 1.001 / LEVELS
+            else:
+                assert place == 0
+        lit = np.zeros((5, 9), dtype=np.bool_)
+        for cell in cells:
+            lit[cell] = True
+        np.testing.assert_array_equal(layer.level >= 0, lit)
+        grey = layer.grey.reshape(5, 4, 9, 2).any(axis=(1, 3))
+        np.testing.assert_array_equal(grey, held & ~lit)
+        placed = valid & np.isfinite(side).all(axis=1)
+        assert (layer.selected, layer.total) == ((placed & selected).sum(), placed.sum())
+
+
+def test_a_cell_of_several_shows_their_mean_level() -> None:
+    ones = np.ones(N, dtype=np.bool_)
+    same = np.ones((N, 2))
+    values = np.where(np.arange(N) < 15, 4.0, 0.0)
+    view = umap_input(
+        sim=same, real=same, values=values, selected=ones, valid=ones, value_range=(0.0, 4.0)
+    )
+    level = umap_model(view, umap_frame(view, 3, 3)).sim.level
+    share = 15 / N * (LEVELS - 0.5) + (1 - 15 / N) * 0.5
+    assert level[level >= 0].tolist() == [math.floor(share) + 1]
+
+
+def test_values_default_to_the_distance_between_the_two_points() -> None:
+    view = umap_input()
+    apart = np.hypot(*(view.sim - view.real).T)
+    given_values = umap_input(values=apart)
+    for size in (SIZE, (50, 10)):
+        np.testing.assert_array_equal(umap(view, size).fg, umap(given_values, size).fg)
+    low, high = umap_model(view, umap_frame(view, 10, 10)).value_range
+    known = apart[np.isfinite(apart)]
+    assert (low, high) == pytest.approx(tuple(np.percentile(known, [1, 99])))
+
+
+def test_both_panels_have_the_same_scale_and_v_points_up() -> None:
+    for size in (SIZE, (20, 60)):
+        sim, real = umap_surface(umap_input(), size)
+        assert (sim.width, sim.height) == (real.width, real.height)
+        ends = [panel.to_data(panel.x, panel.y) for panel in (sim, real)]
+        assert ends[0] == pytest.approx(ends[1])
+        assert sim.to_cells(0, 5)[1] < sim.to_cells(0, 0)[1]
+
+
+def test_panels_are_stacked_where_the_view_is_higher_than_wide() -> None:
+    wide, high = (umap_layout(umap_input(), size).corners for size in ((60, 14), (20, 40)))
+    assert wide[0][1] == wide[1][1]
+    assert high[0][0] == high[1][0]
+
+
+def test_every_point_is_in_the_frame() -> None:
+    view = umap_input()
+    model = umap_model(view, umap_frame(view, 12, 6))
+    assert model.sim.total == N - 1
+    assert model.real.total == N - 2
+
+
+@pytest.mark.parametrize("theme", [DARK, LIGHT])
+def test_one_selected_point_has_the_colour_of_its_value(theme) -> None:
+    selected = np.arange(N) == 20
+    values = np.full(N, 3.3)
+    view = umap_input(selected=selected, values=values, value_range=(0.0, 4.0), cursor=None)
+    canvas = umap(view, SIZE, Look(theme=theme))
+    sim, _ = umap_surface(view, SIZE)
+    column, row = (int(part) for part in sim.to_cells(*view.sim[20]))
+    level = math.floor(3.3 / 4 * LEVELS)
+    assert canvas.char[row, column] == "●"
+    expected = legible(turbo([(level + 0.5) / LEVELS]), theme)[0]
+    np.testing.assert_array_equal(canvas.fg[row, column], expected)
+
+
+def test_digits_stand_for_colours_where_those_lack() -> None:
+    selected = np.isin(np.arange(N), [20, 45, 50])
+    values = np.zeros(N)
+    values[45], values[50] = 4.0, np.nan
+    view = umap_input(selected=selected, values=values, value_range=(0.0, 4.0), cursor=None)
+    for look in (Look(mode=ColourMode.NONE), Look(ascii=True)):
+        canvas = umap(view, SIZE, look)
+        sim, _ = umap_surface(view, SIZE, look)
+        for iid, digit in ((20, "0"), (45, "9"), (50, "?")):
+            column, row = (int(part) for part in sim.to_cells(*view.sim[iid]))
+            assert canvas.char[row, column] == digit
+
+
+def test_the_cursor_is_marked_in_both_panels() -> None:
+    view = umap_input(cursor=17)
+    canvas = umap(view, SIZE)
+    for panel, side in zip(umap_surface(view, SIZE), (view.sim, view.real), strict=True):
+        column, row = (int(part) for part in panel.to_cells(*side[17]))
+        assert canvas.char[row, column] == "◉"
+    assert "".join(canvas.lines()).count("◉") == 2
+    without = "".join(umap(umap_input(cursor=3), SIZE).lines())
+    assert "◉" not in without
+
+
+def test_counts_and_scale_are_written() -> None:
+    header = umap(umap_input(), (90, 14)).lines()[0]
+    assert f"sim  20 of {N - 1}" in header
+    assert "distance" in header
+    narrow = umap(umap_input(), (50, 10)).lines()[0]
+    assert "real" in narrow
+
+
+def test_no_coordinates_are_said() -> None:
+    none = np.full((N, 2), np.nan)
+    assert "no coordinates" in umap(umap_input(sim=none, real=none), SIZE).lines()[0]
+
+
+def test_a_pending_box_is_drawn_on_its_panel() -> None:
+    mark = Mark("real", ((0.0, 0.0), (4.0, 4.0)))
+    view = umap_input(mark=mark)
+    canvas = umap(view, SIZE)
+    sim, real = umap_surface(view, SIZE)
+    for point in mark.points:
+        column, row = (int(part) for part in real.to_cells(*point))
+        assert canvas.char[row, column] == "+"
+    left = canvas.char[:, : sim.x + sim.width]
+    assert not (left == "+").any()
+
+
+def test_large_ticks_name_the_coordinates() -> None:
+    view = umap_input()
+    lines = umap(view, (120, 40)).lines()
+    sim, _ = umap_surface(view, (120, 40))
+    column = int(sim.to_cells(5.0, 0.0)[0])
+    assert lines[-1][column] == "5"

@@ -1,0 +1,24 @@
+"""Ingest as the tests call it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.build import build
+from s2rtools.datasets.scan import Scan, ScanOptions
+
+SIZE = (32, 32)
+
+
+def ingest(layout: str, path: Path, store: Path, strict: bool = False, **options) -> Scan:
+    scan = IMPORTERS[layout](path, ScanOptions(frame=SIZE, **options))
+    build(scan, store, "s2r ingest", strict, lambda steps: None)
+    return scan
+
+
+def kinds(scan: Scan) -> dict[str, int]:
+    found: dict[str, int] = {}
+    for problem in scan.problems:
+        found[problem.kind] = found.get(problem.kind, 0) + 1
+    return found

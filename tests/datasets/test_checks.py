@@ -1,0 +1,221 @@
+"""What is wrong with the input is named, left out, and refused with --strict."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.maintenance.verify import verify
+from tests.datasets.helpers import ingest, kinds
+from tests.support import pairs
+
+
+def _first(root: Path, domain: str, what: str) -> Path:
+    return sorted((root / "traj1" / domain).glob(f"*_{what}.jpeg"))[0]
+
+
+def _truncate(root: Path) -> None:
+    path = _first(root, "real", "rgb")
+    path.write_bytes(path.read_bytes()[:-200])
+
+
+def _garbage(root: Path) -> None:
+    _first(root, "sim", "depth").write_bytes(b"not a picture")
+
+
+def _empty(root: Path) -> None:
+    _first(root, "sim", "rgb").write_bytes(b"")
+
+
+def _wrong_size(root: Path) -> None:
+    cv2.imwrite(str(_first(root, "real", "depth")), np.zeros((20, 30), np.uint8))
+
+
+def _colour_depth(root: Path) -> None:
+    shutil.copy(_first(root, "real", "rgb"), _first(root, "real", "depth"))
+
+
+def _grey_photo(root: Path) -> None:
+    grey = cv2.imread(str(_first(root, "real", "rgb")), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(_first(root, "real", "depth")), grey)
+
+
+def _paired_twice(root: Path) -> None:
+    path = root / "traj1" / "sim" / "match.csv"
+    rows = path.read_text().splitlines()
+    real, sim = rows[1].split(",")[0], rows[3].split(",")[1]
+    path.write_text("\n".join([*rows, f"{real},{sim}"]) + "\n")
+
+
+def _stray_depth(root: Path) -> None:
+    path = _first(root, "real", "depth")
+    shutil.copy(path, path.with_name("x9.000_y9.000_z0.000_r9_depth.jpeg"))
+
+
+def _outside(root: Path) -> None:
+    header = root / "calibration.toml"
+    header.write_text(header.read_text().replace("x1 = 8.0", "x1 = 6.9"))
+
+
+def _broken_plan(root: Path) -> None:
+    (root / "map.jpg").write_bytes(b"not a picture")
+
+
+def _half_size(root: Path) -> None:
+    for path in (root / "traj1").rglob("*.jpeg"):
+        picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(path), cv2.resize(picture, (32, 24)))
+
+
+def _missing(root: Path) -> None:
+    _first(root, "real", "depth").unlink()
+
+
+def _bad_row(root: Path) -> None:
+    with (root / "traj1" / "sim" / "match.csv").open("a") as file:
+        file.write("what.jpeg,ever.jpeg\n")
+
+
+def _nan_pose(root: Path) -> None:
+    path = root / "traj1" / "sim" / "match.csv"
+    rows = path.read_text().splitlines()
+    real, sim = rows[1].split(",")
+    for what in ("rgb", "depth"):
+        old = root / "traj1" / "sim" / sim.replace("_rgb", f"_{what}")
+        old.rename(old.with_name(f"xnan_y0.047_z1.0_r4_{what}.jpeg"))
+    rows[1] = f"{real},xnan_y0.047_z1.0_r4_rgb.jpeg"
+    path.write_text("\r\n".join(rows) + "\r\n")
+
+
+def _duplicate(root: Path) -> None:
+    path = root / "traj1" / "sim" / "match.csv"
+    path.write_text(path.read_text() + path.read_text().splitlines()[1] + "\n")
+
+
+@pytest.mark.parametrize(
+    ("harm", "kind", "left"),
+    [
+        (_truncate, "truncated image", 7),
+        (_garbage, "unreadable image", 7),
+        (_empty, "unreadable image", 7),
+        (_wrong_size, "wrong size", 7),
+        (_colour_depth, "not a depth image", 7),
+        (_missing, "missing image", 7),
+        (_grey_photo, "not a depth image", 7),
+        (_paired_twice, "duplicate row", 8),
+        (_stray_depth, "unmatched image", 8),
+        (_outside, "pose outside the bounds", 8),
+        (_broken_plan, "unreadable floor plan", 8),
+        (_half_size, "other size than calibrated", 8),
+        (_bad_row, "bad name", 8),
+        (_nan_pose, "bad pose", 7),
+        (_duplicate, "duplicate row", 8),
+    ],
+)
+def test_bad_input_is_named_left_out_and_refused_when_strict(
+    data, tmp_path: Path, harm, kind: str, left: int
+) -> None:
+    harm(data[0])
+    with pytest.raises(RequestError, match="nothing was ingested"):
+        ingest("sim2realviz", data[0], tmp_path / "strict.s2r", strict=True, header=data[1])
+    assert not list(tmp_path.glob("*strict.s2r*"))
+    scan = ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
+    assert kind in kinds(scan)
+    assert all(problem.file for problem in scan.problems)
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        assert len(store.instances) == left
+        assert store.instances.seq.tolist() == list(range(left))
+    assert verify(tmp_path / "s.s2r") == []
+
+
+def test_images_without_a_row_are_reported(data, tmp_path: Path) -> None:
+    extra = _first(data[0], "real", "rgb")
+    shutil.copy(extra, extra.with_name("x9.000_y9.000_z0.000_r9_rgb.jpeg"))
+    scan = ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
+    assert kinds(scan) == {"unmatched image": 1}
+
+
+@pytest.mark.parametrize("make", ["nothing", "empty", "no images"])
+def test_empty_folders_are_refused(tmp_path: Path, make: str) -> None:
+    root = tmp_path / "data"
+    if make != "nothing":
+        for domain in ("sim", "real"):
+            (root / "traj1" / domain).mkdir(parents=True)
+    if make == "no images":
+        (root / "traj1" / "sim" / "match.csv").write_text("REAL_RGB,SIM_RGB\n")
+    with pytest.raises(RequestError):
+        ingest("sim2realviz", root, tmp_path / "s.s2r")
+    assert not (tmp_path / "s.s2r").exists()
+
+
+def _edited(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "kind"),
+    [
+        ("a,0,real", "a,zero,real", "bad seq"),
+        ("a,0,real", "a,0,sim", "duplicate row"),
+        ("a,0,real", ",0,real", "incomplete row"),
+        ("a,0,real,", "a,0,real,,", "incomplete row"),
+        ("sim/1_rgb.png", "sim/no_rgb.png", "missing image"),
+        (",7.0,", ",nan,", "bad pose"),
+    ],
+)
+def test_a_manifests_problems_are_named(tmp_path: Path, old: str, new: str, kind: str) -> None:
+    path = pairs.manifest(tmp_path / "data")
+    _edited(path, old, new)
+    scan = ingest("csv", path, tmp_path / "s.s2r")
+    assert kind in kinds(scan)
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        assert len(store.instances) == 11
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "hint"),
+    [
+        ('kind = "real"', 'kind = "other"', 'kind = "sim" or "real"'),
+        ("x1 = 8.0", "x1 = -8.0", "larger"),
+        ("hfov = 80.0", "hfov = true", "must be a number"),
+        ("[bounds]", "[bounds", "data.toml"),
+        ("[domains.real]", "[domains.elsewhere]", "domains.real"),
+        ("width = 64", "width = 0", "width must be larger"),
+        ("hfov = 80.0", "hfov = 180.0", "1 .. 179"),
+        ("hfov = 80.0", "fx = 10", "fy must be a number"),
+        ("depth = { hfov = 80.0 }", "depth = 3", "must be a table"),
+        ("depth_raw_min = 6", 'depth_raw_min = "6"', "must be a number"),
+        ("depth_raw_min = 6", "depth_raw_min = 300", "depth_raw_min <= depth_raw_max"),
+        ("depth_scale = 0.0392156862745098", "depth_scale = 0.0", "larger than 0"),
+        ("y_down = true", 'y_down = "no"', "true or false"),
+        ("accuracy_scale = 10.0", "accuracy_scale = -1.0", "larger than 0"),
+        ("y_down = true", "y_down = true\nrecorded_at = 4", "recorded_at must be a table"),
+        ('room = "west"', 'title = "west"', "room = its name"),
+        ("[0.0, 0.0, 4.0, 6.0]", "[0.0, 0.0, 4.0]", "4 numbers"),
+        ("[0.0, 0.0, 4.0, 6.0]", '["a", 0.0, 4.0, 6.0]', "must be a number"),
+    ],
+)
+def test_a_wrong_header_is_refused(tmp_path: Path, old: str, new: str, hint: str) -> None:
+    path = pairs.manifest(tmp_path / "data")
+    _edited(path.with_suffix(".toml"), old, new)
+    with pytest.raises(RequestError, match=hint):
+        ingest("csv", path, tmp_path / "s.s2r")
+
+
+def test_depth_of_another_type_than_the_others_is_left_out(tmp_path: Path) -> None:
+    path = pairs.manifest(tmp_path / "data")
+    odd = path.parent / "sim" / "3_depth.png"
+    cv2.imwrite(str(odd), cv2.imread(str(odd), cv2.IMREAD_UNCHANGED).astype(np.uint16) * 250)
+    scan = ingest("csv", path, tmp_path / "s.s2r")
+    assert [(p.kind, p.file) for p in scan.problems] == [("mixed depth types", "sim/3_depth.png")]
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        assert len(store.instances) == 11
+        assert store.frame(0, "sim").depth.dtype == np.uint8

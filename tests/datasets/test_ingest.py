@@ -1,0 +1,201 @@
+"""Ingest of both layouts: what is right is stored losslessly."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tomllib
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.geometry import angles
+from s2rstore.maintenance.verify import verify
+from s2rtools.common.bounded_map import ahead
+from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.scan import ScanOptions
+from tests.datasets.helpers import SIZE, ingest, kinds
+from tests.support import pairs
+
+
+def test_pairs_are_stored_in_recording_order(tmp_path: Path) -> None:
+    header = pairs.sim2realviz(tmp_path / "data", n=8, trajectories=("t2", "t1"), edit=True)
+    store_path = tmp_path / "s.s2r"
+    scan = ingest("sim2realviz", tmp_path / "data", store_path, header=header)
+    assert scan.problems == []
+    assert verify(store_path) == []
+    with s2rstore.open(store_path) as store:
+        assert [t.trajectory for t in store.trajectories] == ["t1", "t2"]
+        assert set(store.domains) == {"sim", "real", "sim_edit"}
+        x, y, heading = (np.array(c) for c in zip(*pairs.walk(8), strict=True))
+        truth = store.instances
+        assert np.allclose(truth.x, np.tile(x, 2))
+        assert np.allclose(truth.y, np.tile(y, 2))
+        off = angles.distance(truth.heading, np.tile(heading, 2))
+        assert np.degrees(off).max() <= 0.51
+        rooms = np.where(x <= 4, "west", "east")
+        assert [truth.room_names[c] for c in truth.room[:8]] == rooms.tolist()
+        assert truth.odom_x[0] == pytest.approx(-y[0])
+        frame = store.frame(3, "real")
+        source = scan.trajectories["t1"][3].images["real"]
+        raw = cv2.imread(str(source.depth), cv2.IMREAD_UNCHANGED)
+        assert set(np.unique(frame.depth)) <= set(np.unique(raw))
+        assert (frame.valid == ((frame.depth >= 6) & (frame.depth <= 249))).all()
+        rgb = cv2.cvtColor(cv2.imread(str(source.rgb)), cv2.COLOR_BGR2RGB)
+        assert (frame.rgb == cv2.resize(rgb, SIZE[::-1], interpolation=cv2.INTER_AREA)).all()
+
+
+def test_intrinsics_follow_the_resize(data, tmp_path: Path) -> None:
+    ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        camera = store.domains["sim"].depth
+        f = 32 / np.tan(np.radians(40))
+        assert camera.fx == pytest.approx(f * 32 / 64)
+        assert camera.fy == pytest.approx(f * 32 / 48)
+        assert (camera.cx, camera.cy) == (16, 16)
+        assert store.domains["real"].rgb.pitch == pytest.approx(np.radians(2))
+
+
+def test_the_repositorys_root_and_a_chosen_trajectory(tmp_path: Path) -> None:
+    root = tmp_path / "repo"
+    header = pairs.sim2realviz(root / "data_source" / "traj_cap", 6, ("traj1", "traj2"))
+    (root / "static" / "assets" / "images").mkdir(parents=True)
+    plan = np.full((40, 60, 3), 200, np.uint8)
+    cv2.imwrite(str(root / "static" / "assets" / "images" / "map.jpg"), plan)
+    ingest("sim2realviz", root, tmp_path / "s.s2r", header=header, trajectories=("traj2",))
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        assert [t.trajectory for t in store.trajectories] == ["traj2"]
+        path = store.floor_plan_path()
+        assert path is not None
+        assert cv2.imread(str(path)).shape == (40, 60, 3)
+    with pytest.raises(RequestError, match="--trajectory traj9"):
+        ingest("sim2realviz", root, tmp_path / "t.s2r", header=header, trajectories=("traj9",))
+
+
+def test_match_csv_may_have_a_mark_spaces_blank_lines_and_windows_ends(
+    data, tmp_path: Path
+) -> None:
+    path = data[0] / "traj1" / "sim" / "match.csv"
+    rows = [row.replace(",", " , ") for row in path.read_text().splitlines()]
+    path.write_bytes("\r\n".join(["\ufeff " + rows[0], *rows[1:], "", " , ", ""]).encode())
+    assert ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1]).problems == []
+
+
+def test_two_real_images_may_share_a_place_in_sim(data, tmp_path: Path) -> None:
+    path = data[0] / "traj1" / "sim" / "match.csv"
+    rows = path.read_text().splitlines()
+    rows[2] = f"{rows[2].split(',')[0]},{rows[1].split(',')[1]}"
+    path.write_text("\n".join(rows) + "\n")
+    scan = ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
+    assert kinds(scan) == {"unmatched image": 2}
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        assert len(store.instances) == 8
+
+
+@pytest.mark.parametrize("left", ["nothing", "an empty folder"])
+def test_sim_edit_of_some_trajectories_is_left_out_and_can_be_kept(
+    tmp_path: Path, left: str
+) -> None:
+    header = pairs.sim2realviz(tmp_path / "data", 6, ("traj1", "traj2"), edit=True)
+    edited = tmp_path / "data" / "traj2" / "sim_edit"
+    shutil.rmtree(edited)
+    if left != "nothing":
+        edited.mkdir()
+    scan = ingest("sim2realviz", tmp_path / "data", tmp_path / "all.s2r", header=header)
+    told = [p for p in scan.problems if p.kind == "domain not everywhere"]
+    assert [(p.file, "--trajectory traj1" in p.detail) for p in told] == [("traj2", True)]
+    assert ("empty folder" in kinds(scan)) == (left != "nothing")
+    with s2rstore.open(tmp_path / "all.s2r") as store:
+        assert set(store.domains) == {"sim", "real"}
+        assert len(store.instances) == 12
+    assert verify(tmp_path / "all.s2r") == []
+    ingest(
+        "sim2realviz", tmp_path / "data", tmp_path / "one.s2r", strict=True,
+        header=header, trajectories=("traj1",),
+    )  # fmt: skip
+    with s2rstore.open(tmp_path / "one.s2r") as store:
+        assert set(store.domains) == {"sim", "real", "sim_edit"}
+
+
+def test_an_existing_store_is_never_overwritten(data, tmp_path: Path) -> None:
+    ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
+    with pytest.raises(RequestError, match="exists"):
+        ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
+
+
+@pytest.mark.parametrize(("bits", "dtype"), [(8, "uint8"), (16, "uint16")])
+def test_a_manifest(tmp_path: Path, bits: int, dtype: str) -> None:
+    path = pairs.manifest(tmp_path / "data", 12, bits)
+    scan = ingest("csv", path, tmp_path / "s.s2r")
+    assert scan.problems == []
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        assert [t.instances for t in store.trajectories] == [6, 6]
+        frame = store.frame(0, "sim")
+        assert frame.depth.dtype == dtype
+        assert store.dataset.accuracy_scale == 10
+        assert np.allclose(store.instances.timestamp, 0.1 * np.arange(12))
+        wanted = [a for *_, a in pairs.walk(12)]
+        assert angles.distance(store.instances.heading, wanted).max() < 1e-5
+    assert verify(tmp_path / "s.s2r") == []
+
+
+def test_depth_images_may_have_a_size_of_their_own(tmp_path: Path) -> None:
+    path = pairs.manifest(tmp_path / "data")
+    for file in path.parent.glob("*/*_depth.png"):
+        picture = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(file), cv2.resize(picture, (32, 24), interpolation=cv2.INTER_NEAREST))
+    header = path.with_suffix(".toml")
+    own = "depth = { hfov = 80.0, width = 32, height = 24 }"
+    header.write_text(header.read_text().replace("depth = { hfov = 80.0 }", own))
+    assert ingest("csv", path, tmp_path / "s.s2r").problems == []
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        camera = store.domains["sim"]
+        assert camera.depth == camera.rgb
+
+
+def test_a_json_header_says_the_same(tmp_path: Path) -> None:
+    path = pairs.manifest(tmp_path / "data")
+    given = path.with_suffix(".toml")
+    path.with_suffix(".json").write_text(json.dumps(tomllib.loads(given.read_text())))
+    given.rename(given.with_name("other.toml"))
+    ingest("csv", path, tmp_path / "a.s2r")
+    ingest("csv", path, tmp_path / "b.s2r", header=given.with_name("other.toml"))
+    with s2rstore.open(tmp_path / "a.s2r") as a, s2rstore.open(tmp_path / "b.s2r") as b:
+        assert a.dataset.hash == b.dataset.hash
+
+
+def test_work_ahead_is_in_order_and_bounded() -> None:
+    begun: list[int] = []
+
+    def work(item: int) -> int:
+        begun.append(item)
+        return item * item
+
+    with ThreadPoolExecutor(2) as pool:
+        results = ahead(pool, work, range(50), window=4)
+        assert next(results) == 0
+        assert len(begun) <= 5
+        assert list(results) == [i * i for i in range(1, 50)]
+
+
+@pytest.mark.real
+def test_the_real_data(real_data: Path, tmp_path: Path) -> None:
+    scan = IMPORTERS["sim2realviz"](real_data, ScanOptions())
+    assert kinds(scan) == {}
+    assert {name: len(rows) for name, rows in scan.trajectories.items()} == {"traj1": 542}
+    assert set(scan.domains) == {"sim", "real", "sim_edit"}
+    sightings = scan.trajectories["traj1"]
+    x = np.array([s.x for s in sightings])
+    y = np.array([s.y for s in sightings])
+    inside = [set[str]() for _ in sightings]
+    for r in scan.rooms:
+        for i in np.flatnonzero((x >= r.x0) & (x <= r.x1) & (y >= r.y0) & (y <= r.y1)):
+            inside[i].add(r.room)
+    assert sum(len(rooms) > 1 for rooms in inside) == 8
+    assert x.min() > scan.bounds.x0
+    assert y.max() < scan.bounds.y1

@@ -1,0 +1,108 @@
+"""Partial recomputation gives what the whole network gives; what is not local is recognised."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rtools.heatmaps import occlusion
+from s2rtools.incremental_inference import LocalGraph, Region, Window, analyse, cut_patches
+from s2rtools.inference import Backend
+from s2rtools.inference.batch_norm_folding import folded
+from s2rtools.models.pose_network import LoadedModel
+from tests.support import networks
+
+# Poses are compared relative to how far the patches move them.
+TOLERANCE = 1e-4
+
+
+def both_ways(model: LoadedModel, chosen: list[int] | None = None) -> tuple[np.ndarray, ...]:
+    """Poses (N, P, M, 3) by locality and in full, both directions."""
+    height, width = model.network.input_size
+    generator = torch.Generator().manual_seed(1)
+    x = torch.rand(2, 4, height, width, generator=generator) * 2 - 1
+    other = x.flip(0).contiguous()
+    backend = Backend(model)
+    patches = cut_patches(height, width)
+    if chosen is not None:
+        patches = [patches[i] for i in chosen]
+        patches = [type(p)(i, p.region) for i, p in enumerate(patches)]
+    graph = LocalGraph(backend.trunk)
+    with torch.inference_mode():
+        before, local = occlusion._by_locality(backend, graph, x, other, patches)
+        again, full = occlusion._in_full(backend, x, other, patches)
+    assert np.allclose(before, again, atol=1e-5)
+    return local, full, before
+
+
+def check(model: LoadedModel, chosen: list[int] | None = None) -> None:
+    local, full, before = both_ways(model, chosen)
+    moved = np.abs(full - before[:, None, None]).max()
+    assert moved > 1e-3
+    assert np.abs(local - full).max() <= TOLERANCE * max(moved, 1)
+
+
+@pytest.mark.parametrize("name", list(networks.local_trunks()))
+@pytest.mark.parametrize("size", [(36, 36), (37, 45)])
+def test_small_trunks(name: str, size: tuple[int, int]) -> None:
+    check(networks.small(*networks.local_trunks()[name], size))
+
+
+def test_resposenet_every_patch_mode_and_direction() -> None:
+    check(networks.built("resposenet"))
+
+
+def test_posest_corner_edge_and_inner_patches() -> None:
+    check(networks.built("posest"), [0, 3, 5, 14, 21, 35])
+
+
+@pytest.mark.parametrize("name", list(networks.foreign_trunks()))
+def test_what_is_not_local_is_recognised(name: str) -> None:
+    model = networks.small(*networks.foreign_trunks()[name], (24, 24))
+    reason = analyse(folded(model.network.trunk))
+    assert reason
+    outputs = occlusion.Occlusion().outputs(model)
+    assert {out.attributes["method"] for out in outputs} == {f"in full: {reason}"}
+
+
+def test_what_is_local_is_marked_so() -> None:
+    outputs = occlusion.Occlusion().outputs(networks.built("resposenet"))
+    assert {out.attributes["method"] for out in outputs} == {"by locality"}
+
+
+@given(st.integers(6, 300), st.integers(6, 300), st.integers(1, 6))
+def test_patches_cover_the_image_once(height: int, width: int, count: int) -> None:
+    seen = np.zeros((height, width), int)
+    for patch in cut_patches(height, width, count):
+        r = patch.region
+        seen[r.r0 : r.r1, r.c0 : r.c1] += 1
+    assert (seen == 1).all()
+
+
+@settings(max_examples=200)
+@given(
+    st.integers(1, 5), st.integers(1, 3), st.integers(0, 2), st.integers(8, 30), st.data(),
+)  # fmt: skip
+def test_reach_is_exactly_the_outputs_that_change(
+    extent: int, stride: int, padding: int, size: int, data: st.DataObject
+) -> None:
+    window = Window(extent, stride, min(padding, extent // 2))
+    start = data.draw(st.integers(0, size - 1))
+    stop = data.draw(st.integers(start + 1, size))
+    touched = []
+    for output in range(window.outputs(size)):
+        first = output * stride - window.padding
+        if first < stop and first + extent > start:
+            touched.append(output)
+    low, high = window.reach(start, stop, size)
+    if touched:
+        assert (low, high) == (touched[0], touched[-1] + 1)
+    else:
+        assert low == high
+
+
+def test_regions_join() -> None:
+    assert Region(1, 3, 4, 6).union(Region(2, 8, 0, 5)) == Region(1, 8, 0, 6)

@@ -1,0 +1,178 @@
+"""The live model says what precompute would store, and computes no more than what changed."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.geometry import angles
+from s2rstore.reader import Store
+from s2rstore.records import SIDES
+from s2rtools.adjustments import chain_of, parse
+from s2rtools.heatmaps import KINDS
+from s2rtools.interactive import LiveModel, LiveResult
+from s2rtools.interactive.recent import Recent
+from s2rtools.precompute.pipeline import precompute
+from s2rtools.precompute.registry import add_run
+from s2rtui.session.heatmaps import choices, instance_grid
+from s2rtui.session.model_input import seen
+from s2rtui.session.state import HeatChoice
+from tests.support.quiet import Quiet
+
+pytestmark = pytest.mark.xdist_group("world")
+
+CHAINS = {
+    "sim": chain_of("sim", {"temperature": -0.3}),
+    "real": chain_of("real", {"brightness": 1.3, "contrast": 0.8, "depth_blur": 1.5}),
+}
+
+
+@pytest.fixture(scope="module")
+def adjusted(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
+    """A store with a run `adjusted` of every kind, beside its plain run that is not computed."""
+    path = tmp_path_factory.mktemp("live") / "s.s2r"
+    shutil.copytree(trained, path)
+    add_run(path, "adjusted", "vanilla", None, None, CHAINS)
+    precompute(path, Quiet(), ["adjusted"])
+    with s2rstore.open(path) as store:
+        yield store
+
+
+@pytest.fixture
+def live(adjusted: Store) -> Iterator[LiveModel]:
+    model = LiveModel(adjusted, "vanilla")
+    yield model
+    model.close()
+
+
+def same_as_stored(store: Store, run: str, result: LiveResult, live: LiveModel) -> None:
+    columns, iid = store.run_columns(run), result.iid
+    for side in SIDES:
+        shown, stored = result.side(side), columns.side(side)
+        for name in ("x", "y", "error"):
+            assert getattr(shown, name) == pytest.approx(getattr(stored, name)[iid], abs=1e-4)
+        assert angles.distance(shown.heading, stored.heading[iid]) < 1e-4
+        assert shown.heading_error == pytest.approx(stored.heading_error[iid], abs=1e-4)
+        picture = seen(store, store.run(run), side, iid)
+        assert (picture.rgb == shown.rgb).all()
+        np.testing.assert_array_equal(picture.depth, shown.depth)
+        for kind, mode in choices(store, run):
+            mine = result.heatmap(kind, side, mode)
+            theirs = store.heatmap(run, kind, side, iid, mode)
+            assert mine.shape == theirs.shape
+            np.testing.assert_allclose(mine, theirs, atol=2e-3 * np.nanmax(np.abs(theirs)))
+            grid = live.floor_grid(result, kind, side, mode)
+            wanted = instance_grid(store, run, HeatChoice(kind, mode, side), iid)
+            assert (np.isnan(grid) == np.isnan(wanted)).all()
+            np.testing.assert_allclose(grid, wanted, atol=2e-3 * np.nanmax(np.abs(theirs)))
+
+
+@pytest.mark.parametrize("iid", [0, 21, 39])
+def test_results_are_what_precompute_stores(adjusted: Store, live: LiveModel, iid: int) -> None:
+    assert set(live.kinds) == set(KINDS)
+    assert live.kinds[-1] == "occlusion"
+    result = live.compute(iid, CHAINS, live.kinds)
+    assert result is not None
+    same_as_stored(adjusted, "adjusted", result, live)
+    assert (
+        result.heatmap("activation", "sim") == result.heatmap("activation", "sim", "loss")
+    ).all()
+
+
+@pytest.mark.parametrize("run", ["up", "low", "vanilla"])
+def test_moved_cameras_are_what_precompute_stores(moved_world: Path, run: str) -> None:
+    with s2rstore.open(moved_world) as store:
+        live = LiveModel(store, "vanilla")
+        assert live.reason_against_moving is None
+        chains = {side: store.run(run).adjustments(side) for side in SIDES}
+        kinds = ("feature_distance", "pixel_difference", "harmonised_distance")
+        for iid in (1, 6):
+            result = live.compute(iid, chains, kinds)
+            assert result is not None
+            same_as_stored(store, run, result, live)
+        live.close()
+
+
+def test_a_run_keeps_its_own_adjustments(adjusted: Store) -> None:
+    live = LiveModel(adjusted, "adjusted")
+    own, named = live.compute(5, {}), live.compute(5, CHAINS)
+    assert own is not None
+    assert named is not None
+    assert own.real is named.real
+    plain = live.compute(5, {"sim": [], "real": []})
+    assert plain is not None
+    assert plain.real.x != own.real.x
+    live.close()
+
+
+def test_the_prediction_comes_before_the_heat(live: LiveModel) -> None:
+    found = list(live.steps(3, CHAINS, ("feature_distance", "pixel_difference")))
+    assert [len(result.heat) for result in found] == [0, 2, 6]
+    assert all(result.real is found[0].real for result in found)
+
+
+def test_only_what_changed_is_computed(live: LiveModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    passes: list[int] = []
+    whole = live._backend.forward_all
+    monkeypatch.setattr(
+        live._backend, "forward_all", lambda x: (passes.append(len(x)), whole(x))[1]
+    )
+    reads: list[int] = []
+    read = live._store.frames
+    monkeypatch.setattr(live._store, "frames", lambda *a: (reads.append(1), read(*a))[1])
+    live.compute(7, {"sim": [], "real": []})
+    assert (len(passes), len(reads)) == (2, 2)
+    for value in (1.1, 1.2, 1.1):
+        live.compute(7, {"sim": [], "real": chain_of("real", {"brightness": value})})
+    assert (len(passes), len(reads)) == (4, 2)
+    live.compute(8, {"sim": [], "real": []})
+    assert (len(passes), len(reads)) == (6, 4)
+
+
+@pytest.mark.parametrize("after", [0, 1, 2, 3])
+def test_nothing_comes_once_it_is_cancelled(live: LiveModel, after: int) -> None:
+    asked = iter([False] * after)
+
+    def cancelled() -> bool:
+        return next(asked, True)
+
+    kinds = ("feature_distance",)
+    found = list(live.steps(9, {"real": parse("real:black")["real"]}, kinds, cancelled))
+    assert len(found) == max(0, after - 2)
+    asked = iter([False] * after)
+    assert live.compute(9, {}, kinds, cancelled) is None
+
+
+def test_wrong_requests_name_what_could_be(live: LiveModel) -> None:
+    with pytest.raises(RequestError, match=r"instance 40: the store holds 0 \.\. 39"):
+        live.compute(40, {})
+    with pytest.raises(RequestError, match="one of activation"):
+        live.compute(1, {}, ("glow",))
+    with pytest.raises(RequestError, match="taken, not rendered"):
+        live.compute(1, {"sim": chain_of("sim", {"camera_pitch": 2})})
+    assert "not rendered" in str(live.reason_against_moving)
+    plain = live.compute(1, {"sim": chain_of("sim", {"camera_pitch": 0})})
+    assert plain is not None
+    with pytest.raises(RequestError, match="not computed for these"):
+        plain.heatmap("occlusion", "sim")
+
+
+def test_the_callers_store_may_close(adjusted: Store) -> None:
+    with s2rstore.open(adjusted.path) as own:
+        live = LiveModel(own, "vanilla")
+    assert live.compute(2, CHAINS, ("activation",)) is not None
+    live.close()
+
+
+def test_the_longest_unused_is_dropped() -> None:
+    made: list[str] = []
+    recent: Recent[str] = Recent(2)
+    for key in "abacab":
+        recent.get(key, lambda key=key: (made.append(key), key)[1])
+    assert made == ["a", "b", "c", "b"]

@@ -1,0 +1,169 @@
+"""Logs as files: what is written comes back, and every fault is one line that says where."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from s2rstore.errors import RequestError
+from s2rstore.geometry import angles
+from s2rtools.motion_logs import csv_reader, read
+from tests.support import robot
+
+GOOD = "time,x,y,heading\n0,0,0,0\n0.1,1,0,0.5\n"
+
+
+def test_csv_comes_back_to_the_bit(tmp_path: Path) -> None:
+    drive = robot.pair(1, seconds=5.0)
+    csv_reader.write(drive.real, tmp_path / "real.csv")
+    again = read(tmp_path / "real.csv")
+    for name in ("time", "x", "y", "heading"):
+        assert (getattr(again, name) == getattr(drive.real, name)).all()
+    assert again.source == str(tmp_path / "real.csv")
+    assert len(again.sha256) == 64
+
+
+def test_columns_in_any_order_degrees_comments_and_a_mark(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    text = "\ufeff# from the lab\r\nheading_deg, y ,battery,time,x\r\n"
+    path.write_text(text + "90,2,full,0,1\r\n\r\n# a pause\r\n-270,3,low,0.5,4\r\n", "utf-8")
+    log = read(path)
+    assert log.x.tolist() == [1, 4]
+    assert log.y.tolist() == [2, 3]
+    assert log.heading == pytest.approx([np.pi / 2, np.pi / 2])
+
+
+def test_large_clocks_keep_their_fractions(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,x,y,heading\n1700000000.02,0,0,0\n1700000000.04,1,0,0\n")
+    assert np.diff(read(path).time) == pytest.approx([0.02], abs=1e-6)
+
+
+@given(st.lists(st.floats(-np.pi, 3.14), min_size=2, max_size=20))
+def test_tum_headings_are_yaws_whatever_pitch_and_roll(
+    tmp_path_factory: pytest.TempPathFactory, yaws: list[float]
+) -> None:
+    path = tmp_path_factory.mktemp("tum") / "a.tum"
+    rows = ["# timestamp tx ty tz qx qy qz qw"]
+    for i, yaw in enumerate(yaws):
+        q = 2.0 * Rotation.from_euler("ZYX", [yaw, 0.3, -0.2]).as_quat()
+        rows.append(" ".join(map(repr, [0.1 * i, i, -i, 9.0, *q.tolist()])))
+    path.write_text("\n".join(rows) + "\n")
+    log = read(path)
+    assert angles.distance(log.heading, np.array(yaws)).max() < 1e-9
+    assert log.y.tolist() == [-float(i) for i in range(len(yaws))]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("a.csv", b"", r"a\.csv: empty"),
+        ("a.csv", b"\n\n", r"a\.csv: empty"),
+        ("a.csv", b"# only a remark\n", r"a\.csv: no line of column names"),
+        ("a.csv", b"time,x,y,heading\n", r"a\.csv: no rows"),
+        ("a.csv", b"time,x,y,heading\n0,0,0,0\n", r"a\.csv: 1 poses"),
+        ("a.csv", b"time,x,heading\n0,0,0\n1,0,0\n", r"a\.csv: no column y \(has: time, x"),
+        ("a.csv", b"time,x,y\n0,0,0\n1,0,0\n", r"no column heading \(rad\) or heading_deg"),
+        ("a.csv", b"time,x,x,y,heading\n0,0,0,0,0\n", r"a\.csv:1: column x stands twice"),
+        ("a.csv", b"# c\n" + GOOD.encode() + b"0.2,nan,0,0\n", r"a\.csv:5: x is nan; remove"),
+        ("a.csv", GOOD.encode() + b"0.2,1,inf,0\n", r"a\.csv:4: y is inf"),
+        ("a.csv", GOOD.encode() + b"0.2,1,,0\n", r"a\.csv:4: y is nothing, not a number"),
+        ("a.csv", GOOD.encode() + b"0.2,1,0\n", r"a\.csv:4: 3 values for 4 columns"),
+        ("a.csv", GOOD.encode() + b"0.05,1,0,0\n", r"a\.csv:4: the clock runs backward \(0\.1 s"),
+        ("a.csv", GOOD.encode() + b"0.1,1,0,0\n", r"a\.csv:4: the clock stands still"),
+        ("a.csv", b"time,x,y,heading\n\xff\xfe,1,2,3\n", r"a\.csv: not UTF-8 at byte 17"),
+        ("a.tum", b"", r"a\.tum: empty"),
+        ("a.tum", b"# nothing\n", r"a\.tum: no poses"),
+        ("a.tum", b"0 0 0 0 0 0 0 1\n1 0 0 0 0 0 1\n", r"a\.tum:2: 7 values; TUM has 8"),
+        ("a.tum", b"0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 0\n", r"a\.tum:2: the quaternion is 0"),
+        ("a.tum", b"0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1\n", r"a\.tum:2: tx is nan"),
+        ("a.tum", b"1 0 0 0 0 0 0 1\n#\n0 0 0 0 0 0 0 1\n", r"a\.tum:3: the clock runs backward"),
+        ("a.xlsx", b"PK", r"a\.xlsx: unknown kind of log"),
+    ],
+)
+def test_faults_are_one_line_that_says_where(
+    tmp_path: Path, name: str, content: bytes, told: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(RequestError, match=told) as caught:
+        read(tmp_path / name)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_and_a_topic_of_a_csv(tmp_path: Path) -> None:
+    with pytest.raises(RequestError, match=r"gone\.csv: cannot be read \(No such file"):
+        read(tmp_path / "gone.csv")
+    (tmp_path / "a.csv").write_text(GOOD)
+    with pytest.raises(RequestError, match="has no topics"):
+        read(tmp_path / "a.csv", "/odom")
+
+
+def test_commands_come_back_with_their_period(tmp_path: Path) -> None:
+    told = robot.commands(3.0, np.random.default_rng(0))
+    csv_reader.write_commands(told, tmp_path / "commands.csv")
+    again = csv_reader.read_commands(tmp_path / "commands.csv")
+    assert again.period == told.period
+    assert list(again.channels) == ["speed", "turn"]
+    assert (again.channels["turn"] == told.channels["turn"]).all()
+
+
+def test_without_a_stated_period_it_is_the_median_step(tmp_path: Path) -> None:
+    path = tmp_path / "commands.csv"
+    path.write_text("time,v\n0,1\n0.1,1\n0.2,0\n0.9,0\n")
+    assert csv_reader.read_commands(path).period == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("t,v\n0,1\n", r"commands\.csv: no column time"),
+        ("time\n0\n1\n", r"commands\.csv: no channel"),
+        ("time,v\n0,1\n", r"one row and no period"),
+        ("# period = 0\ntime,v\n0,1\n", r"commands\.csv:1: period is 0 s"),
+        ("# period = soon\ntime,v\n0,1\n", r"commands\.csv:1: period is soon, not a number"),
+        ("time,v\n0,1\n0,2\n", r"commands\.csv:3: the clock stands still"),
+        ("time,v\n0,nan\n", r"commands\.csv:2: v is nan"),
+    ],
+)
+def test_faults_of_commands(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "commands.csv").write_text(text)
+    with pytest.raises(RequestError, match=told):
+        csv_reader.read_commands(tmp_path / "commands.csv")
+
+
+def test_what_is_written_is_plain_csv(tmp_path: Path) -> None:
+    log = robot.pair(2, seconds=4.0).sim
+    csv_reader.write(log, tmp_path / "a.csv")
+    table = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
+    assert table.dtype.names == ("time", "x", "y", "heading")
+    assert (table["x"] == log.x).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [(lambda t: t * 1e9, r"csv:3: 2e\+08 s after the pose before it; are the times in seconds"),
+     (lambda t: np.where(t > 1, t + 1.7e9, t), r"csv:8: 1\.7e\+09 s after .* split the log there"),
+     (lambda t: t * 1e300, "are the times in seconds")],
+)  # fmt: skip
+def test_clocks_of_other_units_and_clocks_set_on_the_way_are_refused(
+    tmp_path: Path, change: Callable[[NDArray[np.float64]], NDArray[np.float64]], told: str
+) -> None:
+    times = change(0.2 * np.arange(20))
+    rows = "\n".join(f"{float(time)!r},1,2,0" for time in times)
+    (tmp_path / "a.csv").write_text(f"time,x,y,heading\n{rows}\n")
+    with pytest.raises(RequestError, match=told):
+        read(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("pose", ["1e200,0,0", "0,-1e308,0", "0,0,1e300"])
+def test_poses_beyond_the_earth_are_refused(tmp_path: Path, pose: str) -> None:
+    (tmp_path / "a.csv").write_text(f"time,x,y,heading\n0,0,0,0\n0.1,{pose}\n")
+    with pytest.raises(RequestError, match=r"a\.csv:3: a pose beyond 1e\+09 m or rad"):
+        read(tmp_path / "a.csv")

@@ -1,0 +1,94 @@
+"""ROS bags of both generations, written and read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from s2rstore.errors import RequestError
+from s2rstore.geometry import angles
+from s2rtools.motion_logs import Log, read
+from tests.support import robot
+from tests.support.bags import ODOMETRY, POSE, write
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return robot.sampled(robot.drive(robot.commands(3.0, np.random.default_rng(3))), 20.0)
+
+
+@pytest.mark.parametrize("name", ["a.bag", "folder", "mcap_folder"])
+@pytest.mark.parametrize("kind", [ODOMETRY, POSE])
+def test_poses_come_back_at_the_times_of_their_headers(
+    tmp_path: Path, log: Log, name: str, kind: str
+) -> None:
+    again = read(write(tmp_path / name, {"/odom": (kind, log)}))
+    assert again.time == pytest.approx(log.time, abs=1e-8)
+    assert again.x == pytest.approx(log.x)
+    assert angles.distance(again.heading, log.heading).max() < 1e-9
+
+
+@pytest.mark.parametrize("suffix", ["db3", "mcap"])
+def test_the_file_inside_a_folder_is_a_log_too(tmp_path: Path, log: Log, suffix: str) -> None:
+    folder = write(tmp_path / f"{suffix}_folder", {"/odom": (ODOMETRY, log)})
+    (inside,) = folder.glob(f"*.{suffix}")
+    assert read(inside).y == pytest.approx(log.y)
+
+
+def test_without_stamps_the_times_are_those_of_the_recording(tmp_path: Path, log: Log) -> None:
+    again = read(write(tmp_path / "a.bag", {"/odom": (ODOMETRY, log)}, stamped=False))
+    assert again.time == pytest.approx(log.time + 0.005, abs=1e-8)
+
+
+def test_one_of_several_topics_is_named(tmp_path: Path, log: Log) -> None:
+    path = write(tmp_path / "bag", {"/odom": (ODOMETRY, log), "/truth": (POSE, log)})
+    with pytest.raises(RequestError, match=r"name one of /odom, /truth"):
+        read(path)
+    assert read(path, "/truth").x == pytest.approx(log.x)
+    with pytest.raises(RequestError, match=r"no topic /pose \(has: /odom, /truth\)"):
+        read(path, "/pose")
+
+
+def bent(log: Log, **columns: np.ndarray) -> Log:
+    """The log with other columns, unchecked."""
+    whole = {n: columns.get(n, getattr(log, n)) for n in ("time", "x", "y", "heading")}
+    return Log(**whole, source="", sha256="")
+
+
+def test_faults_name_topic_and_message(tmp_path: Path, log: Log) -> None:
+    x, time = log.x.copy(), log.time.copy()
+    x[4] = np.nan
+    time[7] = time[5]
+    path = write(tmp_path / "nan.bag", {"/odom": (ODOMETRY, bent(log, x=x))})
+    with pytest.raises(RequestError, match=r"nan\.bag: topic /odom, message 5: not a finite"):
+        read(path)
+    path = write(tmp_path / "clock", {"/odom": (ODOMETRY, bent(log, time=time))})
+    with pytest.raises(RequestError, match=r"clock: topic /odom, message .: the clock"):
+        read(path)
+    empty = bent(log, **{n: np.zeros(0) for n in ("time", "x", "y", "heading")})
+    path = write(tmp_path / "empty", {"/odom": (ODOMETRY, empty)})
+    with pytest.raises(RequestError, match="topic /odom has no messages"):
+        read(path)
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.db3", "a.mcap"])
+@pytest.mark.parametrize("content", [b"", b"not a bag at all" * 50])
+def test_damaged_bags_are_one_line(tmp_path: Path, name: str, content: bytes) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(RequestError, match=r"cannot be read as a ROS bag") as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_cut_bag_a_plain_folder_and_no_bag(tmp_path: Path, log: Log) -> None:
+    whole = write(tmp_path / "a.bag", {"/odom": (ODOMETRY, log)}).read_bytes()
+    (tmp_path / "cut.bag").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(RequestError, match=r"cut\.bag"):
+        read(tmp_path / "cut.bag")
+    with pytest.raises(RequestError, match=r"no metadata\.yaml"):
+        read(tmp_path)
+    with pytest.raises(RequestError, match="no such bag"):
+        read(tmp_path / "gone.bag")

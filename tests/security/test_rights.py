@@ -1,0 +1,128 @@
+"""What a session may do: paths, models and actions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import textual.actions
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2rstore.errors import RequestError
+from s2rtui.app import actions
+from s2rtui.app.actions import ACTIONS, Action, footer, help_text, named, offered
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle, take
+from s2rtui.canvas import Look
+from s2rtui.security import Access
+from s2rtui.session import Session, display
+
+MIST = Action(
+    "side", ("d",), "heat", "mist in the images", display.change_side, "mist", needs="models"
+)
+NAMES = st.lists(st.sampled_from(["..", ".", "a", "b", "s2rtui", "own"]), max_size=6)
+
+
+def restricted(folder: Path) -> Access:
+    return Access(folder / "s.s2r", folder / "own", True)
+
+
+@given(NAMES)
+def test_a_restricted_session_writes_in_its_own_folder_only(names: list[str]) -> None:
+    access = restricted(Path("/srv"))
+    path = access.own.joinpath(*names)
+    inside = Path("/srv/own") in [path.resolve(), *path.resolve().parents]
+    assert access.may_write(path) == inside
+
+
+def test_links_do_not_lead_out(tmp_path: Path) -> None:
+    access = restricted(tmp_path)
+    access.own.mkdir()
+    (access.own / "out").symlink_to(tmp_path)
+    assert access.may_write(access.own / "a.png")
+    assert not access.may_write(access.own / "out" / "a.png")
+    assert not access.may_write(access.own / "out" / "a.png")
+
+
+def test_the_store_is_read_and_never_written(tmp_path: Path) -> None:
+    access = restricted(tmp_path)
+    assert not access.may_write(access.store / "CURRENT.json")
+    with pytest.raises(RequestError, match="own only"):
+        access.writable(tmp_path / "a.png")
+
+
+def test_an_ordinary_session_is_not_held_back(tmp_path: Path) -> None:
+    access = Access(tmp_path / "s.s2r", tmp_path / "own")
+    assert access.may_adjust
+    assert access.writable(tmp_path / "a.png") == tmp_path / "a.png"
+    assert offered(access) == list(ACTIONS)
+
+
+@pytest.fixture
+def mist(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of the actions loads models."""
+    changed = tuple(MIST if action.name == "side" else action for action in ACTIONS)
+    monkeypatch.setattr(actions, "ACTIONS", changed)
+    monkeypatch.setattr(actions, "BY_NAME", {action.name: action for action in changed})
+
+
+@pytest.mark.usefixtures("mist")
+def test_what_is_not_allowed_is_not_offered(tiny_store: Path, tmp_path: Path) -> None:
+    access = restricted(tmp_path)
+    session = Session(tiny_store)
+    assert MIST not in offered(access)
+    assert {action.needs for action in offered(access)} == {""}
+    assert "mist" not in [word for _, word in footer(900, session.state, access)]
+    assert "mist in the images" not in help_text(access)
+    ordinary = Access(tmp_path, tmp_path)
+    assert "mist" in [word for _, word in footer(900, session.state, ordinary)]
+    assert "mist in the images" in help_text(ordinary)
+    session.close()
+
+
+def test_actions_are_found_as_they_are_called() -> None:
+    for action in ACTIONS:
+        _, name, parameters = textual.actions.parse(action.call)
+        assert named(name, parameters) is action
+
+
+@pytest.mark.usefixtures("mist")
+async def test_a_refused_action_says_so(tiny_store: Path, tmp_path: Path) -> None:
+    app = S2RApp(Session(tiny_store), Look(), access=Access(tiny_store, tmp_path, True))
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        before = app.session.state.heat
+        for call in ("do('side')", "app.do('side')"):
+            app.session.tell("")
+            await app.run_action(call)
+            assert "restricted" in app.session.state.message
+        app.session.tell("")
+        await pilot.press("d")
+        await settle(app, pilot)
+        assert app.session.state.heat == before
+        assert "not in a restricted session: mist in the images" in take(app).text
+        titles = [command.title for command in app.get_system_commands(app.screen)]
+        assert len(titles) > 10
+        assert not any("mist in the images" in title for title in titles)
+
+
+@pytest.mark.parametrize(
+    "call",
+    ["screenshot('a.svg', '.')", "app.suspend_process", "app.simulate_key('w')",
+     "change_theme", "app.push_screen('x')", "app.toggle('animation_level')"],
+)  # fmt: skip
+async def test_textuals_own_actions_are_closed(
+    tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    app = S2RApp(Session(tiny_store), Look(), access=Access(tiny_store, tmp_path, True))
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(app, pilot)
+        await app.run_action(call)
+        await settle(app, pilot)
+        assert "not in a restricted session" in app.session.state.message
+        for key in ("w", "question_mark", "escape", "tab", "ctrl+z", "ctrl+p", "escape"):
+            await pilot.press(key)
+        await settle(app, pilot)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,187 @@
+"""The world: the same bytes from the same seed, rooms that hang together, changes that show."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from s2rstore.errors import RequestError
+from s2rstore.records import Intrinsics
+from s2rtools.synthetic_world.dataset import Recipe, WorldData
+from s2rtools.synthetic_world.factors import FACTORS, parse_factors, severities
+from s2rtools.synthetic_world.materials import Material
+from s2rtools.synthetic_world.renderer import Camera, RayCaster
+from s2rtools.synthetic_world.scene import Part, Scene
+from s2rtools.synthetic_world.world import World, side_camera, standard_camera, through_sensor
+from s2rtools.training import pretrained
+
+SEEDS = (1, 2, 5)
+
+
+@pytest.fixture(scope="module", params=SEEDS)
+def world(request: pytest.FixtureRequest) -> World:
+    return World(request.param)
+
+
+@pytest.fixture(scope="module")
+def data() -> WorldData:
+    return WorldData(Recipe(count=20, frame=64))
+
+
+def test_every_kind_of_change_is_there(world: World) -> None:
+    changes = {(thing.name, thing.change) for thing in world.things if thing.change}
+    for wanted in (("bicycle", "removed"), ("extinguisher", "removed"), ("door", "closed"),
+                   ("cartons", "added"), ("poster", "removed")):  # fmt: skip
+        assert wanted in changes
+    assert {"moved"} <= {change for _, change in changes}
+    assert len(world.changed({"objects": 1.0})) >= 12
+    assert world.changed({}) == []
+    assert 0 < len(world.changed({"objects": 0.5})) < len(world.changed({"objects": 1.0}))
+
+
+def test_the_two_trajectories_are_free_and_apart(world: World) -> None:
+    first, second = (world.poses(name, 60) for name in ("traj1", "traj2"))
+    for poses in (first, second):
+        assert 40 <= len(poses) <= 60
+        assert world.sees(poses).mean() > 0.95
+    away = np.hypot(*(first[:, None, :2] - second[None, :, :2]).transpose(2, 0, 1))
+    assert (away.min(axis=1) < 0.5).mean() < 0.25
+
+
+def test_views_are_reproducible_and_finite(data: WorldData) -> None:
+    poses, numbers = data.poses["traj1"], np.arange(len(data.poses["traj1"]))
+    for side in ("sim", "real"):
+        one, two = (data.views(side, poses, numbers) for _ in range(2))
+        assert np.array_equal(one.rgb, two.rgb)
+        assert np.array_equal(one.depth, two.depth)
+        assert np.isfinite(one.depth).all()
+        assert one.rgb.std(axis=(1, 2)).mean() > 15
+    alone = data.views("real", poses[7:8], numbers[7:8])
+    assert np.array_equal(alone.rgb[0], one.rgb[7])
+
+
+def test_a_seed_makes_one_world_that_nobody_changes(data: WorldData) -> None:
+    assert data.world is WorldData(Recipe(count=3)).world
+    assert data.world.things == World(data.recipe.seed).things
+    assert not data.poses["traj1"].flags.writeable
+
+
+def test_without_factors_reality_is_the_simulation() -> None:
+    data = WorldData(Recipe(count=4, frame=32, factors=parse_factors("none")))
+    poses = data.poses["traj2"]
+    sim, real = (data.views(side, poses, np.arange(len(poses))) for side in ("sim", "real"))
+    assert np.array_equal(sim.rgb, real.rgb)
+    assert np.array_equal(sim.depth, real.depth)
+
+
+@pytest.mark.parametrize("name", list(FACTORS))
+def test_a_factor_alone_changes_its_own_part(data: WorldData, name: str) -> None:
+    poses = data.poses["traj1"]
+    numbers = np.arange(len(poses))
+    world = data.world
+    plain = world.renderer({}).render(poses, standard_camera(64))
+    views = world.renderer({name: 1.0}).render(poses, side_camera(64, {name: 1.0}))
+    made = through_sensor(views, {name: 1.0}, 1, numbers)
+    none = through_sensor(plain, {name: 0.0}, 1, numbers)
+    assert np.array_equal(none.rgb, plain.rgb)
+    assert np.array_equal(none.depth, plain.depth)
+    geometry = name in ("camera", "objects", "depth")
+    colour = name != "depth" and not FACTORS[name].moves_robot
+    assert np.array_equal(made.depth, plain.depth) != geometry
+    assert np.array_equal(made.rgb, plain.rgb) != colour
+
+
+def test_restoring_an_object_changes_only_where_it_is(data: WorldData) -> None:
+    world, camera = data.world, standard_camera(64)
+    poses = np.concatenate(list(data.poses.values()))
+    real = world.renderer({"objects": 1.0}).render(poses, camera, samples=0)
+    sim = world.renderer({}).render(poses, camera, samples=0)
+    seen = 0
+    for number in world.changed({"objects": 1.0})[:4]:
+        restored = world.renderer({"objects": 1.0}, restored=number).render(poses, camera, 0)
+        involved = (real.identity == number) | (restored.identity == number)
+        assert np.array_equal(restored.identity[~involved], real.identity[~involved])
+        own = restored.identity == number
+        assert (sim.depth[own] <= restored.depth[own] + 1e-5).all()
+        seen += int(involved.any())
+    assert seen
+
+
+def box_scene() -> Scene:
+    """One crate in an empty hall."""
+    floor = np.zeros((200, 200), dtype=np.uint8)
+    crate = Part(12.0, 10.0, 0.5, 2.0, 0.0, 1.5, (0.5, 0.4, 0.3), Material.PAINT)
+    return Scene(20.0, 2.7, (), ((1, (crate,)),), (), floor, 0.1,
+                 World(1).plan.palette)  # fmt: skip
+
+
+def test_depth_agrees_with_geometry() -> None:
+    """A crate's face 1.5 m ahead, the floor below it, the ceiling above."""
+    lens = Intrinsics(40.0, 40.0, 32.0, 32.0, 0.0)
+    views = RayCaster(box_scene()).render(
+        np.array([[10.0, 10.0, 0.0]]), Camera((64, 64), lens, 0.6), samples=0
+    )
+    rows, cols = np.mgrid[:64, :64] + 0.5
+    up, right = -(rows - 32) / 40, (cols - 32) / 40
+    ahead = 1.5
+    on_face = (np.abs(right * ahead) < 1.98) & (up * ahead + 0.6 < 1.48) & (up * ahead + 0.6 > 0.02)
+    assert (views.identity[0][on_face] == 1).all()
+    assert np.allclose(views.depth[0][on_face], ahead, atol=1e-4)
+    floor = (up < 0) & (0.6 / np.maximum(-up, 1e-9) < 1.48)
+    assert np.allclose(views.depth[0][floor], (0.6 / -up)[floor], atol=1e-3)
+    assert (views.identity[0][floor] == 0).all()
+
+
+def test_the_camera_stays_adjustable(data: WorldData) -> None:
+    """Height, field of view and pitch move what is seen, neutral values nothing."""
+    poses = data.poses["traj1"][:6]
+    numbers = np.arange(6)
+    own = data.camera("sim")
+    plain = data.views("sim", poses, numbers)
+    same = data.views("sim", poses, numbers, camera=own.moved())
+    assert np.array_equal(plain.rgb, same.rgb)
+    raised = data.views("sim", poses, numbers, camera=own.moved(height=0.2))
+    wide = data.views("sim", poses, numbers, camera=own.moved(zoom=0.8))
+    tilted = data.views("sim", poses, numbers, camera=own.moved(pitch=0.2))
+    for other in (raised, wide, tilted):
+        assert np.abs(other.depth - plain.depth).mean() > 0.01
+    floor = plain.depth[:, 60:, 20:44].mean()
+    assert raised.depth[:, 60:, 20:44].mean() > floor
+    assert tilted.depth[:, 60:, 20:44].mean() > floor
+
+
+def test_odometry_drifts(data: WorldData) -> None:
+    poses, odometry = data.poses["traj1"], data.odometry("traj1")
+    away = np.hypot(*(odometry - poses)[:, :2].T)
+    assert away[0] == 0
+    assert 0.05 < away[-1] < 6
+
+
+@pytest.mark.parametrize("text", ["moon", "lights=x", "lights=-1", "lights=2.5"])
+def test_wrong_factors_are_refused(text: str) -> None:
+    with pytest.raises(RequestError):
+        parse_factors(text)
+
+
+def test_factor_texts() -> None:
+    assert parse_factors("") == severities()
+    assert set(parse_factors("none").values()) == {0.0}
+    chosen = parse_factors("lights=0.5,objects")
+    assert (chosen["lights"], chosen["objects"], chosen["camera"]) == (0.5, 1.0, 0.0)
+
+
+def test_the_shipped_models_know_these_images() -> None:
+    """Whoever changes what the world looks like trains the shipped models again.
+
+    Processors round differently, so a few pixels may differ; the golden file's own hash may not.
+    """
+    digest = hashlib.sha256(pretrained.GOLDEN.read_bytes()).hexdigest()
+    for name in pretrained.NAMES:
+        assert pretrained.facts(name)["golden"] == digest
+    golden = np.load(pretrained.GOLDEN)
+    for name, image in pretrained.golden_views().items():
+        away = np.abs(image.astype(float) - golden[name])
+        assert (away > 3).mean() < 0.005, name
+        assert away[away <= 3].mean() < 0.05, name

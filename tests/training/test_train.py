@@ -1,0 +1,271 @@
+"""Training: splits, recipes, repeatability and resumption."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from s2rstore.errors import RequestError
+from s2rstore.records import SPLITS
+from s2rtools.models.pose_network import LoadedModel
+from s2rtools.training import (
+    RECIPES,
+    Budget,
+    DomainFrames,
+    TrainingFrames,
+    splits,
+    train,
+    training_loop,
+)
+from s2rtools.training.colour_augmentation import vary_colours
+from s2rtools.training.depth_noise import DepthNoise, noise_fields, perlin
+from s2rtools.training.training_loop import TrainingResult
+
+TRAIN, VALIDATION, TEST, UNSEEN = range(len(SPLITS))
+
+
+def make_frames(n: int = 120, trajectories: int = 1) -> TrainingFrames:
+    """Images whose brightness and depth tell the place."""
+    rng = np.random.default_rng(2)
+    t = np.linspace(0, 1, n)
+    poses = np.stack([10 * t, 5 + 3 * np.sin(6 * t), 2 * t - 1], axis=1)
+    look = np.stack([t, 0.5 + 0.5 * np.sin(6 * t), 1 - t], axis=1)[:, None, None, :]
+
+    def domain(kind, shade):
+        rgb = 30 + 150 * look * shade + rng.normal(0, 3, (n, 128, 128, 3))
+        depth = 20 + 200 * t[:, None, None] + rng.normal(0, 3, (n, 128, 128))
+        return DomainFrames(kind, rgb.clip(0, 255).astype(np.uint8), depth.astype(np.uint8), 0.04)
+
+    domains = {"sim": domain("sim", 1.0), "sim_edit": domain("sim", 0.98)}
+    codes = np.sort(np.arange(n) % trajectories).astype(np.int32)
+    return TrainingFrames({**domains, "real": domain("real", 0.7)}, poses, codes)
+
+
+@pytest.fixture(scope="module")
+def frames() -> TrainingFrames:
+    return make_frames()
+
+
+@pytest.fixture(scope="module")
+def learnt(frames: TrainingFrames) -> TrainingResult:
+    return train(frames, "vanilla", budget=Budget(steps=40))
+
+
+@pytest.fixture(scope="module")
+def few() -> TrainingFrames:
+    """For what needs no learning."""
+    return make_frames(60)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def weights(result) -> dict[str, torch.Tensor]:
+    return result.network.state_dict()
+
+
+def loaded(result) -> LoadedModel:
+    return LoadedModel("first", "resposenet", result.network, result.convention, "0" * 64)
+
+
+def test_blocks_are_contiguous_and_every_fifth_is_test():
+    codes = splits.by_blocks(np.repeat([0, 1], [542, 100]).astype(np.int32))
+    for rows in (codes[:542], codes[542:]):
+        block = np.arange(len(rows)) // 8
+        for number in np.unique(block):
+            assert len(np.unique(rows[block == number])) == 1
+        assert (rows[block % 5 == 4] == TEST).all()
+        assert (rows[block % 5 != 4] != TEST).all()
+        share = (rows == VALIDATION).sum() / (rows != TEST).sum()
+        assert 0.05 < share < 0.15
+    assert set(codes) == {TRAIN, VALIDATION, TEST}
+    np.testing.assert_array_equal(codes[:542], splits.by_blocks(np.zeros(542, np.int32)))
+
+
+def test_halves_leave_the_second_half_of_the_only_trajectory():
+    codes = splits.by_halves(np.zeros(200, np.int32))
+    assert set(codes[:100]) == {TRAIN, VALIDATION}
+    assert (codes[100:] == TEST).all()
+
+
+def test_halves_leave_the_first_of_several_trajectories():
+    codes = splits.by_halves(np.repeat([0, 1, 2], 80).astype(np.int32))
+    assert (codes[:80] == TEST).all()
+    assert set(codes[80:]) == {TRAIN, VALIDATION}
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 40])
+def test_short_trajectories_split_too(count):
+    rows = np.zeros(count, np.int32)
+    assert (splits.by_blocks(rows) >= 0).all()
+    assert (splits.by_halves(rows) >= 0).all()
+
+
+def test_a_few_steps_learn_and_figures_are_kept(frames, learnt):
+    result, figures = learnt, learnt.figures
+    assert figures["sim.train.median_error"] < 0.6 * figures["sim.train.baseline_error"]
+    assert figures["real.unseen.instances"] == 120
+    assert set(result.splits) == {"sim", "sim_edit", "real"}
+    assert (result.splits["real"] == UNSEEN).all()
+    np.testing.assert_array_equal(result.splits["sim"], splits.by_blocks(frames.trajectory))
+    assert [row["epoch"] for row in result.history] == list(range(1, len(result.history) + 1))
+    assert "validation_median_error" in result.history[-1]
+    assert json.loads(result.provenance["history"]) == result.history
+    assert result.provenance["steps_done"] == "40"
+    assert not result.network.training
+
+
+@pytest.mark.parametrize("recipe", ["vanilla", "dataaug", "perlin"])
+def test_same_seed_and_steps_give_the_same_weights(few, recipe):
+    first, again = (train(few, recipe, budget=Budget(steps=3), seed=4) for _ in range(2))
+    other = train(few, recipe, budget=Budget(steps=3), seed=5)
+    torch.testing.assert_close(weights(first), weights(again), rtol=0, atol=0)
+    assert not torch.equal(weights(first)["output.weight"], weights(other)["output.weight"])
+
+
+def test_training_leaves_the_global_random_state_alone(few):
+    torch.manual_seed(1)
+    before = torch.random.get_rng_state()
+    train(few, "dataaug", budget=Budget(steps=1))
+    assert torch.equal(before, torch.random.get_rng_state())
+
+
+def test_an_interrupted_training_goes_on_as_if_it_had_not_been(few, tmp_path):
+    budget, file = Budget(steps=9), tmp_path / "a" / "checkpoint.safetensors"
+    whole = train(few, "dataaug", budget=budget)
+    calls = []
+
+    def interrupt(fraction: float, loss: float, seconds: float) -> None:
+        calls.append(fraction)
+        if len(calls) == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(few, "dataaug", budget=budget, report=interrupt, checkpoint=file)
+    resumed = train(few, "dataaug", budget=budget, report=interrupt, checkpoint=file)
+    assert len(calls) == 9
+    assert calls[-1] == 1
+    torch.testing.assert_close(weights(resumed), weights(whole), rtol=0, atol=0)
+    assert resumed.history == whole.history
+
+
+def test_checkpoints_of_another_training_or_damaged_ones_are_refused(few, tmp_path):
+    file = tmp_path / "c.safetensors"
+    train(few, "vanilla", budget=Budget(steps=1), checkpoint=file)
+    with pytest.raises(RequestError, match="another training"):
+        train(few, "vanilla", budget=Budget(steps=1), seed=1, checkpoint=file)
+    file.write_bytes(file.read_bytes()[:100])
+    with pytest.raises(RequestError, match="no checkpoint"):
+        train(few, "vanilla", budget=Budget(steps=1), checkpoint=file)
+
+
+def test_finetune_goes_on_from_a_model_with_real_images(frames, learnt):
+    first = learnt
+    before = {key: value.clone() for key, value in weights(first).items()}
+    tuned = train(frames, "finetune", budget=Budget(steps=10), start=loaded(first),
+                  start_splits=first.splits)  # fmt: skip
+    assert tuned.figures["real.train.median_error"] < first.figures["real.unseen.median_error"]
+    assert (tuned.splits["real"][60:] == TEST).all()
+    np.testing.assert_array_equal(tuned.splits["sim"], first.splits["sim"])
+    torch.testing.assert_close(weights(first), before, rtol=0, atol=0)
+
+
+def test_finetune_needs_a_model(frames):
+    with pytest.raises(RequestError, match="trained model"):
+        train(frames, "finetune")
+
+
+def test_unknown_recipes_list_the_known_ones(frames):
+    with pytest.raises(RequestError, match=", ".join(RECIPES)):
+        train(frames, "magic")
+
+
+def test_no_images_to_train_on_is_said(frames):
+    only_real = TrainingFrames({"real": frames.domains["real"]}, frames.poses, frames.trajectory)
+    with pytest.raises(RequestError, match="no sim images"):
+        train(only_real, "vanilla")
+
+
+def test_minutes_end_a_training(few):
+    result = train(few, "vanilla", budget=Budget(minutes=0.01))
+    assert 0.6 <= float(result.provenance["seconds"]) < 5
+
+
+def test_frames_are_collected_in_blocks(tmp_path):
+    rng = np.random.default_rng(0)
+    rgb = rng.integers(0, 256, (5, 16, 16, 3), dtype=np.uint8)
+    depth = rng.integers(0, 9000, (5, 16, 16), dtype=np.uint16)
+    blocks = [(rgb[:3], depth[:3]), (rgb[3:], depth[3:])]
+    held = DomainFrames.collect("sim", blocks, 5, (8, 8), 0.001)
+    mapped = DomainFrames.collect("sim", blocks, 5, (8, 8), 0.001, tmp_path / "cache")
+    assert held.depth.dtype == np.uint16
+    np.testing.assert_array_equal(held.rgb, mapped.rgb)
+    rows = np.array([4, 0])
+    assert held.inputs(rows).shape == (2, 4, 8, 8)
+    np.testing.assert_array_equal(held.inputs(rows), mapped.inputs(rows))
+    with pytest.raises(ValueError, match="expected 6"):
+        DomainFrames.collect("sim", blocks, 6, (8, 8), 0.001)
+
+
+def batch() -> torch.Tensor:
+    return torch.rand(6, 4, 32, 32, generator=torch.Generator().manual_seed(0)) * 2 - 1
+
+
+def test_colour_changes_leave_depth_alone_and_differ_between_images():
+    x = batch()[:1].expand(6, -1, -1, -1)
+    changed = vary_colours(x, torch.Generator().manual_seed(1))
+    assert torch.equal(changed[:, 3], x[:, 3])
+    assert changed.abs().max() <= 1
+    means = changed[:, :3].mean(dim=(1, 2, 3))
+    assert len(means.unique()) == 6
+
+
+def test_colour_changes_without_span_are_the_identity(monkeypatch):
+    neutral = {"BRIGHTNESS": (1, 1), "CONTRAST": (1, 1), "BLACK_POINT": (0, 0),
+               "WHITE_POINT": (1, 1), "HUE": (0, 0)}  # fmt: skip
+    for name, span in neutral.items():
+        monkeypatch.setattr(f"s2rtools.training.colour_augmentation.{name}", span)
+    x = batch()
+    torch.testing.assert_close(vary_colours(x, torch.Generator()), x, rtol=0, atol=1e-5)
+
+
+def test_perlin_noise_is_zero_on_its_lattice_and_smooth_between():
+    noise = perlin((64, 64), 8, np.random.default_rng(0))
+    np.testing.assert_allclose(noise[::8, ::8], 0, atol=1e-6)
+    assert np.abs(np.diff(noise, axis=0)).max() < 0.3
+    fields = noise_fields((32, 32), np.random.default_rng(0))
+    np.testing.assert_allclose(fields.std(axis=(1, 2)), 1, atol=1e-3)
+
+
+def test_depth_noise_makes_holes_and_leaves_colour_alone():
+    x = batch().clamp(-0.9, 0.9)
+    noisy = DepthNoise((32, 32), 0)(x, torch.Generator().manual_seed(0))
+    assert torch.equal(noisy[:, :3], x[:, :3])
+    holes = (noisy[:, 3] == -1).float().mean(dim=(1, 2))
+    assert 0 < holes.mean() < 0.3
+    assert noisy[:, 3].abs().max() <= 1
+
+
+def test_the_loss_counts_a_turn_as_a_displacement_ahead():
+    truth = torch.tensor([[1.0, 2.0, 1.0, 0.0]])
+    moved = torch.tensor([[1.0, 5.0, 1.0, 0.0]])
+    turned = torch.tensor([[1.0, 2.0, 0.0, 1.0]])
+    assert training_loop.pose_loss(moved, truth).item() == pytest.approx(0.7 * 9)
+    lever = 2 * training_loop.HEADING_LEVER**2
+    assert training_loop.pose_loss(turned, truth).item() == pytest.approx(0.3 * lever)
+
+
+def test_the_schedule_rises_then_falls_to_nothing():
+    rates = [training_loop.schedule(done) for done in np.linspace(0, 1, 101)]
+    assert rates[0] > 0
+    assert max(rates) == pytest.approx(1)
+    assert rates[-1] == pytest.approx(0)
+    assert np.argmax(rates) <= 6

@@ -1,0 +1,16 @@
+"""Adjustments of the camera: the data set's renderer takes the frames anew."""
+
+from __future__ import annotations
+
+from s2rstore.geometry import camera_offset
+from s2rtools.adjustments.adjustment import RenderedAdjustment
+
+HEIGHT = RenderedAdjustment(
+    camera_offset.HEIGHT, -0.5, 1.0, 0.0, 0.02, "m", "camera higher above the floor"
+)
+PITCH = RenderedAdjustment(
+    camera_offset.PITCH, -30.0, 30.0, 0.0, 1.0, "degrees", "camera pitched up"
+)
+FOV = RenderedAdjustment(
+    camera_offset.FOV, -30.0, 30.0, 0.0, 1.0, "degrees", "wider horizontal field of view"
+)

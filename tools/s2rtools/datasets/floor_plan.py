@@ -1,0 +1,46 @@
+"""The picture of a data set's floor plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.files.image_header import check_integrity, read_header
+from s2rstore.files.input_files import read_bytes
+from s2rtools.datasets.jpeg_entropy import check_jpeg
+from s2rtools.datasets.scan import MOST_PIXELS
+
+_MOST_BYTES = 256 << 20
+_MOST_RATIO = 50
+"""Of the longer side to the shorter one."""
+
+
+def read_floor_plan(path: Path) -> NDArray[Any] | None:
+    """The picture (h, w, 3) uint8 BGR; None where it is no image or a damaged one.
+
+    Raises RequestError for a file that is too large, or declares a size that no floor plan has.
+    """
+    content = read_bytes(path, _MOST_BYTES)
+    try:
+        header = read_header(content)
+    except ValueError:
+        return None
+    size = f"{path}: {header.width}x{header.height} pixels"
+    if header.pixels > MOST_PIXELS:
+        raise RequestError(f"{size}; a floor plan has at most {MOST_PIXELS:,} in all; scale it")
+    if max(header.size) > _MOST_RATIO * min(header.size):
+        raise RequestError(
+            f"{size}; the longer side of a floor plan is at most {_MOST_RATIO} times the shorter"
+        )
+    try:
+        check_integrity(content, header)
+        if header.format == "JPEG":
+            check_jpeg(content)
+        return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    except (ValueError, cv2.error):
+        return None

@@ -1,0 +1,159 @@
+"""What is really different, once the real image is harmonised to the sim view."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any, ClassVar
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from s2rstore.records import SIDES
+from s2rtools.heatmaps.harmonization import COLOUR_FLOOR
+from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch
+from s2rtools.models.pose_network import LoadedModel
+from s2rtools.models.preprocessing import preprocess
+
+MAX_SIDE = 128
+_SHARE = 0.25
+"""Of a cell's pixels that must have a value."""
+
+
+class _Harmonised(HeatmapKind):
+    """A comparison in the view of the sim RGB camera, NaN where the real one did not look; the
+    real side gets it through its own depth, NaN where that is unknown. On the floor it lies at
+    the nearer of both surfaces.
+    """
+
+    aligned = True
+    unit: ClassVar[str]
+    needs_depth: ClassVar[bool] = False
+    params = {"colour_floor": COLOUR_FLOOR, "size": MAX_SIDE, "share": _SHARE}  # noqa: RUF012
+    surface = "nearer"
+
+    @abstractmethod
+    def size(self, model: LoadedModel) -> tuple[int, int]:
+        """Rows and columns of the map."""
+
+    @abstractmethod
+    def distance(self, pair: PairBatch) -> NDArray[np.float32]:
+        """(B, rows, columns) in the sim view; what was not seen may hold anything."""
+
+    def outputs(self, model: LoadedModel) -> list[OutputSpec]:
+        size = self.size(model)
+        return [OutputSpec(side, None, size, ("row", "column"), self.unit, "float16")
+                for side in SIDES]  # fmt: skip
+
+    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+        sim = [
+            _within(heat, made.measured if self.needs_depth else made.seen)
+            for heat, made in zip(self.distance(pair), pair.harmonised, strict=True)
+        ]
+        size = self.size(pair.model)
+        view = pair.aligned().real_view
+        real = np.stack(
+            [_shrunk(view.fetched(heat, depth, valid), size)
+             for heat, depth, valid in zip(sim, pair.real.depth, pair.real.valid, strict=True)]
+        )  # fmt: skip
+        return {("sim", None): np.stack([_shrunk(heat, size) for heat in sim]),
+                ("real", None): real}  # fmt: skip
+
+
+class HarmonisedDistance(_Harmonised):
+    """(1 - cosine) * mean |A_sim - A_real| of the features that the network's first convolution
+    gives, real harmonised to sim: warped through the sim depth by both calibrated rigs, holes
+    filled, and per image and channel R <- (R - mean_R) / (std_R + c) * (std_S + c) + mean_S.
+
+    At least 0. It shows what changed in the scene whatever the light; not what harmed the pose.
+    Untrained networks come close, because an early layer is little more than edges and colours.
+    """
+
+    name = "harmonised_distance"
+    unit = "activation"
+
+    def suits(self, model: LoadedModel) -> bool:
+        return model.network.early is not None
+
+    def size(self, model: LoadedModel) -> tuple[int, int]:
+        height, width = model.network.input_size
+        with torch.inference_mode():
+            shape = _early(model, torch.zeros(1, 4, height, width)).shape[-2:]
+        return min(int(shape[0]), MAX_SIDE), min(int(shape[1]), MAX_SIDE)
+
+    def distance(self, pair: PairBatch) -> NDArray[np.float32]:
+        views = pair.harmonised
+        size = pair.model.network.input_size
+        sim = preprocess(
+            _stack(v.sim for v in views), _stack(v.sim_depth for v in views), 1.0, size
+        )
+        real = preprocess(
+            _stack(v.real for v in views), _stack(v.real_depth for v in views), 1.0, size
+        )
+        with torch.inference_mode():
+            a, b = (_early(pair.model, torch.from_numpy(x)) for x in (sim, real))
+            cosine = functional.cosine_similarity(a, b, dim=1, eps=1e-8).clamp(-1, 1)
+            made = (1 - cosine) * (a - b).abs().mean(dim=1)
+        return np.asarray(made.cpu().numpy(), dtype=np.float32)
+
+
+class HarmonisedDifference(_Harmonised):
+    """The model-free rival: sqrt(c d), c the mean |RGB difference| over channels in deviations of
+    the sim image, d the depth difference relative to the sim depth; both are means of 3 x 3
+    pixels. NaN where either depth is unknown.
+    """
+
+    name = "harmonised_difference"
+    unit = ""
+    model_free = True
+    needs_depth = True
+
+    def size(self, model: LoadedModel) -> tuple[int, int]:
+        return MAX_SIDE, MAX_SIDE
+
+    def distance(self, pair: PairBatch) -> NDArray[np.float32]:
+        made = []
+        for view in pair.harmonised:
+            spread = np.maximum(view.sim.std(axis=(0, 1)), 1.0)
+            colour = (np.abs(view.sim - view.real) / spread).mean(axis=2)
+            depth = np.abs(view.real_depth - view.sim_depth) / np.maximum(view.sim_depth, 0.1)
+            made.append(np.sqrt(_soft(colour) * _soft(np.where(view.measured, depth, 0.0))))
+        return np.stack(made).astype(np.float32)
+
+
+def _within(heat: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Heat (fh, fw), NaN where most of what a cell covers is not known (h, w)."""
+    flat = heat.shape[1], heat.shape[0]
+    share = cv2.resize(known.astype(np.float32), flat, interpolation=cv2.INTER_AREA)
+    return np.where(share > _SHARE, heat, np.float32(np.nan))
+
+
+def _early(model: LoadedModel, x: Tensor) -> Tensor:
+    assert model.network.early is not None
+    device = next(model.network.parameters()).device
+    made: Tensor = model.network.early(x.to(device))
+    return made
+
+
+def _stack(images: Any) -> NDArray[np.float32]:
+    return np.stack(list(images)).astype(np.float32)
+
+
+def _soft(image: NDArray[Any]) -> NDArray[np.float32]:
+    """The mean over 3 x 3 pixels, so that one noisy pixel is no change."""
+    return np.asarray(cv2.blur(image.astype(np.float32), (3, 3)))
+
+
+def _shrunk(heat: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+    """Area means of the pixels that have a value; NaN where a cell has none."""
+    if heat.shape == size:
+        return heat
+    known = np.isfinite(heat)
+    flat = size[1], size[0]
+    share = cv2.resize(known.astype(np.float32), flat, interpolation=cv2.INTER_AREA)
+    total = cv2.resize(np.where(known, heat, 0), flat, interpolation=cv2.INTER_AREA)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(share > _SHARE, total / share, np.nan).astype(np.float32)

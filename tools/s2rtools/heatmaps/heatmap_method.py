@@ -1,0 +1,132 @@
+"""What a heatmap method is given and what it gives back."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from s2rstore.errors import RequestError
+from s2rtools.heatmaps.harmonization import Alignment, Harmonised
+from s2rtools.inference import Backend
+from s2rtools.models.pose_network import LoadedModel
+
+Ray = Literal["rgb", "depth"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SideBatch:
+    """One side of a batch of B pairs.
+
+    x (B, 4, h, w) tensor, the network's input; rgb (B, H, W, 3) uint8, depth (B, H, W) raw and
+    valid (B, H, W) at the stored size; features (B, C, fh, fw) and embedding (B, D) tensors;
+    prediction and truth (B, 3) in metres, metres, radians.
+    """
+
+    x: Tensor
+    rgb: NDArray[np.uint8]
+    depth: NDArray[Any]
+    valid: NDArray[np.bool_]
+    depth_scale: float
+    features: Tensor | None
+    embedding: Tensor
+    prediction: NDArray[np.float64]
+    truth: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PairBatch:
+    """Both sides of a batch, after the forward pass; `alignment` for the kinds that want one."""
+
+    model: LoadedModel
+    backend: Backend
+    sim: SideBatch
+    real: SideBatch
+    alignment: Alignment | None = None
+
+    def aligned(self) -> Alignment:
+        """The rigs of both sides. Raises RequestError where nothing is known of them."""
+        if self.alignment is None:
+            raise RequestError("the two rigs are not aligned yet: no harmonised heatmaps")
+        return self.alignment
+
+    @cached_property
+    def harmonised(self) -> list[Harmonised]:
+        """Each pair in the sim view; made once for all kinds."""
+        view = self.aligned().sim_view
+        sides = (zip(s.rgb, s.depth, s.valid, strict=True) for s in (self.sim, self.real))
+        return [view.harmonised(sim, real) for sim, real in zip(*sides, strict=True)]
+
+    def side(self, side: str | None) -> SideBatch:
+        return self.sim if side == "sim" else self.real
+
+    def features(self, side: str) -> Tensor:
+        """Raises RequestError for a network whose inside is closed."""
+        features = self.side(side).features
+        if features is None:
+            raise RequestError(f"model {self.model.name!r} shows no features: no heatmaps of it")
+        return features
+
+
+@dataclass(frozen=True, slots=True)
+class OutputSpec:
+    """One array that a kind makes; `shape` is that of one instance, without the iid axis."""
+
+    side: str | None
+    mode: str | None
+    shape: tuple[int, ...]
+    axes: tuple[str, ...]
+    unit: str
+    dtype: str = "float32"
+    attributes: dict[str, str] = field(default_factory=dict)
+
+
+class HeatmapKind(ABC):
+    """A method; its docstring states the formula, the sign and the source.
+
+    `version` changes whenever its values would. `cost` is `forward` where one pass suffices.
+    `planes` names the first axis of an array that holds several maps per instance.
+    `model_free` kinds need no network; `aligned` kinds compare both views through their rigs.
+    Heat lies on the floor at its own side's surface, or at the nearer of both.
+    """
+
+    name: ClassVar[str]
+    version: ClassVar[int] = 1
+    params: ClassVar[dict[str, Any]] = {}
+    cost: ClassVar[Literal["forward", "many"]] = "forward"
+    planes: ClassVar[tuple[str, ...]] = ()
+    model_free: ClassVar[bool] = False
+    aligned: ClassVar[bool] = False
+    surface: ClassVar[Literal["own", "nearer"]] = "own"
+
+    def suits(self, model: LoadedModel) -> bool:
+        """Whether the method can be computed for a model."""
+        return self.model_free or model.network.has_features
+
+    @abstractmethod
+    def outputs(self, model: LoadedModel) -> list[OutputSpec]:
+        """The arrays that `compute` fills."""
+
+    @abstractmethod
+    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+        """For each output's (side, mode), an array (B, *shape)."""
+
+    def ray(self, mode: str | None) -> Ray:
+        """The camera whose pixels the map lies on."""
+        return "rgb"
+
+
+def feature_size(model: LoadedModel) -> tuple[int, int]:
+    """Rows and columns of the trunk's output."""
+    import torch
+
+    height, width = model.network.input_size
+    device = next(model.network.parameters()).device
+    with torch.inference_mode():
+        made = model.network.trunk(torch.zeros(1, 4, height, width, device=device))
+    return int(made.shape[-2]), int(made.shape[-1])

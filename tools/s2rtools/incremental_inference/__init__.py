@@ -1,0 +1,7 @@
+"""Recomputing a network only where a changed patch of its input can reach."""
+
+from s2rtools.incremental_inference.graph import LocalGraph, analyse
+from s2rtools.incremental_inference.patches import Patch, cut_patches
+from s2rtools.incremental_inference.regions import Region, Window
+
+__all__ = ["LocalGraph", "Patch", "Region", "Window", "analyse", "cut_patches"]

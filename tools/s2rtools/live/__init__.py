@@ -1,6 +1,0 @@
-"""One model at hand: what it says of an instance while its images are being adjusted."""
-
-from s2rtools.live.model import LiveModel
-from s2rtools.live.result import LiveResult, LiveSide
-
-__all__ = ["LiveModel", "LiveResult", "LiveSide"]

@@ -1,0 +1,82 @@
+"""Networks of unknown insides: whatever maps an image pair to a pose."""
+
+from __future__ import annotations
+
+import io
+from typing import ClassVar
+
+import torch
+from torch import Tensor, nn
+
+from s2rstore.errors import RequestError
+from s2rtools.models.conventions import OutputConvention
+from s2rtools.models.pose_network import PoseNetwork
+
+TORCHSCRIPT = "torchscript"
+DEFAULT_INPUT_SIZE = (256, 256)
+_MOST_SIDE = 2048
+
+
+class OpaqueNetwork(PoseNetwork):
+    """A module whose features cannot be reached: its raw output serves as its embedding.
+
+    The module takes (B, 4, h, w) and gives (B, 3) or (B, 4), or a tuple that begins with it. It
+    may carry an attribute `input_size` = (h, w); otherwise 256 x 256 is meant.
+    """
+
+    architecture: ClassVar[str] = "opaque"
+    has_features = False
+
+    def __init__(self, module: nn.Module) -> None:
+        """Raises RequestError where a black image does not give a pose."""
+        super().__init__()
+        self.input_size = _input_size(module)
+        self.inner = module.eval()
+        self.embedding_size = self._outputs()
+        self.convention = OutputConvention("cos_sin" if self.embedding_size == 4 else "degrees")
+
+    @classmethod
+    def from_torchscript(cls, content: bytes, where: str) -> OpaqueNetwork:
+        """Load an archive; `where` names it in a RequestError."""
+        try:
+            module = torch.jit.load(io.BytesIO(content), "cpu")
+            return cls(module)
+        except RuntimeError as error:
+            raise RequestError(f"{where}: no usable TorchScript ({_first_line(error)})") from error
+
+    def forward(self, x: Tensor) -> Tensor:
+        output = self.inner(x)
+        pose: Tensor = output[0] if isinstance(output, tuple | list) else output
+        return pose
+
+    def _outputs(self) -> int:
+        try:
+            with torch.inference_mode():
+                output = self(torch.zeros(1, 4, *self.input_size))
+        except Exception as error:  # whatever the module's own code raises
+            shape = f"(1, 4, {self.input_size[0]}, {self.input_size[1]})"
+            raise RequestError(f"network: fails on {shape}: {_first_line(error)}") from error
+        good = isinstance(output, Tensor) and output.ndim == 2 and len(output) == 1
+        if not good or output.shape[1] not in (3, 4):
+            found = (
+                str(tuple(output.shape)) if isinstance(output, Tensor) else type(output).__name__
+            )
+            raise RequestError(f"network: gives {found}, expected (1, 3) or (1, 4)")
+        return int(output.shape[1])
+
+
+def _input_size(module: nn.Module) -> tuple[int, int]:
+    """(h, w) that the module declares, or the usual one."""
+    try:
+        height, width = getattr(module, "input_size", DEFAULT_INPUT_SIZE)
+        size = int(height), int(width)
+    except (TypeError, ValueError) as error:
+        raise RequestError(f"network: input_size must be (height, width): {error}") from error
+    if not all(1 <= side <= _MOST_SIDE for side in size):
+        raise RequestError(f"network: input_size {size}: 1 .. {_MOST_SIDE} pixels a side")
+    return size
+
+
+def _first_line(error: Exception) -> str:
+    lines = [line for line in str(error).splitlines() if line.strip()]
+    return lines[-1].strip()[:160] if lines else type(error).__name__

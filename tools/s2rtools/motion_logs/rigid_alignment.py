@@ -1,0 +1,69 @@
+"""Planar motions of a whole log: rotation or reflection, translation, optional scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import InconclusiveError
+from s2rstore.geometry import angles
+from s2rtools.motion_logs.motion_log import Floats, Log
+
+
+@dataclass(frozen=True, slots=True)
+class Rigid:
+    """p -> scale * R(angle) * (mirror y first, where `reflected`) * p + (x, y); rad and m."""
+
+    angle: float = 0.0
+    reflected: bool = False
+    scale: float = 1.0
+    x: float = 0.0
+    y: float = 0.0
+
+    def __str__(self) -> str:
+        parts = [
+            "mirrored" if self.reflected else "",
+            f"turned by {np.degrees(self.angle):.1f} degrees",
+            f"scaled by {self.scale:.4g}" if self.scale != 1 else "",
+            f"moved by ({self.x:.2f}, {self.y:.2f}) m",
+        ]
+        return ", ".join(part for part in parts if part)
+
+    def __call__(self, log: Log) -> Log:
+        """The log as seen from the other frame."""
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
+        sign = -1.0 if self.reflected else 1.0
+        x = self.scale * (cos * log.x - sin * sign * log.y) + self.x
+        y = self.scale * (sin * log.x + cos * sign * log.y) + self.y
+        return replace(log, x=x, y=y, heading=angles.wrap(sign * log.heading + self.angle))
+
+
+def fit(
+    source: tuple[Floats, Floats],
+    target: tuple[Floats, Floats],
+    reflection: bool = False,
+    scale: bool = False,
+) -> Rigid:
+    """The motion of `source` (x, y) nearest to `target` (x, y) in least squares, point by point.
+
+    `reflection` allows a mirrored frame where it fits better. Raises InconclusiveError where the
+    points do not span a direction. Source: Umeyama, "Least-squares estimation of transformation
+    parameters between two point patterns", 1991.
+    """
+    a, b = np.stack(source), np.stack(target)
+    ca, cb = a.mean(axis=1, keepdims=True), b.mean(axis=1, keepdims=True)
+    a, b = a - ca, b - cb
+    spread = float((a**2).sum())
+    if a.shape[1] < 2 or min(spread, float((b**2).sum())) <= 1e-12 * a.shape[1]:
+        raise InconclusiveError("the poses do not move: there is nothing to align by")
+    u, s, vt = np.linalg.svd(b @ a.T)
+    flip = np.linalg.det(u @ vt) < 0
+    signs = np.array([1.0, -1.0 if flip and not reflection else 1.0])
+    matrix: NDArray[np.float64] = (u * signs) @ vt
+    size = float((s * signs).sum()) / spread if scale else 1.0
+    reflected = bool(flip and reflection)
+    shift = (cb - size * matrix @ ca)[:, 0]
+    angle = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
+    return Rigid(angle, reflected, size, float(shift[0]), float(shift[1]))

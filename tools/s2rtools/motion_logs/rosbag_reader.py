@@ -1,0 +1,149 @@
+"""Logs from ROS bags: ROS 1 `.bag`, ROS 2 folders and their `.db3` or `.mcap` files.
+
+Poses come from one topic of `nav_msgs/Odometry`, `geometry_msgs/PoseStamped` or
+`geometry_msgs/PoseWithCovarianceStamped`. Times are those of the message headers; where all of
+them are zero, those of the recording.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from array import array
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from s2rstore.errors import RequestError
+from s2rstore.files.input_files import check_regular
+from s2rstore.security.memory_limit import bounded_memory
+from s2rtools.motion_logs import row_checks
+from s2rtools.motion_logs.motion_log import Log
+from s2rtools.motion_logs.tum_reader import yaw
+
+_MEMORY = 384 << 20
+"""Bytes that reading a bag may take; recorders write chunks of about a megabyte."""
+_LARGEST_FILE = 2 << 30
+"""Bytes that a bag compressed as a whole may have, unpacked into a temporary folder."""
+_MOST_METADATA = 1 << 20
+_MOST_POSES = 2_000_000
+"""Five hours at 100 Hz."""
+_NUMBERS = 8
+
+_POSES: dict[str, Callable[[Any], Any]] = {
+    "nav_msgs/msg/Odometry": lambda message: message.pose.pose,
+    "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
+}
+
+
+def read(path: Path, topic: str | None = None) -> Log:
+    """The poses of `topic`, or of the only one that has poses.
+
+    Raises RequestError where the bag is damaged, has no such topic, or several and none is named.
+    """
+    if not path.exists():
+        raise RequestError(f"{path}: no such bag")
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        raise RequestError(f"{path}: no metadata.yaml in it; a ROS 2 bag is a folder with one")
+    _check_files(path)
+    try:
+        with bounded_memory(_MEMORY, _LARGEST_FILE):
+            topic, rows = _messages(path, topic)
+    except RequestError:
+        raise
+    except MemoryError as error:
+        limit = f"{_MEMORY >> 20} MB"
+        raise RequestError(f"{path}: reading it takes more than {limit}; split it") from error
+    except Exception as error:  # a damaged bag fails in every layer below the reader
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise RequestError(
+            f"{path}: cannot be read as a ROS bag ({told}); copy it anew, or reindex it"
+        ) from error
+    if not len(rows):
+        raise RequestError(f"{path}: topic {topic} has no messages")
+
+    def place(i: int) -> str:
+        return f"{path}: topic {topic}, message {i + 1}"
+
+    table = np.frombuffer(rows, dtype=np.float64).reshape(-1, _NUMBERS)
+    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if bad.size:
+        raise RequestError(f"{place(int(bad[0]))}: not a finite pose; remove it")
+    stamped = table[:, 0].any()
+    time = (table[:, 0] if stamped else table[:, 1]) * 1e-9
+    poses = np.column_stack([time, table[:, 2:4], yaw(table[:, 4:8], place)])
+    return row_checks.log(poses, path, place)
+
+
+def _check_files(path: Path) -> None:
+    """Raises RequestError for a bag with pipes, devices, links that lead out, or views."""
+    files = [path]
+    if path.is_dir():
+        files = sorted(file for file in path.iterdir() if not file.is_dir())
+        root = path.resolve()
+        for file in files:
+            if not file.resolve().is_relative_to(root):
+                raise RequestError(f"{file}: a link that leads out of the bag; put the file there")
+        if check_regular(path / "metadata.yaml").st_size > _MOST_METADATA:
+            raise RequestError(f"{path / 'metadata.yaml'}: larger than {_MOST_METADATA:,} bytes")
+    for file in files:
+        check_regular(file)
+        if file.suffix.lower() == ".db3":
+            _check_tables(file)
+
+
+def _check_tables(path: Path) -> None:
+    """A recorder writes tables; a view or a virtual table would run for as long as it likes."""
+    odd = "type IN ('view', 'trigger') OR sql LIKE 'CREATE VIRTUAL%'"
+    query = f"SELECT name FROM sqlite_master WHERE {odd}"
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as opened:
+            found = opened.execute(query).fetchone()
+    except sqlite3.Error:
+        return  # the reader tells what is wrong with it
+    if found is not None:
+        raise RequestError(f"{path}: {found[0]!r} is no table; no recorder writes such a bag")
+
+
+def _messages(path: Path, topic: str | None) -> tuple[str, array[float]]:
+    """The topic and, one message after the other, header and recording time (ns), x, y
+    and the quaternion."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    rows = array("d")
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        chosen = _topic(path, reader.connections, topic)
+        connections = [found for found in reader.connections if found.topic == chosen]
+        for connection, recorded, raw in reader.messages(connections):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp
+            pose = _POSES[connection.msgtype](message)
+            at, turn = pose.position, pose.orientation
+            stamped = stamp.sec * 10**9 + stamp.nanosec
+            rows.extend((stamped, recorded, at.x, at.y, turn.x, turn.y, turn.z, turn.w))
+            if len(rows) > _NUMBERS * _MOST_POSES:
+                raise RequestError(f"{path}: more than {_MOST_POSES:,} poses; split the bag")
+    return chosen, rows
+
+
+def _topic(path: Path, connections: list[Any], topic: str | None) -> str:
+    kinds = {found.topic: found.msgtype for found in connections}
+    usable = sorted(name for name, kind in kinds.items() if kind in _POSES)
+    if topic is not None:
+        if topic not in kinds:
+            known = ", ".join(usable) or "none with poses"
+            raise RequestError(f"{path}: no topic {topic} (has: {known})")
+        if topic not in usable:
+            raise RequestError(f"{path}: topic {topic} is {kinds[topic]}, which holds no poses")
+        return topic
+    if not usable:
+        raise RequestError(f"{path}: no topic with poses (Odometry or PoseStamped)")
+    if len(usable) > 1:
+        raise RequestError(
+            f"{path}: several topics have poses; name one of {', '.join(usable)} (--topic)"
+        )
+    return usable[0]

@@ -1,0 +1,46 @@
+"""Logs in the TUM format: lines `time tx ty tz qx qy qz qw`; the heading is the yaw."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rtools.motion_logs import row_checks
+from s2rtools.motion_logs.motion_log import Log
+
+_COLUMNS = ("time", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
+
+
+def read(path: Path) -> Log:
+    """Raises RequestError, naming the line, where the file is not of that format."""
+    lines: list[int] = []
+    rows: list[list[float]] = []
+    for number, line in enumerate(row_checks.text_of(path).splitlines(), start=1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        if len(words) != len(_COLUMNS):
+            raise RequestError(
+                f"{path}:{number}: {len(words)} values; TUM has 8: {' '.join(_COLUMNS)}"
+            )
+        rows.append(row_checks.numbers(words, _COLUMNS, f"{path}:{number}"))
+        lines.append(number)
+    if not rows:
+        raise RequestError(f"{path}: no poses, only comments")
+    table = np.array(rows)
+    heading = yaw(table[:, 4:8], lambda i: f"{path}:{lines[i]}")
+    poses = np.column_stack([table[:, :3], heading])
+    return row_checks.log(poses, path, lambda i: f"{path}:{lines[i]}")
+
+
+def yaw(quaternions: NDArray[np.float64], place: row_checks.Place) -> NDArray[np.float64]:
+    """Angle about z, rad, of (n, 4) quaternions x, y, z, w of any length but 0."""
+    length = np.linalg.norm(quaternions, axis=1)
+    zero = np.flatnonzero(length < 1e-9)
+    if zero.size:
+        raise RequestError(f"{place(int(zero[0]))}: the quaternion is 0; there is no heading")
+    x, y, z, w = (quaternions / length[:, None]).T
+    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

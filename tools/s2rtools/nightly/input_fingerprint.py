@@ -1,0 +1,126 @@
+"""What a night's figures depend on, by content: equal keys mean equal figures."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.files import layout
+from s2rstore.files.input_files import read_document, sha256
+from s2rstore.reader import Store
+from s2rtools.gap.defaults import ODOMETRY
+from s2rtools.nightly.config import Config
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """`key` is over everything; `evidence` over what was recorded: data set, run and drives.
+
+    `parts` are the hashes of these, each by itself.
+    """
+
+    key: str
+    evidence: str
+    parts: tuple[str, ...]
+    run: str
+
+
+def version() -> str:
+    """The program's, empty where it is not installed."""
+    try:
+        return metadata.version("s2rtui")
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def open_store(path: Path) -> tuple[Store, layout.Current]:
+    """The store, and the published state that it was opened at."""
+    while True:
+        current = layout.read_current(path)
+        store = s2rstore.open(path)
+        if store.generation == current.generation:
+            return store, current
+        store.close()
+
+
+def inputs(config: Config, store: Store, current: layout.Current) -> Inputs:
+    """Raises RequestError for a run that is not computed and files that cannot be read."""
+    run = store.run(config.run)
+    if not run.key:
+        raise RequestError(f"{store.path}: run {run.run} is not computed; run `s2r precompute`")
+    drives = _drives(config.drives)
+    sysid = _sysid(config)
+    logs = {digest for _, digest in (*drives, *(sysid["drives"] if sysid else ()))}
+    recorded = [current.dataset_hash, run.key, *sorted(logs)]
+    everything = {
+        "version": version(),
+        "dataset": current.dataset_hash,
+        "index": current.sha256,
+        "run": [run.run, run.key],
+        "select": config.select,
+        "axes": sorted(config.axes),
+        "threshold": config.threshold,
+        "margin": config.margin,
+        "seed": config.seed,
+        "replicates": config.replicates,
+        "stale_after": config.stale_after,
+        "drives": [config.drives == ODOMETRY, config.rate, config.topic, config.dynamics, drives],
+        "sysid": sysid,
+        **{name: _hash(getattr(config, name)) for name in ("reference", "golden")},
+        "features": _network(config.features),
+    }
+    return Inputs(_digest(everything), _digest(recorded), tuple(recorded), run.run)
+
+
+def _sysid(config: Config) -> dict[str, Any] | None:
+    wanted = config.sysid
+    if wanted is None:
+        return None
+    asked = {name: value for name, value in asdict(wanted).items() if name != "drives"}
+    return {"asked": asked, "drives": _drives(wanted.drives)}
+
+
+def _drives(wanted: str | None) -> list[tuple[str, str]]:
+    """Name and content of every file; odometry is part of the data set."""
+    if wanted is None or wanted == ODOMETRY:
+        return []
+    return list(_files(Path(wanted)))
+
+
+def _files(folder: Path) -> Iterator[tuple[str, str]]:
+    """Hidden files, which a copy under way leaves, do not count."""
+    for path in sorted(folder.rglob("*")):
+        inside = path.relative_to(folder)
+        if path.is_file() and not any(part.startswith(".") for part in inside.parts):
+            yield inside.as_posix(), str(_hash(path))
+
+
+def _network(path: Path | None) -> list[str | None] | None:
+    """A network's description and the weights that it names; what names none is not judged here."""
+    if path is None:
+        return None
+    described = _hash(path)
+    try:
+        data = read_document(path)
+    except RequestError:
+        return [described]
+    weights = data.get("weights") if isinstance(data, dict) else None
+    if not isinstance(weights, str) or not weights:
+        return [described]
+    return [described, _hash(path.parent / weights)]
+
+
+def _hash(path: Path | None) -> str | None:
+    return None if path is None else sha256(path)
+
+
+def _digest(content: object) -> str:
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()

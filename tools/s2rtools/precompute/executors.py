@@ -1,0 +1,113 @@
+"""Running work units in this process or in several; each unit is written by one process."""
+
+from __future__ import annotations
+
+import ctypes
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
+from pathlib import Path
+
+from s2rstore.errors import RequestError
+from s2rstore.security import working_folder
+from s2rtools.precompute.work_units import Unit
+
+Compute = Callable[[Unit], None]
+Opener = Callable[[Path, int], Compute]
+
+_PR_SET_PDEATHSIG = 1
+_compute: Compute | None = None
+
+
+def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -> Iterator[Unit]:
+    """Compute units and give each when it is done.
+
+    `opener(root, threads)` is called once in each process and gives the function that computes
+    a unit. Raises RequestError when a worker process is killed.
+    """
+    threads = max(1, (os.cpu_count() or 1) // workers)
+    if workers == 1:
+        compute = opener(root, threads)
+        for unit in units:
+            compute(unit)
+            yield unit
+        return
+    working_folder.distrust()
+    context = multiprocessing.get_context("spawn")
+    _start_quiet_tracker()
+    with ProcessPoolExecutor(workers, context, _start, (root, opener, threads)) as pool:
+        try:
+            with _interrupts_deferred():
+                futures = {pool.submit(_work, unit): unit for unit in units}
+            for future in as_completed(futures):
+                future.result()
+                yield futures[future]
+        except BrokenProcessPool as error:
+            raise RequestError(
+                f"{root}: a worker process was killed (out of memory?); finished units are kept: "
+                "run the command again, with --workers 1 if memory is short"
+            ) from error
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _start_quiet_tracker() -> None:
+    """Start the process that removes the semaphores of killed workers, without its warning.
+
+    Libraries that workers import make semaphores. The tracker removes those of a killed worker
+    either way; its warning would only follow the error that names the reason.
+    """
+    before = os.environ.get("PYTHONWARNINGS")
+    quiet = "ignore:resource_tracker:UserWarning"
+    os.environ["PYTHONWARNINGS"] = quiet if before is None else f"{before},{quiet}"
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        if before is None:
+            del os.environ["PYTHONWARNINGS"]
+        else:
+            os.environ["PYTHONWARNINGS"] = before
+
+
+@contextmanager
+def _interrupts_deferred() -> Iterator[None]:
+    """Hold back ctrl+c while processes are started; they never hear it, even while they import."""
+    came: list[int] = []
+    handler = signal.getsignal(signal.SIGINT)
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        with suppress(ValueError):  # not the main thread, which alone is interrupted
+            signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        with suppress(ValueError):
+            signal.signal(signal.SIGINT, handler)
+    if came:
+        raise KeyboardInterrupt
+
+
+def _start(root: Path, opener: Opener, threads: int) -> None:
+    global _compute
+    _die_with_parent()
+    _compute = opener(root, threads)
+
+
+def _work(unit: Unit) -> None:
+    if _compute is None:
+        raise RuntimeError("the worker was not started")
+    _compute(unit)
+
+
+def _die_with_parent() -> None:
+    """A worker that outlived its killed parent would write the files that the rerun writes."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() == 1:
+            os._exit(1)

@@ -1,0 +1,84 @@
+"""From predicted poses to index rows: errors, losses, accuracies, ranks and splits."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.files.input_files import parse_json
+from s2rstore.index.columns import InstanceColumns
+from s2rstore.metrics import pose_metrics
+from s2rstore.records import SPLITS
+
+UNSEEN = SPLITS.index("unseen")
+
+
+def prediction_columns(
+    run: str,
+    side: str,
+    poses: NDArray[np.float64],
+    truth: InstanceColumns,
+    accuracy_scale: float,
+    split: NDArray[np.int8],
+    outlier: NDArray[np.float64],
+) -> dict[str, Any]:
+    """Columns of table `prediction` for one side.
+
+    `poses` (N, 3): x and y in metres, heading in radians. A pose that is not finite is a missing
+    prediction: its figures are NaN and its rank is 0 (both become NULL). `outlier` (N,) as it is.
+    """
+    known = np.isfinite(poses).all(axis=1, keepdims=True)
+    poses = np.where(known, poses, np.nan)
+    x, y, heading = poses.T
+    dx, dy = x - truth.x, y - truth.y
+    error = np.sqrt(dx * dx + dy * dy)
+    off = pose_metrics.heading_error(heading, truth.heading)
+    rank = pose_metrics.rank(error)
+    n = len(truth)
+    return {
+        "run": np.full(n, run, dtype=object),
+        "iid": np.arange(n, dtype=np.int32),
+        "side": np.full(n, side, dtype=object),
+        "x": x,
+        "y": y,
+        "heading": heading,
+        "error": error,
+        "heading_error": off,
+        "loss": pose_metrics.pose_loss(error, off),
+        "accuracy": pose_metrics.accuracy(error, accuracy_scale),
+        "rank": np.where(rank > 0, rank, np.nan),
+        "split": np.array(SPLITS, dtype=object)[split],
+        "outlier": outlier,
+    }
+
+
+def encode_split(codes: NDArray[np.int8]) -> str:
+    """Run-length JSON `[[code, count], ...]` of split codes."""
+    if codes.size == 0:
+        return "[]"
+    starts = np.flatnonzero(np.diff(codes, prepend=codes[0] - 1))
+    counts = np.diff(starts, append=codes.size)
+    return json.dumps([[int(codes[s]), int(c)] for s, c in zip(starts, counts, strict=True)])
+
+
+def decode_split(text: str | None, n: int) -> NDArray[np.int8]:
+    """Codes into `records.SPLITS`, shape (n,); all `unseen` without a text.
+
+    Raises RequestError for a split of another number of instances.
+    """
+    if text is None:
+        return np.full(n, UNSEEN, dtype=np.int8)
+    pairs = parse_json(text, "the model's split")
+    try:
+        runs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        codes, counts = runs.T
+        if (counts < 0).any() or ((codes < 0) | (codes >= len(SPLITS))).any() or counts.sum() != n:
+            size = int(counts.sum())
+            raise RequestError(f"the model's split is one of {size} instances, not of {n}")
+    except (ValueError, TypeError, OverflowError) as error:
+        raise RequestError("the model's split makes no sense; register the model anew") from error
+    return np.repeat(codes, counts).astype(np.int8)

@@ -1,0 +1,136 @@
+"""One seeded UMAP over both sides of a run, so that the two panels are comparable.
+
+PCA first, fitted in batches of both sides so that memory does not grow with the data set; UMAP
+fitted on at most `fit_instances` seeded instances, the others by transform. Source: McInnes et
+al., "UMAP", 2018.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+_BATCH = 512
+
+
+@dataclass(frozen=True, slots=True)
+class ProjectionSettings:
+    """What a projection depends on beside the embeddings."""
+
+    components: int = 50
+    neighbours: int = 15
+    min_distance: float = 0.1
+    seed: int = 7
+    version: int = 2
+    fit_instances: int = 10_000
+
+    def facts(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+SETTINGS = ProjectionSettings()
+
+
+def principal_components(
+    sides: tuple[Any, Any], valid: NDArray[np.bool_], settings: ProjectionSettings = SETTINGS
+) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
+    """PCA over both sides together.
+
+    `sides` are two (N, D) arrays (Zarr or numpy) of embeddings; rows that are not valid become
+    NaN. Gives two (N, components) arrays and the share of variance that they keep.
+    """
+    from sklearn.decomposition import IncrementalPCA
+
+    rows = _fit_rows(valid, settings)
+    if rows.size == 0:
+        missing = [np.full((s.shape[0], settings.components), np.nan, np.float32) for s in sides]
+        return missing[0], missing[1], float("nan")
+    cuts = np.array_split(rows, max(1, rows.size // _BATCH))
+    count = min(settings.components, sides[0].shape[1], 2 * cuts[0].size)
+    model = IncrementalPCA(count)
+    with np.errstate(invalid="ignore", divide="ignore"):  # no variance at all
+        for cut in cuts:
+            model.partial_fit(np.concatenate([_gather(side, cut) for side in sides]))
+    projected = []
+    for side in sides:
+        out = np.full((side.shape[0], settings.components), np.nan, dtype=np.float32)
+        for start in range(0, side.shape[0], _BATCH):
+            block = np.asarray(side[start : start + _BATCH], dtype=np.float32)
+            keep = valid[start : start + _BATCH]
+            if keep.any():
+                part = np.zeros((int(keep.sum()), settings.components), dtype=np.float32)
+                part[:, :count] = model.transform(block[keep])
+                out[start : start + _BATCH][keep] = part
+        projected.append(out)
+    return projected[0], projected[1], float(model.explained_variance_ratio_.sum())
+
+
+def joint_umap(
+    sides: tuple[NDArray[np.float32], NDArray[np.float32]],
+    valid: NDArray[np.bool_],
+    settings: ProjectionSettings = SETTINGS,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Two (N, 2) arrays of coordinates in one common plane; NaN where not valid."""
+    coordinates = tuple(np.full((valid.size, 2), np.nan, dtype=np.float32) for _ in range(2))
+    rows = _fit_rows(valid, settings)
+    if rows.size == 0:
+        return coordinates[0], coordinates[1]
+    points = np.concatenate([side[rows] for side in sides])
+    if len(points) <= settings.neighbours + 1 or not np.ptp(points, axis=0).any():
+        fitted, transform = points[:, :2], lambda others: others[:, :2]
+    else:
+        fitted, transform = _fit(points, settings)
+    for side, fit in zip(coordinates, np.split(fitted, 2), strict=True):
+        side[rows] = fit
+    others = np.setdiff1d(np.flatnonzero(valid), rows)
+    for start in range(0, others.size, 4096):
+        part = others[start : start + 4096]
+        for side, source in zip(coordinates, sides, strict=True):
+            side[part] = transform(source[part])
+    return coordinates[0], coordinates[1]
+
+
+def _fit(points: NDArray[np.float32], settings: ProjectionSettings) -> tuple[Any, Any]:
+    from s2rtools.common.numba_cache import cached
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with cached():
+            import umap
+        reducer = umap.UMAP(
+            n_neighbors=settings.neighbours,
+            min_dist=settings.min_distance,
+            random_state=settings.seed,
+            n_jobs=1,
+        )
+        fitted = reducer.fit_transform(points)
+
+    def transform(others: NDArray[np.float32]) -> Any:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return reducer.transform(others)
+
+    return fitted, transform
+
+
+def _fit_rows(valid: NDArray[np.bool_], settings: ProjectionSettings) -> NDArray[np.int64]:
+    """The seeded instances that PCA and UMAP are fitted on, ascending."""
+    rows = np.flatnonzero(valid)
+    limit = settings.fit_instances // 2
+    if rows.size > limit:
+        rng = np.random.default_rng(settings.seed)
+        rows = np.sort(rng.choice(rows, limit, replace=False))
+    return rows
+
+
+def _gather(side: Any, rows: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Rows of a Zarr or numpy array, read as one span where they lie close."""
+    if rows.size and rows[-1] - rows[0] < 4 * rows.size:
+        block = np.asarray(side[int(rows[0]) : int(rows[-1]) + 1])
+        return block[rows - rows[0]].astype(np.float32)
+    picked = side[rows] if isinstance(side, np.ndarray) else side.oindex[rows]
+    return np.asarray(picked, dtype=np.float32)

@@ -1,0 +1,60 @@
+"""Frames of the default world."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.geometry.camera_offset import CameraMove
+from s2rstore.reader import Store
+from s2rstore.records import SIDES
+from s2rtools.rendering.frame_renderer import FrameRenderer, RendererKind
+
+if TYPE_CHECKING:
+    from s2rtools.synthetic_world.dataset import WorldData
+
+_NOTES = "world"
+
+
+class WorldRenderer:
+    """Either side of a world, from its recipe; the real camera moves from where it really is."""
+
+    domains: tuple[str, ...] = SIDES
+
+    def __init__(self, store: Store, data: WorldData) -> None:
+        self._data = data
+        truth = store.instances
+        self._poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
+        self._numbers = np.array([
+            data.number(t.trajectory, row) for t in store.trajectories for row in range(t.instances)
+        ], dtype=np.intp)  # fmt: skip
+
+    def frames(
+        self, domain: str, start: int, stop: int, move: CameraMove
+    ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
+        side = next(side for side in SIDES if side == domain)
+        rows = slice(start, stop)
+        camera = self._data.camera(side).moved(move.height, move.pitch, move.zoom)
+        views = self._data.views(side, self._poses[rows], self._numbers[rows], camera)
+        return views.rgb, self._data.raw(views)
+
+
+def _claims(store: Store) -> bool:
+    return "recipe" in store.provenance(_NOTES)
+
+
+def _open(store: Store) -> FrameRenderer:
+    from s2rtools.synthetic_world.dataset import WorldData
+
+    data = WorldData.of_store(store)
+    if data is None or not data.matches(store):
+        raise RequestError(
+            f"{store.path}: its images are not what this version renders; ingest the world again"
+        )
+    return WorldRenderer(store, data)
+
+
+WORLD = RendererKind("world", 1, _claims, _open)

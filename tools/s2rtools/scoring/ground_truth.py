@@ -1,0 +1,132 @@
+"""Where the labelled objects are: per view and on the floor, rendered again from the recipe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.geometry.camera_offset import UNMOVED, CameraMove
+from s2rstore.geometry.floor_grid import MapGrid, Projector
+from s2rstore.reader import Store
+from s2rstore.records import SIDES, Domain, Side
+from s2rstore.run_inputs import run_move
+from s2rtools.precompute.stages import MAP_SETTINGS
+from s2rtools.synthetic_world.dataset import WorldData
+from s2rtools.synthetic_world.renderer import Camera
+
+CELLS = 32
+SHARE = 0.25
+REBIN = 3
+"""Published grid cells on each side of a scored floor cell."""
+_BATCH = 32
+
+Plane = NDArray[np.float32]
+Moves = dict[Side, CameraMove]
+NO_MOVES: Moves = dict.fromkeys(SIDES, UNMOVED)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What one side's true camera sees.
+
+    `cells` (N, CELLS, CELLS): where labelled objects of either scene cover a quarter of a cell.
+    `hits` and `samples` (rows, columns): how many samples per floor cell show a labelled object of
+    the side's own scene, and how many there are, through its true depth.
+    """
+
+    cells: NDArray[np.bool_]
+    hits: Plane
+    samples: Plane
+
+
+class Truth:
+    """The labelled changes of a store's world, as its instances see them.
+
+    Raises RequestError for a store of no world, or of one that is rendered otherwise now.
+    """
+
+    def __init__(self, store: Store) -> None:
+        data = WorldData.of_store(store)
+        if data is None:
+            raise RequestError(f"{store.path}: no truth is known; `s2r ingest world` makes data "
+                               "whose truth is")  # fmt: skip
+        if not data.matches(store):
+            raise RequestError(f"{store.path}: its images are not what this version renders; "
+                               "ingest the world again")  # fmt: skip
+        self.store, self.data = store, data
+        columns = store.instances
+        self.poses = np.stack([columns.x, columns.y, columns.heading], axis=1)
+        self.numbers = np.array([
+            data.number(t.trajectory, row) for t in store.trajectories for row in range(t.instances)
+        ], dtype=np.intp)  # fmt: skip
+        self.changed = data.world.changed(data.severities("real"))
+        self._seen: dict[tuple[Side, CameraMove], Seen] = {}
+
+    def moves(self, run: str) -> Moves:
+        """How a run moves the cameras of either side."""
+        record = self.store.run(run)
+        return {side: run_move(self.store, record, side) for side in SIDES}
+
+    def seen(self, side: Side, move: CameraMove = UNMOVED) -> Seen:
+        """What a side's true camera sees, moved as a run moves it."""
+        if (side, move) not in self._seen:
+            self._seen[side, move] = self._look(side, move)
+        return self._seen[side, move]
+
+    def _look(self, side: Side, move: CameraMove) -> Seen:
+        camera, dataset = moved(self.data.camera(side), move), self.store.dataset
+        fine = MapGrid(dataset.bounds, MAP_SETTINGS["cells"])
+        grid = MapGrid(dataset.bounds, max(fine.rows, fine.cols) // REBIN)
+        projector = Projector(self._true_domain(side, camera), camera.frame, dataset.y_down)
+        cells = []
+        for start in range(0, len(self.poses), _BATCH):
+            poses = self.poses[start : start + _BATCH]
+            mask = np.zeros((len(poses), *camera.frame), dtype=bool)
+            for scene in SIDES:
+                views = self.data.renderer(scene).render(poses, camera, samples=0)
+                labelled = np.isin(views.identity, self.changed)
+                mask |= labelled
+                if scene == side:
+                    heat, depth = labelled.astype(np.float32), self.data.raw(views)
+                    grid.add(*projector.project(heat, depth, poses, "rgb", grid))
+            cells.append(to_cells(mask.astype(np.float32)) >= SHARE)
+        planes = grid.aggregates()
+        return Seen(np.concatenate(cells), np.nan_to_num(planes[2]), planes[3])
+
+    def _true_domain(self, side: Side, camera: Camera) -> Domain:
+        declared = self.store.domains[side]
+        return Domain(
+            declared.domain, side, camera.lens, camera.lens, camera.height, camera.forward_offset,
+            declared.depth_scale, declared.depth_raw_min, declared.depth_raw_max,
+        )  # fmt: skip
+
+
+def moved(camera: Camera, move: CameraMove) -> Camera:
+    """The world's camera, moved as an adjustment says."""
+    return camera.moved(move.height, move.pitch, move.zoom)
+
+
+def to_cells(heat: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Maps (n, h, w) on the common grid (n, CELLS, CELLS): area means of what has a value.
+
+    A coarser map's value counts for every cell that its own cell covers.
+    """
+    height, width = heat.shape[1:]
+    rows, cols = _overlaps(height), _overlaps(width)
+    known = np.isfinite(heat)
+    values = np.where(known, heat, 0).astype(np.float64)
+    made = [rows @ plane @ cols.T for plane in (values, known.astype(np.float64))]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(made[1] > 1e-9, made[0] / made[1], np.nan).astype(np.float32)
+
+
+def _overlaps(extent: int) -> NDArray[np.float64]:
+    """(CELLS, extent): the share of each common cell that each own cell covers."""
+    edges = np.linspace(0, extent, CELLS + 1)
+    own = np.arange(extent)
+    low = np.maximum(edges[:-1, None], own[None])
+    high = np.minimum(edges[1:, None], own[None] + 1)
+    return np.maximum(high - low, 0.0) * CELLS / extent

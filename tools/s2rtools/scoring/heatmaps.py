@@ -1,0 +1,202 @@
+"""How well each heatmap of a run finds the labelled changes, in the image and on the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from s2rstore.metrics import pose_metrics
+from s2rstore.reader import Store
+from s2rstore.records import SIDES, Side
+from s2rtools.heatmaps import KINDS
+from s2rtools.scoring.ground_truth import NO_MOVES, REBIN, SHARE, Moves, Truth, to_cells
+from s2rtools.scoring.ranking_metrics import TOP, Ranked
+
+Place = Literal["image", "floor"]
+
+SMOOTH = 0.6
+TILE = 12
+"""Cells on each side of a resampled tile of the floor: larger than an object."""
+REPLICATES = 300
+MIN_SAMPLES = 3
+MIN_FRAMES = 8
+_ROWS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class HeatScore:
+    """One heatmap in one place; `n` frames with positives or floor cells, `without` frames apart.
+
+    `base_rate` is the share of positive cells: the precision of a random map. Intervals are 95 %
+    bootstraps: over blocks of neighbouring frames, or over tiles of the floor.
+    """
+
+    run: str
+    kind: str
+    mode: str | None
+    side: str
+    """sim, real, or both maps of the floor together."""
+    place: Place
+    auroc: pose_metrics.Interval
+    precision: pose_metrics.Interval
+    base_rate: float
+    n: int
+    without: int
+
+
+def scores(truth: Truth, runs: list[str], seed: int) -> list[HeatScore]:
+    """Every heatmap kind of computed runs, and a random map beside them."""
+    found = [_random_image(truth, seed), _random_floor(truth, seed)]
+    for run in runs:
+        for kind, mode in _choices(truth.store, run):
+            found += _image_scores(truth, run, kind, mode, seed)
+            found += _floor_scores(truth, run, kind, mode, seed)
+    return found
+
+
+def _choices(store: Store, run: str) -> list[tuple[str, str | None]]:
+    """Kinds and modes that are scored; of kinds with planes the one for the loss."""
+    chosen: dict[tuple[str, str | None], None] = {}
+    for record in store.arrays(run):
+        if record.kind in KINDS:
+            mode = "loss" if KINDS[record.kind].planes else record.mode
+            chosen[record.kind, mode] = None
+    return list(chosen)
+
+
+def _image_scores(
+    truth: Truth, run: str, kind: str, mode: str | None, seed: int
+) -> Iterator[HeatScore]:
+    for side in SIDES:
+        blocks = (
+            truth.store.heatmaps(run, kind, side, start, start + _ROWS, mode)
+            for start in range(0, len(truth.poses), _ROWS)
+        )
+        cells = np.concatenate([to_cells(block) for block in blocks])
+        positive = truth.seen(side, truth.moves(run)[side]).cells
+        auroc, precision, base, without = _per_frame(cells, positive, seed)
+        yield HeatScore(run, kind, mode, side, "image", _mean(auroc),
+                        _mean(precision), base, len(auroc), without)  # fmt: skip
+
+
+def _random_image(truth: Truth, seed: int) -> HeatScore:
+    positive = truth.seen("real").cells
+    cells = np.random.default_rng([seed, 1]).random(positive.shape)
+    auroc, precision, base, without = _per_frame(cells, positive, seed)
+    return HeatScore("-", "random", None, "real", "image", _mean(auroc),
+                     _mean(precision), base, len(auroc), without)  # fmt: skip
+
+
+def _per_frame(
+    cells: NDArray[Any], positive: NDArray[np.bool_], seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float, int]:
+    """AUROC and precision of each frame that has positives, base rate, and frames without."""
+    share = positive.mean(axis=(1, 2))
+    scored = np.flatnonzero((share > 0) & (share < 1))
+    ranked = [
+        Ranked.of(cells[row], positive[row], np.random.default_rng([seed, int(row)]))
+        for row in scored
+    ]
+    auroc = np.array([frame.auroc() for frame in ranked])
+    precision = np.array([frame.precision(TOP) for frame in ranked])
+    base = float(share[scored].mean()) if scored.size else float("nan")
+    return auroc, precision, base, int((share == 0).sum())
+
+
+def _floor_scores(
+    truth: Truth, run: str, kind: str, mode: str | None, seed: int
+) -> Iterator[HeatScore]:
+    """The floor as either side's heat paints it, and as both together do."""
+    planes: dict[Side | Literal["both"], NDArray[np.float64]] = {}
+    for side in SIDES:
+        total = np.nan_to_num(truth.store.map_grid(run, kind, side, mode, "sum"))
+        count = truth.store.map_grid(run, kind, side, mode, "count")
+        planes[side] = np.stack([_rebinned(total), _rebinned(count)])
+    planes["both"] = planes["sim"] + planes["real"]
+    for name, (total, count) in planes.items():
+        heat = _smoothed(total, count)
+        yield _floor_score(truth, run, kind, mode, name, heat, seed, truth.moves(run))
+
+
+def _random_floor(truth: Truth, seed: int) -> HeatScore:
+    shape = floor_truth(truth, "both")[0].shape
+    heat = np.random.default_rng([seed, 2]).random(shape)
+    return _floor_score(truth, "-", "random", None, "both", heat, seed)
+
+
+def _floor_score(
+    truth: Truth,
+    run: str,
+    kind: str,
+    mode: str | None,
+    side: Side | Literal["both"],
+    heat: NDArray[Any],
+    seed: int,
+    moves: Moves = NO_MOVES,
+) -> HeatScore:
+    positive, visited = floor_truth(truth, side, moves)
+    rows, cols = np.indices(visited.shape) // TILE
+    tile = (rows * (visited.shape[1] // TILE + 1) + cols)[visited]
+    ranked = Ranked.of(heat[visited], positive[visited], np.random.default_rng([seed, 3]))
+    _, tile = np.unique(tile, return_inverse=True)
+    rng = np.random.default_rng([seed, 4])
+    count = int(tile.max()) + 1 if tile.size else 0
+    drawn = [
+        np.bincount(rng.integers(0, count, count), minlength=count)[tile].astype(np.float64)
+        for _ in range(REPLICATES if count else 0)
+    ]
+    auroc = _interval(ranked.auroc(), [ranked.auroc(w) for w in drawn])
+    precision = _interval(ranked.precision(TOP), [ranked.precision(TOP, w) for w in drawn])
+    base = float(positive[visited].mean()) if visited.any() else float("nan")
+    return HeatScore(run, kind, mode, side, "floor", auroc, precision, base, int(visited.sum()), 0)
+
+
+def floor_truth(
+    truth: Truth, side: Side | Literal["both"], moves: Moves = NO_MOVES
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Positive floor cells, and those that a side (or either) has seen, each (rows, columns).
+
+    A cell is positive where a quarter of either side's samples show a labelled object.
+    """
+    shape = truth.seen("sim", moves["sim"]).samples.shape
+    positive, visited = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+    for own in SIDES:
+        seen = truth.seen(own, moves[own])
+        enough = seen.samples >= MIN_SAMPLES
+        positive |= enough & (seen.hits >= SHARE * seen.samples)
+        if side in (own, "both"):
+            visited |= enough
+    return positive & visited, visited
+
+
+def _rebinned(plane: NDArray[Any]) -> NDArray[np.float64]:
+    rows, cols = plane.shape[0] // REBIN, plane.shape[1] // REBIN
+    cut = plane[: rows * REBIN, : cols * REBIN].astype(np.float64)
+    return np.asarray(cut.reshape(rows, REBIN, cols, REBIN).sum(axis=(1, 3)))
+
+
+def _smoothed(total: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The mean heat per cell, softened by `SMOOTH` cells over those that have any."""
+    known = count > 0
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(known, total / count, 0.0)
+        soft = ndimage.gaussian_filter(mean, SMOOTH)
+        soft /= ndimage.gaussian_filter(known.astype(np.float64), SMOOTH)
+    return np.where(known, soft, np.nan)
+
+
+def _interval(value: float, replicates: list[float]) -> pose_metrics.Interval:
+    return pose_metrics.interval(value, np.array([r for r in replicates if np.isfinite(r)]))
+
+
+def _mean(values: NDArray[np.float64]) -> pose_metrics.Interval:
+    """The mean of shares; without an interval where there are too few frames for blocks."""
+    found = pose_metrics.bootstrap_mean(values)
+    if values.size < MIN_FRAMES:
+        return pose_metrics.Interval(found.value, float("nan"), float("nan"))
+    return pose_metrics.Interval(found.value, max(found.low, 0.0), min(found.high, 1.0))

@@ -1,0 +1,38 @@
+"""What a stereo depth camera makes of true depth."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtools.synthetic_world.factors.factor import Factor, Generator
+
+
+class DepthSensor(Factor):
+    """Error that grows with the square of distance and is smooth over patches, holes at edges and
+    in blobs, nothing nearer than 0.35 m or beyond 7 m at severity 1.
+    """
+
+    name = "depth"
+    description = "depth noise, holes and shorter range"
+
+    def depth(
+        self, depth: NDArray[np.float32], rng: Generator, severity: float
+    ) -> NDArray[np.float32]:
+        height, width = depth.shape
+        coarse = rng.standard_normal((height // 6 + 2, width // 6 + 2)).astype(np.float32)
+        smooth = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+        fine = rng.standard_normal(depth.shape).astype(np.float32)
+        noisy = depth + severity * depth**2 * (0.009 * smooth + 0.004 * fine)
+        steep = np.maximum(
+            np.abs(cv2.Sobel(depth, cv2.CV_32F, 1, 0)), np.abs(cv2.Sobel(depth, cv2.CV_32F, 0, 1))
+        )
+        at_edges = (steep > 1.6 / max(severity, 1e-3)) & (rng.random(depth.shape) < 0.7)
+        blobs = cv2.resize(
+            rng.standard_normal((height // 9 + 2, width // 9 + 2)).astype(np.float32),
+            (width, height), interpolation=cv2.INTER_CUBIC,
+        )  # fmt: skip
+        holes = at_edges | (blobs > 2.5 - 0.5 * severity)
+        beyond = (depth > 10 - 3 * severity) | (depth < 0.35 * severity)
+        return np.where(holes | beyond | (depth <= 0), np.float32(0), noisy).astype(np.float32)

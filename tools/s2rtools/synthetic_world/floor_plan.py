@@ -1,0 +1,352 @@
+"""The building: two corridors that cross, three rooms in each corner, doors, windows and walls."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from s2rtools.synthetic_world.materials import Material
+from s2rtools.synthetic_world.scene import Colour, Part
+
+SIZE = 20.0
+CEILING = 2.7
+HALF_WALL = 0.07
+DOOR_WIDTH = 1.0
+DOOR_HEIGHT = 2.08
+SILL, HEAD = 0.9, 2.1
+
+Wall = Literal["north", "south", "west", "east"]
+WALLS: tuple[Wall, ...] = ("north", "south", "west", "east")
+
+FRAME_COLOUR: Colour = (0.28, 0.24, 0.20)
+_FRAME = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangle:
+    """y grows to the south."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        return (self.x0 + self.x1) / 2, (self.y0 + self.y1) / 2
+
+    def ends(self) -> tuple[Rectangle, Rectangle]:
+        """The outer thirds along the longer side, a little away from the walls."""
+        x0, y0, x1, y1 = self.x0 + 0.3, self.y0 + 0.3, self.x1 - 0.3, self.y1 - 0.3
+        wide, deep = (x1 - x0) / 3, (y1 - y0) / 3
+        if wide > deep:
+            return Rectangle(x0, y0, x0 + wide, y1), Rectangle(x1 - wide, y0, x1, y1)
+        return Rectangle(x0, y0, x1, y0 + deep), Rectangle(x0, y1 - deep, x1, y1)
+
+    def length(self, wall: Wall) -> float:
+        return self.x1 - self.x0 if wall in ("north", "south") else self.y1 - self.y0
+
+    def on_wall(self, wall: Wall, at: float, out: float = 0.0) -> tuple[float, float]:
+        """The point `at` metres along a wall from its west or north end, `out` into the room."""
+        if wall in ("north", "south"):
+            return self.x0 + at, self.y0 + out if wall == "north" else self.y1 - out
+        return (self.x0 + out if wall == "west" else self.x1 - out), self.y0 + at
+
+
+TURN: dict[Wall, float] = {
+    "north": 0.0, "south": math.pi, "east": math.pi / 2, "west": -math.pi / 2,
+}  # fmt: skip
+"""How far a piece of furniture, whose back is at y = 0, is turned to stand at a wall."""
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """An opening at (x, y) in a wall that runs along x (`flat`) or along y; `rooms` it joins.
+
+    The leaf hangs in the first of them, hinged at the end of the smaller coordinate.
+    """
+
+    x: float
+    y: float
+    flat: bool
+    rooms: tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """A room or a piece of corridor. `open_walls` have no wall; `windows` are (wall, middle)."""
+
+    name: str
+    kind: str
+    area: Rectangle
+    colour: Colour
+    floor: int
+    open_walls: tuple[Wall, ...] = ()
+    windows: tuple[tuple[Wall, float], ...] = ()
+
+    @property
+    def is_corridor(self) -> bool:
+        return self.kind == "corridor"
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    rooms: tuple[Room, ...]
+    doors: tuple[Door, ...]
+    palette: tuple[tuple[Material, Colour, int], ...]
+
+    def room(self, name: str) -> Room:
+        return next(room for room in self.rooms if room.name == name)
+
+    def doors_of(self, name: str) -> list[Door]:
+        return [door for door in self.doors if name in door.rooms]
+
+
+KINDS = (
+    "office", "studio", "meeting", "kitchen", "lounge", "library",
+    "laboratory", "servers", "copy", "workshop", "reception", "archive",
+)  # fmt: skip
+
+_PALETTE: tuple[tuple[Material, Colour, int], ...] = (
+    (Material.LINOLEUM, (0.44, 0.45, 0.43), 1),
+    (Material.PLANKS, (0.48, 0.29, 0.14), 2),
+    (Material.CARPET, (0.16, 0.22, 0.36), 3),
+    (Material.CARPET, (0.34, 0.30, 0.26), 4),
+    (Material.CARPET, (0.38, 0.12, 0.12), 5),
+    (Material.TILES, (0.72, 0.71, 0.67), 7),
+    (Material.TILES, (0.52, 0.58, 0.60), 6),
+    (Material.PLANKS, (0.62, 0.48, 0.30), 8),
+    (Material.CARPET, (0.14, 0.30, 0.20), 9),
+    (Material.LINOLEUM, (0.30, 0.36, 0.40), 10),
+)
+_FLOORS = {
+    "office": 2, "studio": 3, "meeting": 4, "kitchen": 5, "lounge": 7, "library": 8,
+    "laboratory": 6, "servers": 9, "copy": 0, "workshop": 0, "reception": 3, "archive": 9,
+}  # fmt: skip
+_PAINTS: tuple[Colour, ...] = (
+    (0.78, 0.76, 0.70), (0.62, 0.72, 0.78), (0.80, 0.70, 0.52), (0.60, 0.74, 0.62),
+    (0.80, 0.60, 0.54), (0.74, 0.66, 0.78), (0.82, 0.80, 0.62), (0.55, 0.66, 0.70),
+    (0.76, 0.78, 0.78), (0.70, 0.58, 0.46), (0.60, 0.62, 0.72), (0.80, 0.74, 0.76),
+)  # fmt: skip
+
+
+def plan(seed: int) -> Plan:
+    """A building of its own for every seed."""
+    rng = np.random.default_rng([seed, 1])
+    west, north = (float(rng.uniform(8.4, 9.7)) for _ in range(2))
+    east, south = west + 1.9, north + 2.1
+    kinds = [str(kind) for kind in rng.permutation(KINDS)]
+    paints = [_PAINTS[int(i)] for i in rng.permutation(len(_PAINTS))]
+    rooms: list[Room] = []
+    doors: list[Door] = []
+    corners = (
+        (Rectangle(0, 0, west, north), False, False),
+        (Rectangle(east, 0, SIZE, north), True, False),
+        (Rectangle(0, south, west, SIZE), False, True),
+        (Rectangle(east, south, SIZE, SIZE), True, True),
+    )
+    for number, (area, is_east, is_south) in enumerate(corners):
+        names = kinds[3 * number : 3 * number + 3]
+        cut = _cut(rng, area, is_east, is_south)
+        for name, part, paint in zip(names, cut, paints[3 * number :], strict=False):
+            rooms.append(Room(name, name, part, paint, _FLOORS[name], (), _windows(part)))
+        doors += _doors(rng, names, cut, is_east, is_south)
+    rooms += _corridors(west, east, north, south)
+    return Plan(tuple(rooms), tuple(doors), _PALETTE)
+
+
+def _cut(
+    rng: np.random.Generator, area: Rectangle, is_east: bool, is_south: bool
+) -> tuple[Rectangle, Rectangle, Rectangle]:
+    """The far room (along the flat corridor), the one at the outer wall, the one at the crossing.
+
+    The far room touches the flat corridor, the outer one the upright corridor.
+    """
+    split = (area.x1 - area.x0) * float(rng.uniform(0.44, 0.54))
+    level = (area.y1 - area.y0) * float(rng.uniform(0.44, 0.56))
+    s = area.x1 - split if is_east else area.x0 + split
+    t = area.y0 + level
+    far = Rectangle(s, area.y0, area.x1, area.y1) if is_east else Rectangle(
+        area.x0, area.y0, s, area.y1)  # fmt: skip
+    x0, x1 = (area.x0, s) if is_east else (s, area.x1)
+    upper, lower = Rectangle(x0, area.y0, x1, t), Rectangle(x0, t, x1, area.y1)
+    return (far, lower, upper) if is_south else (far, upper, lower)
+
+
+def _doors(
+    rng: np.random.Generator,
+    names: list[str],
+    cut: tuple[Rectangle, Rectangle, Rectangle],
+    is_east: bool,
+    is_south: bool,
+) -> list[Door]:
+    far, outer, near = cut
+    flat_y = far.y0 if is_south else far.y1
+    upright_x = outer.x0 if is_east else outer.x1
+    flat_name = "east corridor" if is_east else "west corridor"
+    upright_name = "south corridor" if is_south else "north corridor"
+
+    def between(a: float, b: float) -> float:
+        return float(rng.uniform(a + 1.1, b - 1.1))
+
+    doors = [
+        Door(between(far.x0, far.x1), flat_y, True, (names[0], flat_name)),
+        Door(upright_x, between(outer.y0, outer.y1), False, (names[1], upright_name)),
+        Door(between(near.x0, near.x1), flat_y, True, (names[2], flat_name)),
+        Door(between(near.x0, near.x1), outer.y0 if is_south else outer.y1, True,
+             (names[2], names[1])),
+    ]  # fmt: skip
+    return doors
+
+
+def _windows(area: Rectangle) -> tuple[tuple[Wall, float], ...]:
+    """A window every 2.4 m of outer wall."""
+    outer: list[Wall] = []
+    if area.y0 < 0.01:
+        outer.append("north")
+    if area.y1 > SIZE - 0.01:
+        outer.append("south")
+    if area.x0 < 0.01:
+        outer.append("west")
+    if area.x1 > SIZE - 0.01:
+        outer.append("east")
+    found: list[tuple[Wall, float]] = []
+    for wall in outer:
+        length = area.length(wall)
+        count = int((length - 1.0) // 2.6)
+        found += [(wall, length * (k + 0.5) / count) for k in range(count)]
+    return tuple(found)
+
+
+WINDOW_WIDTH = 1.8
+
+
+def _corridors(west: float, east: float, north: float, south: float) -> list[Room]:
+    paint: Colour = (0.74, 0.75, 0.72)
+    warm: Colour = (0.78, 0.72, 0.62)
+    flat = {"floor": 0, "colour": paint}
+    wood = {"floor": 1, "colour": warm}
+    pieces: list[tuple[str, Rectangle, tuple[Wall, ...], dict[str, object]]] = [
+        ("west corridor", Rectangle(0, north, west, south), ("east",), flat),
+        ("east corridor", Rectangle(east, north, SIZE, south), ("west",), flat),
+        ("north corridor", Rectangle(west, 0, east, north), ("south",), wood),
+        ("south corridor", Rectangle(west, south, east, SIZE), ("north",), wood),
+        ("crossing", Rectangle(west, north, east, south), WALLS, flat),
+    ]
+    made = []
+    for name, area, open_walls, look in pieces:
+        windows = tuple(
+            (wall, area.length(wall) / 2) for wall in WALLS
+            if wall not in open_walls and _is_outer(area, wall)
+        )  # fmt: skip
+        made.append(
+            Room(name, "corridor", area, look["colour"], int(str(look["floor"])),  # type: ignore[arg-type]
+                 open_walls, windows)
+        )  # fmt: skip
+    return made
+
+
+def _is_outer(area: Rectangle, wall: Wall) -> bool:
+    edge = {"north": area.y0, "west": area.x0, "south": SIZE - area.y1, "east": SIZE - area.x1}
+    return edge[wall] < 0.01
+
+
+def openings(plan: Plan, room: Room, wall: Wall) -> list[tuple[float, Door]]:
+    """Doors in a wall of a room, with their middle in metres along it."""
+    area, found = room.area, []
+    for door in plan.doors_of(room.name):
+        flat = wall in ("north", "south")
+        if door.flat != flat:
+            continue
+        line = {"north": area.y0, "south": area.y1, "west": area.x0, "east": area.x1}[wall]
+        if abs((door.y if flat else door.x) - line) < 0.01:
+            found.append((door.x - area.x0 if flat else door.y - area.y0, door))
+    return found
+
+
+def walls(plan: Plan) -> tuple[Part, ...]:
+    """Half of every wall for each room that it bounds, with openings for doors and windows."""
+    parts: list[Part] = []
+    for room in plan.rooms:
+        for wall in WALLS:
+            if wall not in room.open_walls:
+                parts += _wall(plan, room, wall)
+    for door in plan.doors:
+        parts += _frame(door)
+    return tuple(parts)
+
+
+def _wall(plan: Plan, room: Room, wall: Wall) -> list[Part]:
+    length = room.area.length(wall)
+    cuts = [(at - DOOR_WIDTH / 2, at + DOOR_WIDTH / 2, 0.0, DOOR_HEIGHT)
+            for at, _ in openings(plan, room, wall)]  # fmt: skip
+    cuts += [(at - WINDOW_WIDTH / 2, at + WINDOW_WIDTH / 2, SILL, HEAD)
+             for w, at in room.windows if w == wall]  # fmt: skip
+    parts, start = [], 0.0
+    for a, b, low, high in sorted(cuts):
+        parts.append(_slab(room, wall, start, a, 0.0, CEILING))
+        parts.append(_slab(room, wall, a, b, high, CEILING))
+        if low > 0:
+            parts.append(_slab(room, wall, a, b, 0.0, low))
+            parts.append(_slab(room, wall, a, b, low, high, Material.WINDOW))
+        start = b
+    parts.append(_slab(room, wall, start, length, 0.0, CEILING))
+    return parts
+
+
+def _slab(
+    room: Room,
+    wall: Wall,
+    a: float,
+    b: float,
+    low: float,
+    high: float,
+    material: Material = Material.PLASTER,
+) -> Part:
+    x, y = room.area.on_wall(wall, (a + b) / 2, HALF_WALL / 2)
+    half, thin = (b - a) / 2, HALF_WALL / 2
+    along_x = wall in ("north", "south")
+    colour = (1.0, 1.0, 1.0) if material == Material.WINDOW else room.colour
+    seed = 1 + sum(map(ord, room.name))
+    return Part(x, y, half if along_x else thin, thin if along_x else half,
+                low, high, colour, material, seed=seed)  # fmt: skip
+
+
+def _frame(door: Door) -> list[Part]:
+    """Posts and lintel of a door opening."""
+    made = []
+    reach = DOOR_WIDTH / 2
+    for along in (-reach, reach):
+        x, y = (door.x + along, door.y) if door.flat else (door.x, door.y + along)
+        half = (_FRAME / 2, HALF_WALL + 0.02)
+        made.append(Part(x, y, *(half if door.flat else half[::-1]), 0, DOOR_HEIGHT + 0.05,
+                         FRAME_COLOUR, Material.WOOD))  # fmt: skip
+    half = (reach, HALF_WALL + 0.02)
+    made.append(Part(door.x, door.y, *(half if door.flat else half[::-1]),
+                     DOOR_HEIGHT, DOOR_HEIGHT + 0.05, FRAME_COLOUR, Material.WOOD))  # fmt: skip
+    return made
+
+
+def leaf(plan: Plan, door: Door, is_open: bool) -> Part:
+    """The door's leaf: in its frame, or swung back along the wall of the first room."""
+    room = plan.room(door.rooms[0]).area
+    width = DOOR_WIDTH - 0.06
+    reach = DOOR_WIDTH / 2
+    sign = 1.0 if (room.centre[1] > door.y if door.flat else room.centre[0] > door.x) else -1.0
+    seed = 1 + sum(map(ord, door.rooms[0]))
+    colour = _PAINTS[seed % len(_PAINTS)]
+    tint = (colour[0] * 0.75, colour[1] * 0.6, colour[2] * 0.45)
+    along, out, tilt = 0.0, 0.0, 0.0
+    if is_open:
+        tilt = math.radians(12)
+        along = -reach - math.cos(tilt) * width / 2
+        out = sign * (HALF_WALL + 0.03 + math.sin(tilt) * width / 2)
+    if door.flat:
+        x, y, turned = door.x + along, door.y + out, -sign * tilt
+    else:
+        x, y, turned = door.x + out, door.y + along, math.pi / 2 + sign * tilt
+    return Part(x, y, width / 2, 0.02, 0.01, DOOR_HEIGHT - 0.02, tint, Material.DOOR, angle=turned,
+                seed=seed)  # fmt: skip

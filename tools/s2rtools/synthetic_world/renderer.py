@@ -1,0 +1,159 @@
+"""What draws a scene: poses and a camera in, RGB, depth and object ids out."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from s2rstore.records import Intrinsics
+from s2rtools.synthetic_world import raycaster
+from s2rtools.synthetic_world.scene import Lamp, Packed, Part, Scene, footprint, pack
+
+LIGHT_CELL = 0.1
+SAMPLES = 2
+_PLAN_HEIGHT = 2.05
+_ONE_AT_A_TIME = threading.Lock()
+"""Numba's simplest threading layer must not be entered twice."""
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A pinhole for frames of (height, width), y metres above the floor; pitch upwards, radians."""
+
+    frame: tuple[int, int]
+    lens: Intrinsics
+    height: float
+    forward_offset: float = 0.0
+
+    def moved(
+        self, height: float = 0.0, pitch: float = 0.0, zoom: float = 1.0, forward: float = 0.0
+    ) -> Camera:
+        """Higher by metres, pitched up by radians, with `zoom` times the focal length."""
+        lens = replace(
+            self.lens, fx=self.lens.fx * zoom, fy=self.lens.fy * zoom,
+            pitch=self.lens.pitch + pitch,
+        )  # fmt: skip
+        return replace(
+            self, lens=lens, height=self.height + height,
+            forward_offset=self.forward_offset + forward,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Views:
+    """rgb (n, h, w, 3) uint8, planar depth (n, h, w) float32 metres, object id (n, h, w) int16.
+
+    Depth 0 means nothing was hit; object 0 is the building.
+    """
+
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    identity: NDArray[np.int16]
+
+
+class Renderer(Protocol):
+    """An engine that can show a world. Poses are (n, 3): x, y in metres, heading in radians.
+
+    Colour is the mean of samples x samples rays per pixel; 0 leaves it black, where only depth
+    and ids are wanted.
+    """
+
+    def render(
+        self, poses: NDArray[np.float64], camera: Camera, samples: int = SAMPLES
+    ) -> Views: ...
+
+    def plan(self, pixels: int) -> NDArray[np.uint8]:
+        """The scene from above, (pixels, pixels, 3) uint8 RGB."""
+
+
+class RayCaster:
+    """The renderer of the project: a numba kernel, the same bytes for the same scene and pose."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+
+    @cached_property
+    def _packed(self) -> Packed:
+        return pack(self._scene)
+
+    @cached_property
+    def _light(self) -> NDArray[np.float64]:
+        """Light per cell (rows, cols, 4); the last channel is how open the floor is."""
+        scene = self._scene
+        cells = round(scene.size / LIGHT_CELL)
+        walls = tuple(p for p in scene.building if p.high > 2.5 and p.low < 0.5)
+        light = _lit(scene.lamps, walls, cells) + np.array(scene.ambient)
+        parts = [part for _, parts in scene.things for part in parts]
+        low = [part for part in (*scene.building, *parts) if part.low < 0.3]
+        distance = ndimage.distance_transform_edt(
+            ~footprint(low, cells, LIGHT_CELL, 0.04)
+        ) * LIGHT_CELL  # fmt: skip
+        openness = 1.0 - np.exp(-(distance + 0.02) / 0.22)
+        return np.ascontiguousarray(np.concatenate([light, openness[..., None]], axis=2))
+
+    def render(self, poses: NDArray[np.float64], camera: Camera, samples: int = SAMPLES) -> Views:
+        scene, packed = self._scene, self._packed
+        shape = (len(poses), *camera.frame)
+        views = Views(
+            np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int16)
+        )
+        lens = np.array(
+            [camera.lens.fx, camera.lens.fy, camera.lens.cx, camera.lens.cy, camera.lens.pitch,
+             camera.height, camera.forward_offset]
+        )  # fmt: skip
+        arguments = (
+            np.ascontiguousarray(poses, dtype=np.float64), lens, samples, scene.ceiling,
+            packed.numbers, packed.codes, packed.start, packed.members, packed.cell, packed.cells,
+            scene.floor, self._palette, self._light, LIGHT_CELL,
+            views.rgb, views.depth, views.identity,
+        )  # fmt: skip
+        with _ONE_AT_A_TIME:
+            raycaster.render(*arguments)
+        return views
+
+    def plan(self, pixels: int) -> NDArray[np.uint8]:
+        """The scene from above without its ceiling, (pixels, pixels, 3) uint8; walls are dark."""
+        scene, packed = self._scene, self._packed
+        rgb = np.empty((pixels, pixels, 3), np.uint8)
+        arguments = (
+            pixels, scene.size, _PLAN_HEIGHT,
+            packed.numbers, packed.codes, packed.start, packed.members, packed.cell, packed.cells,
+            scene.floor, self._palette, self._light, LIGHT_CELL, rgb,
+        )  # fmt: skip
+        with _ONE_AT_A_TIME:
+            raycaster.render_plan(*arguments)
+        tall = [part for part in scene.building if part.low < 0.5]
+        rgb[footprint(tall, pixels, scene.size / pixels, 0.5)] = (52, 54, 58)
+        return rgb
+
+    @cached_property
+    def _palette(self) -> NDArray[np.float64]:
+        return np.array([(m, *colour, seed) for m, colour, seed in self._scene.palette])
+
+
+@lru_cache(maxsize=8)
+def _lit(lamps: tuple[Lamp, ...], walls: tuple[Part, ...], cells: int) -> NDArray[np.float64]:
+    """Light of all lamps per cell (cells, cells, 3), whatever stands in the rooms."""
+    taken = footprint(list(walls), cells, LIGHT_CELL, 2.5)
+    rows = np.array([_lamp(lamp) for lamp in lamps], dtype=np.float64).reshape(-1, 6)
+    return _spread(raycaster.light_map(rows, taken, LIGHT_CELL), taken)
+
+
+def _lamp(lamp: Lamp) -> tuple[float, ...]:
+    return (lamp.x, lamp.y, max(lamp.height, 0.8), *lamp.power)
+
+
+def _spread(light: NDArray[np.float64], walls: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Soften shadows inside rooms without letting light through walls."""
+    open_ = ~walls
+    weight = ndimage.gaussian_filter(open_.astype(float), 2.5, truncate=2)
+    soft = np.stack(
+        [ndimage.gaussian_filter(light[..., c] * open_, 2.5, truncate=2) for c in range(3)], axis=2
+    ) / np.maximum(weight, 1e-6)[..., None]  # fmt: skip
+    return np.where(open_[..., None], soft, light)

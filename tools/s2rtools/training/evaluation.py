@@ -1,0 +1,69 @@
+"""How far a network's predictions are from the truth, for each domain and split."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from s2rstore.geometry import angles
+from s2rstore.records import SPLITS
+from s2rtools.models.conventions import OutputConvention
+from s2rtools.models.pose_network import PoseNetwork
+from s2rtools.training.training_frames import DomainFrames, TrainingFrames
+
+_BATCH = 64
+
+Splits = dict[str, NDArray[np.int8]]
+
+
+def predict(
+    network: PoseNetwork,
+    convention: OutputConvention,
+    domain: DomainFrames,
+    rows: NDArray[np.intp],
+) -> NDArray[np.float64]:
+    """Poses (B, 3) of some rows: metres, metres, radians of the map frame."""
+    was_training = network.training
+    network.eval()
+    poses = [np.empty((0, 3))]
+    with torch.inference_mode():
+        for start in range(0, len(rows), _BATCH):
+            x = torch.from_numpy(domain.inputs(rows[start : start + _BATCH]))
+            raw = network(x.contiguous(memory_format=torch.channels_last))
+            poses.append(convention.decode(raw.double()).numpy())
+    network.train(was_training)
+    return np.concatenate(poses)
+
+
+def errors(
+    poses: NDArray[np.float64], truth: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distance in metres and heading error in degrees, (B,) each."""
+    away = poses[:, :2] - truth[:, :2]
+    return np.hypot(away[:, 0], away[:, 1]), np.degrees(angles.distance(poses[:, 2], truth[:, 2]))
+
+
+def split_figures(
+    network: PoseNetwork, convention: OutputConvention, frames: TrainingFrames, splits: Splits
+) -> dict[str, float]:
+    """`DOMAIN.SPLIT.FIGURE` -> value: instances, median_error and mean_error in metres,
+    median_heading_error in degrees, and baseline_error, the median error in metres of always
+    saying the mean position of the split's own instances."""
+    figures: dict[str, float] = {}
+    for name, codes in splits.items():
+        poses = predict(network, convention, frames.domains[name], np.arange(len(frames)))
+        for code in np.unique(codes[codes >= 0]):
+            rows = np.flatnonzero(codes == code)
+            truth = frames.poses[rows]
+            distance, turn = errors(poses[rows], truth)
+            mean = np.broadcast_to(truth.mean(axis=0), truth.shape)
+            values = {
+                "instances": float(len(rows)),
+                "median_error": float(np.median(distance)),
+                "mean_error": float(distance.mean()),
+                "median_heading_error": float(np.median(turn)),
+                "baseline_error": float(np.median(errors(mean, truth)[0])),
+            }
+            figures |= {f"{name}.{SPLITS[code]}.{key}": value for key, value in values.items()}
+    return figures

@@ -1,0 +1,75 @@
+"""The ways of training a model that the Sim2RealViz paper compares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from s2rstore.errors import RequestError
+from s2rstore.records import Side
+from s2rtools.training.colour_augmentation import vary_colours
+from s2rtools.training.depth_noise import DepthNoise
+
+Augmentation = Callable[[Tensor, torch.Generator], Tensor]
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """What a model learns from and how.
+
+    `learns_from` are the kinds of the domains that are trained on: sim images are split in
+    blocks, of real ones a trajectory, or half of the only one, is left for testing.
+    `augmentation(shape, seed)` makes the function that changes each batch (B, 4, h, w).
+    """
+
+    name: str
+    description: str
+    learns_from: tuple[Side, ...]
+    learning_rate: float
+    augmentation: Callable[[tuple[int, int], int], Augmentation]
+    needs_start: bool = False
+
+
+def _untouched(shape: tuple[int, int], seed: int) -> Augmentation:
+    return lambda x, generator: x
+
+
+def _colours(shape: tuple[int, int], seed: int) -> Augmentation:
+    return vary_colours
+
+
+RECIPES: dict[str, Recipe] = {
+    recipe.name: recipe
+    for recipe in (
+        Recipe("vanilla", "sim images as they are", ("sim",), 2e-3, _untouched),
+        Recipe(
+            "dataaug",
+            "sim images with random brightness, contrast, dynamic range and hue",
+            ("sim",),
+            2e-3,
+            _colours,
+        ),
+        Recipe(
+            "finetune",
+            "a trained model, trained on with sim images and real ones of another part, in "
+            "random colours",
+            ("sim", "real"),
+            5e-4,
+            _colours,
+            needs_start=True,
+        ),
+        Recipe(
+            "perlin", "sim images with Perlin noise and holes in depth", ("sim",), 2e-3, DepthNoise
+        ),
+    )
+}
+
+
+def recipe_named(name: str) -> Recipe:
+    """A registered recipe; RequestError for unknown names."""
+    if name not in RECIPES:
+        raise RequestError(f"recipe {name!r}: one of {', '.join(RECIPES)}")
+    return RECIPES[name]

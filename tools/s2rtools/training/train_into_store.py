@@ -1,0 +1,132 @@
+"""Training on a store's frames and registering the model with a run of it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.files.layout import checked_name
+from s2rstore.index.transaction import check_writable, edit
+from s2rstore.reader import Store
+from s2rtools.models import build
+from s2rtools.models.library import load_model, pack, register
+from s2rtools.models.pose_network import LoadedModel
+from s2rtools.precompute.prediction_rows import decode_split, encode_split
+from s2rtools.precompute.registry import domain_of, insert_run, refuse_taken
+from s2rtools.training.evaluation import Splits
+from s2rtools.training.recipes import recipe_named
+from s2rtools.training.training_frames import DomainFrames, TrainingFrames
+from s2rtools.training.training_loop import Budget, Report, TrainingResult, train
+
+_BLOCK = 64
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingRequest:
+    """`start` names the run whose model is trained on; `name` defaults to the recipe's."""
+
+    recipe: str
+    name: str | None = None
+    start: str | None = None
+    architecture: str = "resposenet"
+    minutes: float = 2.0
+    steps: int | None = None
+    seed: int = 0
+
+
+def train_into_store(root: Path, request: TrainingRequest, report: Report, command: str) -> str:
+    """Train, publish the model and a run of it; gives the run's name.
+
+    Interrupted training goes on from its checkpoint when the same request is made again. Raises
+    RequestError for unknown names and names that are taken.
+    """
+    name = checked_name(request.name or request.recipe, "run")
+    recipe = recipe_named(request.recipe)
+    check_writable(root)
+    with s2rstore.open(root) as store:
+        if name in store.runs or name in store.models:
+            raise RequestError(f"--name {name}: already in {root}; choose another")
+        if recipe.needs_start and request.start is None:
+            raise RequestError(f"--recipe {recipe.name}: name the run to begin with by --from RUN")
+        start, known = _start(store, request)
+        size = (start.network if start else build(request.architecture)).input_size
+        frames = _frames(store, size)
+        domains = domain_of(store, "sim", None), domain_of(store, "real", None)
+        checkpoint = _checkpoint(store, request, start)
+    result = train(
+        frames,
+        request.recipe,
+        architecture=request.architecture,
+        budget=Budget(request.minutes, request.steps),
+        seed=request.seed,
+        start=start,
+        start_splits=known,
+        report=report,
+        checkpoint=checkpoint,
+    )
+    _publish(root, name, result, domains, command)
+    checkpoint.unlink(missing_ok=True)
+    return name
+
+
+def _start(store: Store, request: TrainingRequest) -> tuple[LoadedModel | None, Splits | None]:
+    if request.start is None:
+        return None, None
+    model = load_model(store, store.run(request.start).model)
+    facts = store.provenance(f"model:{model.name}")
+    n = len(store.instances)
+    known = {d: decode_split(facts.get(f"split:{d}"), n) for d in store.domains}
+    return model, known
+
+
+def _frames(store: Store, size: tuple[int, int]) -> TrainingFrames:
+    truth = store.instances
+    domains = {
+        name: DomainFrames.collect(
+            domain.kind, _blocks(store, name), len(truth), size, domain.depth_scale
+        )
+        for name, domain in store.domains.items()
+    }
+    poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
+    return TrainingFrames(domains, poses, truth.trajectory)
+
+
+def _blocks(store: Store, domain: str) -> Iterator[tuple[NDArray[np.uint8], NDArray[Any]]]:
+    count = len(store.instances)
+    for start in range(0, count, _BLOCK):
+        images = store.frames(domain, start, min(start + _BLOCK, count))
+        yield images["rgb"], images["depth"]
+
+
+def _checkpoint(store: Store, request: TrainingRequest, start: LoadedModel | None) -> Path:
+    """A file of this request's own in the user's cache folder."""
+    facts = [store.dataset.hash, repr(request), start.sha256 if start else None]
+    digest = hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = cache / "s2rtui" / "training"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f"{request.recipe}-{digest}.safetensors"
+
+
+def _publish(
+    root: Path, name: str, result: TrainingResult, domains: tuple[str, str], command: str
+) -> None:
+    weights = pack(result.network)
+    with edit(root) as draft:
+        for table in ("model", "run"):
+            refuse_taken(draft, table, name)
+        trained_by = f"{result.provenance['recipe']}: {command}"
+        register(root, draft, name, weights, result.convention, trained_by)
+        insert_run(draft, name, name, domains)
+        splits = {f"split:{d}": encode_split(codes) for d, codes in result.splits.items()}
+        draft.note(f"model:{name}", {**result.provenance, **splits, "command": command})

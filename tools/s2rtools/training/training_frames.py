@@ -1,0 +1,88 @@
+"""The images that training reads: every domain once at the network's input size."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.records import Side
+from s2rtools.models.preprocessing import preprocess, resize_frames
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DomainFrames:
+    """All N frames of one domain at one size: rgb (N, h, w, 3) uint8, raw depth (N, h, w).
+
+    The arrays may be memory-mapped. Metres = raw * `depth_scale`.
+    """
+
+    kind: Side
+    rgb: NDArray[np.uint8]
+    depth: NDArray[Any]
+    depth_scale: float
+
+    @classmethod
+    def collect(
+        cls,
+        kind: Side,
+        blocks: Iterable[tuple[NDArray[np.uint8], NDArray[Any]]],
+        count: int,
+        size: tuple[int, int],
+        depth_scale: float,
+        folder: Path | None = None,
+    ) -> DomainFrames:
+        """Resize blocks of (rgb, depth) in iid order; into files of `folder` where it is given.
+
+        Raises ValueError where the blocks do not add up to `count` frames.
+        """
+        rgb: NDArray[np.uint8] | None = None
+        depth: NDArray[Any] | None = None
+        start = 0
+        for block in blocks:
+            small_rgb, small_depth = resize_frames(*block, size)
+            if rgb is None or depth is None:
+                rgb = _array(folder, "rgb", (count, *size, 3), small_rgb.dtype)
+                depth = _array(folder, "depth", (count, *size), small_depth.dtype)
+            stop = start + len(small_rgb)
+            rgb[start:stop], depth[start:stop] = small_rgb, small_depth
+            start = stop
+        if rgb is None or depth is None or start != count:
+            raise ValueError(f"{start} frames, expected {count}")
+        return cls(kind, rgb, depth, depth_scale)
+
+    def inputs(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Network input of some rows, (B, 4, h, w) in [-1, 1]."""
+        size = (int(self.rgb.shape[1]), int(self.rgb.shape[2]))
+        return preprocess(self.rgb[rows], self.depth[rows], self.depth_scale, size)
+
+
+def _array(
+    folder: Path | None, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]
+) -> NDArray[Any]:
+    if folder is None:
+        return np.empty(shape, dtype=dtype)
+    folder.mkdir(parents=True, exist_ok=True)
+    return np.lib.format.open_memmap(folder / f"{name}.npy", "w+", dtype, shape)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrainingFrames:
+    """Domains by name, poses (N, 3) x, y in metres, heading in radians, trajectory codes (N,).
+
+    Row i is iid i: rows of one trajectory stand together, in recording order.
+    """
+
+    domains: dict[str, DomainFrames]
+    poses: NDArray[np.float64]
+    trajectory: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def names(self, kind: Side) -> list[str]:
+        return [name for name, domain in self.domains.items() if domain.kind == kind]

@@ -1,0 +1,295 @@
+"""Training a pose network within a number of minutes or of steps."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from s2rstore.errors import RequestError
+from s2rtools.models import build
+from s2rtools.models.conventions import OutputConvention
+from s2rtools.models.pose_network import LoadedModel, PoseNetwork
+from s2rtools.training import splits as split_rules
+from s2rtools.training.checkpoint import Progress, read_checkpoint, write_checkpoint
+from s2rtools.training.evaluation import Splits, errors, predict, split_figures
+from s2rtools.training.recipes import Augmentation, Recipe, recipe_named
+from s2rtools.training.training_frames import TrainingFrames
+
+BATCH = 32
+HEADING_WEIGHT = 0.3
+HEADING_LEVER = 4.0
+"""Metres ahead of the robot at which a turn counts as the displacement that it causes."""
+
+WEIGHT_DECAY = 0.02
+WARM_UP = 0.05
+CHECKPOINT_SECONDS = 10.0
+
+Report = Callable[[float, float, float], None]
+"""Called with the fraction done, the last loss and the seconds to go."""
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """When to stop: after `steps` batches where given (repeatable), else after `minutes`."""
+
+    minutes: float = 2.0
+    steps: int | None = None
+
+    def fraction(self, progress: Progress) -> float:
+        if self.steps is not None:
+            return min(1.0, progress.step / max(1, self.steps))
+        return min(1.0, progress.seconds / max(1e-9, self.minutes * 60))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrainingResult:
+    """A trained network in evaluation mode and all that is known of how it came to be.
+
+    `splits` tells for each domain what the model knew of each instance (codes into
+    `records.SPLITS`); `history` has a row per epoch; `figures` are `figures.split_figures`.
+    """
+
+    network: PoseNetwork
+    convention: OutputConvention
+    splits: Splits
+    history: list[dict[str, float]]
+    figures: dict[str, float]
+    provenance: dict[str, str]
+
+
+def train(
+    frames: TrainingFrames,
+    recipe: str,
+    *,
+    architecture: str = "resposenet",
+    budget: Budget | None = None,
+    seed: int = 0,
+    start: LoadedModel | None = None,
+    start_splits: Splits | None = None,
+    report: Report | None = None,
+    checkpoint: Path | None = None,
+) -> TrainingResult:
+    """Train by a recipe; the same seed and number of steps give the same weights.
+
+    `start` is the model to train on, with the splits that it was trained by. With `checkpoint`
+    the state is kept there every few seconds and a later call goes on from it. Raises
+    RequestError for unknown names, a missing start and too few images.
+    """
+    chosen = recipe_named(recipe)
+    if chosen.needs_start and start is None:
+        raise RequestError(f"recipe {recipe}: needs a trained model to begin with; name its run")
+    splits = _splits(frames, chosen, start_splits)
+    trainer = _Trainer(frames, chosen, splits, architecture, budget or Budget(), seed, start)
+    trainer.run(report or (lambda fraction, loss, seconds: None), checkpoint)
+    network = trainer.network.eval().requires_grad_(False)
+    figures = split_figures(network, trainer.convention, frames, splits)
+    history = trainer.progress.history
+    provenance = {**trainer.provenance(), "figures": json.dumps(figures)}
+    return TrainingResult(network, trainer.convention, splits, history, figures, provenance)
+
+
+def _splits(frames: TrainingFrames, recipe: Recipe, known: Splits | None) -> Splits:
+    """What the finished model will have known of each instance, for each domain."""
+    rows = frames.trajectory
+    splits: Splits = {}
+    for name, domain in frames.domains.items():
+        before = (known or {}).get(name)
+        if domain.kind not in recipe.learns_from:
+            splits[name] = split_rules.unseen(len(frames)) if before is None else before
+        elif domain.kind == "real":
+            splits[name] = split_rules.by_halves(rows)
+        elif before is not None and (before == split_rules.TRAIN).any():
+            splits[name] = before
+        else:
+            splits[name] = split_rules.by_blocks(rows)
+    return splits
+
+
+class _Trainer:
+    """One training: network, optimizer, batches and progress."""
+
+    def __init__(
+        self,
+        frames: TrainingFrames,
+        recipe: Recipe,
+        splits: Splits,
+        architecture: str,
+        budget: Budget,
+        seed: int,
+        start: LoadedModel | None,
+    ) -> None:
+        self.frames, self.recipe, self.budget, self.seed = frames, recipe, budget, seed
+        self.domains = [name for kind in recipe.learns_from for name in frames.names(kind)]
+        self.rows = _rows(splits, self.domains, split_rules.TRAIN)
+        self.held_out = _rows(splits, self.domains, split_rules.VALIDATION)
+        if len(self.rows) < 2:
+            kinds = " and ".join(recipe.learns_from)
+            raise RequestError(f"recipe {recipe.name}: no {kinds} images to train on")
+        self.start = start
+        self.network, self.convention = self._network(architecture)
+        self.optimizer = torch.optim.AdamW(
+            self.network.parameters(), recipe.learning_rate, weight_decay=WEIGHT_DECAY
+        )
+        self.augment: Augmentation = recipe.augmentation(self.network.input_size, seed)
+        self.progress = Progress()
+
+    def _network(self, architecture: str) -> tuple[PoseNetwork, OutputConvention]:
+        if self.start is not None:
+            with torch.random.fork_rng():
+                network = build(self.start.architecture)
+            network.load_state_dict(self.start.network.state_dict())
+            return network, self.start.convention
+        with torch.random.fork_rng():
+            torch.manual_seed(self.seed)
+            network = build(architecture)
+        places = self.frames.poses[self.rows[:, 1], :2]
+        x, y = places.mean(axis=0)
+        network.centre_output((float(x), float(y)), float(max(places.std(axis=0).max(), 0.1)))
+        return network, network.convention
+
+    def run(self, report: Report, checkpoint: Path | None) -> None:
+        """Train until the budget is spent; an interrupt leaves a checkpoint."""
+        self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        if checkpoint is not None and checkpoint.exists():
+            self.progress = read_checkpoint(checkpoint, self.network, self.optimizer, self.facts())
+        self.network.train().requires_grad_(True)
+        saved = time.monotonic()
+        try:
+            while (done := self.budget.fraction(self.progress)) < 1:
+                began = time.monotonic()
+                loss = self._step(done)
+                self.progress.seconds += time.monotonic() - began
+                report(self.budget.fraction(self.progress), loss, self._seconds_left())
+                if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:
+                    self._save(checkpoint)
+                    saved = time.monotonic()
+        finally:
+            if checkpoint is not None:
+                self._save(checkpoint)
+
+    def _step(self, done: float) -> float:
+        per_epoch = max(1, len(self.rows) // BATCH)
+        epoch, position = divmod(self.progress.step, per_epoch)
+        order = np.random.default_rng([self.seed, epoch]).permutation(len(self.rows))
+        batch = self.rows[order[position * BATCH : (position + 1) * BATCH]]
+        generator = torch.Generator().manual_seed(self.seed * 1_000_003 + self.progress.step)
+        x = self.augment(self._inputs(batch), generator)
+        truth = _components(self.frames.poses[batch[:, 1]])
+        for group in self.optimizer.param_groups:
+            group["lr"] = self.recipe.learning_rate * schedule(done)
+        raw = self.network(x.contiguous(memory_format=torch.channels_last))
+        loss = pose_loss(self.convention.components(raw), truth)
+        self.optimizer.zero_grad()
+        loss.backward()
+        self.optimizer.step()
+        self.progress.step += 1
+        self.progress.loss_sum += loss.item()
+        if position + 1 == per_epoch:
+            self._end_epoch(epoch + 1, per_epoch)
+        return loss.item()
+
+    def _inputs(self, batch: NDArray[np.intp]) -> Tensor:
+        """(B, 4, h, w) of (domain number, iid) rows."""
+        x = np.empty((len(batch), 4, *self.network.input_size), dtype=np.float32)
+        for number, name in enumerate(self.domains):
+            own = batch[:, 0] == number
+            if own.any():
+                x[own] = self.frames.domains[name].inputs(batch[own, 1])
+        return torch.from_numpy(x)
+
+    def _end_epoch(self, epoch: int, steps: int) -> None:
+        """Add a row of training and validation figures to the history."""
+        found = [np.empty((2, 0))]
+        for number, name in enumerate(self.domains):
+            rows = self.held_out[self.held_out[:, 0] == number, 1]
+            poses = predict(self.network, self.convention, self.frames.domains[name], rows)
+            found.append(np.stack(errors(poses, self.frames.poses[rows])))
+        distance, turn = np.concatenate(found, axis=1)
+        row = {"epoch": epoch, "step": self.progress.step, "loss": self.progress.loss_sum / steps}
+        if len(distance):
+            row["validation_median_error"] = float(np.median(distance))
+            row["validation_mean_error"] = float(distance.mean())
+            row["validation_median_heading_error"] = float(np.median(turn))
+        self.progress.history.append({key: round(value, 5) for key, value in row.items()})
+        self.progress.loss_sum = 0.0
+
+    def _seconds_left(self) -> float:
+        done = self.budget.fraction(self.progress)
+        return self.progress.seconds / max(done, 1e-9) * (1 - done)
+
+    def _save(self, path: Path) -> None:
+        write_checkpoint(path, self.network, self.optimizer, self.progress, self.facts())
+
+    def facts(self) -> dict[str, Any]:
+        """What tells this training from another."""
+        return {
+            "recipe": self.recipe.name,
+            "architecture": self.network.architecture,
+            "seed": self.seed,
+            "minutes": self.budget.minutes if self.budget.steps is None else None,
+            "steps": self.budget.steps,
+            "domains": ",".join(self.domains),
+            "training_images": len(self.rows),
+            "start": None if self.start is None else self.start.sha256,
+        }
+
+    def provenance(self) -> dict[str, str]:
+        rules = {"sim": split_rules.RULE, "real": split_rules.HALVES_RULE}
+        facts = {
+            **self.facts(),
+            "description": self.recipe.description,
+            "steps_done": self.progress.step,
+            "seconds": round(self.progress.seconds, 1),
+            "batch": BATCH,
+            "learning_rate": self.recipe.learning_rate,
+            "weight_decay": WEIGHT_DECAY,
+            "split_rule": "; ".join(rules[kind] for kind in self.recipe.learns_from),
+            "torch": torch.__version__,
+            "numpy": np.__version__,
+            "threads": torch.get_num_threads(),
+            "history": json.dumps(self.progress.history),
+        }
+        return {key: str(value) for key, value in facts.items() if value is not None}
+
+
+def _rows(splits: Splits, domains: list[str], code: int) -> NDArray[np.intp]:
+    """(M, 2) domain number and iid of the instances with this split code."""
+    parts = [np.empty((0, 2), dtype=np.intp)]
+    for number, name in enumerate(domains):
+        iids = np.flatnonzero(splits[name] == code)
+        parts.append(np.stack([np.full(len(iids), number), iids], axis=1))
+    return np.concatenate(parts)
+
+
+def _components(poses: NDArray[np.float64]) -> Tensor:
+    """(B, 3) x, y, heading -> (B, 4) float32 x, y, cosine, sine."""
+    values = [poses[:, 0], poses[:, 1], np.cos(poses[:, 2]), np.sin(poses[:, 2])]
+    return torch.from_numpy(np.stack(values, axis=1).astype(np.float32))
+
+
+def pose_loss(predicted: Tensor, truth: Tensor) -> Tensor:
+    """Mean of (1 - g) error^2 + g displacement^2 over (B, 4) x, y, cosine, sine, g = 0.3.
+
+    The paper's loss with the displacement of a point `HEADING_LEVER` ahead for the angle: smooth
+    where the angle wraps, and in metres as the other term.
+    """
+    squares = (predicted - truth).square()
+    place, turn = squares[:, :2].sum(dim=1), squares[:, 2:].sum(dim=1)
+    return ((1 - HEADING_WEIGHT) * place + HEADING_WEIGHT * HEADING_LEVER**2 * turn).mean()
+
+
+def schedule(done: float) -> float:
+    """Share of the learning rate: a linear warm-up, then half a cosine down to zero."""
+    if done < WARM_UP:
+        return (done + 0.01) / (WARM_UP + 0.01)
+    return 0.5 + 0.5 * math.cos(math.pi * (done - WARM_UP) / (1 - WARM_UP))
