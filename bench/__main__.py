@@ -26,7 +26,7 @@ from bench import (
     terminal_bytes,
     time_delay,
 )
-from bench.budget import Figure
+from bench.budget import BudgetRow
 from bench.measured_stores import QUIET
 
 _ROOMS = (
@@ -53,7 +53,7 @@ def main() -> int:
     return 1 if failed else 0
 
 
-def _all(wanted: list[str], options: argparse.Namespace, folder: Path) -> Iterator[Figure]:
+def _all(wanted: list[str], options: argparse.Namespace, folder: Path) -> Iterator[BudgetRow]:
     if {"startup", "wire"} & set(wanted):
         store = options.store or _computed(folder)
         if "startup" in wanted:
@@ -90,7 +90,7 @@ def _computed(folder: Path) -> Path:
     return path
 
 
-def _line(figure: Figure) -> str:
+def _line(figure: BudgetRow) -> str:
     budget = "reference" if figure.budget is None else f"{figure.sense} {figure.budget:g}"
     state = "" if figure.ok else "  OVER"
     return f"{figure.name:<55} {figure.value:10.4g} {figure.unit:<9} {budget}{state}"

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from bench.budget import Figure, seconds
+from bench.budget import BudgetRow, seconds
 from s2rstore.geometry.floor_grid import SAMPLES, MapGrid, Projector
 from s2rstore.records import Bounds, Domain, Intrinsics
 
 
-def figures() -> Iterator[Figure]:
+def figures() -> Iterator[BudgetRow]:
     """128 x 128 heat of RGB origin."""
     f = 128 / math.tan(math.radians(40))
     camera = Intrinsics(f, f, 128, 128)
@@ -25,9 +25,9 @@ def figures() -> Iterator[Figure]:
     projector = Projector(domain, (256, 256), True)
     fast = seconds(lambda: projector.project(heat[None], depth[None], pose, "rgb", grid), 50)
     slow = seconds(lambda: _loop(heat, depth, domain, pose[0], grid), 3)
-    yield Figure("back-projection, a loop over pixels", 1000 * slow, "ms")
-    yield Figure("back-projection of a 128 x 128 heatmap", 1000 * fast, "ms", 0.5)
-    yield Figure("back-projection / loop", fast / slow, "ratio")
+    yield BudgetRow("back-projection, a loop over pixels", 1000 * slow, "ms")
+    yield BudgetRow("back-projection of a 128 x 128 heatmap", 1000 * fast, "ms", 0.5)
+    yield BudgetRow("back-projection / loop", fast / slow, "ratio")
 
 
 def _loop(

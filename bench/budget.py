@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class BudgetRow:
     """`budget` None marks a reference row; `sense` tells on which side of it is good."""
 
     name: str

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import s2rstore
-from bench.budget import Figure
+from bench.budget import BudgetRow
 from tests.support import processes, sshd
 from tests.support.replay import replay
 from tests.support.screen import LEFT, RIGHT, Screen
@@ -158,7 +158,9 @@ class Publisher:
             self.errors.append(done.stderr.strip())
 
 
-def measure(store: Path, users: int, seconds: float, seed: int, pause: float) -> Iterator[Figure]:
+def measure(
+    store: Path, users: int, seconds: float, seed: int, pause: float
+) -> Iterator[BudgetRow]:
     """The figures; `pause` 0 publishes nothing."""
     folder = Path(tempfile.mkdtemp())
     try:
@@ -174,7 +176,7 @@ def measure(store: Path, users: int, seconds: float, seed: int, pause: float) ->
 
 def _measured(
     server: sshd.Sshd, store: Path, users: int, seconds: float, seed: int, pause: float
-) -> Iterator[Figure]:
+) -> Iterator[BudgetRow]:
     present = _entered(server, store, users, seed)
     first_paint = statistics.median(user.screen.received for user in present)
     until = time.monotonic() + seconds
@@ -194,11 +196,11 @@ def _measured(
     errors = [error for user in present for error in user.errors] + publisher.errors
     for error in errors[:20]:
         print(error, file=sys.stderr)
-    yield Figure("many: errors", len(errors), "", 0)
-    yield Figure("many: users", users, "")
-    yield Figure("many: minutes", seconds / 60, "min")
-    yield Figure("many: generations published", publisher.published, "")
-    yield Figure("many: bytes until the first screen rests", first_paint, "bytes")
+    yield BudgetRow("many: errors", len(errors), "", 0)
+    yield BudgetRow("many: users", users, "")
+    yield BudgetRow("many: minutes", seconds / 60, "min")
+    yield BudgetRow("many: generations published", publisher.published, "")
+    yield BudgetRow("many: bytes until the first screen rests", first_paint, "bytes")
     yield from _of_keys(present, received)
     yield from _of_processes(samples, seconds)
 
@@ -217,26 +219,26 @@ def _entered(server: sshd.Sshd, store: Path, users: int, seed: int) -> list[User
     return present
 
 
-def _of_keys(present: Sequence[User], received: float) -> Iterator[Figure]:
+def _of_keys(present: Sequence[User], received: float) -> Iterator[BudgetRow]:
     pressed = sum(user.pressed for user in present)
     latencies = sorted(1000 * value for user in present for value in user.latencies)
-    yield Figure("many: keys pressed", pressed, "")
-    yield Figure("many: keys that changed the screen", len(latencies), "")
+    yield BudgetRow("many: keys pressed", pressed, "")
+    yield BudgetRow("many: keys that changed the screen", len(latencies), "")
     if len(latencies) > 1:
         quantiles = statistics.quantiles(latencies, n=100)
-        yield Figure("many: key to screen, median", statistics.median(latencies), "ms")
-        yield Figure("many: key to screen, 95 %", quantiles[94], "ms")
-        yield Figure("many: key to screen, 99 %", quantiles[98], "ms")
-    yield Figure("many: bytes per key, with pictures", received / max(1, pressed), "bytes")
+        yield BudgetRow("many: key to screen, median", statistics.median(latencies), "ms")
+        yield BudgetRow("many: key to screen, 95 %", quantiles[94], "ms")
+        yield BudgetRow("many: key to screen, 99 %", quantiles[98], "ms")
+    yield BudgetRow("many: bytes per key, with pictures", received / max(1, pressed), "bytes")
 
 
-def _of_processes(samples: Samples, seconds: float) -> Iterator[Figure]:
+def _of_processes(samples: Samples, seconds: float) -> Iterator[BudgetRow]:
     memory = [value / 1e6 for value in samples.memory.values()]
     processor = [100 * value / seconds for value in samples.processor.values()]
     if memory:
-        yield Figure("many: memory per user (PSS), mean", statistics.mean(memory), "MB")
-        yield Figure("many: memory per user (PSS), largest", max(memory), "MB")
-        yield Figure("many: processor per user, mean", statistics.mean(processor), "%")
+        yield BudgetRow("many: memory per user (PSS), mean", statistics.mean(memory), "MB")
+        yield BudgetRow("many: memory per user (PSS), largest", max(memory), "MB")
+        yield BudgetRow("many: processor per user, mean", statistics.mean(processor), "%")
 
 
 def main() -> int:
@@ -264,7 +266,7 @@ def main() -> int:
     return 1 if failed else 0
 
 
-def _line(figure: Figure) -> str:
+def _line(figure: BudgetRow) -> str:
     return f"{figure.name:<45} {figure.value:10.4g} {figure.unit}"
 
 

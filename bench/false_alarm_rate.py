@@ -219,7 +219,7 @@ def verdict(
     """What `s2r gap` says, and G of every axis with its bounds."""
     evidence = Evidence(store, look(condition), iids, drives=drives)
     _fit(reference, evidence)
-    request = gate.Request(run=look(condition), reference=reference)
+    request = gate.GapRequest(run=look(condition), reference=reference)
     found = gate.judged(evidence, request).verdict
     gaps = {each.axis: each.gap for each in found.axes}
     return found.outcome, [(gaps[a].value, gaps[a].low, gaps[a].high) for a in AXES]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry.rooms import room_codes
-from s2rstore.index.transaction import Draft, edit
+from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.metrics import pose_metrics
 from s2rstore.records import Room
 
@@ -66,7 +66,7 @@ def _folded(values: NDArray[np.float64], size: float) -> NDArray[np.float64]:
     return size - np.abs(np.mod(values, 2 * size) - size)
 
 
-def _dataset(draft: Draft, n: int, per: int) -> None:
+def _dataset(draft: IndexTransaction, n: int, per: int) -> None:
     draft.insert_row(
         "dataset",
         {
@@ -106,7 +106,7 @@ def _dataset(draft: Draft, n: int, per: int) -> None:
 
 
 def _run(
-    draft: Draft, run: str, index: int, pose: tuple[NDArray[np.float64], ...],
+    draft: IndexTransaction, run: str, index: int, pose: tuple[NDArray[np.float64], ...],
     codes: NDArray[np.integer[Any]], rng: np.random.Generator,
 ) -> None:  # fmt: skip
     x, y, heading = pose

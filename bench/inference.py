@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 import s2rstore
-from bench.budget import Figure, seconds
+from bench.budget import BudgetRow, seconds
 from bench.measured_stores import frames_store, lively
 from s2rstore.records import SIDES
 from s2rtools.inference import choose_backend
@@ -21,7 +21,7 @@ from s2rtools.precompute.frame_reader import read_pairs
 _PAIRS = 32
 
 
-def figures(threads: int) -> Iterator[Figure]:
+def figures(threads: int) -> Iterator[BudgetRow]:
     """posest at 256 x 256; images per second, each way."""
     torch.set_num_threads(threads)
     folder = Path(tempfile.mkdtemp())
@@ -33,7 +33,7 @@ def figures(threads: int) -> Iterator[Figure]:
         shutil.rmtree(folder)
 
 
-def _measured(store: s2rstore.reader.Store, threads: int) -> Iterator[Figure]:
+def _measured(store: s2rstore.reader.Store, threads: int) -> Iterator[BudgetRow]:
     model = load_model(store, "m")
     run = store.run("r")
     batches = [f for _, f in read_pairs(store, run, (256, 256), 0, _PAIRS, 8)]
@@ -44,7 +44,7 @@ def _measured(store: s2rstore.reader.Store, threads: int) -> Iterator[Figure]:
         backend = choose_backend(model, sample, name, threads)
         label = f"{name} ({backend.precision})"
         if name == "auto" and backend.name == "torch":
-            yield Figure("no backend is faster and close enough", 1, "")
+            yield BudgetRow("no backend is faster and close enough", 1, "")
             label = "auto (torch float32)"
 
         def bare(backend=backend) -> None:
@@ -64,11 +64,11 @@ def _measured(store: s2rstore.reader.Store, threads: int) -> Iterator[Figure]:
 
         plain = images / seconds(bare, 3)
         alone, with_reading = images / seconds(whole, 3), images / seconds(reading, 3)
-        yield Figure(f"bare batched forward, {label}", plain, "images/s")
-        yield Figure(f"predictions + embeddings, {label}", alone, "images/s")
-        yield Figure(f"predictions + embeddings / bare, {label}", alone / plain, "ratio", 0.85,
+        yield BudgetRow(f"bare batched forward, {label}", plain, "images/s")
+        yield BudgetRow(f"predictions + embeddings, {label}", alone, "images/s")
+        yield BudgetRow(f"predictions + embeddings / bare, {label}", alone / plain, "ratio", 0.85,
                      "at least")  # fmt: skip
-        yield Figure(f"... with image reading / bare, {label}", with_reading / plain, "ratio", 0.6,
+        yield BudgetRow(f"... with image reading / bare, {label}", with_reading / plain, "ratio", 0.6,
                      "at least")  # fmt: skip
         fastest = alone
 
@@ -79,7 +79,7 @@ def _measured(store: s2rstore.reader.Store, threads: int) -> Iterator[Figure]:
                     model.network(torch.from_numpy(image[None]))
 
     single = sum(len(x) for x in inputs[:2]) / seconds(one_at_a_time, 3)
-    yield Figure("one image at a time, plain module", single, "images/s")
-    yield Figure(
+    yield BudgetRow("one image at a time, plain module", single, "images/s")
+    yield BudgetRow(
         "fastest backend / one image at a time", fastest / single, "ratio", 6.0, "at least"
     )

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import s2rstore
 from bench import slider_latency
-from bench.budget import Figure, seconds
+from bench.budget import BudgetRow, seconds
 from bench.measured_stores import QUIET, frames_store, lively
 from s2rtools.adjustments import chain_of
 from s2rtools.interactive import LiveModel
@@ -20,7 +20,7 @@ from s2rtools.precompute.pipeline import Options, precompute
 _MOVES = 15
 
 
-def figures(threads: int) -> Iterator[Figure]:
+def figures(threads: int) -> Iterator[BudgetRow]:
     """posest at 256 x 256, brightness of the real side; milliseconds from value to result."""
     folder = Path(tempfile.mkdtemp())
     try:
@@ -35,10 +35,10 @@ def figures(threads: int) -> Iterator[Figure]:
                 live.compute(1, {"real": chain_of("real", {"brightness": brightness})}, kinds)
 
             label = f"live prediction with {kinds[0]}" if kinds else "live prediction"
-            yield Figure(label, 1e3 * seconds(moved, _MOVES), "ms", budget)
+            yield BudgetRow(label, 1e3 * seconds(moved, _MOVES), "ms", budget)
         live.close()
         precompute(path, QUIET, ["r"], Options(("activation",)))
         drawn = slider_latency.milliseconds(path, "r", _MOVES)
-        yield Figure("slider to prediction on the screen", statistics.median(drawn), "ms", 150.0)
+        yield BudgetRow("slider to prediction on the screen", statistics.median(drawn), "ms", 150.0)
     finally:
         shutil.rmtree(folder)

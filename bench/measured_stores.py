@@ -12,7 +12,7 @@ from torch.nn import functional
 from s2rstore.arrays import stored_array
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
-from s2rstore.index.transaction import Draft, edit
+from s2rstore.index.transaction import IndexTransaction, edit
 from s2rtools.models import build
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.library import pack, register
@@ -82,7 +82,7 @@ def _pictures(rng: np.random.Generator, count: int, size: int) -> dict[str, np.n
     }
 
 
-def _tables(draft: Draft, n: int, size: int) -> None:
+def _tables(draft: IndexTransaction, n: int, size: int) -> None:
     draft.insert_row(
         "dataset",
         {"name": "bench", "hash": f"{n:064d}", "bounds_x0": 0.0, "bounds_y0": 0.0,

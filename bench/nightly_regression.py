@@ -67,7 +67,7 @@ Samples = list[tuple[str, dict[str, str], float]]
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class ToldNight:
     """What one night's files say; `problems` is what is not as it should be."""
 
     day: int
@@ -124,7 +124,7 @@ def record(folder: Path, day: int, wrong: Severities) -> None:
     make_drives(folder / "drives", 100 + day, robot)
 
 
-def night(folder: Path, day: int, red: bool) -> Told:
+def night(folder: Path, day: int, red: bool) -> ToldNight:
     """Start the night twice, and read what it wrote."""
     date = str(FIRST + datetime.timedelta(days=day - 1))
     words = ("nightly", folder / "nightly.toml", "--night", date, "--json")
@@ -149,7 +149,7 @@ def night(folder: Path, day: int, red: bool) -> Told:
         **{f"no sample for {each}": False for each in unanswered(samples)},
     }
     problems = [name for name, good in checks.items() if not good]
-    return Told(day, code, found, failures, outcome, problems)
+    return ToldNight(day, code, found, failures, outcome, problems)
 
 
 def files(folder: Path) -> dict[Path, tuple[bytes, int]]:
@@ -241,7 +241,7 @@ def _folder(keep: Path | None) -> Iterator[Path]:
 _HEAD = "day  exit  verdict       G                    worst     golden  JUnit failures / not so"
 
 
-def _line(told: Told) -> str:
+def _line(told: ToldNight) -> str:
     found = told.night
     gap = f"{found['gap']:.1f} ({found['gap_low']:.1f} .. {found['gap_high']:.1f})"
     failures = ", ".join(told.failures) or "-"

@@ -7,7 +7,7 @@ from functools import partial
 
 import torch
 
-from bench.budget import Figure, seconds
+from bench.budget import BudgetRow, seconds
 from bench.measured_stores import lively
 from s2rtools.heatmaps import occlusion
 from s2rtools.incremental_inference import LocalGraph, cut_patches
@@ -15,7 +15,7 @@ from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 
 
-def figures(threads: int) -> Iterator[Figure]:
+def figures(threads: int) -> Iterator[BudgetRow]:
     """One pair, three modes, both directions; posest and resposenet, float32."""
     torch.set_num_threads(threads)
     for architecture, budget in (("posest", 0.20), ("resposenet", None)):
@@ -34,9 +34,9 @@ def figures(threads: int) -> Iterator[Figure]:
                 for batch in (1, 2, 4, 8)
             ]
         full = min(forwards)
-        yield Figure(f"occlusion in full, {architecture}", full, "s")
-        yield Figure(f"occlusion by locality, {architecture}", local, "s")
-        yield Figure(
+        yield BudgetRow(f"occlusion in full, {architecture}", full, "s")
+        yield BudgetRow(f"occlusion by locality, {architecture}", local, "s")
+        yield BudgetRow(
             f"occlusion by locality / in full, {architecture}", local / full, "ratio", budget
         )
 

@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.budget import Figure
+from bench.budget import BudgetRow
 from bench.measured_stores import Small, frames_store
 
 _CODE = """
@@ -40,7 +40,7 @@ print(json.dumps(status("VmHWM") - before))
 """
 
 
-def figures(sizes: tuple[int, ...]) -> Iterator[Figure]:
+def figures(sizes: tuple[int, ...]) -> Iterator[BudgetRow]:
     """Predictions, embeddings, PCA and UMAP of small frames by a small network."""
     for n in sizes:
         folder = Path(tempfile.mkdtemp())
@@ -52,4 +52,4 @@ def figures(sizes: tuple[int, ...]) -> Iterator[Figure]:
         finally:
             shutil.rmtree(folder)
         budget = 200 + 100 * n / 1e6
-        yield Figure(f"memory of precompute, {n} instances", grown, "MB", budget)
+        yield BudgetRow(f"memory of precompute, {n} instances", grown, "MB", budget)

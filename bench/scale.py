@@ -27,10 +27,10 @@ from textual.drivers.headless_driver import HeadlessDriver
 
 from bench import index_store
 from bench import scale_steps as steps
-from bench.budget import Figure
+from bench.budget import BudgetRow
 from s2rtui.app.app import S2RApp
 from s2rtui.app.widgets.plot import PlotView
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
 
 SIZES = (1_000, 1_000_000)
@@ -46,7 +46,7 @@ Times = dict[str, Time]
 Work = Callable[[steps.Step], Time]
 
 
-def figures(folder: Path) -> Iterator[Figure]:
+def figures(folder: Path) -> Iterator[BudgetRow]:
     """Both sizes, their stores built in `folder` and taken away again."""
     for n in SIZES:
         path = index_store.build(folder / f"{n}.s2r", n)
@@ -58,7 +58,7 @@ def figures(folder: Path) -> Iterator[Figure]:
         shutil.rmtree(path)
         for line in done.stdout.splitlines():
             name, value, unit = json.loads(line)
-            yield Figure(f"{n:.0e}: {name}", value, unit, BUDGETS[n].get(name))
+            yield BudgetRow(f"{n:.0e}: {name}", value, unit, BUDGETS[n].get(name))
 
 
 class Sink(HeadlessDriver):
@@ -81,7 +81,7 @@ class Probe:
     def __init__(self, path: Path) -> None:
         self.loaded = _resident()
         self.session = Session(path)
-        self.app = S2RApp(self.session, Look())
+        self.app = S2RApp(self.session, RenderOptions())
         self.app.driver_class = Sink
         self.turn = 0
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
 
 _LOADING = 120.0
@@ -26,7 +26,7 @@ def milliseconds(store: Path, run: str | None = None, moves: int = 15) -> list[f
 
 
 async def _measured(store: Path, run: str | None, moves: int) -> list[float]:
-    app = S2RApp(Session(store, run), Look())
+    app = S2RApp(Session(store, run), RenderOptions())
     found: list[float] = []
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)

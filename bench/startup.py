@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
-from bench.budget import Figure, seconds
+from bench.budget import BudgetRow, seconds
 
 _TIMES = 5
 _IMPORTS = "import textual.app, numpy, duckdb"
@@ -32,7 +32,7 @@ asyncio.run(main())
 """
 
 
-def figures(store: Path) -> Iterator[Figure]:
+def figures(store: Path) -> Iterator[BudgetRow]:
     """Command line and first paint, each in a process of its own."""
     with tempfile.TemporaryDirectory() as compiled:
         environment = {**os.environ, "PYTHONPYCACHEPREFIX": compiled}
@@ -43,7 +43,7 @@ def figures(store: Path) -> Iterator[Figure]:
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=environment)
 
         told = seconds(lambda: run("-m", "s2rtui", "--help"))
-        yield Figure("s2r --help", told, "s", 0.5)
+        yield BudgetRow("s2r --help", told, "s", 0.5)
         taken: list[tuple[float, float]] = []
         for _ in range(_TIMES + 1):  # by turns: what else the machine does meets both
             began = time.perf_counter()
@@ -52,6 +52,6 @@ def figures(store: Path) -> Iterator[Figure]:
             run("-c", _PAINT, str(store))
             taken.append((between - began, time.perf_counter() - between))
         plain, paint = (median(times) for times in zip(*taken[1:], strict=True))
-        yield Figure("import textual.app, numpy, duckdb", plain, "s")
-        yield Figure("first useful paint", paint, "s")
-        yield Figure("first useful paint / imports", paint / plain, "ratio", 2.0)
+        yield BudgetRow("import textual.app, numpy, duckdb", plain, "s")
+        yield BudgetRow("first useful paint", paint, "s")
+        yield BudgetRow("first useful paint / imports", paint / plain, "ratio", 2.0)

@@ -21,7 +21,7 @@ import numpy as np
 
 from bench.budget import seconds
 from s2rtools.motion_logs import Commands
-from s2rtools.sysid import Identification, Recording, Settings, identify, make_drives
+from s2rtools.sysid import Identification, Recording, SysidSettings, identify, make_drives
 from s2rtools.sysid.simulators import Planar
 
 JUDGED = ("latency", "mass", "friction", "damping")
@@ -91,7 +91,7 @@ def identified(
     recording = Recording(efforts=efforts, truth={**truth, "wheels": wheels})
     with tempfile.TemporaryDirectory() as folder:
         drives = make_drives(Path(folder), 1000 + number, recording=recording)
-    return truth, identify(drives, Settings(seed=number), Silent())
+    return truth, identify(drives, SysidSettings(seed=number), Silent())
 
 
 def rows(

@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.budget import Figure
+from bench.budget import BudgetRow
 
 _QUIET = 0.6
 SIZES = ((120, 40), (200, 60))
@@ -29,7 +29,7 @@ KEYS = {
 """Pressed one after the other, each on what the one before has left."""
 
 
-class Terminal:
+class MeasuredTerminal:
     """The application on a pty of (columns, rows)."""
 
     def __init__(self, store: Path, size: tuple[int, int], *options: str) -> None:
@@ -65,25 +65,25 @@ class Terminal:
         os.waitpid(self._pid, 0)
 
 
-def figures(store: Path) -> Iterator[Figure]:
+def figures(store: Path) -> Iterator[BudgetRow]:
     """At both sizes; only the smaller one has budgets."""
     for size in SIZES:
-        terminal = Terminal(store, size)
+        terminal = MeasuredTerminal(store, size)
         at = f"{size[0]}x{size[1]}: "
-        yield Figure(f"{at}first screen", _sum(terminal.read(2.0)), "bytes")
+        yield BudgetRow(f"{at}first screen", _sum(terminal.read(2.0)), "bytes")
         yield from _cursor(terminal, at, 24_000 if size == SIZES[0] else None)
         for name, key in KEYS.items():
             terminal.press(key)
-            yield Figure(f"{at}{name}", _sum(terminal.read()), "bytes")
+            yield BudgetRow(f"{at}{name}", _sum(terminal.read()), "bytes")
         idle = _sum(terminal.read(6.0, 7.0))
-        yield Figure(f"{at}six seconds without a key", idle, "bytes", 0)
+        yield BudgetRow(f"{at}six seconds without a key", idle, "bytes", 0)
         terminal.close()
     yield from _true_pixels(store, SIZES[0])
 
 
-def _true_pixels(store: Path, size: tuple[int, int]) -> Iterator[Figure]:
+def _true_pixels(store: Path, size: tuple[int, int]) -> Iterator[BudgetRow]:
     """The cursor where a terminal draws pictures, in cells of 10 x 20 pixels."""
-    terminal = Terminal(store, size, "--graphics")
+    terminal = MeasuredTerminal(store, size, "--graphics")
     terminal.read(1.0, 5)
     terminal.press(_DRAWS_PICTURES)
     terminal.read(2.0)
@@ -92,7 +92,7 @@ def _true_pixels(store: Path, size: tuple[int, int]) -> Iterator[Figure]:
     terminal.close()
 
 
-def _cursor(terminal: Terminal, at: str, bound: int | None) -> Iterator[Figure]:
+def _cursor(terminal: MeasuredTerminal, at: str, bound: int | None) -> Iterator[BudgetRow]:
     """The move itself, and the pictures once the cursor rests: the largest of several."""
     moves, pictures = [], []
     for _ in range(6):
@@ -102,8 +102,8 @@ def _cursor(terminal: Terminal, at: str, bound: int | None) -> Iterator[Figure]:
         moves.append(_sum(arrived, until=began + 0.14))
         pictures.append(_sum(arrived) - moves[-1])
     name = f"{at}cursor to the next instance"
-    yield Figure(f"{name}, the move", max(moves), "bytes", 4000 if bound else None)
-    yield Figure(f"{name}, its pictures", max(pictures), "bytes", bound)
+    yield BudgetRow(f"{name}, the move", max(moves), "bytes", 4000 if bound else None)
+    yield BudgetRow(f"{name}, its pictures", max(pictures), "bytes", bound)
 
 
 def _sum(arrived: list[tuple[float, int]], until: float = math.inf) -> int:

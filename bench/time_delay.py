@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import signal
 
-from bench.budget import Figure
-from s2rtools.gap.axis_result import Settings
+from bench.budget import BudgetRow
+from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.delay import time_delay
 from s2rtools.motion_logs import Log
 from tests.support import robot
@@ -20,20 +20,22 @@ NOISE = ((0.001, 0.002), (0.005, 0.005), (0.01, 0.01), (0.02, 0.02))
 BUDGET = 2.7
 
 
-def figures(seeds: int = SEEDS) -> Iterator[Figure]:
+def figures(seeds: int = SEEDS) -> Iterator[BudgetRow]:
     """Root mean square errors over random commands of 30 s and delays within 0.15 s."""
     for noise, turn_noise in NOISE:
         ours, theirs, held = [], [], []
         for seed in range(seeds):
             late, real, sim = _pair(seed, noise, turn_noise)
-            found = time_delay.delay(real, sim, Settings(400))
+            found = time_delay.delay(real, sim, GapSettings(400))
             ours.append(found.seconds - late)
             held.append(found.low <= late <= found.high)
             theirs.append(cross_correlation(real, sim) - late)
         name = f"delay, noise {1000 * noise:g} mm {1000 * turn_noise:g} mrad"
-        yield Figure(f"{name}: cross-correlation", _rms(theirs), "ms")
-        yield Figure(name, _rms(ours), "ms", BUDGET)
-        yield Figure(f"{name}: intervals that hold", float(np.mean(held)), "share", 0.9, "at least")
+        yield BudgetRow(f"{name}: cross-correlation", _rms(theirs), "ms")
+        yield BudgetRow(name, _rms(ours), "ms", BUDGET)
+        yield BudgetRow(
+            f"{name}: intervals that hold", float(np.mean(held)), "share", 0.9, "at least"
+        )
 
 
 def cross_correlation(real: Log, sim: Log) -> float:

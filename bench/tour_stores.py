@@ -16,10 +16,10 @@ from s2rstore.index.transaction import edit
 from s2rstore.records import Side
 from s2rtools.datasets.build import build
 from s2rtools.datasets.importers import world as importer
-from s2rtools.datasets.scan import ScanOptions, Sighting
+from s2rtools.datasets.scan import InstanceRecord, ScanOptions
 from s2rtools.precompute.pipeline import Options, precompute
 from s2rtools.precompute.registry import insert_run
-from s2rtools.synthetic_world.dataset import Recipe, WorldData
+from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from s2rtools.synthetic_world.factors import FACTORS
 from s2rtools.synthetic_world.renderer import Camera, Renderer, Views
 from s2rtools.synthetic_world.routes import Poses, drive
@@ -102,7 +102,7 @@ class _Remembered:
 class _Look(WorldData):
     """A side whose clean views others share."""
 
-    def __init__(self, recipe: Recipe, rendered: Any) -> None:
+    def __init__(self, recipe: WorldRecipe, rendered: Any) -> None:
         super().__init__(recipe)
         self._rendered = rendered
 
@@ -119,17 +119,17 @@ def _seen(sides: Mapping[str, Severities]) -> dict[str, _Look]:
         if key not in scenes:
             scenes[key] = _Remembered(world.renderer(shaping))
         given = {**dict.fromkeys(FACTORS, 0.0), **factors}
-        recipe = Recipe(pretrained.WORLD_SEED, count=2, frame=FRAME, factors=given)
+        recipe = WorldRecipe(pretrained.WORLD_SEED, count=2, frame=FRAME, factors=given)
         looks[name] = _Look(recipe, scenes[key])
     return looks
 
 
 def _sightings(
     poses: NDArray[np.float64], looks: Mapping[str, _Look], noise: int, first: int
-) -> list[Sighting]:
+) -> list[InstanceRecord]:
     """No two views of a store share the noise of their sensors."""
     return [
-        Sighting(
+        InstanceRecord(
             x=float(pose[0]), y=float(pose[1]), heading=float(pose[2]),
             images={
                 name: importer.Rendering(look, pose, place * _VIEWS + first + row, "real")

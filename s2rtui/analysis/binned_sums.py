@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis.bins import Bins, Chosen, gathered
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 
 Floats = NDArray[np.float64]
 
@@ -16,12 +16,12 @@ def sums(column: Bins, weights: NDArray[np.floating], chosen: Chosen) -> Floats:
     part = _sum(column, weights, chosen.few)
     if not chosen.inverted:
         return part
-    base = Same(chosen.base)
-    return _totals(Same(column.codes), column.count, Same(weights), base) - part
+    base = ArrayKey(chosen.base)
+    return _totals(ArrayKey(column.codes), column.count, ArrayKey(weights), base) - part
 
 
-@kept(16)
-def _totals(codes: Same, size: int, weights: Same, base: Same) -> Floats:
+@cached_by_identity(16)
+def _totals(codes: ArrayKey, size: int, weights: ArrayKey, base: ArrayKey) -> Floats:
     members = np.flatnonzero(np.asarray(base.array))
     column = Bins(np.asarray(codes.array), size)
     return _sum(column, np.asarray(weights.array, dtype=np.float64), members)
@@ -36,17 +36,17 @@ def _sum(column: Bins, weights: NDArray[np.floating], members: NDArray[np.intp])
 
 def total_of(weights: NDArray[np.floating], chosen: Chosen) -> float:
     """The sum of what is finite of `weights` (N,) over the selected."""
-    part = float(gathered(_finite(Same(weights)), chosen.few).sum())
-    return _total(Same(weights), Same(chosen.base)) - part if chosen.inverted else part
+    part = float(gathered(_finite(ArrayKey(weights)), chosen.few).sum())
+    return _total(ArrayKey(weights), ArrayKey(chosen.base)) - part if chosen.inverted else part
 
 
-@kept(16)
-def _total(weights: Same, base: Same) -> float:
+@cached_by_identity(16)
+def _total(weights: ArrayKey, base: ArrayKey) -> float:
     return float(_finite(weights)[np.asarray(base.array)].sum())
 
 
-@kept(4)
-def _finite(weights: Same) -> Floats:
+@cached_by_identity(4)
+def _finite(weights: ArrayKey) -> Floats:
     """The weights, 0 for what is not finite."""
     column = np.asarray(weights.array, dtype=np.float64)
     return np.where(np.isfinite(column), column, 0.0)
@@ -54,8 +54,10 @@ def _finite(weights: Same) -> Floats:
 
 def occupied(column: Bins) -> tuple[Bins, NDArray[np.intp]]:
     """The bins that hold anything, renumbered, and the old number of each."""
-    kept = np.flatnonzero(np.bincount(column.codes, minlength=column.count + 1)[: column.count])
-    places = np.full(column.count + 1, len(kept), dtype=np.uint32)
-    places[kept] = np.arange(len(kept), dtype=np.uint32)
-    wide = places.astype(np.uint16) if len(kept) < 1 << 16 else places
-    return Bins(wide[column.codes], len(kept)), kept
+    cached_by_identity = np.flatnonzero(
+        np.bincount(column.codes, minlength=column.count + 1)[: column.count]
+    )
+    places = np.full(column.count + 1, len(cached_by_identity), dtype=np.uint32)
+    places[cached_by_identity] = np.arange(len(cached_by_identity), dtype=np.uint32)
+    wide = places.astype(np.uint16) if len(cached_by_identity) < 1 << 16 else places
+    return Bins(wide[column.codes], len(cached_by_identity)), cached_by_identity

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 
 Bools = NDArray[np.bool_]
 Codes = NDArray[np.unsignedinteger]
@@ -51,11 +51,11 @@ class Bins:
 
 def choose(selected: Bools, base: Bools) -> Chosen:
     """The selection as lists; the same arrays give the same object."""
-    return _choose(Same(selected), Same(base))
+    return _choose(ArrayKey(selected), ArrayKey(base))
 
 
-@kept(8)
-def _choose(selected: Same, base: Same) -> Chosen:
+@cached_by_identity(8)
+def _choose(selected: ArrayKey, base: ArrayKey) -> Chosen:
     inside, population = _bools(selected), _bools(base)
     lit = inside & population
     total = int(np.count_nonzero(population))
@@ -64,7 +64,7 @@ def _choose(selected: Same, base: Same) -> Chosen:
     return Chosen(population, np.flatnonzero(population & ~lit), True)
 
 
-def _bools(same: Same) -> Bools:
+def _bools(same: ArrayKey) -> Bools:
     return np.asarray(same.array, dtype=np.bool_)
 
 
@@ -88,7 +88,7 @@ def joined(first: Bins, second: Bins) -> Bins:
 
 def count(column: Bins, chosen: Chosen) -> tuple[Counts, Counts]:
     """Counts per bin, (count,) each: the selected, and the whole base population."""
-    total = _totals(Same(column.codes), column.count, Same(chosen.base))
+    total = _totals(ArrayKey(column.codes), column.count, ArrayKey(chosen.base))
     part = _count(gathered(column.codes, chosen.few), column.count)
     return (total - part if chosen.inverted else part), total
 
@@ -98,8 +98,8 @@ def gathered(column: NDArray[Any], iids: NDArray[np.intp]) -> NDArray[Any]:
     return column.take(iids, axis=0, mode="clip")
 
 
-@kept(64)
-def _totals(codes: Same, size: int, base: Same) -> Counts:
+@cached_by_identity(64)
+def _totals(codes: ArrayKey, size: int, base: ArrayKey) -> Counts:
     total = _count(np.asarray(codes.array)[_bools(base)], size)
     total.setflags(write=False)
     return total

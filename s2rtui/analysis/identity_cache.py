@@ -17,7 +17,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
-class Same:
+class ArrayKey:
     """An array as a key: equal only to itself, not kept alive by it, never changed in place.
 
     There is one per array, so that keys are compared by identity alone.
@@ -26,7 +26,7 @@ class Same:
     __slots__ = ("_ref",)
     _ref: Callable[[], NDArray[np.generic] | None]
 
-    def __new__(cls, array: NDArray[np.generic] | None) -> Same:
+    def __new__(cls, array: NDArray[np.generic] | None) -> ArrayKey:
         known = _KNOWN.get(id(array))
         if known is not None and known._ref() is array:
             return known
@@ -45,7 +45,7 @@ class Same:
         return self._ref()
 
 
-_KNOWN: dict[int, Same] = {}
+_KNOWN: dict[int, ArrayKey] = {}
 _GONE: deque[tuple[int, object]] = deque()
 _MAKING = Lock()
 
@@ -71,7 +71,7 @@ def _forget(number: int, gone: object) -> None:
 def identity(value: object) -> object:
     """A value to compare by: arrays by identity, also inside tuples and in dataclasses' fields."""
     if isinstance(value, np.ndarray):
-        return Same(value)
+        return ArrayKey(value)
     if isinstance(value, tuple):
         return tuple(identity(part) for part in value)
     if is_dataclass(value) and type(value).__eq__ is object.__eq__:
@@ -80,11 +80,11 @@ def identity(value: object) -> object:
     return value
 
 
-def kept(most: int) -> Callable[[Callable[P, T]], Callable[P, T]]:
+def cached_by_identity(most: int) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Keep a function's last results, each for as long as all arrays among its arguments live.
 
     A result that holds one of these arrays keeps itself, until newer ones push it out. Arguments
-    are hashable and by position, arrays as `Same`.
+    are hashable and by position, arrays as `ArrayKey`.
     """
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
@@ -158,5 +158,5 @@ def _arrays(args: tuple[object, ...]) -> Iterator[NDArray[np.generic]]:
     for part in args:
         if isinstance(part, tuple):
             yield from _arrays(part)
-        elif isinstance(part, Same) and (array := part.array) is not None:
+        elif isinstance(part, ArrayKey) and (array := part.array) is not None:
             yield array

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from s2rtui.analysis.binned_sums import occupied
 from s2rtui.analysis.bins import Bins, Chosen, Codes, Counts, gathered, joined
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 
 LARGEST = 1 << 14
 """Combinations that occur up to which one pass is faster than one per column."""
@@ -50,16 +50,16 @@ class _Table:
 
 def counts(columns: Sequence[Bins], chosen: Chosen) -> list[tuple[Counts, Counts]]:
     """Counts as `bins.count` gives them, for each column."""
-    keys = tuple((Same(column.codes), column.count) for column in columns)
-    table, totals = _table(keys), _totals(keys, Same(chosen.base))
+    keys = tuple((ArrayKey(column.codes), column.count) for column in columns)
+    table, totals = _table(keys), _totals(keys, ArrayKey(chosen.base))
     parts = _margins(_count(table, chosen.few), table)
     if chosen.inverted:
         parts = [total - part for part, total in zip(parts, totals, strict=True)]
     return list(zip(parts, totals, strict=True))
 
 
-@kept(16)
-def _table(columns: tuple[tuple[Same, int], ...]) -> _Table:
+@cached_by_identity(16)
+def _table(columns: tuple[tuple[ArrayKey, int], ...]) -> _Table:
     groups: list[_Group] = []
     for same, count in columns:
         alone = _Group(np.asarray(same.array), (np.arange(count + 1),))
@@ -89,8 +89,8 @@ def _joined(first: _Group, second: _Group) -> list[_Group]:
     return [_Group(both.codes, parts)]
 
 
-@kept(16)
-def _totals(columns: tuple[tuple[Same, int], ...], base: Same) -> list[Counts]:
+@cached_by_identity(16)
+def _totals(columns: tuple[tuple[ArrayKey, int], ...], base: ArrayKey) -> list[Counts]:
     table = _table(columns)
     return _margins(_count(table, np.flatnonzero(np.asarray(base.array))), table)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis.bins import Bins
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.charts.shared.inputs import Bools, Floats
 
 Counts = NDArray[np.intp]
@@ -23,7 +23,7 @@ def median(values: Floats, column: Bins, lit: Counts, selected: Bools, valid: Bo
     number = int(lit.sum())
     if not number:
         return math.nan
-    order, starts = _sorted(Same(values), Same(column.codes), column.count)
+    order, starts = _sorted(ArrayKey(values), ArrayKey(column.codes), column.count)
     ends = np.cumsum(lit)
     places = np.array([(number - 1) // 2, number // 2])
     first, last = np.searchsorted(ends, places, side="right").tolist()
@@ -33,13 +33,13 @@ def median(values: Floats, column: Bins, lit: Counts, selected: Bools, valid: Bo
     return float(values[middle].mean())
 
 
-@kept(16)
-def _sorted(values: Same, codes: Same, count: int) -> tuple[NDArray[np.int32], Counts]:
+@cached_by_identity(16)
+def _sorted(values: ArrayKey, codes: ArrayKey, count: int) -> tuple[NDArray[np.int32], Counts]:
     """All iids by value, those of no bin last; and where each bin starts."""
     sizes = np.bincount(np.asarray(codes.array), minlength=count + 1)
     return _by_value(values), np.concatenate([[0], np.cumsum(sizes)])
 
 
-@kept(16)
-def _by_value(values: Same) -> NDArray[np.int32]:
+@cached_by_identity(16)
+def _by_value(values: ArrayKey) -> NDArray[np.int32]:
     return np.argsort(np.asarray(values.array)).astype(np.int32)

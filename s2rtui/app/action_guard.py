@@ -1,4 +1,4 @@
-"""An application whose actions, wherever they are called from, ask the session's `Access`."""
+"""An application whose actions, wherever they are called from, ask the session's `Permissions`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from textual.dom import DOMNode
 
 from s2rstore.security.printable_text import printable
 from s2rtui.app.actions import named
-from s2rtui.security.permissions import Access
+from s2rtui.security.permissions import Permissions
 
 # Of Textual's own actions, those that neither write a file nor leave the screen.
 _HARMLESS = frozenset(
@@ -22,7 +22,7 @@ _HARMLESS = frozenset(
 class GuardedApp(App[None]):
     """Refuses what `access` does not allow, and says so; Textual's own actions by a list."""
 
-    access: Access
+    access: Permissions
 
     def tell_refusal(self, told: str) -> None:
         """Show why an action did not run."""

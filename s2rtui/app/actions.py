@@ -11,7 +11,7 @@ from s2rstore.metrics import similarity
 from s2rtui.app.key_names import key_shown
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.shared import view_inputs
-from s2rtui.security import Access, Need
+from s2rtui.security import Need, Permissions
 from s2rtui.session import Session, adjusting, display, instance_list
 from s2rtui.session.state import State
 
@@ -278,12 +278,12 @@ def named(call: str, parameters: tuple[object, ...] = ()) -> Action | None:
     return BY_NAME.get(f"{call}({listed})" if parameters else call)
 
 
-def offered(access: Access | None = None) -> list[Action]:
+def offered(access: Permissions | None = None) -> list[Action]:
     """The actions that a session may run at all."""
     return [action for action in ACTIONS if access is None or access.grants(action.needs)]
 
 
-def footer(width: int, state: State, access: Access | None = None) -> list[tuple[str, str]]:
+def footer(width: int, state: State, access: Permissions | None = None) -> list[tuple[str, str]]:
     """Pairs of key and word that fit into `width` columns; help and quit always do, if anything."""
     applicable = [a for a in offered(access) if a.short and a.applies(state)]
     words = [(action.key, action.short) for action in applicable]
@@ -297,7 +297,7 @@ def footer(width: int, state: State, access: Access | None = None) -> list[tuple
     return [*shown, *last]
 
 
-def help_text(access: Access | None = None) -> str:
+def help_text(access: Permissions | None = None) -> str:
     """All actions that are offered, by group, in plain text."""
     lines = []
     for group, title in GROUPS.items():

@@ -23,11 +23,11 @@ from s2rtui.app.call_later import later
 from s2rtui.app.controllers import navigation
 from s2rtui.app.controllers.brush import Brushes
 from s2rtui.app.controllers.export import Papers
-from s2rtui.app.controllers.load_results import Arrivals
+from s2rtui.app.controllers.load_results import LoadResultHandler
 from s2rtui.app.controllers.run_save import Savings
-from s2rtui.app.layout import Place, SizeClass
-from s2rtui.app.load_scheduler import Feeding
-from s2rtui.app.messages import Fed, Progressed
+from s2rtui.app.layout import PaneRectangle, SizeClass
+from s2rtui.app.load_scheduler import LoadScheduler
+from s2rtui.app.messages import LoadCompleted, LoadProgressed
 from s2rtui.app.renderer import Drawing
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.screens.help import HelpScreen
@@ -38,16 +38,16 @@ from s2rtui.app.theme import textual_theme
 from s2rtui.app.widgets.bar import Bar
 from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
-from s2rtui.app.widgets.query_input import QueryLine
-from s2rtui.canvas import ColourMode, Look
+from s2rtui.app.widgets.query_input import QueryInput
+from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.charts.registry import BY_NAME as VIEW_BY_NAME
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.view import Resources
 from s2rtui.jobs import background_thread
-from s2rtui.security import Access
+from s2rtui.security import Permissions
 from s2rtui.session import Session, adjusting, display, shared_selection
 from s2rtui.terminal.capabilities import Terminal
-from s2rtui.terminal.image_host import Wall
+from s2rtui.terminal.image_host import ImageHost
 from s2rtui.terminal.textual_compat import bounded
 
 WATCH_SECONDS = 2.0
@@ -70,9 +70,9 @@ class S2RApp(Brushes, Papers, Savings):
     def __init__(
         self,
         session: Session,
-        look: Look,
+        look: RenderOptions,
         pictures_at: Path | None = None,
-        access: Access | None = None,
+        access: Permissions | None = None,
     ) -> None:
         """`pictures_at` is the folder that files are written to (default: here, if allowed)."""
         super().__init__(ansi_color=look.mode in (ColourMode.ANSI, ColourMode.NONE))
@@ -82,17 +82,17 @@ class S2RApp(Brushes, Papers, Savings):
         session.waits = True
         self.look = look
         self.resources = Resources()
-        self.feeding = Feeding(self)
-        self.arrivals = Arrivals(self, self.feeding)
+        self.feeding = LoadScheduler(self)
+        self.arrivals = LoadResultHandler(self, self.feeding)
         self.drawing = Drawing(self)
-        self.access = access or Access.of(session.store.path)
+        self.access = access or Permissions.of(session.store.path)
         self.files_at = pictures_at or self.access.pictures
         self._size_class: SizeClass = "narrow"
         self._drawn_once = False
         self._sized = Size(0, 0)
         self.first_run = False
         self.terminal: Terminal | None = None
-        self.wall: Wall | None = None
+        self.wall: ImageHost | None = None
 
     def get_driver_class(self) -> type[Driver]:
         return bounded(super().get_driver_class())
@@ -105,10 +105,10 @@ class S2RApp(Brushes, Papers, Savings):
         ]
         yield Panes([*views], self._places)
         yield Bar("message")
-        yield QueryLine()
+        yield QueryInput()
         yield Bar("keys")
 
-    def _wear(self, look: Look) -> None:
+    def _wear(self, look: RenderOptions) -> None:
         """Colours before anything is laid out: a theme set later styles every widget anew."""
         theme = textual_theme(look.theme)
         self.register_theme(theme)
@@ -151,10 +151,10 @@ class S2RApp(Brushes, Papers, Savings):
         self._size_class = layout.size_class(width, height)
         self.default_screen.set_classes(self._size_class)
 
-    def _places(self, width: int, height: int) -> Mapping[str, Place]:
+    def _places(self, width: int, height: int) -> Mapping[str, PaneRectangle]:
         state = self.session.state
         rows = VIEW_BY_NAME["overview"].height(self.scene, width) + 1
-        wanted = layout.Wanted(state.view, state.centre, state.tab, rows)
+        wanted = layout.LayoutRequest(state.view, state.centre, state.tab, rows)
         return layout.arrange(self._size_class, width, height, wanted)
 
     # --- drawing -----------------------------------------------------------------------------
@@ -203,10 +203,10 @@ class S2RApp(Brushes, Papers, Savings):
         """Whether all that threads bring is that of the state."""
         return self._drawn_once and self.feeding.settled and not self.under_way
 
-    def on_fed(self, message: Fed) -> None:
+    def on_load_completed(self, message: LoadCompleted) -> None:
         self.arrivals.fed(message)
 
-    def on_progressed(self, message: Progressed) -> None:
+    def on_load_progressed(self, message: LoadProgressed) -> None:
         self.arrivals.progressed(message)
 
     def _watch(self) -> None:

@@ -7,9 +7,9 @@ from contextlib import suppress
 from textual.drivers.linux_driver import LinuxDriver
 
 from s2rtui.app.app import S2RApp
-from s2rtui.app.messages import Failed
+from s2rtui.app.messages import BackgroundFailed
 from s2rtui.app.widgets.plot import PlotView
-from s2rtui.terminal.graphics.image_manager import PictureWall
+from s2rtui.terminal.graphics.image_manager import KittyImageManager
 from s2rtui.terminal.graphics.probe import Graphics
 
 
@@ -32,9 +32,9 @@ def hang(app: S2RApp, graphics: Graphics) -> None:
             app.call_later(anew)
 
     def tell(error: Exception) -> None:
-        app.post(Failed(f"pictures: {type(error).__name__}: {error}"))
+        app.post(BackgroundFailed(f"pictures: {type(error).__name__}: {error}"))
 
-    wall = PictureWall(graphics, write, ready, tell)
+    wall = KittyImageManager(graphics, write, ready, tell)
 
     class Driver(LinuxDriver):
         """Leaves no picture behind in the screen that it leaves, for a while or for good."""

@@ -11,9 +11,9 @@ from s2rstore.errors import S2RError
 from s2rstore.reader import Store
 from s2rtui.app.call_later import later
 from s2rtui.app.controllers.base import Desk
-from s2rtui.app.messages import Failed, Fed, Progressed
+from s2rtui.app.messages import BackgroundFailed, LoadCompleted, LoadProgressed
 from s2rtui.jobs.background_thread import Lane
-from s2rtui.loaders import FEEDS, Feed, Fields, Key
+from s2rtui.loaders import LOADERS, Fields, Key, Loader
 from s2rtui.session.state import State
 
 REST_SECONDS = 0.15
@@ -22,22 +22,22 @@ AWAY_SECONDS = 120.0
 
 
 @dataclass
-class Asked:
+class RestartedLoads:
     """Feeds that were asked anew, and the fields that are empty from now on."""
 
     anew: set[str] = field(default_factory=set)
     emptied: Fields = field(default_factory=dict)
 
 
-class Feeding:
+class LoadScheduler:
     """The requests under way: per feed the one that is read, and the newest one."""
 
     def __init__(self, app: Desk) -> None:
         self.app = app
-        self._lanes = {feed.name: Lane(feed.name, partial(self._raised, feed)) for feed in FEEDS}
+        self._lanes = {feed.name: Lane(feed.name, partial(self._raised, feed)) for feed in LOADERS}
         self._wanted: dict[str, Key | None] = {}
-        self._ticket: dict[str, int] = {feed.name: 0 for feed in FEEDS}
-        self._answered: dict[str, int] = {feed.name: 0 for feed in FEEDS}
+        self._ticket: dict[str, int] = {feed.name: 0 for feed in LOADERS}
+        self._answered: dict[str, int] = {feed.name: 0 for feed in LOADERS}
         self._rest: dict[str, TimerHandle] = {}
         self._away: dict[str, TimerHandle] = {}
         self.rest_seconds, self.away_seconds = REST_SECONDS, AWAY_SECONDS
@@ -52,10 +52,10 @@ class Feeding:
         """Whether all that was wanted has come."""
         return self._answered == self._ticket
 
-    def ask(self, store: Store, state: State) -> Asked:
+    def ask(self, store: Store, state: State) -> RestartedLoads:
         """Start what the state wants anew."""
-        asked = Asked()
-        for feed in FEEDS:
+        asked = RestartedLoads()
+        for feed in LOADERS:
             wanted = feed.wants(store, state)
             if feed.name in self._wanted and wanted == self._wanted[feed.name]:
                 continue
@@ -73,7 +73,7 @@ class Feeding:
                 self._start(feed, self._ticket[feed.name], store, state)
         return asked
 
-    def _start(self, feed: Feed, ticket: int, store: Store, state: State) -> None:
+    def _start(self, feed: Loader, ticket: int, store: Store, state: State) -> None:
         read = partial(self._read, feed, ticket, store, state)
         if not feed.rests:
             self._lanes[feed.name].put(read)
@@ -86,13 +86,13 @@ class Feeding:
 
         self._rest[feed.name] = later(self.app, self.rest_seconds, rested)
 
-    def _let_go(self, feed: Feed) -> None:
+    def _let_go(self, feed: Loader) -> None:
         """Have a feed leave after a while in which nothing of it is wanted."""
         if feed.leave is not None and self._lanes[feed.name].begun:
             leave = partial(self._lanes[feed.name].put, feed.leave)
             self._away[feed.name] = later(self.app, self.away_seconds, leave)
 
-    def _read(self, feed: Feed, ticket: int, store: Store, state: State) -> None:
+    def _read(self, feed: Loader, ticket: int, store: Store, state: State) -> None:
         """In the feed's thread."""
         caller = _Caller(self, feed, ticket)
         if not caller.wanted():
@@ -105,13 +105,13 @@ class Feeding:
             if not isinstance(error, S2RError | OSError | ValueError):
                 self.app.log.error(traceback.format_exc())
                 told = f"{feed.name}: {told}"
-            self.app.post(Fed(feed.name, ticket, empty, " ".join(told.split())))
+            self.app.post(LoadCompleted(feed.name, ticket, empty, " ".join(told.split())))
             return
-        self.app.post(Fed(feed.name, ticket, fields))
+        self.app.post(LoadCompleted(feed.name, ticket, fields))
 
-    def _raised(self, feed: Feed, error: Exception) -> None:
+    def _raised(self, feed: Loader, error: Exception) -> None:
         """In the feed's thread: what was done in it beside reading."""
-        self.app.post(Failed(f"{feed.name}: {type(error).__name__}: {error}"))
+        self.app.post(BackgroundFailed(f"{feed.name}: {type(error).__name__}: {error}"))
 
     def current(self, feed: str, ticket: int) -> bool:
         """Whether a ticket is that of the newest request."""
@@ -119,11 +119,11 @@ class Feeding:
 
     def stop(self) -> None:
         """Nothing is wanted any more; nobody waits for what is under way."""
-        for feed in FEEDS:
+        for feed in LOADERS:
             self._ticket[feed.name] += 1
             self._lanes[feed.name].end(feed.leave)
 
-    def accept(self, message: Fed) -> bool:
+    def accept(self, message: LoadCompleted) -> bool:
         """Whether an answer is to the newest request, or a part that may be older."""
         if not self.current(message.feed, message.ticket):
             return message.partly and self._wanted[message.feed] is not None
@@ -135,7 +135,7 @@ class Feeding:
 class _Caller:
     """One request of one feed, in the feed's thread."""
 
-    def __init__(self, feeding: Feeding, feed: Feed, ticket: int) -> None:
+    def __init__(self, feeding: LoadScheduler, feed: Loader, ticket: int) -> None:
         self._feeding, self._feed, self._ticket = feeding, feed, ticket
 
     def wanted(self) -> bool:
@@ -144,9 +144,11 @@ class _Caller:
     def progress(self, share: float) -> bool:
         wanted = self.wanted()
         if wanted and share < 1:
-            self._feeding.app.post(Progressed(self._feed.name, self._ticket, share))
+            self._feeding.app.post(LoadProgressed(self._feed.name, self._ticket, share))
         return wanted
 
     def bring(self, fields: Fields) -> None:
         if self._feed.follows or self.wanted():
-            self._feeding.app.post(Fed(self._feed.name, self._ticket, fields, partly=True))
+            self._feeding.app.post(
+                LoadCompleted(self._feed.name, self._ticket, fields, partly=True)
+            )

@@ -9,7 +9,7 @@ from textual.message import Message
 
 
 @dataclass
-class Fed(Message):
+class LoadCompleted(Message):
     """Fields of `Resources` from a feed; `ticket` numbers the request, the newest one counts.
 
     `partly` means that more is to come.
@@ -23,7 +23,7 @@ class Fed(Message):
 
 
 @dataclass
-class Progressed(Message):
+class LoadProgressed(Message):
     """The share of a feed's work that is done."""
 
     feed: str
@@ -32,7 +32,7 @@ class Progressed(Message):
 
 
 @dataclass
-class Failed(Message):
+class BackgroundFailed(Message):
     """A work in the background ended by a fault."""
 
     text: str

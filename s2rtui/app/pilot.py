@@ -18,7 +18,7 @@ from textual.pilot import Pilot
 from s2rstore.errors import RequestError
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers.base import Desk
-from s2rtui.canvas import DARK, Look
+from s2rtui.canvas import DARK, RenderOptions
 from s2rtui.session import Session, State
 from s2rtui.user_data.notebook import ReadNotebook
 
@@ -37,7 +37,7 @@ class Snapshot:
         rows = ("".join(segment.text for segment in line).rstrip() for line in self.lines)
         return "\n".join(rows) + "\n"
 
-    def png(self, look: Look, size: tuple[int, int] | None = None) -> bytes:
+    def png(self, look: RenderOptions, size: tuple[int, int] | None = None) -> bytes:
         """As PNG, in the upper left of `size` pixels where given."""
         from s2rtui.export.rasterizer import paint_png
 
@@ -86,14 +86,14 @@ def snapshot(
     path: Path,
     size: tuple[int, int],
     keys: Sequence[str] = (),
-    look: Look | None = None,
+    look: RenderOptions | None = None,
     run: str | None = None,
 ) -> Snapshot:
     """The screen of `size` columns and rows after pressing `keys`, once everything is read."""
-    return asyncio.run(_snapshot(path, size, keys, look or Look(theme=DARK), run))
+    return asyncio.run(_snapshot(path, size, keys, look or RenderOptions(theme=DARK), run))
 
 
-def screen_of(path: Path, state: State, size: tuple[int, int], look: Look) -> bytes:
+def screen_of(path: Path, state: State, size: tuple[int, int], look: RenderOptions) -> bytes:
     """The screen of one state as PNG of `size` pixels: cells of 10 x 20, the rest is ground."""
     cells = (size[0] // 10, size[1] // 20)
     shot = asyncio.run(_snapshot(path, cells, (), look, state.run, state))
@@ -104,7 +104,7 @@ async def _snapshot(
     path: Path,
     size: tuple[int, int],
     keys: Sequence[str],
-    look: Look,
+    look: RenderOptions,
     run: str | None,
     state: State | None = None,
 ) -> Snapshot:

@@ -8,7 +8,7 @@ from s2rtui.app.layout import SMALLEST
 from s2rtui.app.status_line import StatusLine, message, shown, status_line
 from s2rtui.app.widgets.bar import Bar, Piece
 from s2rtui.app.widgets.plot import PlotView
-from s2rtui.app.widgets.query_input import QueryLine
+from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.charts.registry import VIEWS
 
 
@@ -53,7 +53,7 @@ class Drawing:
         app = self._app
         pairs = footer(app.size.width - 2, app.session.state, app.access)
         if app.prompting:
-            pairs = app.query_one(QueryLine).keys
+            pairs = app.query_one(QueryInput).keys
         pieces: list[Piece] = []
         for key, word in pairs:
             pieces += ["  " if pieces else "", (key, "bold"), f" {word}"]

@@ -10,9 +10,9 @@ from pathlib import Path
 from s2rstore.errors import S2RError
 from s2rtui.app.app import S2RApp
 from s2rtui.app.signals import terminal_mode
-from s2rtui.canvas import ColourMode, Look
+from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.jobs import background_thread
-from s2rtui.security import Access
+from s2rtui.security import Permissions
 from s2rtui.session import Session
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.user_data import notebook
@@ -26,7 +26,7 @@ def run_app(
     path: Path,
     run: str | None,
     terminal: Terminal,
-    access: Access,
+    access: Permissions,
     nights: Path | None = None,
     safe_csv: bool = False,
 ) -> None:
@@ -35,7 +35,7 @@ def run_app(
     What it leaves undone is told on stderr. Raises RequestError where it cannot run, S2RError for a
     fault of the program.
     """
-    look = Look(mode=terminal.mode, ascii=terminal.ascii)
+    look = RenderOptions(mode=terminal.mode, ascii=terminal.ascii)
     app = S2RApp(Session(path, run, partial(Notebook, patient=True), nights), look, access=access)
     app.safe_csv = safe_csv
     app.first_run, app.terminal = notebook.first_run(), terminal

@@ -7,12 +7,12 @@ from functools import partial
 
 from s2rstore.reader import Store
 from s2rstore.security.printable_text import printable
-from s2rtui.canvas import Canvas, Look
+from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.charts.view import Resources, Scene, View
 from s2rtui.session.state import SIGNS, State
 
 StatusLine = tuple[str, str, str]
-Draw = Callable[[tuple[int, int], Look], Canvas]
+Draw = Callable[[tuple[int, int], RenderOptions], Canvas]
 
 
 _LEAST = {"everywhere": 40, "newest": 40, "store": 40, "newer": 20, "trajectories": 20, "run": 20}
@@ -20,7 +20,7 @@ _LEAST = {"everywhere": 40, "newest": 40, "store": 40, "newer": 20, "trajectorie
 gets before them; the count always stands."""
 
 
-def status_line(store: Store, state: State, width: int, look: Look) -> StatusLine:
+def status_line(store: Store, state: State, width: int, look: RenderOptions) -> StatusLine:
     """Store, trajectory, run, count; the expression; generation.
 
     Where the width lacks, what says least is left out first, and the expression is cut last.
@@ -78,7 +78,7 @@ def message(state: State, resources: Resources) -> str:
     return text
 
 
-def cut(text: str, width: int, look: Look) -> str:
+def cut(text: str, width: int, look: RenderOptions) -> str:
     """At most `width` characters; what was cut shows an ellipsis."""
     return text if len(text) <= width else text[: width - 1] + ("~" if look.ascii else "…")
 
@@ -96,7 +96,7 @@ def titled(view: View, scene: Scene, draw: Draw) -> Draw:
     active = scene.state.view == view.name
     label, told = f"{view.key} {view.name}", view.told(scene)
 
-    def drawn(size: tuple[int, int], look: Look) -> Canvas:
+    def drawn(size: tuple[int, int], look: RenderOptions) -> Canvas:
         width, height = size
         canvas = Canvas(width, height, theme=look.theme)
         theme = look.theme

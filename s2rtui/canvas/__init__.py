@@ -1,9 +1,9 @@
 """Drawing in cells: a canvas of arrays, rasters in it, and its way to the terminal."""
 
-from s2rtui.canvas.canvas import Canvas, Plate, Size
+from s2rtui.canvas.canvas import Canvas, InlineImage, Size
 from s2rtui.canvas.colour import DARK, LIGHT, THEMES, Rgb, Theme
 from s2rtui.canvas.colour_mode import ColourMode
-from s2rtui.canvas.render_options import ASCII, UNICODE, Glyphs, Look, heading_arrow
+from s2rtui.canvas.render_options import ASCII, UNICODE, Glyphs, RenderOptions, heading_arrow
 from s2rtui.terminal.strips import DeltaStrip, to_strips
 
 __all__ = [
@@ -16,8 +16,8 @@ __all__ = [
     "ColourMode",
     "DeltaStrip",
     "Glyphs",
-    "Look",
-    "Plate",
+    "InlineImage",
+    "RenderOptions",
     "Rgb",
     "Size",
     "Theme",

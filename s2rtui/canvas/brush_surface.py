@@ -10,7 +10,7 @@ import numpy as np
 
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.raster import braille, dot_grid, ground, segment_dots
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 
 Point = tuple[float, float]
 Shape = Literal["plane", "range", "turn", "steps"]
@@ -54,7 +54,7 @@ def panel_at(panels: Sequence[Panel], column: int, row: int) -> Panel | None:
     return next((panel for panel in panels if panel.holds(column, row)), None)
 
 
-def draw_mark(canvas: Canvas, panel: Panel, mark: Mark | None, look: Look) -> None:
+def draw_mark(canvas: Canvas, panel: Panel, mark: Mark | None, look: RenderOptions) -> None:
     """The outline of a mark on a plane, clipped to its panel."""
     if mark is None or mark.panel != panel.name or panel.shape != "plane" or not mark.points:
         return
@@ -65,7 +65,7 @@ def draw_mark(canvas: Canvas, panel: Panel, mark: Mark | None, look: Look) -> No
         _frame(canvas, panel, corners, look)
 
 
-def _frame(canvas: Canvas, panel: Panel, corners: list[Point], look: Look) -> None:
+def _frame(canvas: Canvas, panel: Panel, corners: list[Point], look: RenderOptions) -> None:
     """A box in line glyphs, at least one cell."""
     columns = sorted(int(np.floor(column)) for column, _ in (corners[0], corners[-1]))
     rows = sorted(int(np.floor(row)) for _, row in (corners[0], corners[-1]))
@@ -84,7 +84,7 @@ def _frame(canvas: Canvas, panel: Panel, corners: list[Point], look: Look) -> No
         canvas.put(column, row, glyph, look.theme.truth, bold=True)
 
 
-def _outline(canvas: Canvas, panel: Panel, corners: list[Point], look: Look) -> None:
+def _outline(canvas: Canvas, panel: Panel, corners: list[Point], look: RenderOptions) -> None:
     """A closed polygon: braille, or full stops where only ASCII is allowed."""
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):

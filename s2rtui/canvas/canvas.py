@@ -16,7 +16,7 @@ BoolGrid = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Plate:
+class InlineImage:
     """A picture that half blocks only hint at: its box in cells, its own (height, width).
 
     `pixels` gives it in any (height, width); `of` is what they follow from, equal only for equal
@@ -45,7 +45,7 @@ class Canvas:
     def __init__(self, width: int, height: int, theme: Theme = DARK) -> None:
         shape = (max(1, int(height)), max(1, int(width)))
         self.theme = theme
-        self.plates: list[Plate] = []
+        self.plates: list[InlineImage] = []
         self.char: NDArray[np.str_] = np.full(shape, " ", dtype="<U1")
         self.fg: Pixels = np.empty((*shape, 3), dtype=np.uint8)
         self.bg: Pixels = np.empty((*shape, 3), dtype=np.uint8)
@@ -168,6 +168,6 @@ class Canvas:
         moved = (replace(plate, x=plate.x + x, y=plate.y + y) for plate in other.plates)
         self.plates += [plate for plate in moved if self._holds(plate)]
 
-    def _holds(self, plate: Plate) -> bool:
+    def _holds(self, plate: InlineImage) -> bool:
         across = plate.x >= 0 and plate.x + plate.width <= self.width
         return across and plate.y >= 0 and plate.y + plate.height <= self.height

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Pixels, luma
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 
 Floats = NDArray[np.float32]
 
@@ -85,7 +85,7 @@ def shade(
         canvas.fg[into] = np.where(shown[..., None], colours[part], canvas.fg[into])
 
 
-def picture(canvas: Canvas, x: int, y: int, pixels: Pixels, look: Look) -> None:
+def picture(canvas: Canvas, x: int, y: int, pixels: Pixels, look: RenderOptions) -> None:
     """A picture (2h, w, 3) as half blocks, or as shades of its brightness where those lack.
 
     On a light theme the shades are inverted, so that dense ink is dark.

@@ -86,7 +86,7 @@ ASCII = Glyphs(
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class RenderOptions:
     """The dress of a plot; `ascii` promises that no other character is drawn."""
 
     theme: Theme = DARK

@@ -10,7 +10,7 @@ import numpy as np
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import turbo
 from s2rtui.canvas.raster import braille, half_blocks
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.legend import DIGITS
 
 Rows = list[tuple[str, str]]
@@ -27,9 +27,9 @@ def card_height(rows: Rows, width: int) -> int:
     return lines + (len(rows) + 2 * len(_SAMPLES) if narrow else len(_SAMPLES)) + 3 + advice
 
 
-def card(rows: Rows, size: Size, look: Look | None = None) -> Canvas:
+def card(rows: Rows, size: Size, look: RenderOptions | None = None) -> Canvas:
     """Lines of text, and under them samples of what is drawn, in `size` (columns, rows)."""
-    look = look or Look()
+    look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     theme, width = look.theme, canvas.width
     narrow = width < _NARROW
@@ -62,7 +62,7 @@ def _plain(text: str) -> str:
     return text.encode("ascii", "replace").decode()
 
 
-def _roles(canvas: Canvas, x: int, y: int, look: Look) -> None:
+def _roles(canvas: Canvas, x: int, y: int, look: RenderOptions) -> None:
     theme, glyphs = look.theme, look.glyphs
     for glyph, name, ink in (
         (glyphs.sim, "blue", theme.sim),
@@ -72,7 +72,7 @@ def _roles(canvas: Canvas, x: int, y: int, look: Look) -> None:
         x = canvas.text(x, y, f"{glyph} {name}  ", ink, bold=True)
 
 
-def _scale(canvas: Canvas, x: int, y: int, look: Look) -> None:
+def _scale(canvas: Canvas, x: int, y: int, look: RenderOptions) -> None:
     colours = turbo(np.linspace(0, 1, 40))
     for place, colour in enumerate(colours):
         ink = (int(colour[0]), int(colour[1]), int(colour[2]))
@@ -82,7 +82,7 @@ def _scale(canvas: Canvas, x: int, y: int, look: Look) -> None:
             canvas.put(x + place, y, DIGITS[place * len(DIGITS) // 40], ink)
 
 
-def _picture(canvas: Canvas, x: int, y: int, look: Look) -> None:
+def _picture(canvas: Canvas, x: int, y: int, look: RenderOptions) -> None:
     if not look.pictures:
         canvas.text(x, y, "shades: " + look.glyphs.shades, look.theme.text)
         return
@@ -91,7 +91,7 @@ def _picture(canvas: Canvas, x: int, y: int, look: Look) -> None:
     half_blocks(canvas, x, y, rows)
 
 
-def _dots(canvas: Canvas, x: int, y: int, look: Look) -> None:
+def _dots(canvas: Canvas, x: int, y: int, look: RenderOptions) -> None:
     if look.ascii:
         canvas.text(x, y, "none: ASCII only", look.theme.text)
         return
@@ -103,17 +103,17 @@ def _dots(canvas: Canvas, x: int, y: int, look: Look) -> None:
     braille(canvas, 0, 0, dots, np.array(look.theme.text, dtype=np.uint8))
 
 
-def _bars(canvas: Canvas, x: int, y: int, look: Look) -> None:
+def _bars(canvas: Canvas, x: int, y: int, look: RenderOptions) -> None:
     canvas.text(x, y, ".#" if look.ascii else "▁▂▃▄▅▆▇█" * 4, look.theme.sim)
 
 
-def _lines(canvas: Canvas, x: int, y: int, look: Look) -> None:
+def _lines(canvas: Canvas, x: int, y: int, look: RenderOptions) -> None:
     glyphs = look.glyphs
     drawn = f"{' '.join(glyphs.arrows)}  {glyphs.scale_left}{glyphs.horizontal * 6}"
     canvas.text(x, y, f"{drawn}{glyphs.scale_right}  {glyphs.vertical}", look.theme.text)
 
 
-_SAMPLES: tuple[tuple[str, Callable[[Canvas, int, int, Look], None]], ...] = (
+_SAMPLES: tuple[tuple[str, Callable[[Canvas, int, int, RenderOptions], None]], ...] = (
     ("sim, real, truth", _roles),
     ("a scale, low to high", _scale),
     ("a picture", _picture),

@@ -14,11 +14,11 @@ from s2rstore.gap_history.reader import History
 from s2rstore.language.canonical_text import quoted
 from s2rstore.reader import Store
 from s2rstore.records import Side
-from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush_surface import Mark, Panel, Point
 from s2rtui.charts.shared.inputs import InstanceInput, OverviewRow
 from s2rtui.session import Session, State
-from s2rtui.session.provenance import About, HeatOf, about, heat_of, seen_of
+from s2rtui.session.provenance import HeatProvenance, InstanceProvenance, about, heat_of, seen_of
 from s2rtui.user_data.notebook import Notes
 
 Pane = Literal["overview", "centre", "tab"]
@@ -49,13 +49,13 @@ class Resources:
     baseline: float = math.nan
     floor_plan: NDArray[np.uint8] | None = None
     pictures: InstanceInput | None = None
-    pictures_of: About | None = None
+    pictures_of: InstanceProvenance | None = None
     grid: Grid | None = None
-    grid_of: HeatOf | None = None
+    grid_of: HeatProvenance | None = None
     seen: Grid | None = None
     seen_of: tuple[object, ...] | None = None
     live: InstanceInput | None = None
-    live_of: About | None = None
+    live_of: InstanceProvenance | None = None
     live_grid: Grid | None = None
     history: History | None = None
     progress: Mapping[str, float] = field(default_factory=dict)
@@ -155,7 +155,7 @@ class View:
         """What the drawing depends on; equal means unchanged, None that it is always drawn."""
         return None
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         """The view in `size` (columns, rows)."""
         raise NotImplementedError
 
@@ -163,7 +163,7 @@ class View:
         """The rows that the view would like; 0 takes what there is."""
         return 0
 
-    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
         """Where it can be brushed, or takes the mouse otherwise."""
         return ()
 

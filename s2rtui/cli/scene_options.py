@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from s2rtui.export.scene import Wanted
+    from s2rtui.export.scene import SceneOptions
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
@@ -41,13 +41,13 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--room-names", action="store_true", help="rooms and their names")
 
 
-def wanted(options: argparse.Namespace) -> Wanted:
+def wanted(options: argparse.Namespace) -> SceneOptions:
     """What these options ask for; those that a command does not have are the usual."""
-    from s2rtui.export.scene import Wanted
+    from s2rtui.export.scene import SceneOptions
 
     given = vars(options)
     trajectories = given.get("trajectory")
-    return Wanted(
+    return SceneOptions(
         select=options.select,
         run=options.run,
         trajectories=tuple(trajectories) if trajectories else None,

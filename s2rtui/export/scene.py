@@ -11,7 +11,7 @@ from s2rstore.errors import RequestError
 from s2rstore.records import Side
 from s2rtui.charts.shared.inputs import MapMode
 from s2rtui.charts.view import Resources, Scene, View
-from s2rtui.loaders import FEEDS, Fields
+from s2rtui.loaders import LOADERS, Fields
 from s2rtui.session import HeatChoice, Session, State, instance_list
 from s2rtui.session.heatmaps import choices
 from s2rtui.session.state import Aggregate, Overlay
@@ -19,7 +19,7 @@ from s2rtui.user_data.notebook import ReadNotebook
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class SceneOptions:
     """What the options of `show`, `export` and `report` ask for; None takes the usual.
 
     `heat` is KIND[:MODE]; `overlay` whose heat lies on the map; `sort` a column of the list.
@@ -43,7 +43,7 @@ class Wanted:
 
 
 @contextmanager
-def staged(path: Path, wanted: Wanted, *views: View) -> Iterator[Scene]:
+def staged(path: Path, wanted: SceneOptions, *views: View) -> Iterator[Scene]:
     """The scene of some views; the store is closed afterwards. Raises RequestError.
 
     An instance that nobody asked for is no cursor, except where a view shows one instance.
@@ -63,16 +63,16 @@ def fed(session: Session, *views: View, cursor: bool = True) -> Scene:
     state = state if cursor else replace(state, cursor=None)
     needed = {name for view in views for name in view.feeds}
     fields: Fields = {}
-    for feed in FEEDS:
+    for feed in LOADERS:
         if feed.name in needed and feed.wants(store, state) is not None:
-            fields |= feed.read(store, state, _Patient())
+            fields |= feed.read(store, state, _UncancelledContext())
     if state.overlay != "off" and "grid" in fields and fields["grid"] is None:
         told = f"run {state.run} has no such map; --on selection gathers one"
         raise RequestError(f"--heat {state.heat.label if state.heat else ''}: {told}")
     return Scene(store, state, Resources(**fields), session.notes)
 
 
-def described(session: Session, wanted: Wanted) -> State:
+def described(session: Session, wanted: SceneOptions) -> State:
     """The session's state with what is wanted."""
     known = session.store.instances.trajectory_names
     for name in wanted.trajectories or ():
@@ -118,7 +118,7 @@ def _other(state: State, name: str | None) -> str | None:
     return name
 
 
-def _heat(session: Session, state: State, wanted: Wanted) -> HeatChoice | None:
+def _heat(session: Session, state: State, wanted: SceneOptions) -> HeatChoice | None:
     known = choices(session.store, state.run)
     if not known and wanted.heat is None and wanted.side in (None, state.side):
         return None
@@ -131,7 +131,7 @@ def _heat(session: Session, state: State, wanted: Wanted) -> HeatChoice | None:
     return HeatChoice(*found[0], wanted.side or state.side)
 
 
-class _Patient:
+class _UncancelledContext:
     """Somebody who waits for the whole answer."""
 
     def wanted(self) -> bool:

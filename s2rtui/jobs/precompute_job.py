@@ -35,7 +35,7 @@ Outcome = Literal["running", "done", "failed", "left"]
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
+class JobProgress:
     """How far a saving is: a fraction 0 .. 1 and the stage; `error` is one line where it failed."""
 
     fraction: float
@@ -48,7 +48,9 @@ class Progress:
         return self.outcome == "running"
 
 
-def save_run(root: Path, name: str, from_run: str, chains: Chains, trust: bool = False) -> Saving:
+def save_run(
+    root: Path, name: str, from_run: str, chains: Chains, trust: bool = False
+) -> PrecomputeJob:
     """Register a run with the model and domains of another and start computing it.
 
     A side that `chains` does not name keeps the other run's adjustments. Raises RequestError for
@@ -66,13 +68,13 @@ def save_run(root: Path, name: str, from_run: str, chains: Chains, trust: bool =
         made = replace(run, sim_adjustments=sim, real_adjustments=real)
         moves = any(run_move(store, made, side) != UNMOVED for side in SIDES)
     try:
-        return Saving(root, name, _GROUPS + moves, trust)
+        return PrecomputeJob(root, name, _GROUPS + moves, trust)
     except OSError:
         drop_run(root, name)
         raise
 
 
-class Saving:
+class PrecomputeJob:
     """A run on its way into the store. Safe to use from any thread."""
 
     def __init__(self, root: Path, run: str, groups: int, trust: bool) -> None:
@@ -82,7 +84,7 @@ class Saving:
         """
         self.root, self.run = root, run
         self._groups, self._begun = groups, 0
-        self._progress = Progress(0.0, "starting")
+        self._progress = JobProgress(0.0, "starting")
         self._changed = threading.Condition()
         self._left = False
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
@@ -98,14 +100,14 @@ class Saving:
         threading.Thread(target=self._listen, name=f"saving {run}", daemon=True).start()
 
     @property
-    def progress(self) -> Progress:
+    def progress(self) -> JobProgress:
         """How far it is now."""
         with self._changed:
             return self._progress
 
-    def follow(self) -> Iterator[Progress]:
+    def follow(self) -> Iterator[JobProgress]:
         """Every change as it comes, the last one with the outcome; blocks in between."""
-        shown: Progress | None = None
+        shown: JobProgress | None = None
         while shown is None or shown.is_running:
             with self._changed:
                 while shown == self._progress:
@@ -131,10 +133,10 @@ class Saving:
         with self._errors:
             self._set(self._ended(code))
 
-    def _ended(self, code: int) -> Progress:
+    def _ended(self, code: int) -> JobProgress:
         """The outcome; what has failed leaves the store, so that its name is free."""
         if code == 0:
-            return Progress(1.0, "done", "done")
+            return JobProgress(1.0, "done", "done")
         failed = replace(self.progress, outcome="failed", error=self._last_error(code))
         if self._left:
             return replace(failed, outcome="left", error="")
@@ -160,9 +162,9 @@ class Saving:
         self._begun += done == 0
         share = (max(self._begun, 1) - 1 + done / max(total, 1)) / self._groups
         stage = stage.removeprefix(f"{self.run}: ")
-        self._set(Progress(min(share, 0.99), f"{stage} {done}/{total}"))
+        self._set(JobProgress(min(share, 0.99), f"{stage} {done}/{total}"))
 
-    def _set(self, progress: Progress) -> None:
+    def _set(self, progress: JobProgress) -> None:
         with self._changed:
             self._progress = progress
             self._changed.notify_all()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rtui.charts.adjust.adjusted_instance import live_input
-from s2rtui.loaders.loader import Caller, Fields
+from s2rtui.loaders.loader import Fields, LoadContext
 from s2rtui.session import adjusting
 from s2rtui.session.provenance import about
 from s2rtui.session.state import State
@@ -58,7 +58,7 @@ class Bench:
         with self._lock:
             self._close()
 
-    def read(self, store: Store, state: State, caller: Caller) -> Fields:
+    def read(self, store: Store, state: State, caller: LoadContext) -> Fields:
         """Pictures and predictions first, then heat, then heat on the floor.
 
         A prediction that is begun is finished and brought, so that the screen follows a slider
@@ -107,7 +107,7 @@ def wants_live(store: Store, state: State) -> tuple[Any, ...] | None:
     return (state.generation, state.run, state.cursor, adjust.values, state.heat)
 
 
-def read_live(store: Store, state: State, caller: Caller) -> Fields:
+def read_live(store: Store, state: State, caller: LoadContext) -> Fields:
     """See `Bench.read`; a missing package is a RequestError that names it."""
     try:
         return _BENCH.read(store, state, caller)

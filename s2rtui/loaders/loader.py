@@ -13,7 +13,7 @@ Key = tuple[object, ...]
 Fields = dict[str, Any]
 
 
-class Caller(Protocol):
+class LoadContext(Protocol):
     """Who asked: hears of progress, takes parts of the answer, may have lost interest."""
 
     def wanted(self) -> bool:
@@ -27,7 +27,7 @@ class Caller(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Feed:
+class Loader:
     """`wants` gives what the result depends on, None for nothing; `read` fields of `Resources`.
 
     `empty` is shown while nothing is wanted. A feed that `rests` waits until keys are at rest; of
@@ -38,7 +38,7 @@ class Feed:
 
     name: str
     wants: Callable[[Store, State], Key | None]
-    read: Callable[[Store, State, Caller], Fields]
+    read: Callable[[Store, State, LoadContext], Fields]
     empty: tuple[str, ...] = ()
     rests: bool = True
     follows: bool = False

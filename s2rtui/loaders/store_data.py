@@ -12,7 +12,7 @@ import s2rstore
 from s2rstore.reader import Store
 from s2rtui.charts.shared import view_inputs
 from s2rtui.charts.view import RunAccuracies
-from s2rtui.loaders.loader import Caller, Fields, Key
+from s2rtui.loaders.loader import Fields, Key, LoadContext
 from s2rtui.session import heatmaps, pending_target
 from s2rtui.session.generations import INDEX_MEMORY
 from s2rtui.session.provenance import about, heat_of, seen_of
@@ -24,7 +24,7 @@ def wants_run(store: Store, state: State) -> Key | None:
     return None if state.awaited is None else (state.generation, state.awaited)
 
 
-def read_run(store: Store, state: State, caller: Caller) -> Fields:
+def read_run(store: Store, state: State, caller: LoadContext) -> Fields:
     """The columns of an awaited run; `store` is what it is open in where that is not this one."""
     awaited = state.awaited
     assert awaited is not None
@@ -46,7 +46,7 @@ def wants_other(store: Store, state: State) -> Key | None:
     return None if other is None else (state.generation, other)
 
 
-def read_other(store: Store, state: State, caller: Caller) -> Fields:
+def read_other(store: Store, state: State, caller: LoadContext) -> Fields:
     """The columns of the run that is compared with."""
     pending_target.read(
         store, replace(pending_target.here(state), run=str(other_run(state))), caller.wanted
@@ -58,7 +58,7 @@ def wants_columns(store: Store, state: State) -> Key:
     return (state.generation, state.run)
 
 
-def read_columns(store: Store, state: State, caller: Caller) -> Fields:
+def read_columns(store: Store, state: State, caller: LoadContext) -> Fields:
     """What views draw of the present run later on, ahead of the keys that ask for it."""
     pending_target.read(store, pending_target.here(state), caller.wanted)
     return {}
@@ -68,7 +68,7 @@ def wants_rows(store: Store, state: State) -> Key:
     return (state.generation, state.runs)
 
 
-def read_rows(store: Store, state: State, caller: Caller) -> Fields:
+def read_rows(store: Store, state: State, caller: LoadContext) -> Fields:
     """Run after run, so that only one more is held in memory than is looked at."""
     found = []
     for run in state.runs:
@@ -83,7 +83,7 @@ def wants_lines(store: Store, state: State) -> Key:
     return (state.generation, state.runs, state.side)
 
 
-def read_lines(store: Store, state: State, caller: Caller) -> Fields:
+def read_lines(store: Store, state: State, caller: LoadContext) -> Fields:
     values = {run: store.accuracies(run, state.side) for run in state.runs}
     return {"lines": RunAccuracies(state.side, values)}
 
@@ -92,7 +92,7 @@ def wants_floor_plan(store: Store, state: State) -> Key | None:
     return (state.generation,) if store.dataset.floor_plan else None
 
 
-def read_floor_plan(store: Store, state: State, caller: Caller) -> Fields:
+def read_floor_plan(store: Store, state: State, caller: LoadContext) -> Fields:
     return {"floor_plan": view_inputs.floor_plan(str(store.floor_plan_path()))}
 
 
@@ -102,7 +102,7 @@ def wants_pictures(store: Store, state: State) -> Key | None:
     return (state.generation, state.run, state.cursor, state.heat)
 
 
-def read_pictures(store: Store, state: State, caller: Caller) -> Fields:
+def read_pictures(store: Store, state: State, caller: LoadContext) -> Fields:
     assert state.cursor is not None
     pictures = view_inputs.instance_input(store, state.run, state.cursor, state.heat)
     return {"pictures": pictures, "pictures_of": about(state)}
@@ -114,12 +114,12 @@ def wants_grid(store: Store, state: State) -> Key | None:
     return (heat_of(state),)
 
 
-def read_grid(store: Store, state: State, caller: Caller) -> Fields:
+def read_grid(store: Store, state: State, caller: LoadContext) -> Fields:
     grid = _grid(store, state, caller)
     return {"grid": grid, "grid_of": None if grid is None else heat_of(state)}
 
 
-def _grid(store: Store, state: State, caller: Caller) -> NDArray[np.float32] | None:
+def _grid(store: Store, state: State, caller: LoadContext) -> NDArray[np.float32] | None:
     assert state.heat is not None
     if state.overlay == "run":
         return heatmaps.run_grid(store, state.run, state.heat, state.aggregate)
@@ -139,7 +139,7 @@ def wants_seen(store: Store, state: State) -> Key | None:
     return seen_of(state)
 
 
-def read_seen(store: Store, state: State, caller: Caller) -> Fields:
+def read_seen(store: Store, state: State, caller: LoadContext) -> Fields:
     iids = evenly(np.flatnonzero(state.selected), heatmaps.MOST_GATHERED)
     seen = heatmaps.seen(store, state.run, state.side, iids, caller.progress)
     return {"seen": seen, "seen_of": seen_of(state)}

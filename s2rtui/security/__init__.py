@@ -1,5 +1,5 @@
 """What a session may do, asked in one place, and made to hold for the whole process."""
 
-from s2rtui.security.permissions import Access, Need
+from s2rtui.security.permissions import Need, Permissions
 
-__all__ = ["Access", "Need"]
+__all__ = ["Need", "Permissions"]

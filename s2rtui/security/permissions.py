@@ -15,7 +15,7 @@ Need = Literal["", "models"]
 
 
 @dataclass(frozen=True, slots=True)
-class Access:
+class Permissions:
     """A store, the user's own folder, and whether the session is confined to these two.
 
     A restricted session loads no model, changes no store and writes in `own` alone.
@@ -26,7 +26,7 @@ class Access:
     restricted: bool = False
 
     @classmethod
-    def of(cls, store: Path, restricted: bool = False) -> Access:
+    def of(cls, store: Path, restricted: bool = False) -> Permissions:
         """Of this user on `store`; makes the own folder of a restricted session where it can."""
         own = own_folder().absolute()
         if restricted:

@@ -1,4 +1,4 @@
-"""A restricted process: what `Access` forbids raises wherever it is tried, in any library."""
+"""A restricted process: what `Permissions` forbids raises wherever it is tried, in any library."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from s2rtui.security.permissions import Access
+from s2rtui.security.permissions import Permissions
 
 WEB_DRIVER = "textual.drivers.web_driver:WebDriver"
 SERVER_VARIABLE = "S2R_SERVER"
@@ -79,7 +79,7 @@ def _watch(parent: int, number: int) -> None:
     os.kill(os.getpid(), number)
 
 
-def confine(access: Access) -> None:
+def confine(access: Permissions) -> None:
     """Hold this process to `access` until it ends: PermissionError for files, programs, network.
 
     A guard against mistakes of the program, not a sandbox against code that already runs in it.
@@ -100,7 +100,7 @@ def _silence_keys() -> None:
     termios.tcsetattr(0, termios.TCSANOW, attributes)
 
 
-def _hook(access: Access) -> Callable[[str, tuple[Any, ...]], None]:
+def _hook(access: Permissions) -> Callable[[str, tuple[Any, ...]], None]:
     watched: dict[str, Callable[[tuple[Any, ...]], None]] = {
         "open": partial(_opened, access),
         "import": _imported,
@@ -116,18 +116,18 @@ def _hook(access: Access) -> Callable[[str, tuple[Any, ...]], None]:
     return audit
 
 
-def _opened(access: Access, arguments: tuple[Any, ...]) -> None:
+def _opened(access: Permissions, arguments: tuple[Any, ...]) -> None:
     path, mode, flags = arguments
     writes = any(letter in mode for letter in "wax+") if mode else bool(flags & _WRITING)
     if writes:
         _check(access, [path])
 
 
-def _changed(access: Access, count: int, arguments: tuple[Any, ...]) -> None:
+def _changed(access: Permissions, count: int, arguments: tuple[Any, ...]) -> None:
     _check(access, arguments[:count])
 
 
-def _check(access: Access, paths: Iterable[Any]) -> None:
+def _check(access: Permissions, paths: Iterable[Any]) -> None:
     for path in paths:
         if isinstance(path, int) or path in _DEVICES:
             continue

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry.floor_grid import AGGREGATES, MapGrid, Projector, Ray
-from s2rstore.geometry.reprojection import Surface
+from s2rstore.geometry.reprojection import HeatSurface
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Run, Side
 from s2rstore.run_inputs import run_domain, run_frames
@@ -158,7 +158,7 @@ def _project(
     own, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
     noted = store.provenance_object(f"run:{run.run}", "surfaces")
     correction = store.correction(run.sim_domain, run.real_domain)
-    surface = Surface(own, other, frame, heat.side == "real", correction, noted.get(heat.kind))
+    surface = HeatSurface(own, other, frame, heat.side == "real", correction, noted.get(heat.kind))
 
     def depth(side: Side) -> NDArray[Any]:
         read = run_frames(store, run, side, block.start, block.stop, ("depth",))

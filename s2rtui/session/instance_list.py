@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session.session import Session
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notes
@@ -41,13 +41,13 @@ def columns(notes: Notes) -> tuple[str, ...]:
 def order(store: Store, state: State, notes: Notes) -> NDArray[np.intp]:
     """The selected iids in the list's order; ties by iid, what has no value last."""
     if state.sort == REMARK:
-        return _remarked_first(Same(notes.places), Same(state.selected), state.descending)
+        return _remarked_first(ArrayKey(notes.places), ArrayKey(state.selected), state.descending)
     values = None if state.sort == "iid" else column(store, state, state.sort)
-    return _order(Same(values), Same(state.selected), state.descending)
+    return _order(ArrayKey(values), ArrayKey(state.selected), state.descending)
 
 
-@kept(2)
-def _order(values: Same, selected: Same, descending: bool) -> NDArray[np.intp]:
+@cached_by_identity(2)
+def _order(values: ArrayKey, selected: ArrayKey, descending: bool) -> NDArray[np.intp]:
     chosen = np.asarray(selected.array)
     members = np.flatnonzero(chosen)
     if values.array is None:
@@ -58,8 +58,8 @@ def _order(values: Same, selected: Same, descending: bool) -> NDArray[np.intp]:
     return order[chosen[order]]
 
 
-@kept(2)
-def _remarked_first(places: Same, selected: Same, descending: bool) -> NDArray[np.intp]:
+@cached_by_identity(2)
+def _remarked_first(places: ArrayKey, selected: ArrayKey, descending: bool) -> NDArray[np.intp]:
     chosen, known = np.asarray(selected.array), np.asarray(places.array)
     known = known[known[:, 0] < chosen.size]
     known = known[chosen[known[:, 0]]]
@@ -69,8 +69,8 @@ def _remarked_first(places: Same, selected: Same, descending: bool) -> NDArray[n
     return np.concatenate([first, np.flatnonzero(rest)])
 
 
-@kept(2)
-def _whole_order(values: Same, descending: bool) -> NDArray[np.intp]:
+@cached_by_identity(2)
+def _whole_order(values: ArrayKey, descending: bool) -> NDArray[np.intp]:
     return _sorted(np.asarray(values.array), descending)
 
 

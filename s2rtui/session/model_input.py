@@ -21,7 +21,7 @@ _SHORT = 18
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class ModelInput:
     """rgb (H, W, 3) uint8, depth (H, W) metres with NaN where invalid, and what was done to them.
 
     A store without frames gives rgb of shape (0, 0, 3) and no depth.
@@ -35,12 +35,12 @@ class Seen:
     notes: tuple[tuple[str, str], ...] = ()
 
 
-def seen(store: Store, run: Run, side: Side, iid: int) -> Seen:
+def seen(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
     """A side's frame through the run's adjustments; without `s2rtools` before those of images."""
     domain, chain = store.domain(run.domain(side)), run.adjustments(side)
     if not (store.path / FRAMES / domain.domain).is_dir():
         told = ((f"{side} frames", f"none of {domain.domain} in this store"),)
-        return Seen(np.zeros((0, 0, 3), dtype=np.uint8), None, "", told)
+        return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "", told)
     frame = run_frame(store, run, side, iid)
     images = [step for step in chain if step["name"] not in NAMES]
     adjusted = _adjusted(frame, domain, images) if images else frame
@@ -48,7 +48,7 @@ def seen(store: Store, run: Run, side: Side, iid: int) -> Seen:
     metres = np.where(shown.valid, shown.depth * np.float32(domain.depth_scale), np.nan)
     usual = "" if domain.domain == side and not chain else domain.domain
     title, notes = _told(usual, side, chain, "" if adjusted else "before ")
-    return Seen(shown.rgb, metres.astype(np.float32), title, notes)
+    return ModelInput(shown.rgb, metres.astype(np.float32), title, notes)
 
 
 def _told(

@@ -10,7 +10,7 @@ from s2rstore.language import Node, parse, to_text
 from s2rstore.reader import Store
 from s2rtui.session import pending_target, saved_selection_diff
 from s2rtui.session.heatmaps import with_heat
-from s2rtui.session.state import Awaited, State
+from s2rtui.session.state import PendingTarget, State
 
 if TYPE_CHECKING:
     from s2rtui.session.session import Session
@@ -26,7 +26,7 @@ def select(session: Session, expression: str | Node) -> State:
     return put(session, pending_target.step(session.state, place, to_text(node)), node)
 
 
-def put(session: Session, there: Awaited, expression: Node) -> State:
+def put(session: Session, there: PendingTarget, expression: Node) -> State:
     """Select what is to be selected there; at once, where nothing has to be read for it here.
 
     Raises ExpressionError; the state stays as it was.
@@ -38,7 +38,7 @@ def put(session: Session, there: Awaited, expression: Node) -> State:
     return session.set(replace(made, past=there.past, future=there.future))
 
 
-def take(session: Session, there: Awaited) -> State:
+def take(session: Session, there: PendingTarget) -> State:
     """Select somewhere, at once or once a worker has read for it.
 
     Raises RequestError where that means nothing; the state stays as it was.
@@ -48,7 +48,7 @@ def take(session: Session, there: Awaited) -> State:
     return pending_target.expect_selection(session, replace(there, node=node))
 
 
-def move(session: Session, there: Awaited) -> State:
+def move(session: Session, there: PendingTarget) -> State:
     """Be elsewhere, at once as far as that can be; the rest is awaited. What is begun goes on."""
     if (node := _lacks(session, there)) is None:
         return session.set(begun(session.state, settled(session, session.state, there)))
@@ -102,7 +102,7 @@ def begun(before: State, after: State) -> State:
     return replace(after, brush=before.brush, operator=before.operator)
 
 
-def settled(session: Session, base: State, there: Awaited) -> State:
+def settled(session: Session, base: State, there: PendingTarget) -> State:
     """The state there, from one whose generation is that of the store.
 
     Where what was to be selected means nothing there, that is told, and it is left out.
@@ -117,7 +117,7 @@ def settled(session: Session, base: State, there: Awaited) -> State:
         return replace(made, past=past, future=future, message=str(error), is_error=True)
 
 
-def _settled(session: Session, base: State, there: Awaited) -> State:
+def _settled(session: Session, base: State, there: PendingTarget) -> State:
     run = there.run if there.run in base.runs else base.run
     place = replace(base, run=run, trajectories=there.trajectories, awaited=None)
     if there.text:
@@ -130,7 +130,7 @@ def _settled(session: Session, base: State, there: Awaited) -> State:
     return with_heat(session.store, made)
 
 
-def _lacks(session: Session, there: Awaited) -> Node | None:
+def _lacks(session: Session, there: PendingTarget) -> Node | None:
     """See `loading.lacks`; what means nothing is told once it is there."""
     try:
         return pending_target.lacks(session, there)

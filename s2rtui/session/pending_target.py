@@ -15,7 +15,7 @@ from s2rstore.language.syntax_tree import Bend, Extreme, Field, Like, leaves
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.session.run_differences import other_run
-from s2rtui.session.state import Awaited, State
+from s2rtui.session.state import PendingTarget, State
 
 if TYPE_CHECKING:
     from s2rtui.session.session import Session
@@ -62,19 +62,19 @@ def _has_read_field(store: Store, run: str, used: Field) -> bool:
     return path == "iid" or store.has_read(of, side, [name])
 
 
-def here(state: State) -> Awaited:
+def here(state: State) -> PendingTarget:
     """Where a session is."""
-    return Awaited(state.run, state.generation, trajectories=state.trajectories)
+    return PendingTarget(state.run, state.generation, trajectories=state.trajectories)
 
 
-def bound(state: State) -> Awaited:
+def bound(state: State) -> PendingTarget:
     """Where a session is on its way to, or is."""
     return state.awaited or here(state)
 
 
-def only_place(there: Awaited) -> Awaited:
+def only_place(there: PendingTarget) -> PendingTarget:
     """The same place, with the present expression."""
-    return Awaited(there.run, there.generation, trajectories=there.trajectories)
+    return PendingTarget(there.run, there.generation, trajectories=there.trajectories)
 
 
 def soon(state: State) -> State:
@@ -85,7 +85,7 @@ def soon(state: State) -> State:
     return replace(state, expression=there.text, past=there.past, future=there.future)
 
 
-def step(state: State, place: Awaited, text: str) -> Awaited:
+def step(state: State, place: PendingTarget, text: str) -> PendingTarget:
     """An expression to be selected somewhere, as the next one of the history."""
     before = soon(state)
     past, future = before.past, before.future
@@ -100,7 +100,7 @@ def expanded(session: Session, expression: str | Node) -> Node:
     return expand(parse(expression) if isinstance(expression, str) else expression, words)
 
 
-def lacks(session: Session, there: Awaited, expression: Node | None = None) -> Node | None:
+def lacks(session: Session, there: PendingTarget, expression: Node | None = None) -> Node | None:
     """What is to be evaluated there, where a worker has to read before it can be.
 
     `expression` is by default that of the place, or the present one.
@@ -117,7 +117,7 @@ def lacks(session: Session, there: Awaited, expression: Node | None = None) -> N
     return None if is_at_hand(store, there.run, node) else node
 
 
-def read(store: Store, there: Awaited, wanted: Callable[[], bool]) -> None:
+def read(store: Store, there: PendingTarget, wanted: Callable[[], bool]) -> None:
     """Read what views draw of a run, and evaluate what is to be selected there."""
     columns, truth = store.run_columns(there.run), store.instances
     sides = ((columns.side(side), _OF_SIDE) for side in SIDES)
@@ -146,20 +146,20 @@ def lacking(store: Store, state: State) -> str | None:
     return other if other is not None and not is_ready(store, other) else None
 
 
-def expect(session: Session, there: Awaited) -> State:
+def expect(session: Session, there: PendingTarget) -> State:
     """Await a place, and what is to be selected there; the newest request wins."""
     state = session.state
     made = replace(state, awaited=there, message=_told(state, there), is_error=False)
     return session.set(made)
 
 
-def expect_selection(session: Session, there: Awaited) -> State:
+def expect_selection(session: Session, there: PendingTarget) -> State:
     """Await a selection, which uses brush and operator up."""
     session.set(replace(session.state, brush=None, operator="replace"))
     return expect(session, there)
 
 
-def _told(state: State, there: Awaited) -> str:
+def _told(state: State, there: PendingTarget) -> str:
     if there.generation != state.generation:
         return f"loading run {there.run} of generation {there.generation}"
     if there.run != state.run:
@@ -167,7 +167,7 @@ def _told(state: State, there: Awaited) -> str:
     return f"loading {there.text or state.expression}"
 
 
-def superseded(state: State, node: Node, words: Vocabulary) -> Awaited | None:
+def superseded(state: State, node: Node, words: Vocabulary) -> PendingTarget | None:
     """What is still awaited once `node` is selected."""
     there = state.awaited
     if there is None or only_place(there) == here(state):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from s2rtui.analysis.identity_cache import Same
+from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.session.state import HeatChoice, State
 
 
 @dataclass(frozen=True, slots=True)
-class About:
+class InstanceProvenance:
     """Pictures of one instance: whose, and which heat lies on them."""
 
     generation: int
@@ -30,17 +30,17 @@ class About:
         return ", ".join(parts)
 
 
-def about(state: State) -> About:
+def about(state: State) -> InstanceProvenance:
     """What pictures for a state are of."""
-    return About(state.generation, state.run, state.cursor, state.heat)
+    return InstanceProvenance(state.generation, state.run, state.cursor, state.heat)
 
 
 @dataclass(frozen=True, slots=True)
-class HeatOf:
+class HeatProvenance:
     """Heat on the map: `name` is what it is called by, `whose` the instance or the selection."""
 
     name: tuple[object, ...]
-    whose: int | Same | None
+    whose: int | ArrayKey | None
 
     def told(self, state: State) -> str:
         """What differs from the state; empty for nothing."""
@@ -49,17 +49,17 @@ class HeatOf:
         return f"of {self.whose}" if isinstance(self.whose, int) else "of an earlier selection"
 
 
-def heat_of(state: State) -> HeatOf:
+def heat_of(state: State) -> HeatProvenance:
     """What the heat on the map is of."""
-    whose: int | Same | None = None
+    whose: int | ArrayKey | None = None
     if state.overlay == "instance":
         whose = state.cursor
     elif state.overlay == "selection":
-        whose = Same(state.selected)
+        whose = ArrayKey(state.selected)
     name = (state.generation, state.run, state.heat, state.overlay, state.aggregate)
-    return HeatOf(name, whose)
+    return HeatProvenance(name, whose)
 
 
 def seen_of(state: State) -> tuple[object, ...]:
     """What it depends on which cells of the floor were seen."""
-    return (state.generation, state.run, state.side, Same(state.selected))
+    return (state.generation, state.run, state.side, ArrayKey(state.selected))

@@ -12,7 +12,7 @@ from s2rstore.language import MaskContext, Node, base_population, evaluation, ma
 from s2rstore.metrics.top_k import extremes, largest
 from s2rstore.reader import Store
 from s2rtui.analysis.bins import choose
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session import pending_target, saved_selection_diff
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notes
@@ -82,15 +82,15 @@ def _kept_cursor(
     if state.cursor is not None and pool[state.cursor]:
         return state.cursor
     errors = store.run_columns(state.run).real.error
-    worst = _worst(Same(errors))
+    worst = _worst(ArrayKey(errors))
     inside = pool[worst]
     if inside.any():
         return int(worst[inside.argmax()])
     return largest(errors, choose(pool, base).members)
 
 
-@kept(4)
-def _worst(errors: Same) -> NDArray[np.intp]:
+@cached_by_identity(4)
+def _worst(errors: ArrayKey) -> NDArray[np.intp]:
     """The iids of the largest known errors, the first the largest, ties by iid."""
     column = np.asarray(errors.array)
     known = ~np.isnan(column)

@@ -100,7 +100,7 @@ class Adjust:
 
 
 @dataclass(frozen=True, slots=True)
-class Awaited:
+class PendingTarget:
     """Where the session is on its way to: a run, of a generation that may be newer than the present
     one, and trajectories (None: all).
 
@@ -146,7 +146,7 @@ class State:
     brush: Brush | None = None
     lasso: bool = False
     other: str | None = None
-    awaited: Awaited | None = None
+    awaited: PendingTarget | None = None
     adjust: Adjust | None = None
     map_mode: MapMode = "colour"
     overlay: Overlay = "off"

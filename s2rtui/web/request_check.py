@@ -15,7 +15,7 @@ _HOST = re.compile(r"(\[[0-9a-f:.]+\]|[a-z0-9][a-z0-9._-]{0,252})(?::([0-9]{1,5}
 
 
 @dataclass(frozen=True, slots=True)
-class Admission:
+class RequestCheck:
     """What a request must show; `hosts` are the names allowed in it, None for any.
 
     The port is free, so that the page works through a tunnel. The token is random for each start

@@ -22,7 +22,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 from s2rstore.security.printable_text import printable
 from s2rtui.web.page_session import PageSession
 from s2rtui.web.protocol import LONGEST_MESSAGE, MessageError, Ping, first_size, read_message
-from s2rtui.web.request_check import LOOPBACK, Admission, in_address
+from s2rtui.web.request_check import LOOPBACK, RequestCheck, in_address
 
 _FONT_SIZES = range(6, 49)
 _LIBRARY = Path(textual_serve.__file__).parent / "static"
@@ -74,7 +74,7 @@ class StoreServer:
         self._served = served
         self._title = printable(served.store.name or str(served.store.absolute()))
         hosts = None if served.public else (*LOOPBACK, in_address(served.host).lower())
-        self._admission = Admission(hosts)
+        self._admission = RequestCheck(hosts)
         self._sessions: set[asyncio.Task[None]] = set()
         self._heard: WeakSet[asyncio.BaseTransport] = WeakSet()
         self._page = Template(_file("page.html"))

@@ -18,7 +18,7 @@ class Sized(Protocol):
 V = TypeVar("V", bound=Sized)
 
 
-class Recent:
+class LruCache:
     """The values asked for last, up to `limit` bytes together, at least one; for any thread."""
 
     def __init__(self, limit: int) -> None:

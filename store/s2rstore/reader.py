@@ -17,9 +17,9 @@ from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.index import column_loader
-from s2rstore.index.catalog import Tables
+from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns, RunColumns
-from s2rstore.lru_cache import Recent
+from s2rstore.lru_cache import LruCache
 from s2rstore.records import ArrayRecord, Side
 
 # Which plane of a heatmap's leading axis each mode shows.
@@ -44,7 +44,7 @@ class Frame:
     valid: NDArray[np.bool_]
 
 
-class Store(Tables):
+class Store(IndexCatalog):
     """A store at one generation; close it, or use `with`. Any thread may read it.
 
     `in_use` names the runs whose columns `forget` leaves alone.
@@ -54,10 +54,10 @@ class Store(Tables):
         super().__init__(path, memory, generation)
         self.in_use: frozenset[str] = frozenset()
         self._runs_columns: dict[str, RunColumns] = {}
-        self._columns = Recent(_COLUMN_BYTES)
+        self._columns = LruCache(_COLUMN_BYTES)
         self._arrays: dict[str, StoredArray] = {}
-        self.evaluated = Recent(_EVALUATED_BYTES)
-        self.embeddings = Recent(_EMBEDDING_BYTES)
+        self.evaluated = LruCache(_EVALUATED_BYTES)
+        self.embeddings = LruCache(_EMBEDDING_BYTES)
 
     def __enter__(self) -> Store:
         return self

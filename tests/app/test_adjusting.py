@@ -20,8 +20,8 @@ from s2rtools.precompute.registry import add_run
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers import prompt
 from s2rtui.app.pilot import settle, take
-from s2rtui.canvas import Look
-from s2rtui.security import Access
+from s2rtui.canvas import RenderOptions
+from s2rtui.security import Permissions
 from s2rtui.session import Session
 from tests.support.quiet import Quiet
 
@@ -37,8 +37,8 @@ def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def app_on(store: Path, access: Access | None = None) -> S2RApp:
-    app = S2RApp(Session(store), Look(), access=access)
+def app_on(store: Path, access: Permissions | None = None) -> S2RApp:
+    app = S2RApp(Session(store), RenderOptions(), access=access)
     app.feeding.rest_seconds = 0.001
     return app
 
@@ -306,7 +306,7 @@ async def test_without_the_tools_the_panel_says_how_to_get_them(
 
 
 async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
-    app = app_on(tiny_store, Access.of(tiny_store, restricted=True))
+    app = app_on(tiny_store, Permissions.of(tiny_store, restricted=True))
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         assert app.session.state.view != "adjust"

@@ -15,15 +15,15 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.key_names import key_shown
 from s2rtui.app.pilot import settle, snapshot, take
 from s2rtui.app.widgets.plot import PlotView
-from s2rtui.canvas import ColourMode, Look
+from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.brush_surface import Mark
 from s2rtui.session import Brush, Session
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
 
-def app_on(store: Path, look: Look | None = None, at: Path | None = None) -> S2RApp:
-    app = S2RApp(Session(store), look or Look(), at)
+def app_on(store: Path, look: RenderOptions | None = None, at: Path | None = None) -> S2RApp:
+    app = S2RApp(Session(store), look or RenderOptions(), at)
     app.feeding.rest_seconds = 0.001
     return app
 
@@ -161,21 +161,23 @@ async def test_letters_go_into_the_query_line_while_it_is_open(tiny_store: Path)
 @pytest.mark.parametrize("keys", ["", "m,o", "3,v,o,o", "question_mark", "1,slash"])
 def test_ascii_is_ascii_everywhere(tiny_store: Path, size: tuple[int, int], keys: str) -> None:
     pressed = [key for key in keys.split(",") if key]
-    shot = snapshot(tiny_store, size, pressed, Look(ascii=True))
+    shot = snapshot(tiny_store, size, pressed, RenderOptions(ascii=True))
     strange = {c for c in shot.text if ord(c) > 126}
     assert strange == set()
 
 
 @pytest.mark.parametrize("mode", list(ColourMode))
 def test_every_colour_mode_shows_the_same_text(tiny_store: Path, mode: ColourMode) -> None:
-    text = snapshot(tiny_store, (120, 40), ["w"], Look(mode=mode)).text
+    text = snapshot(tiny_store, (120, 40), ["w"], RenderOptions(mode=mode)).text
     assert "worst15" in text
     assert "vanilla" in text
     assert "6 of 40" in text
 
 
 def test_the_same_keys_give_the_same_picture(tiny_store: Path) -> None:
-    shots = [snapshot(tiny_store, (80, 24), ["w", "right", "3"]).png(Look()) for _ in range(2)]
+    shots = [
+        snapshot(tiny_store, (80, 24), ["w", "right", "3"]).png(RenderOptions()) for _ in range(2)
+    ]
     assert shots[0] == shots[1]
     assert shots[0].startswith(b"\x89PNG")
 

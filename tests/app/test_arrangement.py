@@ -7,14 +7,14 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from s2rtui.app.layout import SMALLEST, Place, Wanted, arrange, size_class
+from s2rtui.app.layout import SMALLEST, LayoutRequest, PaneRectangle, arrange, size_class
 from s2rtui.charts.registry import VIEWS
 
 TABS = [view.name for view in VIEWS if view.pane == "tab"]
 CENTRES = [view.name for view in VIEWS if view.pane == "centre"]
 
 
-def cells(place: Place) -> set[tuple[int, int]]:
+def cells(place: PaneRectangle) -> set[tuple[int, int]]:
     return {
         (x, y)
         for x in range(place.x, place.x + place.width)
@@ -36,7 +36,7 @@ def test_views_fill_their_places(
     view = (tab, centre, "overview")[active]
     size = size_class(width, height)
     inner = height - 3
-    places = arrange(size, width, inner, Wanted(view, centre, tab, rows))
+    places = arrange(size, width, inner, LayoutRequest(view, centre, tab, rows))
     assert view in places
     for place in places.values():
         assert place.width > 0

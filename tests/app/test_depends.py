@@ -11,15 +11,15 @@ import pytest
 
 from s2rstore.records import Bounds
 from s2rtui.app.status_line import shown
-from s2rtui.canvas import Canvas, Look
+from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.canvas.brush_surface import Mark
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.shared import view_inputs
 from s2rtui.charts.view import Resources, RunAccuracies, Scene, View
 from s2rtui.loaders import store_data
 from s2rtui.session import HeatChoice, Session, State
-from s2rtui.session.provenance import HeatOf, about, heat_of, seen_of
-from s2rtui.session.state import Adjust, Awaited, Brush, HistoryFile, Slider
+from s2rtui.session.provenance import HeatProvenance, about, heat_of, seen_of
+from s2rtui.session.state import Adjust, PendingTarget, Brush, HistoryFile, Slider
 from s2rtui.user_data.notebook import Notes, Remark
 from tests.support import gaps, tiny
 
@@ -48,7 +48,7 @@ STATES: dict[str, Callable[[Session, State], object]] = {
     "brush": lambda _, state: Brush("map", Mark("map", BOX)),
     "lasso": lambda _, state: not state.lasso,
     "other": lambda _, state: state.runs[-1],
-    "awaited": lambda _, state: Awaited(state.runs[1], state.generation),
+    "awaited": lambda _, state: PendingTarget(state.runs[1], state.generation),
     "adjust": lambda _, state: replace(ADJUST, values=((SLIDER.key, 1.2),)),
     "map_mode": lambda _, state: "full",
     "overlay": lambda _, state: "run",
@@ -75,7 +75,7 @@ RESOURCES: dict[str, Callable[[Resources], object]] = {
     "pictures": lambda found: replace(found.pictures, iid=3, notes=(("where", "here"),)),
     "pictures_of": lambda found: replace(found.pictures_of, iid=3),
     "grid": lambda found: np.ones((4, 4), dtype=np.float32),
-    "grid_of": lambda found: HeatOf(("another run's",), None),
+    "grid_of": lambda found: HeatProvenance(("another run's",), None),
     "seen": lambda found: np.eye(4, dtype=np.float32),
     "seen_of": lambda found: ("another run's",),
     "live": lambda found: replace(found.live, iid=5, notes=(("real", "else"),)),
@@ -131,7 +131,7 @@ def scene(request: pytest.FixtureRequest, scenes: dict[str, Scene]) -> Scene:
 
 def drawn(view: View, scene: Scene) -> tuple[Canvas, object]:
     draw, depends = shown(view, scene)
-    return draw(SIZE, Look()), depends
+    return draw(SIZE, RenderOptions()), depends
 
 
 def same(first: Canvas, second: Canvas) -> bool:
@@ -211,7 +211,7 @@ def test_what_failed_is_not_being_loaded(session: Session, name: str, feed: str)
     for resources in (Resources(), failed):
         draw, depends = shown(view, Scene(session.store, state, resources))
         keys.append(depends)
-        texts.append("\n".join("".join(row) for row in draw((160, 20), Look()).char))
+        texts.append("\n".join("".join(row) for row in draw((160, 20), RenderOptions()).char))
     assert keys[0] != keys[1]
     assert "no luck" not in texts[0]
     assert "no luck" in texts[1]

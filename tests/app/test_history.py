@@ -12,7 +12,7 @@ import pytest
 from s2rstore.gap_history import reader
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, snapshot, take
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.view import Resources, Scene
 from s2rtui.cli import main
@@ -41,11 +41,11 @@ def store(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> Path:
 
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
 def test_screen(store: Path, size: tuple[int, int]) -> None:
-    check(f"history-week-{size[0]}x{size[1]}", snapshot(store, size, ["G"], Look()).text)
+    check(f"history-week-{size[0]}x{size[1]}", snapshot(store, size, ["G"], RenderOptions()).text)
 
 
 def test_ascii_screen(store: Path) -> None:
-    text = snapshot(store, (80, 24), ["G"], Look(ascii=True)).text
+    text = snapshot(store, (80, 24), ["G"], RenderOptions(ascii=True)).text
     assert text.isascii()
     check("history-week-ascii", text)
 
@@ -56,7 +56,7 @@ def test_a_night_that_is_added_is_seen(tmp_path: Path, tiny_store: Path) -> None
     week = filled(tmp_path, tiny_store, days=4)
 
     async def looked() -> tuple[str, str]:
-        app = S2RApp(Session(week.config.store), Look())
+        app = S2RApp(Session(week.config.store), RenderOptions())
         app.feeding.rest_seconds = 0.001
         async with app.run_test(size=(120, 40)) as pilot:
             await pilot.press("G")
@@ -149,7 +149,7 @@ def test_what_is_missing_is_told(tiny_store: Path, found: reader.History | None,
                                  ) -> None:  # fmt: skip
     session = Session(tiny_store)
     scene = Scene(session.store, session.state, Resources(history=found))
-    text = "\n".join(VIEW.draw(scene, (60, 10), Look()).lines())
+    text = "\n".join(VIEW.draw(scene, (60, 10), RenderOptions()).lines())
     assert told in text
     assert told.capitalize() in VIEW.words(scene) or told in VIEW.words(scene)
     assert VIEW.numbers(scene)[1] == []

@@ -13,12 +13,12 @@ from textual.pilot import Pilot
 
 from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
-from s2rtui.app.messages import Progressed
+from s2rtui.app.messages import LoadProgressed
 from s2rtui.app.pilot import settle, take
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.shared import view_inputs
-from s2rtui.loaders import FEEDS
+from s2rtui.loaders import LOADERS
 from s2rtui.session import Session
 from s2rtui.session.provenance import about
 from s2rtui.session.state import Adjust, Slider
@@ -28,7 +28,7 @@ SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
 
 
 def app_on(store: Path) -> S2RApp:
-    app = S2RApp(Session(store), Look())
+    app = S2RApp(Session(store), RenderOptions())
     app.feeding.rest_seconds = 0.001
     return app
 
@@ -166,21 +166,21 @@ async def test_every_feed_tells_its_own_progress(tiny_store: Path) -> None:
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "o", "C")
         for feed, share in (("heat on the map", 0.25), ("what was seen", 0.5)):
-            app.on_progressed(Progressed(feed, app.feeding._ticket[feed], share))
-        app.on_progressed(Progressed("live", -1, 0.9))
+            app.on_load_progressed(LoadProgressed(feed, app.feeding._ticket[feed], share))
+        app.on_load_progressed(LoadProgressed("live", -1, 0.9))
         await pilot.pause()
         text = take(app).text
         assert "heat on the map 25%, what was seen 50%" in text
-        app.on_fed(_answer(app, "what was seen"))
+        app.on_load_completed(_answer(app, "what was seen"))
         assert app.resources.progress == {"heat on the map": 0.25}
         await press(app, pilot, "A")
         assert app.resources.progress == {}
 
 
 def _answer(app: S2RApp, feed: str):
-    from s2rtui.app.messages import Fed
+    from s2rtui.app.messages import LoadCompleted
 
-    return Fed(feed, app.feeding._ticket[feed], {})
+    return LoadCompleted(feed, app.feeding._ticket[feed], {})
 
 
 async def test_a_slow_feed_starves_no_other(
@@ -198,9 +198,9 @@ async def test_a_slow_feed_starves_no_other(
 
     changed = tuple(
         replace(feed, read=slow, wants=lambda _, state: (state.cursor,), rests=False)
-        if feed.name == "live" else feed for feed in FEEDS
+        if feed.name == "live" else feed for feed in LOADERS
     )  # fmt: skip
-    monkeypatch.setattr(load_scheduler, "FEEDS", changed)
+    monkeypatch.setattr(load_scheduler, "LOADERS", changed)
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         for _ in range(60):

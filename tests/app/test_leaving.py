@@ -17,9 +17,9 @@ import s2rstore
 from s2rtools.precompute.pipeline import Options, precompute
 from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
-from s2rtui.loaders import FEEDS
+from s2rtui.loaders import LOADERS
 from s2rtui.session import Session
 from tests.support.copies import copied
 from tests.support.processes import commands_below, wait_until
@@ -130,10 +130,10 @@ async def test_while_a_feed_is_read(
 
     changed = tuple(
         replace(one, read=endless, wants=lambda *_: (1,), rests=False) if one.name == feed else one
-        for one in FEEDS
+        for one in LOADERS
     )
-    monkeypatch.setattr(load_scheduler, "FEEDS", changed)
-    app = S2RApp(Session(tiny_store), Look())
+    monkeypatch.setattr(load_scheduler, "LOADERS", changed)
+    app = S2RApp(Session(tiny_store), RenderOptions())
     began = 0.0
     try:
         async with app.run_test(size=(120, 40)) as pilot:

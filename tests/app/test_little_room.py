@@ -13,7 +13,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, snapshot, take
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.status_line import status_line
-from s2rtui.canvas import ColourMode, Look
+from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.charts.test_card import card, card_height
 from s2rtui.session import Session
 from s2rtui.terminal import diagnostics
@@ -35,7 +35,7 @@ def test_the_status_line_fits_and_keeps_count_and_expression(
         trajectories=("a",) if narrowed else None,
         expression="x" * length,
     )
-    head, text, tail = status_line(session.store, state, width, Look())
+    head, text, tail = status_line(session.store, state, width, RenderOptions())
     assert state.count in head
     assert text.rstrip("…") == "x" * len(text.rstrip("…"))
     assert len(head + text + tail) <= max(width - 2, len(state.count) + 3 + 8)
@@ -48,7 +48,10 @@ def test_the_status_line_fits_and_keeps_count_and_expression(
 
 def test_the_status_line_leaves_out_what_says_least(session: Session) -> None:
     state = replace(session.state, expression="x" * 20, newest=session.state.generation + 1)
-    lines = ["".join(status_line(session.store, state, width, Look())) for width in range(30, 120)]
+    lines = [
+        "".join(status_line(session.store, state, width, RenderOptions()))
+        for width in range(30, 120)
+    ]
     words = ("traj all", "tiny.s2r", "is there: g", "run vanilla")
     first = [next(i for i, line in enumerate(lines) if word in line) for word in words]
     assert first == sorted(first, reverse=True)
@@ -57,7 +60,7 @@ def test_the_status_line_leaves_out_what_says_least(session: Session) -> None:
 
 @pytest.mark.parametrize("size", [(40, 12), (80, 24)])
 async def test_long_errors_are_read_whole(tiny_store: Path, size: tuple[int, int]) -> None:
-    app = S2RApp(Session(tiny_store), Look())
+    app = S2RApp(Session(tiny_store), RenderOptions())
     app.feeding.rest_seconds = 0.001
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
@@ -76,7 +79,7 @@ async def test_long_errors_are_read_whole(tiny_store: Path, size: tuple[int, int
 
 @pytest.mark.parametrize("size", [(40, 12), (60, 20), (80, 24), (200, 60)])
 async def test_the_doctor_is_seen_to_its_end(tiny_store: Path, size: tuple[int, int]) -> None:
-    app = S2RApp(Session(tiny_store), Look(mode=ColourMode.NONE))
+    app = S2RApp(Session(tiny_store), RenderOptions(mode=ColourMode.NONE))
     app.terminal = detect("auto", False, {"TERM": "vt100", "LANG": "C.UTF-8"})
     async with app.run_test(size=size) as pilot:
         await pilot.press("D")
@@ -101,7 +104,7 @@ async def test_the_doctor_is_seen_to_its_end(tiny_store: Path, size: tuple[int, 
 @given(st.integers(20, 120), st.lists(st.tuples(st.text("ab", max_size=9), st.text("ab c"))))
 def test_a_card_is_as_high_as_it_says(width: int, rows: list[tuple[str, str]]) -> None:
     height = card_height(rows, width)
-    drawn = card(rows, (width, height + 5), Look())
+    drawn = card(rows, (width, height + 5), RenderOptions())
     lines = ["".join(line).rstrip() for line in drawn.char]
     assert not any(lines[height:])
     assert lines[height - 1] or width > 60

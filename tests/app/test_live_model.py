@@ -9,7 +9,7 @@ import pytest
 
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.loaders import live_prediction
 from s2rtui.session import Session, display
 
@@ -33,7 +33,7 @@ async def test_without_its_panel_the_model_rests_and_goes(
 ) -> None:
     bench = Bench()
     monkeypatch.setattr(live_prediction, "_BENCH", bench)
-    app = S2RApp(Session(tiny_store), Look())
+    app = S2RApp(Session(tiny_store), RenderOptions())
     app.feeding.rest_seconds, app.feeding.away_seconds = 0.001, 0.05
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)

@@ -17,18 +17,18 @@ from textual.pilot import Pilot
 
 import s2rstore
 from s2rstore.index import column_loader
-from s2rstore.lru_cache import Recent
+from s2rstore.lru_cache import LruCache
 from s2rtools.precompute.registry import add_run
 from s2rtui.app import pilot as headless
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers.run_save import Savings
 from s2rtui.app.pilot import settle, take
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.brush_surface import Mark
-from s2rtui.jobs.precompute_job import Progress
+from s2rtui.jobs.precompute_job import JobProgress
 from s2rtui.loaders import store_data
 from s2rtui.session import Brush, Session, State, navigation, pending_target, shared_selection
-from s2rtui.session.state import Awaited
+from s2rtui.session.state import PendingTarget
 from tests.support import tiny
 
 RUNS = ("vanilla", "b", "c")
@@ -72,7 +72,7 @@ class Lossy:
 
 
 def app_on(path: Path) -> S2RApp:
-    app = S2RApp(Session(path), Look())
+    app = S2RApp(Session(path), RenderOptions())
     app.feeding.rest_seconds = 0.001
     return app
 
@@ -270,7 +270,7 @@ def test_what_is_selected_while_a_run_is_awaited_is_taken_along(
 ) -> None:
     monkeypatch.setattr(pending_target, "AT_ONCE", 0)
     session = Session(store)
-    session.set(replace(session.state, awaited=Awaited("b", 1, "gap > 0")))
+    session.set(replace(session.state, awaited=PendingTarget("b", 1, "gap > 0")))
     session.select("straight")
     awaited = session.state.awaited
     assert awaited is not None
@@ -284,7 +284,7 @@ def test_a_selection_that_has_to_wait_leaves_the_run_awaited(
     monkeypatch.setattr(pending_target, "AT_ONCE", 0)
     session = Session(store)
     session.waits = True
-    session.set(replace(session.state, awaited=Awaited("b", 1)))
+    session.set(replace(session.state, awaited=PendingTarget("b", 1)))
     for select in (session.choose, partial(shared_selection.take, session)):
         select("real.loss > 0")
         awaited = session.state.awaited
@@ -366,7 +366,7 @@ async def test_a_run_that_cannot_be_turned_to_is_told(
 @pytest.mark.parametrize("is_error", [False, True])
 def test_what_was_told_meanwhile_stays_as_a_run_arrives(store: Path, is_error: bool) -> None:
     session = Session(store)
-    begun(session, awaited=Awaited("b", session.state.generation))
+    begun(session, awaited=PendingTarget("b", session.state.generation))
     session.tell("wrote rows.csv", is_error)
     state = navigation.arrive(session)
     assert (state.run, state.message, state.is_error) == ("b", "wrote rows.csv", is_error)
@@ -377,7 +377,7 @@ def test_what_was_told_meanwhile_stays_as_a_run_arrives(store: Path, is_error: b
 def test_words_about_a_selection_go_as_a_run_arrives(store: Path) -> None:
     session = Session(store)
     session.select("none")
-    begun(session, awaited=Awaited("b", session.state.generation, text="all"))
+    begun(session, awaited=PendingTarget("b", session.state.generation, text="all"))
     assert session.state.message == "nothing is selected"
     assert navigation.arrive(session).message == ""
     session.close()
@@ -409,7 +409,7 @@ async def test_a_saved_run_is_told_once_its_generation_is_read(
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-        progress = Progress(1.0, "published", "done")
+        progress = JobProgress(1.0, "published", "done")
         app.post_message(Savings.Told("dataaug", progress))
         await settle(app, pilot)
         assert app.session.state.generation == app.session.state.newest > 1
@@ -424,7 +424,7 @@ async def test_what_turns_to_a_saved_run_is_true(four_runs: Path, present: int, 
         await settle(app, pilot)
         runs = app.session.state.runs
         app.session.put_run(runs[present])
-        app.post_message(Savings.Told(runs[saved], Progress(1.0, "published", "done")))
+        app.post_message(Savings.Told(runs[saved], JobProgress(1.0, "published", "done")))
         await settle(app, pilot)
         told = app.session.state.message
         assert told.startswith(f"run {runs[saved]} is saved")
@@ -516,7 +516,7 @@ def begun(session: Session, **fields: object) -> tuple[Brush, State]:
 
 def test_brush_and_operator_stay_as_an_awaited_run_arrives(store: Path) -> None:
     session = Session(store)
-    brush, before = begun(session, awaited=Awaited("b", session.state.generation))
+    brush, before = begun(session, awaited=PendingTarget("b", session.state.generation))
     state = navigation.arrive(session)
     assert (state.run, state.awaited) == ("b", None)
     assert (state.brush, state.operator) == (brush, before.operator)
@@ -525,7 +525,7 @@ def test_brush_and_operator_stay_as_an_awaited_run_arrives(store: Path) -> None:
 
 def test_the_awaited_run_may_be_gone_from_the_newer_generation(own_store: Path) -> None:
     session = Session(own_store, "vanilla")
-    begun(session, awaited=Awaited("vanilla", session.state.generation + 1))
+    begun(session, awaited=PendingTarget("vanilla", session.state.generation + 1))
     add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
     fresh = s2rstore.open(own_store)
     del fresh.runs["vanilla"]
@@ -559,7 +559,7 @@ def test_a_session_alone_reads_at_once(store: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_what_two_threads_ask_for_is_made_once() -> None:
-    kept, made, entered = Recent(1000), [], threading.Event()
+    kept, made, entered = LruCache(1000), [], threading.Event()
     go_on = threading.Event()
 
     def slow() -> np.ndarray:
@@ -578,7 +578,7 @@ def test_what_two_threads_ask_for_is_made_once() -> None:
 
 
 def test_what_failed_is_made_by_the_next() -> None:
-    kept = Recent(1000)
+    kept = LruCache(1000)
     with pytest.raises(ZeroDivisionError):
         kept.get("key", lambda: 1 / 0)
     assert kept.get("key", lambda: np.ones(3)).sum() == 3
@@ -624,7 +624,7 @@ def test_the_screen_of_a_state_shows_its_nights(
     opened: list[Session] = []
     monkeypatch.setattr(headless, "S2RApp", lambda made, look: opened.append(made) or 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        headless.screen_of(store, session.state, (800, 480), Look())
+        headless.screen_of(store, session.state, (800, 480), RenderOptions())
     assert opened[0].state is session.state
     assert opened[0].store.in_use == {session.state.run}
     assert not opened[0].notice()

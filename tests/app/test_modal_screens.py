@@ -10,7 +10,7 @@ from textual.widgets import OptionList, Static
 
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 
@@ -25,7 +25,7 @@ LEFT_BY = {
 
 
 def app_on(store: Path) -> S2RApp:
-    app = S2RApp(Session(store, notebooks=Notebook), Look())
+    app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
     app.feeding.rest_seconds = 0.001
     return app
 

@@ -11,7 +11,7 @@ from textual import events
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.app.widgets.plot import Drag, PlotView, Stroke, Turn, Wheel
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.session import Session, display
 
@@ -28,7 +28,7 @@ async def test_moves_never_queue_up(tiny_store: Path, monkeypatch: pytest.Monkey
         return strokes[-1]
 
     monkeypatch.setattr(PlotView.Dragged, "taken", slowly)
-    app = S2RApp(Session(tiny_store), Look())
+    app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         plot = app.query_one("#map", PlotView)
@@ -62,7 +62,7 @@ def test_a_stroke_is_told_once_until_it_is_taken() -> None:
 
 
 async def test_a_mark_that_a_key_applied_is_not_applied_again(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), Look())
+    app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("w")
@@ -80,7 +80,7 @@ async def test_a_mark_that_a_key_applied_is_not_applied_again(tiny_store: Path) 
 
 
 async def test_a_drag_moves_one_slider_though_the_sliders_scroll(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), Look())
+    app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
         await pilot.press("a")
@@ -105,7 +105,7 @@ async def test_a_drag_moves_one_slider_though_the_sliders_scroll(tiny_store: Pat
 
 
 async def test_sliders_are_not_brushed(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), Look())
+    app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("a", "x")
@@ -126,7 +126,7 @@ async def test_turns_of_the_wheel_never_queue_up(
         return turns[-1]
 
     monkeypatch.setattr(PlotView.Wheeled, "taken", slowly)
-    app = S2RApp(Session(tiny_store), Look())
+    app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         plot = app.query_one("#map", PlotView)

@@ -14,22 +14,22 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
 from s2rtui.app.app import S2RApp
-from s2rtui.app.messages import Failed
+from s2rtui.app.messages import BackgroundFailed
 from s2rtui.app.pilot import settle
-from s2rtui.app.widgets.query_input import QueryLine
-from s2rtui.canvas import Look
+from s2rtui.app.widgets.query_input import QueryInput
+from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
 from s2rtui.export.exclusive_files import file, numbered
 from s2rtui.export.rows import formats, selected_instances
 from s2rtui.jobs.background_thread import rest
-from s2rtui.security import Access
+from s2rtui.security import Permissions
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 
 
 def app_on(store: Path, folder: Path, restricted: bool = False) -> S2RApp:
-    access = Access.of(store, restricted)
-    app = S2RApp(Session(store, notebooks=Notebook), Look(), folder, access)
+    access = Permissions.of(store, restricted)
+    app = S2RApp(Session(store, notebooks=Notebook), RenderOptions(), folder, access)
     app.feeding.rest_seconds = 0.001
     return app
 
@@ -41,7 +41,7 @@ async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
 
 
 async def answer(app: S2RApp, pilot: Pilot[None], text: str) -> str:
-    app.query_one(QueryLine).value = text
+    app.query_one(QueryInput).value = text
     await press(app, pilot, "enter")
     return app.session.state.message
 
@@ -104,8 +104,8 @@ def test_rows_of_what_is_selected_are_those_of_its_expression(
 
 
 def test_a_fault_is_told_in_one_line(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), Look())
-    told: list[Failed] = []
+    app = S2RApp(Session(tiny_store), RenderOptions())
+    told: list[BackgroundFailed] = []
     app.post, app._running = told.append, True
 
     def broken() -> None:
@@ -157,7 +157,7 @@ async def test_two_writes_at_a_time_are_two_files(
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("w", "F", "enter", "b", "F")
-        line = app.query_one(QueryLine)
+        line = app.query_one(QueryInput)
         assert line.value == "s2r-selection-002.csv"
         line.value = "s2r-selection-001.csv"
         await pilot.press("enter")

@@ -12,7 +12,7 @@ from textual.pilot import Pilot
 
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session, shared_selection
 from s2rtui.terminal.ascii_filter import plain
 from s2rtui.user_data.notebook import Notebook
@@ -46,7 +46,7 @@ async def test_every_screen_is_ascii(
     session = Session(tiny_store, notebooks=Notebook)
     session.book.save("Flur links │ 廊下", shared_selection.present(session))
     session.book.note(session.state.cursor or 0, "überbelichtet …")
-    app = S2RApp(session, Look(ascii=True))
+    app = S2RApp(session, RenderOptions(ascii=True))
     app.feeding.rest_seconds = 0.001
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
@@ -55,7 +55,7 @@ async def test_every_screen_is_ascii(
 
 
 async def test_ctrl_c_says_how_to_quit(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), Look())
+    app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(80, 24)) as pilot:
         await pressed(app, pilot, "ctrl+c")
         assert "q quits" in take(app).text

@@ -9,14 +9,14 @@ from textual import events
 
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
-from s2rtui.app.widgets.query_input import QueryLine
-from s2rtui.canvas import Look
+from s2rtui.app.widgets.query_input import QueryInput
+from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook
 
 
 def app_on(store: Path) -> S2RApp:
-    app = S2RApp(Session(store, notebooks=Notebook), Look())
+    app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
     app.feeding.rest_seconds = 0.001
     return app
 
@@ -38,7 +38,7 @@ async def test_completion_where_the_cursor_stands(tiny_store: Path, typed: str, 
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("slash")
-        line = app.query_one(QueryLine)
+        line = app.query_one(QueryInput)
         line.value = typed[:at] + typed[at + 1 :]
         line.cursor_position = at
         await pilot.press("tab")
@@ -52,7 +52,7 @@ async def test_completing_again_goes_on_through_the_offers(tiny_store: Path) -> 
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("slash")
-        line = app.query_one(QueryLine)
+        line = app.query_one(QueryInput)
         line.value, line.cursor_position = "room: & all", 5
         seen = []
         for _ in range(3):
@@ -69,7 +69,7 @@ async def test_what_comes_between_two_completions_is_kept(tiny_store: Path, chan
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("slash")
-        line = app.query_one(QueryLine)
+        line = app.query_one(QueryInput)
         line.value, line.cursor_position = "room:", 5
         await pilot.press("tab")
         if change == "paste":
@@ -97,7 +97,7 @@ async def test_a_saved_name_is_told_as_it_can_be_typed(tiny_store: Path) -> None
 
 
 async def test_what_is_told_of_a_line_goes_with_it(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), Look())
+    app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("F")
         assert ".parquet" in app.session.state.message

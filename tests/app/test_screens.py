@@ -15,7 +15,7 @@ import pytest
 
 from s2rstore.reader import Store
 from s2rtui.app.pilot import snapshot
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.shared import view_inputs
 from s2rtui.loaders.live_prediction import Bench
@@ -45,13 +45,13 @@ KEYS |= {
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
 @pytest.mark.parametrize("name", KEYS)
 def test_screen(tiny_store: Path, name: str, size: tuple[int, int]) -> None:
-    shot = snapshot(tiny_store, size, ["w", *KEYS[name]], Look())
+    shot = snapshot(tiny_store, size, ["w", *KEYS[name]], RenderOptions())
     check(f"{name}-{size[0]}x{size[1]}", shot.text)
 
 
 @pytest.mark.parametrize("name", KEYS)
 def test_ascii_screen(tiny_store: Path, name: str) -> None:
-    shot = snapshot(tiny_store, (80, 24), ["w", *KEYS[name]], Look(ascii=True))
+    shot = snapshot(tiny_store, (80, 24), ["w", *KEYS[name]], RenderOptions(ascii=True))
     assert shot.text.isascii()
     check(f"{name}-ascii", shot.text)
 
@@ -96,14 +96,14 @@ def still(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
 @pytest.mark.parametrize("name", OUTSIDE)
 def test_screen_of_more_than_the_store(tiny_store: Path, name: str, size: tuple[int, int]) -> None:
-    shot = snapshot(tiny_store, size, ["w", *OUTSIDE[name]], Look())
+    shot = snapshot(tiny_store, size, ["w", *OUTSIDE[name]], RenderOptions())
     check(f"{name}-{size[0]}x{size[1]}", shot.text)
 
 
 @pytest.mark.usefixtures("still")
 @pytest.mark.parametrize("name", OUTSIDE)
 def test_ascii_screen_of_more_than_the_store(tiny_store: Path, name: str) -> None:
-    shot = snapshot(tiny_store, (80, 24), ["w", *OUTSIDE[name]], Look(ascii=True))
+    shot = snapshot(tiny_store, (80, 24), ["w", *OUTSIDE[name]], RenderOptions(ascii=True))
     assert shot.text.isascii()
     check(f"{name}-ascii", shot.text)
 

@@ -16,7 +16,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers import prompt
 from s2rtui.app.pilot import settle, take
 from s2rtui.app.screens.tour import TourScreen
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.brush_surface import Panel
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import Session, instance_list
@@ -27,7 +27,7 @@ KEYS = {view.name: view.key for view in VIEWS}
 
 
 def app_on(store: Path) -> S2RApp:
-    app = S2RApp(Session(store, notebooks=Notebook), Look())
+    app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
     app.feeding.rest_seconds = 0.001
     return app
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.analysis.bins import choose
-from s2rtui.canvas import DARK, ColourMode, Look
+from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.charts.compare.model import cell_means, difference_model
 from s2rtui.charts.compare.terminal import difference, difference_layout
 from s2rtui.charts.shared.inputs import DifferenceInput
@@ -71,13 +71,13 @@ def three_points() -> DifferenceInput:
 @pytest.mark.parametrize(
     ("look", "glyphs"),
     [
-        (Look(), "▲▼●"),
-        (Look(mode=ColourMode.ANSI), "▲▼●"),
-        (Look(mode=ColourMode.NONE), "+-="),
-        (Look(ascii=True), "+-="),
+        (RenderOptions(), "▲▼●"),
+        (RenderOptions(mode=ColourMode.ANSI), "▲▼●"),
+        (RenderOptions(mode=ColourMode.NONE), "+-="),
+        (RenderOptions(ascii=True), "+-="),
     ],
 )
-def test_signs_say_who_is_better_without_colours(look: Look, glyphs: str) -> None:
+def test_signs_say_who_is_better_without_colours(look: RenderOptions, glyphs: str) -> None:
     view = three_points()
     canvas, layout = difference(view, SIZE, look), difference_layout(view, SIZE, None, look)
     places = np.floor(layout.frame.to_cells(view.truth)).astype(int)

@@ -7,7 +7,7 @@ import pytest
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import fit, panned, sample, zoomed
-from s2rtui.canvas import DARK, ColourMode, Look, heading_arrow
+from s2rtui.canvas import DARK, ColourMode, RenderOptions, heading_arrow
 from s2rtui.canvas.colour import legible, turbo
 from s2rtui.canvas.render_options import ASCII, UNICODE
 from s2rtui.charts.map.model import LINES_UP_TO, by_value, geomap_model, lined
@@ -72,7 +72,7 @@ def test_selected_points_are_turbo_and_the_others_grey() -> None:
 
 def test_digits_stand_for_values_without_colours() -> None:
     view = geomap_input(floor_plan=None, heat=None, rooms=(), cursor=None)
-    look = Look(mode=ColourMode.NONE)
+    look = RenderOptions(mode=ColourMode.NONE)
     canvas, layout = geomap(view, SIZE, look), geomap_layout(view, SIZE, None, look)
     column, row = np.floor(layout.frame.to_cells(view.truth)[59]).astype(int)
     assert canvas.char[row, column + layout.x] == "9"

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2rtui.canvas import DARK, ColourMode, Look
+from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.map.model import geomap_model
 from s2rtui.charts.map.terminal import geomap, geomap_layout
@@ -111,7 +111,7 @@ def test_full_scale_is_the_99th_percentile_of_the_valid() -> None:
     assert full_scale(view) == pytest.approx(np.percentile(both[np.isfinite(both)], 99))
 
 
-def centre_of(view: GeoMapInput, look: Look) -> tuple[int, int]:
+def centre_of(view: GeoMapInput, look: RenderOptions) -> tuple[int, int]:
     layout = geomap_layout(view, SIZE, None, look)
     column, row = np.floor(layout.frame.to_cells(view.truth)[0]).astype(int)
     return int(column) + layout.x, int(row)
@@ -121,7 +121,7 @@ def centre_of(view: GeoMapInput, look: Look) -> tuple[int, int]:
 def test_marks_of_both_sides_lie_where_the_errors_point(y_down: bool) -> None:
     view = one_point((3.0, 0.0), (0.0, 3.0), y_down)
     canvas = geomap(view, SIZE)
-    column, row = centre_of(view, Look())
+    column, row = centre_of(view, RenderOptions())
     assert canvas.char[row, column] == UNICODE.truth
     assert canvas.char[row, column + 2] == UNICODE.sim
     assert tuple(canvas.fg[row, column + 2]) == DARK.sim
@@ -133,7 +133,7 @@ def test_marks_of_both_sides_lie_where_the_errors_point(y_down: bool) -> None:
 def test_equal_errors_overlap_in_a_colour_and_a_glyph_of_their_own() -> None:
     view = one_point((-3.0, 0.0), (-3.0, 0.0))
     canvas = geomap(view, SIZE)
-    column, row = centre_of(view, Look())
+    column, row = centre_of(view, RenderOptions())
     left = (slice(row - 1, row + 2), slice(column - 3, column))
     inked = canvas.char[left] != " "
     assert UNICODE.both in canvas.char[left]
@@ -141,8 +141,8 @@ def test_equal_errors_overlap_in_a_colour_and_a_glyph_of_their_own() -> None:
     assert colours == {DARK.both}
 
 
-@pytest.mark.parametrize("look", [Look(ascii=True), Look(mode=ColourMode.NONE)])
-def test_arrows_with_letters_and_sizes_stand_in_without_colours(look: Look) -> None:
+@pytest.mark.parametrize("look", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)])
+def test_arrows_with_letters_and_sizes_stand_in_without_colours(look: RenderOptions) -> None:
     view = one_point((3.0, 0.0), (-1.0, -1.0))
     canvas = geomap(view, SIZE, look)
     column, row = centre_of(view, look)
@@ -153,7 +153,7 @@ def test_arrows_with_letters_and_sizes_stand_in_without_colours(look: Look) -> N
 
 
 def test_equal_arrows_become_one_with_both_sizes() -> None:
-    look = Look(ascii=True)
+    look = RenderOptions(ascii=True)
     view = one_point((0.0, 1.0), (0.0, 3.0))
     canvas = geomap(view, SIZE, look)
     column, row = centre_of(view, look)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.records import Bounds, Room
-from s2rtui.canvas import DARK, ColourMode, Look
+from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.brush_surface import Mark, panel_at
 from s2rtui.canvas.colour import mix
 from s2rtui.charts.compare.terminal import difference_surface
@@ -23,7 +23,7 @@ LEFT = np.array([[1, 1, 0, 0]] * 2)
 """Only the left half of the map was seen."""
 
 
-def cell_at(x: float, y: float, look: Look | None = None) -> tuple[int, int]:
+def cell_at(x: float, y: float, look: RenderOptions | None = None) -> tuple[int, int]:
     """Row and column of a point on the example's map."""
     layout = geomap_layout(geomap_input(), SIZE, None, look)
     column, row = layout.frame.to_cells([[x, y]])[0].astype(int)
@@ -40,8 +40,8 @@ def test_what_was_not_seen_is_dimmed_and_the_rest_is_as_before(clip: np.ndarray)
     assert (np.abs(after.bg[hidden].astype(int) - expected) <= 1).all()
 
 
-@pytest.mark.parametrize("look", [Look(ascii=True), Look(mode=ColourMode.ANSI)])
-def test_glyphs_of_the_ground_are_dropped_where_nothing_was_seen(look: Look) -> None:
+@pytest.mark.parametrize("look", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.ANSI)])
+def test_glyphs_of_the_ground_are_dropped_where_nothing_was_seen(look: RenderOptions) -> None:
     view = geomap_input(cursor=None, rooms=(), clip=1 - LEFT)
     whole = geomap(replace(view, clip=None), SIZE, look)
     clipped = geomap(view, SIZE, look)
@@ -110,8 +110,8 @@ def test_the_panel_is_where_points_are_drawn() -> None:
 
 
 @pytest.mark.parametrize("mode", ["colour", "glyph", "full"])
-@pytest.mark.parametrize("look", [Look(), Look(mode=ColourMode.NONE, ascii=True)])
-def test_a_mark_is_drawn_at_its_metres(mode: str, look: Look) -> None:
+@pytest.mark.parametrize("look", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)])
+def test_a_mark_is_drawn_at_its_metres(mode: str, look: RenderOptions) -> None:
     view = geomap_input(mode=mode, cursor=None, mark=Mark("map", ((2.0, 1.0), (12.0, 9.0))))
     canvas = geomap(view, SIZE, look)
     (panel,) = geomap_surface(view, SIZE, look)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.canvas import DARK, ColourMode, Look
+from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.brush_surface import Mark
 from s2rtui.canvas.colour import mix
 from s2rtui.charts.errors.model import histogram_model
@@ -21,7 +21,7 @@ from tests.charts.examples import N, histogram_input
 SIZE = 31
 columns = arrays.arrays(np.float64, SIZE, elements=st.floats(0, 20) | st.just(np.nan))
 masks = arrays.arrays(np.bool_, SIZE)
-PALETTE = Look(mode=ColourMode.PALETTE)
+PALETTE = RenderOptions(mode=ColourMode.PALETTE)
 
 
 def test_counts_are_all_valid_and_the_selected_of_them() -> None:
@@ -99,7 +99,7 @@ def test_selected_bars_have_their_sides_colour_and_the_rest_is_grey() -> None:
 
 
 def test_selected_bars_differ_by_glyph_without_colours() -> None:
-    for look, lit in ((Look(mode=ColourMode.NONE), "█"), (Look(ascii=True), "#")):
+    for look, lit in ((RenderOptions(mode=ColourMode.NONE), "█"), (RenderOptions(ascii=True), "#")):
         assert any(lit in line for line in histogram(histogram_input(), (60, 12), look).lines())
 
 

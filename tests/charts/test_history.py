@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from s2rtui.canvas import DARK, LIGHT, Look, Theme
+from s2rtui.canvas import DARK, LIGHT, RenderOptions, Theme
 from s2rtui.charts.history.model import HistoryInput, history_model
 from s2rtui.charts.history.paper import history_figure
 from s2rtui.charts.history.terminal import LABELS, Rows, history, history_layout, sign
@@ -56,7 +56,7 @@ def test_each_night_stands_at_its_day_and_height(size: tuple[int, int]) -> None:
             column = layout.column(day, model)
             chart, limit = Rows(model.scale, top, rows), float(model.thresholds[at])
             row = chart.of(float(track.value[at]), limit)
-            assert canvas.char[row, column] == sign(track.words[at], Look())
+            assert canvas.char[row, column] == sign(track.words[at], RenderOptions())
             drawn = [y for y in range(top, top + rows) if canvas.char[y, column] not in " ─"]
             ends = [chart.of(float(end[at]), limit) for end in (track.high, track.low)]
             assert (drawn[0], drawn[-1]) == tuple(ends)
@@ -111,7 +111,7 @@ def test_a_small_screen_shows_the_headline_and_the_worst_axes() -> None:
 
 
 def test_words_need_no_colour() -> None:
-    for look in (Look(), Look(ascii=True)):
+    for look in (RenderOptions(), RenderOptions(ascii=True)):
         signs = {sign(word, look) for word in ("PASS", "FAIL", "INCONCLUSIVE", "SKIPPED")}
         assert len(signs) == 4
 
@@ -148,7 +148,9 @@ def test_a_wild_gap_leaves_the_others_on_their_side_of_the_threshold(size: tuple
         (line,) = (y for y in range(top, top + rows) if canvas.char[y, column] == "─")
         for at, day in enumerate(model.days.tolist()):
             glyphs = canvas.char[top : top + rows, layout.column(day, model)]
-            (row,) = (top + y for y in np.flatnonzero(glyphs == sign(track.words[at], Look())))
+            (row,) = (
+                top + y for y in np.flatnonzero(glyphs == sign(track.words[at], RenderOptions()))
+            )
             value = float(track.value[at])
             assert (row < line, row > line) == (value > 10, value < 10), (value, row, line)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2rtui.canvas import ColourMode, Look
+from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.colour import NO_DEPTH
 from s2rtui.charts.instance.model import heat_colours, instance_model, panel_pixels
 from s2rtui.charts.instance.terminal import instance, instance_layout
@@ -75,8 +75,8 @@ def test_no_minus_zero_and_no_nan() -> None:
     assert model.poses[0].cells[:3] == ("0.00", "n/a", "0.0")
 
 
-@pytest.mark.parametrize("look", [Look(ascii=True), Look(mode=ColourMode.NONE)])
-def test_heat_becomes_digits_and_letters_where_it_cannot_be_colour(look: Look) -> None:
+@pytest.mark.parametrize("look", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)])
+def test_heat_becomes_digits_and_letters_where_it_cannot_be_colour(look: RenderOptions) -> None:
     view = instance_input()
     layout = instance_layout(view, (60, 60), look)
     heat = [panel for panel in layout.panels if panel.what == "heat"]

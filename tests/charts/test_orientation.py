@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.canvas import DARK, ColourMode, Look
+from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.brush_surface import Mark
 from s2rtui.canvas.pending_brush import arc_of, wrapped
 from s2rtui.charts.orientation.dial import bar_dots, dial_of
@@ -83,8 +83,10 @@ def test_means_of_many_are_close_and_exact_on_few_directions() -> None:
     [(2, True, "right"), (92, True, "down"), (92, False, "up"), (-88, True, "up"),
      (178, True, "left")],
 )  # fmt: skip
-@pytest.mark.parametrize("look", [Look(), Look(ascii=True)])
-def test_bars_point_as_on_the_map(degrees: float, y_down: bool, way: str, look: Look) -> None:
+@pytest.mark.parametrize("look", [RenderOptions(), RenderOptions(ascii=True)])
+def test_bars_point_as_on_the_map(
+    degrees: float, y_down: bool, way: str, look: RenderOptions
+) -> None:
     size = (120, 24)
     view = one_way(degrees, y_down=y_down)
     canvas = orientation(view, size, look)
@@ -162,7 +164,10 @@ def test_strips_take_over_where_dials_are_too_small(size: tuple[int, int]) -> No
 
 def test_selected_and_others_differ_without_colours() -> None:
     none = np.zeros(N, dtype=np.bool_)
-    for look, lit in ((Look(mode=ColourMode.NONE), "▀▄█▌▐▘▝▖▗▛▜▙▟"), (Look(ascii=True), "#")):
+    for look, lit in (
+        (RenderOptions(mode=ColourMode.NONE), "▀▄█▌▐▘▝▖▗▛▜▙▟"),
+        (RenderOptions(ascii=True), "#"),
+    ):
         size = (120, 24)
         drawn = "".join(orientation(one_way(10), size, look).lines()[3:])
         grey = "".join(orientation(one_way(10, selected=none), size, look).lines()[3:])
@@ -208,7 +213,7 @@ def test_a_brush_turns_from_its_first_end_to_its_last(ends, arc) -> None:
 def test_a_pending_arc_is_lit_and_its_ends_marked(size: tuple[int, int]) -> None:
     mark = Mark("truth", ((170.0, 1.0), (-120.0, 1.0)))
     view = orientation_input(mark=mark, cursor=None)
-    canvas = orientation(view, size, Look(mode=ColourMode.NONE))
+    canvas = orientation(view, size, RenderOptions(mode=ColourMode.NONE))
     _, truth, _ = surface(view, size)
     assert "".join(canvas.lines()).count("+") == 2
     ground = (canvas.bg == DARK.highlight).all(axis=-1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from s2rtui.canvas import DARK, ColourMode, Look
+from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.charts.overview.layout import overview_layout
 from s2rtui.charts.overview.model import overview_model
 from s2rtui.charts.overview.terminal import overview
@@ -53,7 +53,9 @@ def test_selected_line_is_marked_by_glyph_and_ground() -> None:
 
 
 def test_colours_are_doubled_by_letters_in_ascii() -> None:
-    text = "\n".join(overview(ROWS, 0.72, 0, SIZE, Look(mode=ColourMode.NONE, ascii=True)).lines())
+    text = "\n".join(
+        overview(ROWS, 0.72, 0, SIZE, RenderOptions(mode=ColourMode.NONE, ascii=True)).lines()
+    )
     assert text.isascii()
     assert "S" in text
     assert "R" in text

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.canvas import DARK, ColourMode, Look
+from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.brush_surface import Mark, panel_at
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.overview import line_density as module
@@ -175,7 +175,7 @@ def test_selected_lines_have_their_sides_hue_and_the_rest_is_grey(side: str) -> 
 def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> None:
     lines = overview_lines(selected=np.zeros(N, dtype=np.bool_), cursor=None)
     everything = replace(lines, selected=np.ones(N, dtype=np.bool_))
-    look = Look(mode=ColourMode.NONE)
+    look = RenderOptions(mode=ColourMode.NONE)
 
     def ink(view: OverviewLines) -> int:
         drawn = "".join(overview(ROWS, None, None, SIZE, look, view).lines())
@@ -184,7 +184,7 @@ def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> 
         )
 
     assert 0 < ink(lines) < 0.75 * ink(everything)
-    plain = Look(mode=ColourMode.NONE, ascii=True)
+    plain = RenderOptions(mode=ColourMode.NONE, ascii=True)
     layout = overview_layout(ROWS, None, SIZE, lines)
     for view, glyphs in ((lines, "."), (everything, "'+*#")):
         band = overview(ROWS, None, None, SIZE, plain, view).lines()[
@@ -259,8 +259,8 @@ def test_the_leftmost_column_takes_all_that_is_drawn_there() -> None:
     assert overview_surface(ROWS, 0.72, 1, SIZE)[0].to_data(panel.x + 0.5, panel.y)[0] > 0.5
 
 
-@pytest.mark.parametrize("look", [Look(), Look(mode=ColourMode.NONE, ascii=True)])
-def test_a_marked_range_stands_between_ends_on_its_run(look: Look) -> None:
+@pytest.mark.parametrize("look", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)])
+def test_a_marked_range_stands_between_ends_on_its_run(look: RenderOptions) -> None:
     lines = overview_lines()
     mark = Mark("dataaug", ((0.75, 0.0), (0.9, 0.0)))
     canvas = overview(ROWS, 0.72, 0, SIZE, look, lines, mark)

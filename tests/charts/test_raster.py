@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2rtui.canvas import Canvas, ColourMode, Look
+from s2rtui.canvas import Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.raster import (
     braille,
     braille_bits,
@@ -64,8 +64,8 @@ def test_a_dot_on_a_picture_keeps_its_mean_as_ground() -> None:
     assert canvas.bg[0, 0].tolist() == [150, 0, 0]
 
 
-@pytest.mark.parametrize("look", [Look(ascii=True), Look(mode=ColourMode.NONE)])
-def test_without_half_blocks_brightness_becomes_density(look: Look) -> None:
+@pytest.mark.parametrize("look", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)])
+def test_without_half_blocks_brightness_becomes_density(look: RenderOptions) -> None:
     pixels = np.zeros((2, 3, 3), dtype=np.uint8)
     pixels[:, 1], pixels[:, 2] = 128, 255
     canvas = Canvas(3, 1)

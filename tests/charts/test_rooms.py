@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.canvas import DARK, ColourMode, Look
+from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.brush_surface import Mark
 from s2rtui.charts.rooms.model import rooms_model
 from s2rtui.charts.rooms.terminal import rooms, rooms_layout, rooms_surface
@@ -64,7 +64,7 @@ def test_bars_share_one_scale_and_are_as_long_as_their_counts() -> None:
         valid=np.ones(N, dtype=np.bool_),
         cursor=None,
     )
-    canvas = rooms(view, (76, 4), Look(mode=ColourMode.NONE))
+    canvas = rooms(view, (76, 4), RenderOptions(mode=ColourMode.NONE))
     layout = rooms_layout(view, (76, 4))
     for x, _ in layout.columns:
         bar = slice(x + layout.gutter, x + layout.gutter + layout.bar)
@@ -110,8 +110,10 @@ def test_the_cursors_room_is_marked_in_each_column(size: tuple[int, int]) -> Non
         assert found == [room if room >= 0 else len(ROOM_NAMES)]
 
 
-@pytest.mark.parametrize("look", [Look(), Look(mode=ColourMode.NONE), Look(ascii=True)])
-def test_pending_steps_are_pointed_at_in_their_column(look: Look) -> None:
+@pytest.mark.parametrize(
+    "look", [RenderOptions(), RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)]
+)
+def test_pending_steps_are_pointed_at_in_their_column(look: RenderOptions) -> None:
     view = rooms_input(mark=Mark("truth", ((0.0, 3.0), (0.0, 1.0))), cursor=20)
     canvas = rooms(view, SIZE, look)
     found = np.argwhere(canvas.char == look.glyphs.pointer)

@@ -11,32 +11,32 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from s2rtui.analysis import identity_cache as same
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 
 
 def test_the_same_array_is_worked_out_once() -> None:
     asked = []
 
-    @kept(4)
-    def doubled(values: Same, factor: int) -> np.ndarray:
+    @cached_by_identity(4)
+    def doubled(values: ArrayKey, factor: int) -> np.ndarray:
         asked.append(factor)
         return np.asarray(values.array) * factor
 
     first, equal = np.arange(3), np.arange(3)
-    assert doubled(Same(first), 2) is doubled(Same(first), 2)
-    assert doubled(Same(equal), 2) is not doubled(Same(first), 2)
-    doubled(Same(first), 3)
+    assert doubled(ArrayKey(first), 2) is doubled(ArrayKey(first), 2)
+    assert doubled(ArrayKey(equal), 2) is not doubled(ArrayKey(first), 2)
+    doubled(ArrayKey(first), 3)
     assert asked == [2, 2, 3]
 
 
 def test_a_result_goes_with_any_of_its_arrays() -> None:
-    @kept(4)
-    def total(pair: tuple[Same, Same], more: Same) -> np.ndarray:
+    @cached_by_identity(4)
+    def total(pair: tuple[ArrayKey, ArrayKey], more: ArrayKey) -> np.ndarray:
         return sum(np.asarray(same.array) for same in (*pair, more))
 
     arrays = [np.ones(3) for _ in range(3)]
     for gone in range(3):
-        result = weakref.ref(total((Same(arrays[0]), Same(arrays[1])), Same(arrays[2])))
+        result = weakref.ref(total((ArrayKey(arrays[0]), ArrayKey(arrays[1])), ArrayKey(arrays[2])))
         assert result() is not None
         arrays[gone] = np.ones(3)
         gc.collect()
@@ -44,35 +44,35 @@ def test_a_result_goes_with_any_of_its_arrays() -> None:
 
 
 def test_only_the_last_are_kept() -> None:
-    @kept(2)
-    def copied(values: Same) -> np.ndarray:
+    @cached_by_identity(2)
+    def copied(values: ArrayKey) -> np.ndarray:
         return np.array(values.array)
 
     arrays = [np.arange(n) for n in range(4)]
-    results = [weakref.ref(copied(Same(array))) for array in arrays]
+    results = [weakref.ref(copied(ArrayKey(array))) for array in arrays]
     assert [result() is None for result in results] == [True, True, False, False]
 
 
 def test_a_new_array_in_an_old_place_is_another() -> None:
     array = np.arange(5)
-    key = Same(array)
+    key = ArrayKey(array)
     del array
     gc.collect()
     others = [np.arange(5) for _ in range(50)]
     assert key.array is None
-    assert all(key != Same(other) for other in others)
+    assert all(key != ArrayKey(other) for other in others)
     assert key == key
-    assert Same(None) == Same(None)
-    assert Same(None) != Same(others[0])
+    assert ArrayKey(None) == ArrayKey(None)
+    assert ArrayKey(None) != ArrayKey(others[0])
 
 
 def test_many_threads_ask_while_arrays_go() -> None:
-    @kept(3)
-    def negative(values: Same) -> np.ndarray:
+    @cached_by_identity(3)
+    def negative(values: ArrayKey) -> np.ndarray:
         return -np.asarray(values.array)
 
     def work(seed: int) -> bool:
-        return all((negative(Same(a)) == -a).all() for a in (np.full(9, i) for i in range(300)))
+        return all((negative(ArrayKey(a)) == -a).all() for a in (np.full(9, i) for i in range(300)))
 
     with ThreadPoolExecutor(4) as pool:
         assert all(pool.map(work, range(8)))
@@ -92,19 +92,19 @@ def test_a_result_goes_after_its_lock() -> None:
     """As it goes, another thread can ask the same function."""
     asked: list[bool] = []
 
-    @kept(1)
-    def made(values: Same, number: int) -> Last:
+    @cached_by_identity(1)
+    def made(values: ArrayKey, number: int) -> Last:
         return Last(elsewhere)
 
     def elsewhere() -> None:
-        thread = threading.Thread(target=made, args=(Same(other), 1), daemon=True)
+        thread = threading.Thread(target=made, args=(ArrayKey(other), 1), daemon=True)
         thread.start()
         thread.join(5)
         asked.append(not thread.is_alive())
 
     array, other = np.ones(3), np.zeros(3)
-    made(Same(other), 1)
-    made(Same(array), 2)
+    made(ArrayKey(other), 1)
+    made(ArrayKey(array), 2)
     del array
     assert asked
     assert all(asked)
@@ -113,11 +113,11 @@ def test_a_result_goes_after_its_lock() -> None:
 def test_an_array_that_dies_waits_for_no_lock() -> None:
     """It may die in a thread that must not wait: the lock's owner may wait for that one."""
     arrays = [np.ones(3)]
-    Same(arrays[0])
+    ArrayKey(arrays[0])
     with same._MAKING:
         dying = threading.Thread(target=arrays.clear, daemon=True)
         dying.start()
         dying.join(5)
         assert not dying.is_alive()
-    Same(np.ones(3))
+    ArrayKey(np.ones(3))
     assert not same._GONE

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rtui.canvas import LIGHT, Canvas, ColourMode, Look
+from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.brush_surface import Mark
 from s2rtui.charts.compare.terminal import difference
 from s2rtui.charts.errors.terminal import histogram
@@ -36,7 +36,7 @@ from tests.charts.examples import (
 )
 from tests.support import gaps
 
-Draw = Callable[[tuple[int, int], Look], Canvas]
+Draw = Callable[[tuple[int, int], RenderOptions], Canvas]
 BOX = Mark("map", ((2.0, 2.0), (9.0, 5.0)))
 LASSO = Mark("map", ((2.0, 2.0), (9.0, 5.0), (4.0, 8.0)), lasso=True)
 VIEWS: dict[str, Draw] = {
@@ -81,19 +81,21 @@ VIEWS: dict[str, Draw] = {
     ),
 }
 LOOKS = [
-    Look(),
-    Look(theme=LIGHT, mode=ColourMode.PALETTE),
-    Look(mode=ColourMode.ANSI),
-    Look(mode=ColourMode.NONE),
-    Look(mode=ColourMode.PALETTE, ascii=True),
-    Look(mode=ColourMode.NONE, ascii=True),
+    RenderOptions(),
+    RenderOptions(theme=LIGHT, mode=ColourMode.PALETTE),
+    RenderOptions(mode=ColourMode.ANSI),
+    RenderOptions(mode=ColourMode.NONE),
+    RenderOptions(mode=ColourMode.PALETTE, ascii=True),
+    RenderOptions(mode=ColourMode.NONE, ascii=True),
 ]
 
 
 @pytest.mark.parametrize("name", VIEWS)
 @settings(max_examples=40, deadline=None)
 @given(width=st.integers(1, 30), height=st.integers(1, 10), look=st.sampled_from(LOOKS))
-def test_small_sizes_are_filled_exactly(name: str, width: int, height: int, look: Look) -> None:
+def test_small_sizes_are_filled_exactly(
+    name: str, width: int, height: int, look: RenderOptions
+) -> None:
     canvas = VIEWS[name]((width, height), look)
     assert canvas.char.shape == (height, width)
     strips = to_strips(canvas, look.mode, look.ascii)
@@ -104,5 +106,5 @@ def test_small_sizes_are_filled_exactly(name: str, width: int, height: int, look
 @pytest.mark.parametrize("name", VIEWS)
 def test_ascii_holds_at_every_size(name: str, size: tuple[int, int]) -> None:
     for mode in (ColourMode.PALETTE, ColourMode.NONE):
-        canvas = VIEWS[name](size, Look(mode=mode, ascii=True))
+        canvas = VIEWS[name](size, RenderOptions(mode=mode, ascii=True))
         assert "".join(canvas.lines()).isascii()

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.brush_surface import Panel
 from s2rtui.charts.errors.terminal import histogram_surface
 from s2rtui.charts.orientation.terminal import orientation_surface
@@ -17,7 +17,7 @@ from s2rtui.charts.rooms.terminal import rooms_surface
 from s2rtui.charts.umap.terminal import umap_surface
 from tests.charts.examples import histogram_input, orientation_input, rooms_input, umap_input
 
-Surface = Callable[[tuple[int, int], Look], tuple[Panel, ...]]
+Surface = Callable[[tuple[int, int], RenderOptions], tuple[Panel, ...]]
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
     "umap": (lambda size, look: umap_surface(umap_input(), size, look), "plane", ("sim", "real")),
     "orientation": (
@@ -55,7 +55,7 @@ def test_the_middle_of_a_cell_comes_back(
     name: str, width: int, height: int, ascii: bool, across: float, down: float
 ) -> None:
     surface, shape, names = VIEWS[name]
-    panels = surface((width, height), Look(ascii=ascii))
+    panels = surface((width, height), RenderOptions(ascii=ascii))
     assert tuple(panel.name for panel in panels) == names[: len(panels)]
     for panel in panels:
         assert panel.shape == shape
@@ -74,7 +74,7 @@ def test_the_middle_of_a_cell_comes_back(
 @given(width=st.integers(1, 120), height=st.integers(1, 40))
 def test_panels_lie_within_the_view_and_apart(name: str, width: int, height: int) -> None:
     seen = np.zeros((height, width), dtype=np.intp)
-    for panel in VIEWS[name][0]((width, height), Look()):
+    for panel in VIEWS[name][0]((width, height), RenderOptions()):
         assert panel.x + panel.width <= width
         assert panel.y + panel.height <= height
         seen[panel.y : panel.y + panel.height, panel.x : panel.x + panel.width] += 1
@@ -85,4 +85,4 @@ def test_panels_lie_within_the_view_and_apart(name: str, width: int, height: int
 def test_all_panels_are_there_at_the_usual_sizes(name: str) -> None:
     surface, _, names = VIEWS[name]
     for size in ((50, 9), (50, 10), (80, 22), (200, 56)):
-        assert tuple(panel.name for panel in surface(size, Look())) == names
+        assert tuple(panel.name for panel in surface(size, RenderOptions())) == names

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.charts.table.terminal import (
     TableColumn,
     TableInput,
@@ -40,7 +40,7 @@ def test_every_line_is_the_row_of_its_place(width: int, height: int, cursor: int
             wanted = [str(iid), f"{iid / 7:.2f}", "room", str(iid)]
             assert words[int(iid == cursor) :] == wanted[: len(words) - int(iid == cursor)]
     if cursor is not None:
-        marked = (canvas.bg == Look().theme.highlight).all(axis=-1).all(axis=1)
+        marked = (canvas.bg == RenderOptions().theme.highlight).all(axis=-1).all(axis=1)
         assert [int(ROWS[layout.row_at(int(y)) or 0]) for y in np.flatnonzero(marked)] == [cursor]
 
 
@@ -62,7 +62,8 @@ def test_the_sorting_column_shows_which_way(descending: bool, arrow: str) -> Non
     head = table(view, (40, 5)).lines()[0]
     assert head.split() == ["iid", f"error{arrow}", "room"]
     assert (
-        "error" + ("v" if descending else "^") in table(view, (40, 5), Look(ascii=True)).lines()[0]
+        "error" + ("v" if descending else "^")
+        in table(view, (40, 5), RenderOptions(ascii=True)).lines()[0]
     )
 
 

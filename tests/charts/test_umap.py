@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.canvas import DARK, LIGHT, ColourMode, Look
+from s2rtui.canvas import DARK, LIGHT, ColourMode, RenderOptions
 from s2rtui.canvas.brush_surface import Mark
 from s2rtui.canvas.colour import legible, turbo
 from s2rtui.charts.umap.model import LEVELS, umap_frame, umap_model
@@ -114,7 +114,7 @@ def test_one_selected_point_has_the_colour_of_its_value(theme) -> None:
     selected = np.arange(N) == 20
     values = np.full(N, 3.3)
     view = umap_input(selected=selected, values=values, value_range=(0.0, 4.0), cursor=None)
-    canvas = umap(view, SIZE, Look(theme=theme))
+    canvas = umap(view, SIZE, RenderOptions(theme=theme))
     sim, _ = umap_surface(view, SIZE)
     column, row = (int(part) for part in sim.to_cells(*view.sim[20]))
     level = math.floor(3.3 / 4 * LEVELS)
@@ -128,7 +128,7 @@ def test_digits_stand_for_colours_where_those_lack() -> None:
     values = np.zeros(N)
     values[45], values[50] = 4.0, np.nan
     view = umap_input(selected=selected, values=values, value_range=(0.0, 4.0), cursor=None)
-    for look in (Look(mode=ColourMode.NONE), Look(ascii=True)):
+    for look in (RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)):
         canvas = umap(view, SIZE, look)
         sim, _ = umap_surface(view, SIZE, look)
         for iid, digit in ((20, "0"), (45, "9"), (50, "?")):

@@ -10,7 +10,7 @@ import pytest
 
 import s2rstore
 from s2rtui.app.pilot import snapshot
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.charts.shared import view_inputs
 from s2rtui.cli import main
 from s2rtui.export.report import examples
@@ -61,7 +61,7 @@ def test_the_application_shows_what_there_is(
     for domain in ("sim", "real"):
         if gone in (domain, "both"):
             shutil.rmtree(own_store / "frames.zarr" / domain)
-    text = snapshot(own_store, size, ["3"], Look()).text
+    text = snapshot(own_store, size, ["3"], RenderOptions()).text
     assert "no such array" not in text
     if size[1] >= 24:
         assert "ranks" in text

@@ -15,12 +15,12 @@ from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
 from s2rstore.metrics import pose_metrics, run_metrics
 from s2rtui.cli import main
-from s2rtui.export.report.request import Asked, Request
+from s2rtui.export.report.request import ReportRequest, RequestedSelection
 from s2rtui.export.report.write import report
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import tiny
 
-WORST = Request((Asked("worst15"),), runs=("dataaug",), dark=False)
+WORST = ReportRequest((RequestedSelection("worst15"),), runs=("dataaug",), dark=False)
 VOID = ("img", "meta", "source", "br", "hr", "input", "link")
 
 
@@ -143,7 +143,7 @@ def test_the_same_bytes_again_and_a_date_only_where_given(tiny_store: Path) -> N
 
 
 def test_dark_figures_follow_dark_screens(tiny_store: Path) -> None:
-    request = Request((Asked("ids(3)"),))
+    request = ReportRequest((RequestedSelection("ids(3)"),))
     page = Page(report(tiny_store, request).decode())
     sources = page.named("source")
     assert len(sources) == 2 + 4
@@ -196,16 +196,22 @@ def test_given_expressions_runs_and_saved_ones(tiny_store: Path, tmp_path: Path)
 
 def test_one_run_alone_has_nothing_to_compare(tmp_path: Path) -> None:
     path = tiny.build(tmp_path / "one.s2r", runs=("only",))
-    page = Page(report(path, Request((Asked("none"), Asked("all")), dark=False)).decode())
+    page = Page(
+        report(
+            path, ReportRequest((RequestedSelection("none"), RequestedSelection("all")), dark=False)
+        ).decode()
+    )
     assert len(page.named("img")) == 1 + 4 + 3 * 4
     assert "Nothing is selected." in page.said("p")
 
 
 def test_heat_lies_on_the_images_where_asked_for(tiny_store: Path) -> None:
-    request = Request((Asked("ids(3)"),), heat="occlusion:rgb", dark=False)
+    request = ReportRequest((RequestedSelection("ids(3)"),), heat="occlusion:rgb", dark=False)
     page = Page(report(tiny_store, request).decode())
     assert any("occlusion rgb" in text for text in page.said("figcaption"))
-    plain = Page(report(tiny_store, Request((Asked("ids(3)"),), dark=False)).decode())
+    plain = Page(
+        report(tiny_store, ReportRequest((RequestedSelection("ids(3)"),), dark=False)).decode()
+    )
     assert [i["src"] for i in plain.named("img")] != [i["src"] for i in page.named("img")]
     assert not any("occlusion" in text for text in plain.said("figcaption"))
 
@@ -236,7 +242,9 @@ def test_a_wrong_request_is_one_line(
 
 def test_an_unknown_name_is_refused_before_anything_is_drawn(tiny_store: Path) -> None:
     begun: list[str] = []
-    request = Request((Asked("all"), Asked("@nobody")), runs=("dataaug",))
+    request = ReportRequest(
+        (RequestedSelection("all"), RequestedSelection("@nobody")), runs=("dataaug",)
+    )
     with pytest.raises(RequestError, match=r"no saved selection 'nobody', nor any other$"):
         report(tiny_store, request, lambda done, total, what: begun.append(what))
     assert not begun

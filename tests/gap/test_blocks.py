@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtools.gap import blocks
-from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.bootstrap_correction import widened
 from s2rtools.gap.task.group_metrics import mean_replicates
 from s2rtools.gap.visual.block_mmd import paired
@@ -95,7 +95,7 @@ def test_intervals_hold_the_truth_where_each_trajectory_has_a_level_of_its_own()
     for seed in range(200):
         values = np.repeat(rng.normal(size=8), 30) + rng.normal(size=240)
         for name, each in (("trajectories", cut), ("blocks", cut.apart())):
-            drawn = mean_replicates(values, each, Settings(200, seed))
+            drawn = mean_replicates(values, each, GapSettings(200, seed))
             low, high = np.percentile(drawn, [2.5, 97.5])
             held[name] += low <= 0 <= high
     assert held["trajectories"] / 200 >= 0.9

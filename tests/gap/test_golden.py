@@ -12,10 +12,10 @@ import pytest
 import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.metrics.run_metrics import held_out
-from s2rtools.gap.axis_result import Evidence, Settings
+from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.gate import golden_run
 
-SETTINGS = Settings(replicates=300)
+SETTINGS = GapSettings(replicates=300)
 
 
 @pytest.fixture(scope="module")

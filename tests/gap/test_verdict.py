@@ -14,23 +14,23 @@ from hypothesis import strategies as st
 from s2rstore.errors import RequestError
 from s2rstore.gap_history.gate_status import outcome_of
 from s2rstore.metrics.pose_metrics import Interval
-from s2rtools.gap.axis_result import Anchor, Measured, Settings
+from s2rtools.gap.axis_result import Anchor, AxisResult, GapSettings
 from s2rtools.gap.gate import reference
 from s2rtools.gap.gate.verdict import judge
 from s2rtools.gap.measure import Measurement
 
-SETTINGS = Settings(replicates=400)
+SETTINGS = GapSettings(replicates=400)
 
 
-def measured(axis: str, value: float, spread: float = 0.01, floor: float = 0.1) -> Measured:
+def measured(axis: str, value: float, spread: float = 0.01, floor: float = 0.1) -> AxisResult:
     rng = np.random.default_rng(len(axis))
     noise, shared = rng.normal(0, spread, (2, SETTINGS.replicates))
-    return Measured(
+    return AxisResult(
         axis, value, floor, 50, value + shared + noise, floor + shared, {"features": "f", "n": 50}
     )
 
 
-def found(*axes: Measured) -> Measurement:
+def found(*axes: AxisResult) -> Measurement:
     return Measurement({each.axis: each for each in axes}, {}, {})
 
 

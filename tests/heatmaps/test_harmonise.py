@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rstore.geometry.reprojection import Correction, Crossing, NearerSurface
+from s2rstore.geometry.reprojection import NearerSurface, Reprojection, RigOffset
 from s2rstore.records import Domain, Intrinsics
-from s2rtools.heatmaps.harmonization import Alignment
+from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.precompute.rig_calibration import calibrate
-from s2rtools.synthetic_world.dataset import Recipe, WorldData
+from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from s2rtools.synthetic_world.world import raw_depth
 
 FRAME = (96, 96)
@@ -25,7 +25,7 @@ RIG = Domain("sim", "sim", LENS, LENS, 0.62, 0.0, 0.001, 1, 10_000)
 
 @pytest.fixture(scope="module")
 def data() -> WorldData:
-    return WorldData(Recipe(seed=3, count=12, frame=96, factors={"camera": 1.0}))
+    return WorldData(WorldRecipe(seed=3, count=12, frame=96, factors={"camera": 1.0}))
 
 
 def images(data: WorldData, side: str, rows: slice = slice(None)) -> list:
@@ -45,7 +45,7 @@ def rig(data: WorldData, name: str) -> Domain:
 def test_equal_rigs_and_images_stay_as_they_are(data: WorldData) -> None:
     own = images(data, "sim")[0]
     sim, real = rig(data, "sim"), rig(data, "real")
-    made = Alignment(sim, real, FRAME, Correction()).sim_view.harmonised(own, own)
+    made = ImageAlignment(sim, real, FRAME, RigOffset()).sim_view.harmonised(own, own)
     inner = made.seen
     assert inner.mean() > 0.9
     assert np.abs(made.real - made.sim)[inner].max() < 1.0
@@ -56,7 +56,7 @@ def test_a_colour_cast_is_taken_out(data: WorldData) -> None:
     rgb, depth, valid = images(data, "sim")[1]
     cast = np.clip(rgb * np.array([0.9, 0.7, 0.5]) + 20, 0, 255).astype(np.uint8)
     sim, real = rig(data, "sim"), rig(data, "real")
-    made = Alignment(sim, real, FRAME, Correction()).sim_view.harmonised(
+    made = ImageAlignment(sim, real, FRAME, RigOffset()).sim_view.harmonised(
         (rgb, depth, valid), (cast, depth, valid)
     )
     before = np.abs(cast.astype(float) - rgb).mean()
@@ -70,18 +70,18 @@ def test_the_true_offset_is_found_and_helps(data: WorldData) -> None:
     assert found.height == pytest.approx(-0.09, abs=0.03)
     assert found.zoom == pytest.approx(1.06, abs=0.02)
 
-    def misfit(correction: Correction) -> float:
-        view = Alignment(sim, real, FRAME, correction).sim_view
+    def misfit(correction: RigOffset) -> float:
+        view = ImageAlignment(sim, real, FRAME, correction).sim_view
         made = [view.harmonised(*pair) for pair in pairs]
         return float(np.mean([np.abs(m.real - m.sim)[m.seen].mean() for m in made]))
 
-    assert misfit(found) < 0.75 * misfit(Correction())
+    assert misfit(found) < 0.75 * misfit(RigOffset())
 
 
 def test_heat_comes_back_to_the_pixel_it_left(data: WorldData) -> None:
     """Through the sim view and back, a map that lies on surfaces is where it was."""
     sim, real = rig(data, "sim"), rig(data, "real")
-    aligned = Alignment(sim, real, FRAME, Correction(-0.09, 1.06))
+    aligned = ImageAlignment(sim, real, FRAME, RigOffset(-0.09, 1.06))
     (_, depth, valid), (_, away, away_valid) = images(data, "sim")[2], images(data, "real")[2]
     columns = np.broadcast_to(np.arange(96, dtype=np.float32), FRAME).copy()
     over = aligned.sim_view.fetched(columns, depth, valid)
@@ -94,7 +94,7 @@ def test_heat_comes_back_to_the_pixel_it_left(data: WorldData) -> None:
 def test_crossing_is_its_own_inverse() -> None:
     other = replace(RIG, camera_height=0.4, forward_offset=0.1)
     metres = np.full(FRAME, 2.5)
-    u, v, depth, inside = Crossing(RIG, LENS, other, FRAME).targets(metres, LENS)
+    u, v, depth, inside = Reprojection(RIG, LENS, other, FRAME).targets(metres, LENS)
     row, col = 40, 60
     assert inside[row, col]
     x = (u[row, col] - LENS.cx) / LENS.fx * depth[row, col]

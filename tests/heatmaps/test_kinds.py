@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from s2rstore.geometry.reprojection import Correction
+from s2rstore.geometry.reprojection import RigOffset
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.activation import pose_loss
-from s2rtools.heatmaps.harmonization import Alignment
+from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.models.preprocessing import preprocess
@@ -33,7 +33,7 @@ def make_pair(model: LoadedModel) -> PairBatch:
         )  # fmt: skip
     lens = Intrinsics(30.0, 30.0, 24.0, 24.0, 0.0)
     rigs = [Domain(side, side, lens, lens, 0.6, 0.0, 10 / 255, 6, 249) for side in ("sim", "real")]
-    aligned = Alignment(*rigs, (48, 48), Correction(-0.05, 1.03))
+    aligned = ImageAlignment(*rigs, (48, 48), RigOffset(-0.05, 1.03))
     return PairBatch(model, backend, sides["sim"], sides["real"], aligned)
 
 

@@ -31,7 +31,7 @@ from s2rstore.security.printable_text import (
 from s2rtui.app.actions import ACTIONS
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import STORED, VIEWS
 from s2rtui.cli import main
 from s2rtui.session import Session
@@ -138,7 +138,7 @@ async def test_every_view_and_screen(
     book = hostile.saved(f'room:"{HOSTILE}"', run=HOSTILE, trajectories=[HOSTILE])
     hostile.notebook(own_things, selections={"mine": book}, history=[HOSTILE],
                      remarks={"3": {"tags": [], "note": HOSTILE}})  # fmt: skip
-    app = S2RApp(Session(poisoned_store, "vanilla", Notebook), Look(), tmp_path)
+    app = S2RApp(Session(poisoned_store, "vanilla", Notebook), RenderOptions(), tmp_path)
     app.feeding.rest_seconds = 0.001
     seen = ""
     async with app.run_test(size=size) as pilot:
@@ -169,7 +169,7 @@ async def test_every_view_and_screen(
 async def test_pasted_text_is_escaped(poisoned_store: Path) -> None:
     from textual import events
 
-    app = S2RApp(Session(poisoned_store), Look())
+    app = S2RApp(Session(poisoned_store), RenderOptions())
     app.feeding.rest_seconds = 0.001
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)

@@ -19,7 +19,7 @@ from s2rtui.app.actions import ACTIONS
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take
 from s2rtui.app.widgets.bar import Bar
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import hostile
@@ -140,7 +140,7 @@ async def test_the_whole_application_parses_no_markup_of_a_store(
     hostile.notebook(own_things, selections={"[ @click=app.quit]CLICK": book, "[b": book},
                      remarks={"3": {"tags": ["[/", "CLICK"], "note": hostile.MARKUP}},
                      history=[hostile.MARKUP])  # fmt: skip
-    app = S2RApp(Session(poisoned_store, "vanilla", Notebook), Look(), tmp_path)
+    app = S2RApp(Session(poisoned_store, "vanilla", Notebook), RenderOptions(), tmp_path)
     app.feeding.rest_seconds = 0.001
     async with app.run_test(size=(150, 44)) as pilot:
         await settle(app, pilot)
@@ -161,7 +161,7 @@ async def test_the_whole_application_parses_no_markup_of_a_store(
 async def test_a_room_is_text_and_not_an_action(own_store: Path, name: str) -> None:
     hostile.edit(own_store, ("UPDATE room SET room = ? || room", [name]),
                  ("UPDATE instance SET room = ? || room", [name]))  # fmt: skip
-    app = S2RApp(Session(own_store), Look())
+    app = S2RApp(Session(own_store), RenderOptions())
     app.feeding.rest_seconds = 0.001
     async with app.run_test(size=(160, 44)) as pilot:
         await settle(app, pilot)
@@ -185,7 +185,7 @@ async def test_names_of_a_folder_a_tag_and_a_saved_selection(
     for name in BAD_NAMES:
         book.save(name, SavedSelection("worst15", 1, "vanilla", 6))
     book.toggle_tag([3], "[ tag")
-    app = S2RApp(Session(store, notebooks=Notebook), Look())
+    app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
     app.feeding.rest_seconds = 0.001
     async with app.run_test(size=(160, 44)) as pilot:
         await settle(app, pilot)

@@ -11,7 +11,7 @@ import pytest
 
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
 from s2rtui.export.rows.formats import csv_text
 from s2rtui.session import Session
@@ -80,7 +80,7 @@ def _number(cell: str) -> bool:
 
 @pytest.mark.parametrize("safe", [False, True])
 async def test_of_the_application(formula_store: Path, tmp_path: Path, safe: bool) -> None:
-    app = S2RApp(Session(formula_store), Look(), tmp_path)
+    app = S2RApp(Session(formula_store), RenderOptions(), tmp_path)
     app.safe_csv = safe
     app.feeding.rest_seconds = 0.001
     async with app.run_test(size=(120, 40)) as pilot:

@@ -19,7 +19,7 @@ from s2rstore.language import ExpressionError, Node, evaluation, parse, to_text
 from s2rstore.language.checking import MAX_TERMS, expand
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook
@@ -74,7 +74,7 @@ def test_of_a_query(
 async def test_inside_the_application(tiny_store: Path, own_things: Path, kind: str) -> None:
     made = {name: hostile.saved(text) for name, text in chain(kind).items()}
     hostile.notebook(own_things, selections=made)
-    app = S2RApp(Session(tiny_store, notebooks=Notebook), Look())
+    app = S2RApp(Session(tiny_store, notebooks=Notebook), RenderOptions())
     app.feeding.rest_seconds = 0.001
     async with app.run_test(size=(160, 40)) as pilot:
         await settle(app, pilot)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtools.heatmaps import occlusion
-from s2rtools.incremental_inference import LocalGraph, Region, Window, analyse, cut_patches
+from s2rtools.incremental_inference import LocalGraph, PixelRegion, Window, analyse, cut_patches
 from s2rtools.inference import Backend
 from s2rtools.inference.batch_norm_folding import folded
 from s2rtools.models.pose_network import LoadedModel
@@ -105,4 +105,4 @@ def test_reach_is_exactly_the_outputs_that_change(
 
 
 def test_regions_join() -> None:
-    assert Region(1, 3, 4, 6).union(Region(2, 8, 0, 5)) == Region(1, 8, 0, 6)
+    assert PixelRegion(1, 3, 4, 6).union(PixelRegion(2, 8, 0, 5)) == PixelRegion(1, 8, 0, 6)

@@ -13,7 +13,7 @@ from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
 from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
-from s2rtools.gap.axis_result import Evidence, Settings
+from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.dynamics import options
 from s2rtools.motion_logs import csv_reader, read_drives
 from s2rtools.motion_logs.rigid_alignment import Rigid, fit
@@ -140,7 +140,7 @@ def test_the_real_datas_odometry_is_off_by_half_a_metre_in_a_mirrored_frame(
         (drive,) = odometry(store, rate=1.0)
         evidence = Evidence(store, "none", np.arange(3), drives=[drive])
         axis = options.axes(["horizons=5,10,20", "noise=0,0"])["dynamics"]
-        (told,) = axis.measure(evidence, Settings(replicates=100)).details["drives"]
+        (told,) = axis.measure(evidence, GapSettings(replicates=100)).details["drives"]
     assert told["ape_rmse_recorded"] == pytest.approx(nearest(odom, truth, reflection=True))
     assert nearest(odom, truth, reflection=False) > 5
     off = np.hypot(drive.sim.x - drive.real.x, drive.sim.y - drive.real.y)

@@ -54,12 +54,12 @@ def light_only(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def objects_scored(objects_only: Path) -> report.Report:
-    return report.score(objects_only, report.Settings(("vanilla",), 12), Quiet())
+    return report.score(objects_only, report.ScoreSettings(("vanilla",), 12), Quiet())
 
 
 @pytest.fixture(scope="module")
 def light_scored(light_only: Path) -> report.Report:
-    return report.score(light_only, report.Settings(("vanilla",), 12), Quiet())
+    return report.score(light_only, report.ScoreSettings(("vanilla",), 12), Quiet())
 
 
 def rows(scored: report.Report, **wanted: str) -> list[dict]:
@@ -126,7 +126,7 @@ def test_trained_on_instances_are_left_out(everything: Path, tmp_path: Path) -> 
     request = TrainingRequest("vanilla", name="mine", steps=1)
     train_into_store(own, request, lambda *told: None, "s2r train")
     precompute(own, Quiet(), ["mine"], Options(()))
-    scored = report.score(own, report.Settings(("mine",), 12), Quiet())
+    scored = report.score(own, report.ScoreSettings(("mine",), 12), Quiet())
     with s2rstore.open(own) as store:
         fresh = int(run_metrics.held_out(store, "mine").sum())
     if fresh:
@@ -178,9 +178,9 @@ def test_without_object_changes_there_are_no_positives(light_scored: report.Repo
 
 
 def test_equal_seeds_give_equal_text(objects_only: Path, objects_scored: report.Report) -> None:
-    again = report.score(objects_only, report.Settings(("vanilla",), 12), Quiet())
+    again = report.score(objects_only, report.ScoreSettings(("vanilla",), 12), Quiet())
     assert json.dumps(again, sort_keys=True) == json.dumps(objects_scored, sort_keys=True)
-    other = report.score(objects_only, report.Settings(("vanilla",), 12, seed=5), Quiet())
+    other = report.score(objects_only, report.ScoreSettings(("vanilla",), 12, seed=5), Quiet())
     assert other["heatmaps"] != again["heatmaps"]
 
 

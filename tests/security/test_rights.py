@@ -14,8 +14,8 @@ from s2rtui.app import actions
 from s2rtui.app.actions import ACTIONS, Action, footer, help_text, named, offered
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take
-from s2rtui.canvas import Look
-from s2rtui.security import Access
+from s2rtui.canvas import RenderOptions
+from s2rtui.security import Permissions
 from s2rtui.session import Session, display
 
 MIST = Action(
@@ -24,8 +24,8 @@ MIST = Action(
 NAMES = st.lists(st.sampled_from(["..", ".", "a", "b", "s2rtui", "own"]), max_size=6)
 
 
-def restricted(folder: Path) -> Access:
-    return Access(folder / "s.s2r", folder / "own", True)
+def restricted(folder: Path) -> Permissions:
+    return Permissions(folder / "s.s2r", folder / "own", True)
 
 
 @given(NAMES)
@@ -53,7 +53,7 @@ def test_the_store_is_read_and_never_written(tmp_path: Path) -> None:
 
 
 def test_an_ordinary_session_is_not_held_back(tmp_path: Path) -> None:
-    access = Access(tmp_path / "s.s2r", tmp_path / "own")
+    access = Permissions(tmp_path / "s.s2r", tmp_path / "own")
     assert access.may_adjust
     assert access.writable(tmp_path / "a.png") == tmp_path / "a.png"
     assert offered(access) == list(ACTIONS)
@@ -75,7 +75,7 @@ def test_what_is_not_allowed_is_not_offered(tiny_store: Path, tmp_path: Path) ->
     assert {action.needs for action in offered(access)} == {""}
     assert "mist" not in [word for _, word in footer(900, session.state, access)]
     assert "mist in the images" not in help_text(access)
-    ordinary = Access(tmp_path, tmp_path)
+    ordinary = Permissions(tmp_path, tmp_path)
     assert "mist" in [word for _, word in footer(900, session.state, ordinary)]
     assert "mist in the images" in help_text(ordinary)
     session.close()
@@ -89,7 +89,9 @@ def test_actions_are_found_as_they_are_called() -> None:
 
 @pytest.mark.usefixtures("mist")
 async def test_a_refused_action_says_so(tiny_store: Path, tmp_path: Path) -> None:
-    app = S2RApp(Session(tiny_store), Look(), access=Access(tiny_store, tmp_path, True))
+    app = S2RApp(
+        Session(tiny_store), RenderOptions(), access=Permissions(tiny_store, tmp_path, True)
+    )
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         before = app.session.state.heat
@@ -116,7 +118,9 @@ async def test_textuals_own_actions_are_closed(
     tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    app = S2RApp(Session(tiny_store), Look(), access=Access(tiny_store, tmp_path, True))
+    app = S2RApp(
+        Session(tiny_store), RenderOptions(), access=Permissions(tiny_store, tmp_path, True)
+    )
     async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
         await app.run_action(call)

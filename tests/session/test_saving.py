@@ -21,7 +21,7 @@ from s2rstore.maintenance.verify import verify
 from s2rtools.adjustments import chain_of
 from s2rtools.precompute.registry import add_run, drop_run
 from s2rtui.cli import main
-from s2rtui.jobs.precompute_job import Saving, save_run
+from s2rtui.jobs.precompute_job import PrecomputeJob, save_run
 from tests.support.copies import copied
 
 pytestmark = pytest.mark.xdist_group("world")
@@ -59,7 +59,7 @@ def test_a_saved_run_is_the_one_of_the_command_line(moved_world: Path, tmp_path:
     assert verify(path) == []
 
 
-def waited(saving: Saving, stage: str) -> None:
+def waited(saving: PrecomputeJob, stage: str) -> None:
     deadline = time.monotonic() + 60
     for progress in saving.follow():
         assert time.monotonic() < deadline
@@ -72,8 +72,8 @@ def test_a_saving_ends_with_a_killed_application(trained: Path, tmp_path: Path) 
     path = copied(trained, tmp_path / "s.s2r")
     add_run(path, "saved", "vanilla", None, None, {"sim": [], "real": []})
     code = (
-        "import sys; from pathlib import Path; from s2rtui.jobs.precompute_job import Saving\n"
-        "saving = Saving(Path(sys.argv[1]), 'saved', 3, False)\n"
+        "import sys; from pathlib import Path; from s2rtui.jobs.precompute_job import PrecomputeJob\n"
+        "saving = PrecomputeJob(Path(sys.argv[1]), 'saved', 3, False)\n"
         "shown = saving.follow(); next(shown); next(shown)\n"
         "print(saving._process.pid, flush=True); list(shown)"
     )

@@ -9,11 +9,11 @@ import numpy as np
 
 import s2rstore
 from s2rstore.language import evaluation
-from s2rstore.lru_cache import Recent
+from s2rstore.lru_cache import LruCache
 
 
 def test_the_last_used_stay() -> None:
-    kept, made = Recent(300), []
+    kept, made = LruCache(300), []
 
     def get(key: str, size: int = 100) -> np.ndarray:
         return kept.get(key, lambda: made.append(key) or np.zeros(size, np.uint8))
@@ -29,7 +29,7 @@ def test_the_last_used_stay() -> None:
 
 
 def test_many_threads_share_it() -> None:
-    kept = Recent(50)
+    kept = LruCache(50)
 
     def work(seed: int) -> bool:
         keys = np.random.default_rng(seed).integers(0, 9, 500)

@@ -10,7 +10,7 @@ from s2rstore.arrays import stored_array
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
 from s2rstore.geometry.rooms import room_codes
-from s2rstore.index.transaction import Draft, edit
+from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.metrics import pose_metrics
 from s2rstore.records import Room
 
@@ -61,7 +61,7 @@ def build(path: Path, n: int = 40, runs: tuple[str, ...] = RUNS, seed: int = 0) 
     return path
 
 
-def _dataset(draft: Draft, n: int, first: int) -> None:
+def _dataset(draft: IndexTransaction, n: int, first: int) -> None:
     draft.insert_row(
         "dataset",
         {
@@ -96,7 +96,9 @@ def _dataset(draft: Draft, n: int, first: int) -> None:
         )  # fmt: skip
 
 
-def _run(draft: Draft, run: str, number: int, truth: tuple[np.ndarray, ...], rng) -> None:
+def _run(
+    draft: IndexTransaction, run: str, number: int, truth: tuple[np.ndarray, ...], rng
+) -> None:
     x, y, heading = truth
     n = x.size
     draft.insert_row(

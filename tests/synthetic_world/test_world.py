@@ -9,11 +9,11 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.records import Intrinsics
-from s2rtools.synthetic_world.dataset import Recipe, WorldData
+from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from s2rtools.synthetic_world.factors import FACTORS, parse_factors, severities
 from s2rtools.synthetic_world.materials import Material
 from s2rtools.synthetic_world.renderer import Camera, RayCaster
-from s2rtools.synthetic_world.scene import Part, Scene
+from s2rtools.synthetic_world.scene import ScenePart, WorldScene
 from s2rtools.synthetic_world.world import World, side_camera, standard_camera, through_sensor
 from s2rtools.training import pretrained
 
@@ -27,7 +27,7 @@ def world(request: pytest.FixtureRequest) -> World:
 
 @pytest.fixture(scope="module")
 def data() -> WorldData:
-    return WorldData(Recipe(count=20, frame=64))
+    return WorldData(WorldRecipe(count=20, frame=64))
 
 
 def test_every_kind_of_change_is_there(world: World) -> None:
@@ -63,13 +63,13 @@ def test_views_are_reproducible_and_finite(data: WorldData) -> None:
 
 
 def test_a_seed_makes_one_world_that_nobody_changes(data: WorldData) -> None:
-    assert data.world is WorldData(Recipe(count=3)).world
+    assert data.world is WorldData(WorldRecipe(count=3)).world
     assert data.world.things == World(data.recipe.seed).things
     assert not data.poses["traj1"].flags.writeable
 
 
 def test_without_factors_reality_is_the_simulation() -> None:
-    data = WorldData(Recipe(count=4, frame=32, factors=parse_factors("none")))
+    data = WorldData(WorldRecipe(count=4, frame=32, factors=parse_factors("none")))
     poses = data.poses["traj2"]
     sim, real = (data.views(side, poses, np.arange(len(poses))) for side in ("sim", "real"))
     assert np.array_equal(sim.rgb, real.rgb)
@@ -109,11 +109,11 @@ def test_restoring_an_object_changes_only_where_it_is(data: WorldData) -> None:
     assert seen
 
 
-def box_scene() -> Scene:
+def box_scene() -> WorldScene:
     """One crate in an empty hall."""
     floor = np.zeros((200, 200), dtype=np.uint8)
-    crate = Part(12.0, 10.0, 0.5, 2.0, 0.0, 1.5, (0.5, 0.4, 0.3), Material.PAINT)
-    return Scene(20.0, 2.7, (), ((1, (crate,)),), (), floor, 0.1,
+    crate = ScenePart(12.0, 10.0, 0.5, 2.0, 0.0, 1.5, (0.5, 0.4, 0.3), Material.PAINT)
+    return WorldScene(20.0, 2.7, (), ((1, (crate,)),), (), floor, 0.1,
                  World(1).plan.palette)  # fmt: skip
 
 

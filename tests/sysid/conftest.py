@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from s2rtools.motion_logs import Drive
-from s2rtools.sysid import Identification, Recording, Settings, identify, make_drives
+from s2rtools.sysid import Identification, Recording, SysidSettings, identify, make_drives
 
-QUICK = Settings(seeds=1, evaluations=160)
+QUICK = SysidSettings(seeds=1, evaluations=160)
 
 
 class Silent:

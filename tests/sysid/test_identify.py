@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rtools.sysid import Identification, Settings, identify, record
+from s2rtools.sysid import Identification, SysidSettings, identify, record
 from s2rtools.sysid.simulators import Planar
 from s2rtools.sysid.synthetic_drives import SEVERITIES
 from tests.sysid.conftest import QUICK, Made, Silent
@@ -60,7 +60,7 @@ def test_the_mismatch_is_gone_once_it_is_searched(made: Callable[..., Made]) -> 
     assert found.values["wheels"] == pytest.approx(SEVERITIES["wheels"][1], rel=0.05)
 
 
-SHORT = Settings(seeds=2, evaluations=30)
+SHORT = SysidSettings(seeds=2, evaluations=30)
 
 
 @pytest.fixture(scope="module")

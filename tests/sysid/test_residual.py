@@ -9,14 +9,14 @@ import numpy as np
 import torch
 
 from s2rtools.sysid import Identification
-from s2rtools.sysid.residual_network import Correction
+from s2rtools.sysid.residual_network import ResidualNetwork
 from s2rtools.sysid.residual_training import _stretches, learn
 from tests.sysid.conftest import Silent
 
 
 def test_an_untrained_network_is_the_simulator(plain: Identification) -> None:
     stretches = _stretches(plain.everything, plain.cube)
-    correction = Correction(stretches, 1)
+    correction = ResidualNetwork(stretches, 1)
     np.testing.assert_allclose(
         correction.poses(stretches), stretches.states[:, :, :3], rtol=0, atol=1e-9
     )

@@ -14,7 +14,7 @@ import pytest
 from s2rtui.app.app import S2RApp
 from s2rtui.app.inline_images import hang
 from s2rtui.app.pilot import settle, take
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.colour import DEPTH_SHADES
 from s2rtui.charts.instance.model import instance_model, panel_pixels
 from s2rtui.charts.shared.inputs import InstanceInput
@@ -60,7 +60,7 @@ def seen(tiny_store: Path) -> InstanceInput:
     """What the first screen shows an instance's pictures of."""
 
     async def read() -> InstanceInput:
-        app = S2RApp(Session(tiny_store), Look())
+        app = S2RApp(Session(tiny_store), RenderOptions())
         app.feeding.rest_seconds = 0.001
         async with app.run_test(size=(120, 40)) as pilot:
             await settle(app, pilot)
@@ -149,7 +149,7 @@ def test_nothing_is_left_in_the_screen_that_is_left(visit: Visit) -> None:
 
 
 async def test_a_terminal_that_draws_none_is_told_so(tiny_store: Path) -> None:
-    app = S2RApp(Session(tiny_store), Look())
+    app = S2RApp(Session(tiny_store), RenderOptions())
     app.feeding.rest_seconds = 0.001
     hang(app, of_answer(ATTRIBUTES))
     async with app.run_test(size=(120, 40)) as pilot:

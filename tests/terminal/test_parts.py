@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 from textual.strip import Strip
 
-from s2rtui.canvas import Canvas, ColourMode, Plate, Size
+from s2rtui.canvas import Canvas, ColourMode, InlineImage, Size
 from s2rtui.canvas.colour import Pixels
 from s2rtui.cli import main
 from s2rtui.terminal.capabilities import Terminal
@@ -25,7 +25,7 @@ from s2rtui.terminal.graphics.image_manager import (
     HEAVIEST,
     LARGEST,
     NUMBERS,
-    PictureWall,
+    KittyImageManager,
     pixel_size,
 )
 from s2rtui.terminal.graphics.probe import Graphics, of_answer
@@ -59,7 +59,7 @@ def canvas(pixels: Pixels, box: Size = (6, 3), of: object = None) -> Canvas:
     for row in range(5):
         drawn.text(0, row, "abcdefghijkl")
     shape, of = pixels.shape[:2], object() if of is None else of
-    drawn.plates.append(Plate(2, 1, *box, shape, partial(resized, pixels), of))
+    drawn.plates.append(InlineImage(2, 1, *box, shape, partial(resized, pixels), of))
     return drawn
 
 
@@ -74,7 +74,7 @@ class Terminals:
         self.written = ""
         self.made = 0
         graphics = Graphics(True, "", in_tmux=in_tmux)
-        self.wall = PictureWall(graphics, self._write, self._ready)
+        self.wall = KittyImageManager(graphics, self._write, self._ready)
 
     def _write(self, text: str) -> None:
         self.written += text
@@ -205,7 +205,7 @@ def test_restyled_strips_are_half_blocks_again() -> None:
 def test_never_more_pixels_than_the_picture_the_box_and_the_limit(
     shape: Size, box: Size, cell: Size
 ) -> None:
-    plate = Plate(0, 0, *box, shape, lambda size: noise(size), shape)
+    plate = InlineImage(0, 0, *box, shape, lambda size: noise(size), shape)
     rows, columns = pixel_size(plate, cell)
     assert 1 <= rows <= max(1, min(shape[0], box[1] * cell[1]))
     assert 1 <= columns <= max(1, min(shape[1], box[0] * cell[0]))
@@ -238,7 +238,7 @@ def test_pictures_are_made_elsewhere_and_the_newest_wins() -> None:
 
     def drawn(shade: int) -> Canvas:
         made = Canvas(12, 5)
-        made.plates.append(Plate(2, 1, 6, 3, (4, 4), partial(slow, shade), shade))
+        made.plates.append(InlineImage(2, 1, 6, 3, (4, 4), partial(slow, shade), shade))
         return made
 
     first = terminal.hang(canvas(np.full((4, 4, 3), 9, np.uint8)))

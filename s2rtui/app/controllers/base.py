@@ -10,12 +10,12 @@ from textual.filter import LineFilter
 from textual.message import Message
 
 from s2rtui.app.action_guard import GuardedApp
-from s2rtui.app.messages import Failed
-from s2rtui.canvas import Look
+from s2rtui.app.messages import BackgroundFailed
+from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.view import Resources, Scene, View
 from s2rtui.jobs.background_thread import start
-from s2rtui.jobs.precompute_job import Saving
+from s2rtui.jobs.precompute_job import PrecomputeJob
 from s2rtui.session import Session
 from s2rtui.terminal.ascii_filter import AsciiFilter
 
@@ -26,7 +26,7 @@ class Desk(GuardedApp):
     """One session and what workers have brought for it."""
 
     session: Session
-    look: Look
+    look: RenderOptions
     resources: Resources
 
     def __init__(self, **options: Any) -> None:
@@ -67,12 +67,12 @@ class Desk(GuardedApp):
                 if not self.is_running:
                     return
                 told = " ".join(str(error).split())
-                self.post(Failed(f"{undone} ({type(error).__name__}: {told})"))
+                self.post(BackgroundFailed(f"{undone} ({type(error).__name__}: {told})"))
             del self.under_way[token]
 
         start(undone, done)
 
-    def on_failed(self, message: Failed) -> None:
+    def on_background_failed(self, message: BackgroundFailed) -> None:
         self.tell_refusal(message.text)
 
     @property
@@ -98,7 +98,7 @@ class Desk(GuardedApp):
         """Draw the line of messages alone."""
         raise NotImplementedError
 
-    def begin_saving(self, name: str, start: Callable[[], Saving]) -> None:
+    def begin_saving(self, name: str, start: Callable[[], PrecomputeJob]) -> None:
         """Save a run in the background, and show how far it is."""
         raise NotImplementedError
 

@@ -88,12 +88,12 @@ class Papers(Prompts):
 
     def _report(self, store: Path, state: State, notes: Notes, path: Path) -> str:
         """In a thread of its own."""
-        from s2rtui.export.report.request import Asked, Request, saved
+        from s2rtui.export.report.request import ReportRequest, RequestedSelection, saved
         from s2rtui.export.report.write import report
 
-        asked = saved(notes) or (Asked(state.expression),)
+        asked = saved(notes) or (RequestedSelection(state.expression),)
         runs = () if notes.selections else (state.run,)
-        request = Request(asked, runs, state.trajectories)
+        request = ReportRequest(asked, runs, state.trajectories)
         path.write_bytes(report(store, request, self._going_on))
         return ""
 

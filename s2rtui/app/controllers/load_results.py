@@ -7,20 +7,20 @@ from dataclasses import replace
 from s2rstore.errors import RequestError, S2RError
 from s2rstore.reader import Store
 from s2rtui.app.controllers.run_save import Savings
-from s2rtui.app.load_scheduler import Feeding
-from s2rtui.app.messages import Fed, Progressed
+from s2rtui.app.load_scheduler import LoadScheduler
+from s2rtui.app.messages import LoadCompleted, LoadProgressed
 from s2rtui.session import navigation, pending_target
 
 
-class Arrivals:
+class LoadResultHandler:
     """Takes it in for an application: the session moves, views are drawn anew, trouble is told."""
 
-    def __init__(self, app: Savings, feeding: Feeding) -> None:
+    def __init__(self, app: Savings, feeding: LoadScheduler) -> None:
         self._app = app
         self._feeding = feeding
         self._trouble = ""
 
-    def fed(self, message: Fed) -> None:
+    def fed(self, message: LoadCompleted) -> None:
         """An answer; one that nobody waits for any more is dropped."""
         app, fresh = self._app, message.fields.pop("store", None)
         if not self._feeding.accept(message):
@@ -34,7 +34,7 @@ class Arrivals:
         app.resources = app.resources.fed(message.feed, message.fields, message.error)
         app.refresh_views()
 
-    def _run(self, message: Fed, fresh: Store | None) -> None:
+    def _run(self, message: LoadCompleted, fresh: Store | None) -> None:
         """The awaited run is read, or cannot be."""
         app = self._app
         try:
@@ -46,7 +46,7 @@ class Arrivals:
             pending_target.give_up(app.session)
             app.session.tell(str(error), is_error=True)
 
-    def progressed(self, message: Progressed) -> None:
+    def progressed(self, message: LoadProgressed) -> None:
         """How far a feed is."""
         if not self._feeding.current(message.feed, message.ticket):
             return

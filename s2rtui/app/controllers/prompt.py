@@ -12,7 +12,7 @@ from s2rstore.errors import RequestError, S2RError
 from s2rstore.language import ExpressionError, complete, evaluation
 from s2rtui.app.controllers.base import Desk
 from s2rtui.app.screens.selections import SelectionsScreen
-from s2rtui.app.widgets.query_input import QueryLine
+from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.jobs.precompute_job import save_run
 from s2rtui.session import adjusting, display, shared_selection
 from s2rtui.user_data.notebook import Remark, at, checked
@@ -33,8 +33,8 @@ class Prompts(Desk):
         return self._accept is not None
 
     @property
-    def _line(self) -> QueryLine:
-        return self.query_one(QueryLine)
+    def _line(self) -> QueryInput:
+        return self.query_one(QueryInput)
 
     def _ask(
         self, accept: Accept, value: str, hint: str, history: Sequence[str] = (), help: bool = False
@@ -173,7 +173,7 @@ class Prompts(Desk):
                 self.session.tell(str(error), is_error=True)
         self.refresh_views()
 
-    def on_query_line_offered(self, message: QueryLine.Offered) -> None:
+    def on_query_input_offered(self, message: QueryInput.Offered) -> None:
         offers = [f"{word} ({what})" for word, what in message.options[:_OFFERS]]
         more = len(message.options) - _OFFERS
         text = "  ".join(offers) + (f"  and {more} more" if more > 0 else "")

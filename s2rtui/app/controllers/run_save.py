@@ -11,7 +11,7 @@ from textual.message import Message
 
 from s2rstore.errors import RequestError, S2RError
 from s2rtui.app.controllers.base import Desk
-from s2rtui.jobs.precompute_job import Progress, Saving
+from s2rtui.jobs.precompute_job import JobProgress, PrecomputeJob
 from s2rtui.session import State
 
 
@@ -19,7 +19,7 @@ class Savings(Desk):
     """The run that this application is saving; the fresh one is saved, and yet to be told of."""
 
     _saved: str | None = None
-    _saving: Saving | None = None
+    _saving: PrecomputeJob | None = None
     _fresh: str | None = None
     _left = False
 
@@ -28,7 +28,7 @@ class Savings(Desk):
         """How far a run is."""
 
         run: str
-        progress: Progress
+        progress: JobProgress
 
     @property
     def saving_refusal(self) -> str:
@@ -37,7 +37,7 @@ class Savings(Desk):
             return ""
         return f"run {self._saved} is still being saved: save the next one when it is done"
 
-    def begin_saving(self, name: str, start: Callable[[], Saving]) -> None:
+    def begin_saving(self, name: str, start: Callable[[], PrecomputeJob]) -> None:
         """Show how far a run is, and move on to its generation once it is published.
 
         Raises RequestError while another one is being saved.
@@ -52,17 +52,17 @@ class Savings(Desk):
             f"run {name} is not saved yet: `{again}` goes on with it",
         )
 
-    def _follow(self, name: str, start: Callable[[], Saving]) -> None:
+    def _follow(self, name: str, start: Callable[[], PrecomputeJob]) -> None:
         """In a thread of its own."""
         try:
             saving = start()
         except ModuleNotFoundError as error:
             lacks = f"saving a run needs {error.name}: pip install 's2rtui[tools]'"
-            self.post(self.Told(name, Progress(0.0, "", "failed", lacks)))
+            self.post(self.Told(name, JobProgress(0.0, "", "failed", lacks)))
             return
         except Exception as error:  # whatever it was, the screen goes on and says so
             told = str(error) or type(error).__name__
-            self.post(self.Told(name, Progress(0.0, "", "failed", told)))
+            self.post(self.Told(name, JobProgress(0.0, "", "failed", told)))
             return
         self._saving = saving
         if self._left:

@@ -8,9 +8,9 @@ from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import VerticalScroll
 
-from s2rtui.app.screens.modal import Leaving
+from s2rtui.app.screens.modal import ModalBase
 from s2rtui.app.widgets.plot import PlotView
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.charts.test_card import card, card_height
 from s2rtui.terminal import diagnostics
 from s2rtui.terminal.capabilities import Terminal
@@ -19,12 +19,12 @@ WIDTH = 96
 """Columns of the screen's panel, as its style says."""
 
 
-class DoctorScreen(Leaving[None]):
+class DoctorScreen(ModalBase[None]):
     """Any of the closing keys leaves it; up and down scroll."""
 
     BINDINGS: ClassVar[list[BindingType]] = [("escape,q,enter,D", "dismiss", "close")]
 
-    def __init__(self, look: Look, terminal: Terminal | None = None) -> None:
+    def __init__(self, look: RenderOptions, terminal: Terminal | None = None) -> None:
         """`terminal` is what was found when the application began."""
         super().__init__()
         self._look = look

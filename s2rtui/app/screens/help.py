@@ -11,18 +11,18 @@ from textual.widgets import Static
 
 from s2rstore.security.printable_text import printable_lines
 from s2rtui.app.actions import help_text
-from s2rtui.app.screens.modal import Leaving
-from s2rtui.security import Access
+from s2rtui.app.screens.modal import ModalBase
+from s2rtui.security import Permissions
 
 
-class HelpScreen(Leaving[None]):
+class HelpScreen(ModalBase[None]):
     """Any of the closing keys leaves it; up and down scroll."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         ("escape,question_mark,q,enter", "dismiss", "close"),
     ]
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Permissions) -> None:
         super().__init__()
         self._access = access
 

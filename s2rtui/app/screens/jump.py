@@ -10,7 +10,7 @@ from textual.app import ComposeResult
 from textual.geometry import Offset
 from textual.widgets import Label
 
-from s2rtui.app.screens.modal import Leaving
+from s2rtui.app.screens.modal import ModalBase
 
 LETTERS = "asdfghjklqwertyuiopzxcvbnm"
 
@@ -24,7 +24,7 @@ class Target:
     action: str
 
 
-class JumpScreen(Leaving[str | None]):
+class JumpScreen(ModalBase[str | None]):
     """Gives the action of the letter that was pressed; any other key leaves."""
 
     def __init__(self, targets: Sequence[Target]) -> None:

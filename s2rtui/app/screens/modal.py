@@ -10,7 +10,7 @@ from textual.screen import ModalScreen
 T = TypeVar("T")
 
 
-class Leaving(ModalScreen[T]):
+class ModalBase(ModalScreen[T]):
     """A modal screen; to leave it when it is left, or below another one, does nothing."""
 
     def dismiss(self, result: T | None = None) -> AwaitComplete:

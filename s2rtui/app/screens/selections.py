@@ -13,7 +13,7 @@ from textual.widgets.option_list import Option
 
 from s2rstore.errors import S2RError
 from s2rstore.security.printable_text import printable
-from s2rtui.app.screens.modal import Leaving
+from s2rtui.app.screens.modal import ModalBase
 from s2rtui.session import Session
 from s2rtui.session.saved_selection_diff import where
 from s2rtui.session.shared_selection import written
@@ -23,7 +23,7 @@ _MOST = 100
 _TITLE = "saved selections and history"
 
 
-class SelectionsScreen(Leaving[str | None]):
+class SelectionsScreen(ModalBase[str | None]):
     """Enter takes a selection, d forgets a saved one, escape leaves."""
 
     BINDINGS: ClassVar[list[BindingType]] = [

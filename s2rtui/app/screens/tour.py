@@ -11,7 +11,7 @@ from textual.containers import VerticalScroll
 from textual.widgets import Static
 
 from s2rtui.app.actions import BY_NAME
-from s2rtui.app.screens.modal import Leaving
+from s2rtui.app.screens.modal import ModalBase
 
 _STEPS = (
     ("worst_real", "the 15 % that are worst in reality; b the best; W and B in sim"),
@@ -39,7 +39,7 @@ def tour_text() -> str:
     return "\n".join([*lines, "", f"  {help_key}    all keys", "", "any key begins"])
 
 
-class TourScreen(Leaving[None]):
+class TourScreen(ModalBase[None]):
     """Any key leaves it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [("escape,enter,space,q", "dismiss", "begin")]

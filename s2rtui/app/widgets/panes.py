@@ -11,10 +11,10 @@ from textual.layout import ArrangeResult, Layout, WidgetPlacement
 from textual.message import Message
 from textual.widget import Widget
 
-from s2rtui.app.layout import Place
+from s2rtui.app.layout import PaneRectangle
 from s2rtui.app.widgets.plot import PlotView
 
-Places = Callable[[int, int], Mapping[str, Place]]
+Places = Callable[[int, int], Mapping[str, PaneRectangle]]
 
 
 BARS = 3

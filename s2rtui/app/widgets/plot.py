@@ -14,11 +14,11 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from s2rtui.app.call_later import later
-from s2rtui.canvas import Canvas, Look
-from s2rtui.terminal.image_host import Wall
+from s2rtui.canvas import Canvas, RenderOptions
+from s2rtui.terminal.image_host import ImageHost
 from s2rtui.terminal.strips import to_strips
 
-Draw = Callable[[tuple[int, int], Look], Canvas]
+Draw = Callable[[tuple[int, int], RenderOptions], Canvas]
 Cell = tuple[int, int]
 
 _GAP = 12
@@ -131,7 +131,9 @@ class PlotView(Widget, can_focus=False):
             """All turns up to now. What comes after them is told by another message."""
             return self._wheel.taken()
 
-    def __init__(self, name: str, look: Look, tolerance: int = 0, wall: Wall | None = None) -> None:
+    def __init__(
+        self, name: str, look: RenderOptions, tolerance: int = 0, wall: ImageHost | None = None
+    ) -> None:
         """`wall` draws its pictures; without one they are half blocks."""
         super().__init__(id=name)
         self.placed = False

@@ -17,7 +17,7 @@ _LAST = re.compile(r'(?:"(?:\\.|[^"\\])*"|[^\s"])+\s*\Z')
 Complete = Callable[[str], Sequence[tuple[str, str]]]
 
 
-class QueryLine(Input):
+class QueryInput(Input):
     """Up and down walk through earlier lines, tab completes; closed it takes no focus."""
 
     BINDINGS: ClassVar[list[BindingType]] = [

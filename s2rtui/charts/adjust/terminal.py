@@ -8,7 +8,7 @@ from functools import partial
 
 from s2rtui.canvas.brush_surface import Panel
 from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.axis_scale import short
 
 _INDENT = 4
@@ -63,9 +63,9 @@ def sliders_layout(lines: Sequence[SliderLine], size: Size) -> SlidersLayout:
     return SlidersLayout(label, track, first, min(height, len(lines) - first))
 
 
-def sliders(lines: Sequence[SliderLine], size: Size, look: Look | None = None) -> Canvas:
+def sliders(lines: Sequence[SliderLine], size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or Look()
+    look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     layout = sliders_layout(lines, (canvas.width, canvas.height))
     for row in range(layout.shown):
@@ -73,7 +73,9 @@ def sliders(lines: Sequence[SliderLine], size: Size, look: Look | None = None) -
     return canvas
 
 
-def _line(canvas: Canvas, y: int, line: SliderLine, layout: SlidersLayout, look: Look) -> None:
+def _line(
+    canvas: Canvas, y: int, line: SliderLine, layout: SlidersLayout, look: RenderOptions
+) -> None:
     theme, glyphs = look.theme, look.glyphs
     side = theme.sim if line.side == "sim" else theme.real
     mark = glyphs.sim if line.side == "sim" else glyphs.real

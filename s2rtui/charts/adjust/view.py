@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from s2rtui.canvas import Canvas, Look, Size
+from s2rtui.canvas import Canvas, RenderOptions, Size
 from s2rtui.canvas.brush_surface import Panel, Point
 from s2rtui.charts.adjust.terminal import SliderLine, sliders, sliders_surface
 from s2rtui.charts.instance import terminal
@@ -48,7 +48,7 @@ class AdjustView(View):
         resources = scene.resources
         return scene.state.adjust, resources.adjusted(scene.state), resources.failed.get("live")
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         canvas = Canvas(*size, theme=look.theme)
         adjust = scene.state.adjust
         if adjust is None or adjust.missing:
@@ -72,7 +72,7 @@ class AdjustView(View):
         """The sliders, as long as the pictures keep most of the room."""
         return max(1, min(len(self.lines(scene)), height // 2))
 
-    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
         lines = self.lines(scene)
         return sliders_surface(lines, (size[0], self._rows(scene, size[1]))) if lines else ()
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from s2rtui.analysis.binned_sums import sums, total_of
 from s2rtui.analysis.bins import Bins, Chosen, bins, choose, count
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.map.model import cursor_of, sizes
 from s2rtui.charts.shared.inputs import Bools, DifferenceInput
@@ -50,15 +50,15 @@ def difference_model(view: DifferenceInput) -> DifferenceModel:
     valid: Bools = np.asarray(view.valid, dtype=np.bool_)
     chosen = choose(np.asarray(view.selected, dtype=np.bool_), valid)
     lit, others = sizes(chosen)
-    arrays = Same(view.first), Same(view.second)
+    arrays = ArrayKey(view.first), ArrayKey(view.second)
     summary = _summary(*arrays, view.equal, chosen, lit)
-    scale = view.scale or _scale(*arrays, Same(valid), view.equal)
+    scale = view.scale or _scale(*arrays, ArrayKey(valid), view.equal)
     return DifferenceModel(chosen, lit, others, cursor_of(view.cursor, valid), scale, summary)
 
 
-@kept(8)
+@cached_by_identity(8)
 def _summary(
-    first: Same, second: Same, equal: float, chosen: Chosen, lit: int
+    first: ArrayKey, second: ArrayKey, equal: float, chosen: Chosen, lit: int
 ) -> DifferenceSummary:
     column = _verdicts(first, second, equal)
     worse, same, improved = count(column, chosen)[0].tolist()
@@ -70,19 +70,21 @@ def _summary(
 
 def differences(view: DifferenceInput) -> Means:
     """first - second of every instance, (N,); NaN where one is unknown."""
-    return _differences(Same(view.first), Same(view.second))
+    return _differences(ArrayKey(view.first), ArrayKey(view.second))
 
 
 def cell_means(
     view: DifferenceInput, chosen: Chosen, frame: MapFrame
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
     """Columns, rows and mean differences (k,) of the cells that hold a selected instance."""
-    return _cell_means(Same(view.truth), Same(view.first), Same(view.second), chosen, frame)
+    return _cell_means(
+        ArrayKey(view.truth), ArrayKey(view.first), ArrayKey(view.second), chosen, frame
+    )
 
 
-@kept(4)
+@cached_by_identity(4)
 def _cell_means(
-    truth: Same, first: Same, second: Same, chosen: Chosen, frame: MapFrame
+    truth: ArrayKey, first: ArrayKey, second: ArrayKey, chosen: Chosen, frame: MapFrame
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
     column = _known_cells(truth, first, second, frame)
     counts, _ = count(column, chosen)
@@ -96,29 +98,29 @@ def verdicts(means: Means, equal: float) -> NDArray[np.intp]:
     return np.sign(means).astype(np.intp) * (np.abs(means) > equal)
 
 
-@kept(4)
-def _differences(first: Same, second: Same) -> Means:
+@cached_by_identity(4)
+def _differences(first: ArrayKey, second: ArrayKey) -> Means:
     return np.asarray(first.array, dtype=np.float64) - np.asarray(second.array)
 
 
-@kept(4)
-def _verdicts(first: Same, second: Same, equal: float) -> Bins:
+@cached_by_identity(4)
+def _verdicts(first: ArrayKey, second: ArrayKey, equal: float) -> Bins:
     """Worse, equal and improved as bins 0, 1 and 2."""
     apart = _differences(first, second)
     places = np.where(np.abs(apart) > equal, np.sign(apart), 0) + 1
     return bins(np.where(np.isfinite(apart), places, np.nan), 3)
 
 
-@kept(4)
-def _known_cells(truth: Same, first: Same, second: Same, frame: MapFrame) -> Bins:
+@cached_by_identity(4)
+def _known_cells(truth: ArrayKey, first: ArrayKey, second: ArrayKey, frame: MapFrame) -> Bins:
     column = cells(np.asarray(truth.array), frame)
     known = np.isfinite(_differences(first, second))
     none = column.codes.dtype.type(column.count)
     return Bins(np.where(known, column.codes, none), column.count)
 
 
-@kept(8)
-def _scale(first: Same, second: Same, valid: Same, equal: float) -> float:
+@cached_by_identity(8)
+def _scale(first: ArrayKey, second: ArrayKey, valid: ArrayKey, equal: float) -> float:
     """The 99th percentile of how far the valid differ, more than the margin."""
     apart = np.abs(_differences(first, second)[np.asarray(valid.array)])
     apart = apart[np.isfinite(apart)]

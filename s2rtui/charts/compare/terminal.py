@@ -10,7 +10,7 @@ from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas.brush_surface import Panel, draw_mark
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Pixels, Rgb, diverging, legible
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.compare.model import (
     DifferenceModel,
     cell_means,
@@ -23,7 +23,7 @@ from s2rtui.charts.map.terminal import clip_part, others_part
 from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.inputs import DifferenceInput
 from s2rtui.charts.shared.legend import (
-    Part,
+    LegendPart,
     colour_bar,
     draw_rows,
     ramp_for_values,
@@ -34,7 +34,7 @@ from s2rtui.charts.shared.map_background import draw_ground, draw_names
 from s2rtui.charts.shared.map_layout import GeoMapLayout, draw_axes, map_layout, map_panel
 
 
-def signs(look: Look) -> str:
+def signs(look: RenderOptions) -> str:
     """The glyphs of: the first is better, equal, the second is better."""
     return "-=+" if ramp_for_values(look) is not None else "▼●▲"
 
@@ -49,31 +49,37 @@ def difference_layout(
     view: DifferenceInput,
     size: Size,
     viewport: Bounds | None = None,
-    look: Look | None = None,
+    look: RenderOptions | None = None,
     model: DifferenceModel | None = None,
 ) -> GeoMapLayout:
     """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
-    look, model = look or Look(), model or difference_model(view)
+    look, model = look or RenderOptions(), model or difference_model(view)
     area = viewport or default_view(view.bounds, view.truth, view.valid)
 
-    def legend(frame: MapFrame, width: int) -> list[Part]:
+    def legend(frame: MapFrame, width: int) -> list[LegendPart]:
         return _legend(view, model, frame, width, look)
 
     return map_layout(area, view.y_down, size, legend)
 
 
 def difference_surface(
-    view: DifferenceInput, size: Size, look: Look | None = None, viewport: Bounds | None = None
+    view: DifferenceInput,
+    size: Size,
+    look: RenderOptions | None = None,
+    viewport: Bounds | None = None,
 ) -> tuple[Panel, ...]:
     """One panel "map", a plane of metres."""
     return (map_panel(difference_layout(view, size, viewport, look)),)
 
 
 def difference(
-    view: DifferenceInput, size: Size, look: Look | None = None, viewport: Bounds | None = None
+    view: DifferenceInput,
+    size: Size,
+    look: RenderOptions | None = None,
+    viewport: Bounds | None = None,
 ) -> Canvas:
     """The view in `size` (columns, rows): per cell the mean difference of the selected."""
-    look = look or Look()
+    look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     model = difference_model(view)
     layout = difference_layout(view, (canvas.width, canvas.height), viewport, look, model)
@@ -94,7 +100,11 @@ def difference(
 
 
 def _cells(
-    canvas: Canvas, view: DifferenceInput, model: DifferenceModel, frame: MapFrame, look: Look
+    canvas: Canvas,
+    view: DifferenceInput,
+    model: DifferenceModel,
+    frame: MapFrame,
+    look: RenderOptions,
 ) -> None:
     """A sign per cell in the colour of its mean; bold beyond half of the scale."""
     columns, rows, means = cell_means(view, model.chosen, frame)
@@ -105,8 +115,8 @@ def _cells(
 
 
 def _legend(
-    view: DifferenceInput, model: DifferenceModel, frame: MapFrame, width: int, look: Look
-) -> list[Part]:
+    view: DifferenceInput, model: DifferenceModel, frame: MapFrame, width: int, look: RenderOptions
+) -> list[LegendPart]:
     first, second = (_name(name, look) for name in view.names)
     bar = colour_bar(
         f"{view.side} error, {first} - {second}",
@@ -131,8 +141,11 @@ def _legend(
 
 
 def _counts(
-    view: DifferenceInput, model: DifferenceModel, names: tuple[str, str] | None, look: Look
-) -> Part:
+    view: DifferenceInput,
+    model: DifferenceModel,
+    names: tuple[str, str] | None,
+    look: RenderOptions,
+) -> LegendPart:
     """Who is better how often, and the mean difference with its sign; names only with room."""
     theme, summary = look.theme, model.summary
     ends = legible(tint([-1.0, 0.0, 1.0], 1.0), theme)
@@ -150,7 +163,7 @@ def _counts(
     return words(pieces)
 
 
-def _name(name: str, look: Look) -> str:
+def _name(name: str, look: RenderOptions) -> str:
     """A run's name, short enough for a legend."""
     if look.ascii:
         name = name.encode("ascii", "replace").decode()

@@ -10,7 +10,7 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rtui.analysis.identity_cache import identity
-from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush_surface import Mark, Panel, Point
 from s2rtui.charts.compare.model import difference_model
 from s2rtui.charts.compare.terminal import difference, difference_surface
@@ -59,7 +59,7 @@ class CompareView(View):
             return other, "loading"
         return state.generation, identity(self.input(scene, other)), state.viewport
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         canvas = Canvas(*size, theme=look.theme)
         other = run_differences.other_run(scene.state)
         if other is None:
@@ -136,7 +136,7 @@ class CompareView(View):
             subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
         )  # fmt: skip
 
-    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
         other = run_differences.other_run(scene.state)
         if other is None or not pending_target.is_ready(scene.store, other):
             return ()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.bins import Bins, bins, choose
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.medians import median
 from s2rtui.charts.shared.inputs import Floats, HistogramInput
 
@@ -21,7 +21,7 @@ Counts = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Errors:
+class SideErrors:
     """One side: (bins,) counts of the selected and of all valid, the selected's median (or NaN).
 
     beyond: valid instances past the last edge. cursor: the error of the cursor's instance.
@@ -44,8 +44,8 @@ class HistogramModel:
     """edges: (bins + 1,), from 0. What lies beyond the last edge counts into the last bin."""
 
     edges: NDArray[np.float64]
-    sim: Errors
-    real: Errors
+    sim: SideErrors
+    real: SideErrors
 
     @property
     def upper(self) -> float:
@@ -56,23 +56,27 @@ def histogram_model(view: HistogramInput, bins: int) -> HistogramModel:
     """Both sides over one range: 0 to `upper`, by default the 99th percentile of both."""
     upper = view.upper
     if upper is None:
-        upper = _upper(Same(view.sim), Same(view.real))
+        upper = _upper(ArrayKey(view.sim), ArrayKey(view.real))
     upper = upper if upper > 0 else 1.0
     count = max(1, bins)
-    keys = (Same(view.sim), Same(view.real))
-    parts = _counts(keys, upper, count, Same(view.selected), Same(view.valid))
+    keys = (ArrayKey(view.sim), ArrayKey(view.real))
+    parts = _counts(keys, upper, count, ArrayKey(view.selected), ArrayKey(view.valid))
     sim, real = (
-        Errors(
-            lit, total, middle, _beyond(Same(side), upper, Same(view.valid)), _cursor(side, view)
+        SideErrors(
+            lit,
+            total,
+            middle,
+            _beyond(ArrayKey(side), upper, ArrayKey(view.valid)),
+            _cursor(side, view),
         )
         for side, (lit, total, middle) in zip((view.sim, view.real), parts, strict=True)
     )
     return HistogramModel(np.linspace(0.0, upper, count + 1), sim, real)
 
 
-@kept(4)
+@cached_by_identity(4)
 def _counts(
-    sides: tuple[Same, ...], upper: float, count: int, selected: Same, valid: Same
+    sides: tuple[ArrayKey, ...], upper: float, count: int, selected: ArrayKey, valid: ArrayKey
 ) -> list[tuple[Counts, Counts, float]]:
     """Counts of the selected and of all, and the selected's median, for each side."""
     lit_mask, population = np.asarray(selected.array), np.asarray(valid.array)
@@ -96,23 +100,23 @@ def _cursor(errors: Floats, view: HistogramInput) -> float | None:
     return error if math.isfinite(error) else None
 
 
-@kept(16)
-def _upper(sim: Same, real: Same) -> float:
+@cached_by_identity(16)
+def _upper(sim: ArrayKey, real: ArrayKey) -> float:
     """The 99th percentile of all known errors, 1 without any."""
     both = np.concatenate([np.asarray(sim.array), np.asarray(real.array)])
     both = both[np.isfinite(both)]
     return float(np.percentile(both, 99)) if both.size else 1.0
 
 
-@kept(32)
-def _bins(errors: Same, upper: float, count: int) -> Bins:
+@cached_by_identity(32)
+def _bins(errors: ArrayKey, upper: float, count: int) -> Bins:
     column = np.asarray(errors.array, dtype=np.float64)
     places = np.clip(column / upper * count, 0, np.nextafter(count, 0))
     return bins(np.where(np.isfinite(column), places, np.nan), count)
 
 
-@kept(16)
-def _beyond(errors: Same, upper: float, valid: Same) -> int:
+@cached_by_identity(16)
+def _beyond(errors: ArrayKey, upper: float, valid: ArrayKey) -> int:
     column = np.asarray(errors.array)
     past = np.isfinite(column) & (column > upper) & np.asarray(valid.array)
     return int(np.count_nonzero(past))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rtui.canvas.colour import LIGHT, Theme
-from s2rtui.charts.errors.model import NAMES, Errors, HistogramModel, histogram_model
+from s2rtui.charts.errors.model import NAMES, HistogramModel, SideErrors, histogram_model
 from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.inputs import HistogramInput
 from s2rtui.charts.shared.paper import (
@@ -63,7 +63,7 @@ def _axis_name(view: HistogramInput, model: HistogramModel) -> str:
 def _side(
     axes: Axes,
     model: HistogramModel,
-    errors: Errors,
+    errors: SideErrors,
     name: str,
     view: HistogramInput,
     page: Page,

@@ -12,8 +12,8 @@ from s2rtui.canvas.brush_surface import Mark, Panel, Point
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.pending_brush import pending, range_of
-from s2rtui.canvas.render_options import Look
-from s2rtui.charts.errors.model import NAMES, Errors, HistogramModel, histogram_model
+from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.charts.errors.model import NAMES, HistogramModel, SideErrors, histogram_model
 from s2rtui.charts.shared.axis_scale import short, step, tick_text, ticks
 from s2rtui.charts.shared.bars import put_over, upright
 from s2rtui.charts.shared.inputs import HistogramInput
@@ -44,7 +44,7 @@ def histogram_layout(size: Size) -> HistogramLayout:
 
 
 def histogram_surface(
-    view: HistogramInput, size: Size, look: Look | None = None
+    view: HistogramInput, size: Size, look: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """Ranges "sim" and "real": x is the error, y a count on the side's scale.
 
@@ -70,9 +70,9 @@ def _to_cells(corner: tuple[int, int], scale: Point, x: float, y: float) -> Poin
     return corner[0] + x / scale[0], corner[1] - y / scale[1]
 
 
-def histogram(view: HistogramInput, size: Size, look: Look | None = None) -> Canvas:
+def histogram(view: HistogramInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows): two rows of bars over one axis."""
-    look = look or Look()
+    look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     layout = histogram_layout((canvas.width, canvas.height))
     model = histogram_model(view, layout.width)
@@ -95,7 +95,7 @@ def histogram(view: HistogramInput, size: Size, look: Look | None = None) -> Can
 
 
 def _labels(
-    canvas: Canvas, panel: Panel, errors: Errors, name: str, colour: Rgb, look: Look
+    canvas: Canvas, panel: Panel, errors: SideErrors, name: str, colour: Rgb, look: RenderOptions
 ) -> None:
     canvas.text(0, panel.y, name, colour)
     lines = [f"median {short(errors.median, 2)}", _most(errors.peak)]
@@ -110,10 +110,10 @@ def _most(count: int) -> str:
 def _side(
     canvas: Canvas,
     panel: Panel,
-    errors: Errors,
+    errors: SideErrors,
     mark: Mark | None,
     colour: Rgb,
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     """Bars, the pending brush, the median as a line and the cursor at the foot."""
     theme, bottom = look.theme, panel.y + panel.height - 1
@@ -147,7 +147,7 @@ def _axis(
     layout: HistogramLayout,
     model: HistogramModel,
     view: HistogramInput,
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     upper, row, chart = model.upper, canvas.height - 1, layout.width
     count = max(1, chart // 8)

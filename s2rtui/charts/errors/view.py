@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from s2rtui.analysis.identity_cache import identity
-from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush_surface import Mark, Panel, Point
 from s2rtui.charts.errors.model import histogram_model
 from s2rtui.charts.errors.terminal import histogram, histogram_surface
@@ -59,10 +59,10 @@ class ErrorsView(View):
     def depends(self, scene: Scene) -> tuple[object, ...]:
         return (identity(self.input(scene)),)
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         return histogram(self.input(scene), size, look)
 
-    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
         return histogram_surface(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:

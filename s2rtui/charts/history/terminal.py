@@ -11,7 +11,7 @@ import numpy as np
 from s2rstore.gap_history.gate_status import Word
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb, Theme
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.history.model import (
     HEADLINE,
     HistoryInput,
@@ -50,7 +50,7 @@ class HistoryLayout:
         return self.left + (day - int(model.days[0])) * self.pitch + self.pitch // 2
 
 
-def sign(word: Word, look: Look) -> str:
+def sign(word: Word, look: RenderOptions) -> str:
     """The glyph of a word, so that colour is never needed."""
     return _SIGNS[word][look.ascii]
 
@@ -113,9 +113,9 @@ class Rows:
         return self.top + min(self.count - 1, max(0, math.floor((1 - share) * self.count)))
 
 
-def history(view: HistoryInput, size: Size, look: Look | None = None) -> Canvas:
+def history(view: HistoryInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or Look()
+    look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     if not view.nights:
         canvas.text(0, 0, "no nights", look.theme.muted)
@@ -135,7 +135,7 @@ def history(view: HistoryInput, size: Size, look: Look | None = None) -> Canvas:
     return canvas
 
 
-def _title(canvas: Canvas, row: int, track: Track, look: Look) -> None:
+def _title(canvas: Canvas, row: int, track: Track, look: RenderOptions) -> None:
     theme, word, gap = look.theme, track.words[-1], track.last
     free = canvas.text(0, row, track.name, theme.text, bold=track.name == HEADLINE) + 2
     free = canvas.text(free, row, f"{sign(word, look)} {word.lower()}", ink(word, theme)) + 2
@@ -149,7 +149,7 @@ def _short(value: float) -> str:
 
 
 def _threshold(
-    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, chart: Rows, look: Look
+    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, chart: Rows, look: RenderOptions
 ) -> None:
     """Its line, which steps where it was changed, and the scale at the left."""
     theme = look.theme
@@ -173,7 +173,7 @@ def _nights(
     layout: HistoryLayout,
     track: Track,
     chart: Rows,
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     """Each night's interval as a line, its G as the glyph of its word."""
     for at, day in enumerate(model.days.tolist()):
@@ -191,7 +191,7 @@ def _nights(
         canvas.put(column, row, sign(track.words[at], look), colour, bold=True)
 
 
-def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: Look) -> None:
+def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: RenderOptions) -> None:
     """Dates under the nights, the newest always, others where there is room."""
     row, theme = canvas.height - 2, look.theme
     free = canvas.width
@@ -205,7 +205,9 @@ def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: Loo
             free = start
 
 
-def _legend(canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: Look) -> None:
+def _legend(
+    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: RenderOptions
+) -> None:
     theme, row, free = look.theme, canvas.height - 1, 0
     words: tuple[Word, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
     for word in words:

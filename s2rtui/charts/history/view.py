@@ -11,7 +11,7 @@ from s2rstore.errors import RequestError
 from s2rstore.gap_history.gate_status import known_word, word_of
 from s2rstore.gap_history.reader import History, Night
 from s2rstore.metrics.pose_metrics import Interval
-from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.charts.history import model, terminal
 from s2rtui.charts.view import Pane, Pixels, Scene, Table, View
 
@@ -45,7 +45,7 @@ class HistoryView(View):
         failed = scene.resources.failed.get("history")
         return scene.resources.history, scene.state.run, scene.state.history, failed
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         view = self.input(scene)
         if view.nights:
             return terminal.history(view, size, look)

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis.identity_cache import identity
-from s2rtui.canvas.canvas import Canvas, Plate, Size
+from s2rtui.canvas.canvas import Canvas, InlineImage, Size
 from s2rtui.canvas.colour import DEPTH_SHADES, Pixels, depth_tint, diverging, legible, turbo
 from s2rtui.canvas.raster import picture, resample, shade
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.instance.model import (
     HEADINGS,
     InstanceModel,
@@ -22,7 +22,7 @@ from s2rtui.charts.instance.model import (
     panel_pixels,
 )
 from s2rtui.charts.shared.inputs import InstanceInput, SideView
-from s2rtui.charts.shared.legend import Part, colour_bar, draw_rows, flow
+from s2rtui.charts.shared.legend import LegendPart, colour_bar, draw_rows, flow
 
 SIGNED_RAMP = "ihgfedcba.123456789"
 """Glyphs of a signed heat, from the most negative over 0 to the most positive."""
@@ -30,7 +30,7 @@ HEAT_RAMP = ".123456789"
 
 
 @dataclass(frozen=True, slots=True)
-class Panel:
+class ImagePanel:
     """A picture's place in cells: `what` is "rgb", "depth" or "heat"."""
 
     what: str
@@ -45,22 +45,24 @@ class Panel:
 class InstanceLayout:
     """The pictures, the rows of colour bars from `bars_y`, the table from `table_y` (or None)."""
 
-    panels: tuple[Panel, ...]
-    bars: tuple[tuple[Part, ...], ...]
+    panels: tuple[ImagePanel, ...]
+    bars: tuple[tuple[LegendPart, ...], ...]
     bars_y: int
     table_y: int | None
 
 
-def instance_layout(view: InstanceInput, size: Size, look: Look | None = None) -> InstanceLayout:
+def instance_layout(
+    view: InstanceInput, size: Size, look: RenderOptions | None = None
+) -> InstanceLayout:
     """Room for the pictures first as large as their shape allows; bars and table below them."""
-    look = look or Look()
+    look = look or RenderOptions()
     width, height = max(1, size[0]), max(1, size[1])
     model = instance_model(view)
     kinds = _kinds(view, model, look)
     bars = [tuple(row) for row in flow(_bars(view, model, look, width), width)]
     table = 1 + len(model.poses) + len(view.notes)
     title = 1 if height >= 4 else 0
-    plans: tuple[tuple[list[str], list[tuple[Part, ...]], int], ...] = (
+    plans: tuple[tuple[list[str], list[tuple[LegendPart, ...]], int], ...] = (
         (kinds, bars, table),
         (kinds, bars[:1], table - len(view.notes)),
         (kinds[:1], bars[:1], table - len(view.notes)),
@@ -76,7 +78,7 @@ def instance_layout(view: InstanceInput, size: Size, look: Look | None = None) -
     return InstanceLayout(panels, tuple(rows), used, used + len(rows) if lines else None)
 
 
-def _kinds(view: InstanceInput, model: InstanceModel, look: Look) -> list[str]:
+def _kinds(view: InstanceInput, model: InstanceModel, look: RenderOptions) -> list[str]:
     kinds = ["rgb"] if view.sim.rgb.size or view.real.rgb.size else []
     if model.heat_range is not None and not look.pictures:
         kinds.append("heat")
@@ -93,7 +95,7 @@ def _shape(view: InstanceInput) -> tuple[int, int]:
 
 def _arrange(
     kinds: list[str], shape: tuple[int, int], width: int, space: int, top: int
-) -> tuple[tuple[Panel, ...], int]:
+) -> tuple[tuple[ImagePanel, ...], int]:
     """Pictures stacked in two columns or all in one row, whichever shows them larger."""
     if not kinds:
         return (), 0
@@ -113,14 +115,14 @@ def _arrange(
             place = index * 2 + offset
             half = (width + 1) // 2 if columns == 2 else wide + 1
             x = place % columns * max(wide + 1, min(half, wide + 3))
-            panels.append(Panel(what, side, x, top + place // columns * high, wide, high))
+            panels.append(ImagePanel(what, side, x, top + place // columns * high, wide, high))
     rows = 2 * len(kinds) // columns if columns else 0
     return tuple(panels), top + rows * high
 
 
-def instance(view: InstanceInput, size: Size, look: Look | None = None) -> Canvas:
+def instance(view: InstanceInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or Look()
+    look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     model = instance_model(view)
     layout = instance_layout(view, (canvas.width, canvas.height), look)
@@ -134,7 +136,11 @@ def instance(view: InstanceInput, size: Size, look: Look | None = None) -> Canva
 
 
 def _panel(
-    canvas: Canvas, panel: Panel, view: InstanceInput, model: InstanceModel, look: Look
+    canvas: Canvas,
+    panel: ImagePanel,
+    view: InstanceInput,
+    model: InstanceModel,
+    look: RenderOptions,
 ) -> None:
     side = view.sim if panel.side == "sim" else view.real
     if panel.what == "heat":
@@ -157,10 +163,12 @@ def _panel(
         )
 
 
-def _plate(panel: Panel, side: SideView, pixels: Callable[[Size], Pixels], of: object) -> Plate:
+def _plate(
+    panel: ImagePanel, side: SideView, pixels: Callable[[Size], Pixels], of: object
+) -> InlineImage:
     image = side.rgb if panel.what == "rgb" or side.depth is None else side.depth
     shape = image.shape[0], image.shape[1]
-    return Plate(panel.x, panel.y, panel.width, panel.height, shape, pixels, of)
+    return InlineImage(panel.x, panel.y, panel.width, panel.height, shape, pixels, of)
 
 
 def _without_heat(view: InstanceInput) -> InstanceInput:
@@ -170,7 +178,7 @@ def _without_heat(view: InstanceInput) -> InstanceInput:
 
 
 def _heat_glyphs(
-    canvas: Canvas, panel: Panel, side: SideView, view: InstanceInput, model: InstanceModel
+    canvas: Canvas, panel: ImagePanel, side: SideView, view: InstanceInput, model: InstanceModel
 ) -> None:
     """The heat in digits (and letters below zero), where no colour can lie on a picture."""
     if side.heat is None or model.heat_range is None:
@@ -184,7 +192,9 @@ def _heat_glyphs(
     )
 
 
-def _titles(canvas: Canvas, layout: InstanceLayout, view: InstanceInput, look: Look) -> None:
+def _titles(
+    canvas: Canvas, layout: InstanceLayout, view: InstanceInput, look: RenderOptions
+) -> None:
     theme, glyphs = look.theme, look.glyphs
     for panel in layout.panels:
         if panel.y != 1:
@@ -199,7 +209,9 @@ def _titles(canvas: Canvas, layout: InstanceLayout, view: InstanceInput, look: L
         canvas.text(panel.x, 0, text[: panel.width], colour, bold=True)
 
 
-def _bars(view: InstanceInput, model: InstanceModel, look: Look, width: int) -> list[Part]:
+def _bars(
+    view: InstanceInput, model: InstanceModel, look: RenderOptions, width: int
+) -> list[LegendPart]:
     parts = []
     length = 12 if width >= 44 else 8
     if model.heat_range is not None:
@@ -221,7 +233,9 @@ def _bars(view: InstanceInput, model: InstanceModel, look: Look, width: int) -> 
     return parts
 
 
-def _table(canvas: Canvas, y: int, view: InstanceInput, model: InstanceModel, look: Look) -> None:
+def _table(
+    canvas: Canvas, y: int, view: InstanceInput, model: InstanceModel, look: RenderOptions
+) -> None:
     theme, glyphs = look.theme, look.glyphs
     roles = {
         "truth": (glyphs.truth, theme.truth),

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from s2rstore.errors import RequestError
-from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.charts.instance import terminal
 from s2rtui.charts.view import Pixels, Scene, Table, View
 from s2rtui.session.provenance import about
@@ -79,7 +79,7 @@ class InstanceView(View):
             raise RequestError(f"--view instance: {told}")
         return paper.instance_figure(shown, size, theme, scene.state.run)
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         if scene.resources.pictures is None or scene.state.cursor is None:
             return Canvas(*size, theme=look.theme)
         shown = scene.resources.pictures

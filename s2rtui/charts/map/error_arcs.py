@@ -9,7 +9,7 @@ from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Rgb, mix
 from s2rtui.canvas.raster import braille, dot_grid
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.map.model import GeoMapModel
 from s2rtui.charts.map.points import stamp
 from s2rtui.charts.shared.axis_scale import short
@@ -22,7 +22,7 @@ from s2rtui.charts.shared.error_glyphs import (
     full_scale,
 )
 from s2rtui.charts.shared.inputs import GeoMapInput
-from s2rtui.charts.shared.legend import Part, words
+from s2rtui.charts.shared.legend import LegendPart, words
 from s2rtui.charts.shared.map_cells import lit_cells
 
 ARC_FOOTPRINT = (7, 3)
@@ -35,7 +35,7 @@ Grid = NDArray[np.bool_]
 
 
 def draw_glyphs(
-    canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: Look
+    canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: RenderOptions
 ) -> None:
     """Arcs in braille; arrows with letters and sizes where colours or braille lack."""
     footprint = ARC_FOOTPRINT if look.pictures else ARROW_FOOTPRINT
@@ -52,14 +52,14 @@ def draw_glyphs(
     _middles(canvas, found, look)
 
 
-def _middles(canvas: Canvas, found: ErrorGlyphs, look: Look) -> None:
+def _middles(canvas: Canvas, found: ErrorGlyphs, look: RenderOptions) -> None:
     """The truth of one instance, or how many are taken together."""
     for (column, row), size in zip(found.centres.tolist(), found.counts.tolist(), strict=True):
         glyph = look.glyphs.truth if size == 1 else str(size) if size < 10 else "+"
         canvas.put(int(column), int(row), glyph, look.theme.truth, bold=True)
 
 
-def _arcs(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: Look) -> None:
+def _arcs(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: RenderOptions) -> None:
     sim, real = (_ring(canvas, found, part, y_down) for part in (found.sim, found.real))
     theme = look.theme
     counts = [
@@ -86,7 +86,7 @@ def _ring(canvas: Canvas, found: ErrorGlyphs, vectors: NDArray[np.float64], y_do
     return dot_grid(columns[known], rows[known], canvas.width, canvas.height)
 
 
-def _tips(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: Look) -> None:
+def _tips(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: RenderOptions) -> None:
     """The middle of each arc as the side's glyph, one for both where they meet."""
     theme, glyphs = look.theme, look.glyphs
     places = [_tip_cells(found, part, y_down) for part in (found.sim, found.real)]
@@ -105,7 +105,7 @@ def _tip_cells(found: ErrorGlyphs, vectors: NDArray[np.float64], y_down: bool) -
     return np.where(np.isfinite(step), np.floor(middle + step), -1).astype(np.intp)
 
 
-def _arrows(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: Look) -> None:
+def _arrows(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: RenderOptions) -> None:
     """Beside the point an arrow in the error's direction, then the side's letter and the size."""
     theme, glyphs = look.theme, look.glyphs
     sim, real = (_octants(part, y_down) for part in (found.sim, found.real))
@@ -131,7 +131,7 @@ def _arrow(
     other: int | None,
     label: str,
     colour: Rgb,
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     """One arrow; above and below the point its label avoids the other arrow's side."""
     if octant < 0:
@@ -159,7 +159,7 @@ def _digits(vectors: NDArray[np.float64], full: float) -> list[str]:
     return [str(round(9 * part)) for part in np.nan_to_num(share).tolist()]
 
 
-def glyph_legend(view: GeoMapInput, model: GeoMapModel, look: Look) -> list[Part]:
+def glyph_legend(view: GeoMapInput, model: GeoMapModel, look: RenderOptions) -> list[LegendPart]:
     """What the arcs or arrows mean."""
     theme, glyphs = look.theme, look.glyphs
     full = f"{short(full_scale(view), 2)} m"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.bins import Chosen, choose, count
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.shared.axis_scale import fraction, percentile_range
 from s2rtui.charts.shared.inputs import Bools, Floats, GeoMapInput, Interval
@@ -57,11 +57,11 @@ def cursor_of(cursor: int | None, valid: Bools) -> int | None:
 
 def value_range(values: Floats, valid: Bools) -> Interval:
     """The scale of values (N,): the 1st .. 99th percentile of the valid."""
-    return _value_range(Same(values), Same(valid))
+    return _value_range(ArrayKey(values), ArrayKey(valid))
 
 
-@kept(16)
-def _value_range(values: Same, valid: Same) -> Interval:
+@cached_by_identity(16)
+def _value_range(values: ArrayKey, valid: ArrayKey) -> Interval:
     return percentile_range(np.asarray(values.array)[np.asarray(valid.array)])
 
 

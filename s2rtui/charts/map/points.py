@@ -12,7 +12,7 @@ from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Rgb, legible, turbo
 from s2rtui.canvas.raster import braille, braille_bits, dot_grid, ground, segment_dots
-from s2rtui.canvas.render_options import Look, heading_arrow
+from s2rtui.canvas.render_options import RenderOptions, heading_arrow
 from s2rtui.charts.map.model import GeoMapModel, lined
 from s2rtui.charts.shared.inputs import Floats, GeoMapInput, LivePose
 from s2rtui.charts.shared.legend import ramp_for_values
@@ -21,13 +21,15 @@ from s2rtui.charts.shared.map_cells import level_shares, lit_cells, other_dots, 
 Places = NDArray[np.intp]
 
 
-def draw_others(canvas: Canvas, truth: Floats, chosen: Chosen, frame: MapFrame, look: Look) -> None:
+def draw_others(
+    canvas: Canvas, truth: Floats, chosen: Chosen, frame: MapFrame, look: RenderOptions
+) -> None:
     """What is not selected: grey dots."""
     draw_dots(canvas, other_dots(truth, chosen, frame), look.theme.unselected, look)
 
 
 def draw_dots(
-    canvas: Canvas, grid: NDArray[np.bool_], colour: Rgb, look: Look, glyph: str = ""
+    canvas: Canvas, grid: NDArray[np.bool_], colour: Rgb, look: RenderOptions, glyph: str = ""
 ) -> None:
     """Braille dots (4 rows, 2 columns per cell); in ASCII one glyph, by default a faint one."""
     if not look.ascii:
@@ -48,7 +50,7 @@ def stamp(
 
 
 def draw_values(
-    canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: Look
+    canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: RenderOptions
 ) -> None:
     """The selected coloured by value, the largest of a cell on top; digits where colours lack."""
     top = top_levels(view.truth, view.values, model.value_range, model.chosen, frame)
@@ -63,7 +65,7 @@ def draw_values(
 
 
 def draw_predictions(
-    canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: Look
+    canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: RenderOptions
 ) -> None:
     """Sim, real and truth of the selected; lines join them where they are few."""
     theme, glyphs = look.theme, look.glyphs
@@ -77,7 +79,9 @@ def draw_predictions(
         stamp(canvas, columns, rows, glyph, colour)
 
 
-def _lines(canvas: Canvas, view: GeoMapInput, ids: Places, frame: MapFrame, look: Look) -> None:
+def _lines(
+    canvas: Canvas, view: GeoMapInput, ids: Places, frame: MapFrame, look: RenderOptions
+) -> None:
     """From the truth to both predictions, in braille or in full stops."""
     starts = frame.to_cells(np.asarray(view.truth)[ids])
     for side, colour in ((view.sim, look.theme.sim), (view.real, look.theme.real)):
@@ -91,7 +95,7 @@ def _lines(canvas: Canvas, view: GeoMapInput, ids: Places, frame: MapFrame, look
 
 
 def draw_cursor(
-    canvas: Canvas, view: GeoMapInput, cursor: int | None, frame: MapFrame, look: Look
+    canvas: Canvas, view: GeoMapInput, cursor: int | None, frame: MapFrame, look: RenderOptions
 ) -> None:
     """The cursor's pose with its heading; in mode "full" its two predictions with theirs."""
     if cursor is None:
@@ -103,7 +107,9 @@ def draw_cursor(
     draw_pose(canvas, view.truth, view.headings, cursor, frame, look)
 
 
-def draw_live(canvas: Canvas, live: Sequence[LivePose], frame: MapFrame, look: Look) -> None:
+def draw_live(
+    canvas: Canvas, live: Sequence[LivePose], frame: MapFrame, look: RenderOptions
+) -> None:
     """Predictions that are not stored, with their headings."""
     theme, glyphs = look.theme, look.glyphs
     for pose in live:
@@ -113,7 +119,12 @@ def draw_live(canvas: Canvas, live: Sequence[LivePose], frame: MapFrame, look: L
 
 
 def draw_pose(
-    canvas: Canvas, points: Floats, headings: Floats | None, iid: int, frame: MapFrame, look: Look
+    canvas: Canvas,
+    points: Floats,
+    headings: Floats | None,
+    iid: int,
+    frame: MapFrame,
+    look: RenderOptions,
 ) -> None:
     """The cursor's glyph at one of `points`, an arrow beside it where its heading is known."""
     glyph, colour = look.glyphs.cursor, look.theme.cursor
@@ -126,7 +137,7 @@ def _pose(
     headings: Floats | None,
     iid: int,
     frame: MapFrame,
-    look: Look,
+    look: RenderOptions,
     glyph: str,
     colour: Rgb,
 ) -> None:

@@ -6,7 +6,7 @@ from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas.brush_surface import Panel, draw_mark
 from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.map.error_arcs import draw_glyphs, glyph_legend
 from s2rtui.charts.map.model import LINES_UP_TO, GeoMapModel, default_view, geomap_model
 from s2rtui.charts.map.points import (
@@ -18,7 +18,7 @@ from s2rtui.charts.map.points import (
 )
 from s2rtui.charts.shared.inputs import GeoMapInput
 from s2rtui.charts.shared.legend import (
-    Part,
+    LegendPart,
     colour_bar,
     draw_rows,
     ramp_for_values,
@@ -33,31 +33,31 @@ def geomap_layout(
     view: GeoMapInput,
     size: Size,
     viewport: Bounds | None = None,
-    look: Look | None = None,
+    look: RenderOptions | None = None,
     model: GeoMapModel | None = None,
 ) -> GeoMapLayout:
     """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
-    look, model = look or Look(), model or geomap_model(view)
+    look, model = look or RenderOptions(), model or geomap_model(view)
     area = viewport or default_view(view.bounds, view.truth, view.valid)
 
-    def legend(frame: MapFrame, width: int) -> list[Part]:
+    def legend(frame: MapFrame, width: int) -> list[LegendPart]:
         return _legend(view, model, frame, width, look)
 
     return map_layout(area, view.y_down, size, legend)
 
 
 def geomap_surface(
-    view: GeoMapInput, size: Size, look: Look | None = None, viewport: Bounds | None = None
+    view: GeoMapInput, size: Size, look: RenderOptions | None = None, viewport: Bounds | None = None
 ) -> tuple[Panel, ...]:
     """One panel "map", a plane of metres."""
     return (map_panel(geomap_layout(view, size, viewport, look)),)
 
 
 def geomap(
-    view: GeoMapInput, size: Size, look: Look | None = None, viewport: Bounds | None = None
+    view: GeoMapInput, size: Size, look: RenderOptions | None = None, viewport: Bounds | None = None
 ) -> Canvas:
     """The view in `size` (columns, rows) through `viewport`, a world rectangle."""
-    look = look or Look()
+    look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     model = geomap_model(view)
     layout = geomap_layout(view, (canvas.width, canvas.height), viewport, look, model)
@@ -79,10 +79,10 @@ def geomap(
 
 
 def _legend(
-    view: GeoMapInput, model: GeoMapModel, frame: MapFrame, width: int, look: Look
-) -> list[Part]:
+    view: GeoMapInput, model: GeoMapModel, frame: MapFrame, width: int, look: RenderOptions
+) -> list[LegendPart]:
     bar = 12 if width >= 50 else 8
-    parts: list[Part] = []
+    parts: list[LegendPart] = []
     if view.mode == "full":
         parts.append(_marks(look))
     elif view.mode == "glyph":
@@ -117,7 +117,7 @@ def _legend(
     return parts
 
 
-def _marks(look: Look) -> Part:
+def _marks(look: RenderOptions) -> LegendPart:
     theme, glyphs = look.theme, look.glyphs
     return words(
         (
@@ -131,14 +131,14 @@ def _marks(look: Look) -> Part:
     )
 
 
-def others_part(look: Look) -> Part:
+def others_part(look: RenderOptions) -> LegendPart:
     """The legend of what is not selected."""
     theme = look.theme
     grey = "⠿" if not look.ascii else look.glyphs.unselected
     return words(((f"{grey} ", theme.unselected), ("not selected", theme.muted)))
 
 
-def clip_part(look: Look) -> Part:
+def clip_part(look: RenderOptions) -> LegendPart:
     """The legend of what no selected instance has seen."""
     how = "dim" if look.fine else "blank"
     return words(((f"{how}: not seen", look.theme.muted),))

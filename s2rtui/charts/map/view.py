@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from s2rtui.analysis.identity_cache import identity
-from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush_surface import Mark, Panel, Point
 from s2rtui.charts.adjust.adjusted_instance import live_poses
 from s2rtui.charts.map import terminal
@@ -71,7 +71,7 @@ class MapView(View):
     def depends(self, scene: Scene) -> tuple[object, ...]:
         return identity(self.input(scene)), scene.state.viewport
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         return terminal.geomap(self.input(scene), size, look, scene.state.viewport)
 
     def numbers(self, scene: Scene) -> Table:
@@ -110,7 +110,7 @@ class MapView(View):
             view, size, theme, state.run, scene.caption, title, state.viewport
         )
 
-    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
         return terminal.geomap_surface(self.input(scene), size, look, scene.state.viewport)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:

@@ -9,7 +9,7 @@ from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.pending_brush import arc_of
 from s2rtui.canvas.raster import braille, dot_grid, segment_dots
-from s2rtui.canvas.render_options import Look, heading_arrow
+from s2rtui.canvas.render_options import RenderOptions, heading_arrow
 from s2rtui.charts.orientation.dial import Dial, Dots, bar_dots, ring_dots
 from s2rtui.charts.shared.bars import Bars
 
@@ -25,7 +25,7 @@ def draw_dial(
     cursor: float | None,
     mark: Mark | None,
     colour: Rgb,
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     """Bars of the selected in `colour`, of all valid in grey behind them; `cursor` in degrees."""
     chart = Canvas(panel.width, panel.height, look.theme)
@@ -51,7 +51,7 @@ def _cells(dots: Dots, fine: int) -> Dots:
 
 
 def _dots_and_blocks(
-    chart: Canvas, dial: Dial, lit: Dots, grey: Dots, colour: Rgb, look: Look
+    chart: Canvas, dial: Dial, lit: Dots, grey: Dots, colour: Rgb, look: RenderOptions
 ) -> None:
     """The selected as quarters of cells, solid; ring and all others as braille dots."""
     theme = look.theme
@@ -64,7 +64,9 @@ def _dots_and_blocks(
     chart.fg[held] = colour
 
 
-def _characters(chart: Canvas, dial: Dial, lit: Dots, grey: Dots, colour: Rgb, look: Look) -> None:
+def _characters(
+    chart: Canvas, dial: Dial, lit: Dots, grey: Dots, colour: Rgb, look: RenderOptions
+) -> None:
     """Cells of ring, grey and selected bars as characters."""
     ring = _cells(ring_dots(dial, chart.width, chart.height), 4)
     for cells, glyph, ink in (
@@ -76,7 +78,7 @@ def _characters(chart: Canvas, dial: Dial, lit: Dots, grey: Dots, colour: Rgb, l
         chart.fg[cells] = ink
 
 
-def _needle(chart: Canvas, dial: Dial, cursor: float | None, look: Look) -> None:
+def _needle(chart: Canvas, dial: Dial, cursor: float | None, look: RenderOptions) -> None:
     """From the centre to the ring, the way the cursor's instance looks."""
     if cursor is None:
         return
@@ -89,7 +91,7 @@ def _needle(chart: Canvas, dial: Dial, cursor: float | None, look: Look) -> None
     braille(chart, 0, 0, dots, np.array(look.theme.cursor, dtype=np.uint8))
 
 
-def _ground(chart: Canvas, dial: Dial, mark: Mark, look: Look) -> None:
+def _ground(chart: Canvas, dial: Dial, mark: Mark, look: RenderOptions) -> None:
     """The sector of a pending brush."""
     middle, half = arc_of(mark)
     across = np.arange(chart.width) + 0.5 - dial.x
@@ -99,7 +101,9 @@ def _ground(chart: Canvas, dial: Dial, mark: Mark, look: Look) -> None:
     chart.bg[apart <= half] = look.theme.highlight
 
 
-def _rim(canvas: Canvas, panel: Panel, cursor: float | None, mark: Mark | None, look: Look) -> None:
+def _rim(
+    canvas: Canvas, panel: Panel, cursor: float | None, mark: Mark | None, look: RenderOptions
+) -> None:
     """The ends of a pending brush and the cursor's heading, at the rim."""
     if mark is not None:
         middle, half = arc_of(mark)

@@ -8,7 +8,7 @@ from s2rtui.canvas.brush_surface import Mark, Panel
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.pending_brush import arc_of
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.bars import Bars, put_over, upright
 
 
@@ -19,7 +19,7 @@ def draw_strip(
     cursor: float | None,
     mark: Mark | None,
     colour: Rgb,
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     """Upright bars; the cursor (degrees) and the ends of the pending brush on the last row."""
     bottom = panel.y + panel.height - 1
@@ -45,7 +45,7 @@ def _column(panel: Panel, degrees: float) -> int:
     return min(int(panel.to_cells(degrees, 0.0)[0]), panel.x + panel.width - 1)
 
 
-def draw_strip_axis(canvas: Canvas, panel: Panel, scale: str, look: Look) -> None:
+def draw_strip_axis(canvas: Canvas, panel: Panel, scale: str, look: RenderOptions) -> None:
     """Cardinal degrees on the last row, the scale's number at the left."""
     row, theme, free = canvas.height - 1, look.theme, panel.x
     if len(scale) < panel.x:

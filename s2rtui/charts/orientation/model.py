@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.bins import Bins, Chosen, bins, choose
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas.pending_brush import wrapped
 from s2rtui.charts.shared.inputs import Floats, OrientationInput
 
@@ -58,8 +58,8 @@ class OrientationModel:
 def orientation_model(view: OrientationInput, count: int = BINS) -> OrientationModel:
     """Counts in `count` bins (a divisor of 72) and means of the three headings."""
     sides = (view.sim, view.truth, view.real)
-    keys = tuple(Same(side) for side in sides)
-    counted = _counts(keys, Same(view.selected), Same(view.valid))
+    keys = tuple(ArrayKey(side) for side in sides)
+    counted = _counts(keys, ArrayKey(view.selected), ArrayKey(view.valid))
     panels = tuple(
         Headings(
             lit.reshape(count, -1).sum(axis=1),
@@ -77,15 +77,15 @@ def orientation_model(view: OrientationInput, count: int = BINS) -> OrientationM
     return OrientationModel(panels, longest, longest / share)
 
 
-@kept(16)
-def _bins(headings: Same) -> Bins:
+@cached_by_identity(16)
+def _bins(headings: ArrayKey) -> Bins:
     turned = np.degrees(np.asarray(headings.array, dtype=np.float64)) + 180
     turned = (turned - 360 * np.floor(turned / 360)) / WIDTH
     return bins(np.where(turned >= BINS, 0.0, turned), BINS)
 
 
-@kept(16)
-def _directions(headings: Same) -> NDArray[np.complex128]:
+@cached_by_identity(16)
+def _directions(headings: ArrayKey) -> NDArray[np.complex128]:
     """(72,) the mean unit vector of everything in each bin, to single precision."""
     column = np.asarray(headings.array, dtype=np.float32)
     codes = _bins(headings).codes
@@ -96,9 +96,9 @@ def _directions(headings: Same) -> NDArray[np.complex128]:
     return np.asarray((cosines + 1j * sines) / number)
 
 
-@kept(4)
+@cached_by_identity(4)
 def _counts(
-    sides: tuple[Same, ...], selected: Same, valid: Same
+    sides: tuple[ArrayKey, ...], selected: ArrayKey, valid: ArrayKey
 ) -> list[tuple[Counts, Counts, complex]]:
     """Counts of the selected and of all in 72 bins, and the selected's mean unit vector."""
     chosen = choose(np.asarray(selected.array), np.asarray(valid.array))
@@ -121,12 +121,12 @@ def _cursor(column: Floats, view: OrientationInput) -> float | None:
 def _units(column: Floats, iids: NDArray[np.intp]) -> NDArray[np.complex128]:
     """Unit vectors of some headings, kept where those of all are few."""
     if len(column) <= EXACTLY_UP_TO:
-        return _all_units(Same(column))[iids]
+        return _all_units(ArrayKey(column))[iids]
     return np.asarray(np.exp(1j * column[iids]))
 
 
-@kept(16)
-def _all_units(column: Same) -> NDArray[np.complex128]:
+@cached_by_identity(16)
+def _all_units(column: ArrayKey) -> NDArray[np.complex128]:
     return np.asarray(np.exp(1j * np.asarray(column.array)))
 
 
@@ -138,4 +138,4 @@ def _mean(column: Floats, lit: Counts, chosen: Chosen) -> complex:
     if number <= EXACTLY_UP_TO:
         own = _units(column, chosen.members)
         return complex(own[np.isfinite(own)].mean())
-    return complex((lit * _directions(Same(column))).sum() / number)
+    return complex((lit * _directions(ArrayKey(column))).sum() / number)

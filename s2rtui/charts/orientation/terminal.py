@@ -12,7 +12,7 @@ from s2rtui.canvas.brush_surface import Panel, Point
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.pending_brush import pending, wrapped
-from s2rtui.canvas.render_options import Glyphs, Look
+from s2rtui.canvas.render_options import Glyphs, RenderOptions
 from s2rtui.charts.orientation.dial import Dial, dial_of
 from s2rtui.charts.orientation.dial_drawing import draw_dial
 from s2rtui.charts.orientation.heading_strips import draw_strip, draw_strip_axis
@@ -53,7 +53,7 @@ class OrientationLayout:
 
 
 def orientation_layout(
-    view: OrientationInput, size: Size, look: Look | None = None
+    view: OrientationInput, size: Size, look: RenderOptions | None = None
 ) -> OrientationLayout:
     """Dials in a row or a column, whichever are larger; strips where both are too small."""
     width, height = max(1, size[0]), max(1, size[1])
@@ -91,7 +91,7 @@ def _strips(width: int, height: int) -> OrientationLayout:
 
 
 def orientation_surface(
-    view: OrientationInput, size: Size, look: Look | None = None
+    view: OrientationInput, size: Size, look: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """Turns "sim", "truth" and "real": degrees in [-180, 180), and how far out (0 .. 1)."""
     layout = orientation_layout(view, size, look)
@@ -128,9 +128,9 @@ def _on_strip(place: Place) -> tuple[Way, Way]:
     return to_data, to_cells
 
 
-def orientation(view: OrientationInput, size: Size, look: Look | None = None) -> Canvas:
+def orientation(view: OrientationInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or Look()
+    look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     size = (canvas.width, canvas.height)
     layout = orientation_layout(view, size, look)
@@ -165,7 +165,7 @@ def _beside(
     layout: OrientationLayout,
     headings: Headings,
     name: tuple[str, Rgb],
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     """Name and mean at the left of a strip."""
     if layout.room:
@@ -174,7 +174,7 @@ def _beside(
             canvas.text(0, panel.y + 1, _mean(headings, layout.room - 1, look), look.theme.muted)
 
 
-def _name(panel: str, look: Look) -> tuple[str, Rgb]:
+def _name(panel: str, look: RenderOptions) -> tuple[str, Rgb]:
     """Glyph and name with their colour."""
     glyphs, theme = look.glyphs, look.theme
     kinds: dict[str, tuple[str, Rgb]] = {
@@ -193,7 +193,7 @@ def _around(
     headings: Headings,
     scale: str,
     name: tuple[str, Rgb],
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     """Name and scale above a dial, the mean below it, degrees round it."""
     theme, room = look.theme, layout.room
@@ -220,7 +220,7 @@ def _around(
             canvas.text(start, at, text, theme.muted)
 
 
-def _mean(headings: Headings, room: int, look: Look) -> str:
+def _mean(headings: Headings, room: int, look: RenderOptions) -> str:
     """The mean direction and the resultant length in at most `room` cells."""
     if not np.isfinite(headings.mean):
         return "none"[:room]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from s2rtui.analysis.identity_cache import identity
-from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush_surface import Mark, Panel, Point
 from s2rtui.charts.orientation.model import orientation_model
 from s2rtui.charts.orientation.terminal import orientation, orientation_surface
@@ -59,10 +59,10 @@ class OrientationView(View):
     def depends(self, scene: Scene) -> tuple[object, ...]:
         return (identity(self.input(scene)),)
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         return orientation(self.input(scene), size, look)
 
-    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
         return orientation_surface(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:

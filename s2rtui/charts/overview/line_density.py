@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.bins import Bins, Chosen, choose, count
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.charts.overview.layout import OverviewLayout
 from s2rtui.charts.shared.inputs import Interval, OverviewLines
 
@@ -40,14 +40,14 @@ def line_density(lines: OverviewLines, axis: Interval, layout: OverviewLayout) -
     """Segments between neighbouring runs in view, or bars on their rows where those adjoin."""
     chosen = choose(np.asarray(lines.selected), np.asarray(lines.valid))
     shown = lines.values[layout.first : layout.first + layout.shown]
-    columns = tuple(Same(column) for column in shown)
+    columns = tuple(ArrayKey(column) for column in shown)
     draw = _segments if layout.step > 1 and layout.shown > 1 else _bars
     return draw(columns, axis, layout.chart_width, layout.step, chosen)
 
 
-@kept(4)
+@cached_by_identity(4)
 def _segments(
-    columns: tuple[Same, ...], axis: Interval, width: int, step: int, chosen: Chosen
+    columns: tuple[ArrayKey, ...], axis: Interval, width: int, step: int, chosen: Chosen
 ) -> LineDensity:
     """From the middle of one run's row to the middle of the next one's."""
     size = bin_count(width, len(chosen.base))
@@ -61,9 +61,9 @@ def _segments(
     return LineDensity(*(np.concatenate([edge, *part, edge]) for part in parts))
 
 
-@kept(4)
+@cached_by_identity(4)
 def _bars(
-    columns: tuple[Same, ...], axis: Interval, width: int, step: int, chosen: Chosen
+    columns: tuple[ArrayKey, ...], axis: Interval, width: int, step: int, chosen: Chosen
 ) -> LineDensity:
     """On each run's row a bar of up to four dots per column of dots."""
     size = bin_count(width, len(chosen.base))
@@ -97,13 +97,13 @@ def pair_counts(lines: OverviewLines, axis: Interval, size: int) -> list[tuple[C
     chosen = choose(np.asarray(lines.selected), np.asarray(lines.valid))
     found = []
     for first, second in pairwise(lines.values):
-        lit, others = _tables(Same(first), Same(second), axis, size, chosen)
+        lit, others = _tables(ArrayKey(first), ArrayKey(second), axis, size, chosen)
         found.append((lit[:size, :size], others[:size, :size]))
     return found
 
 
 def _tables(
-    first: Same, second: Same, axis: Interval, size: int, chosen: Chosen
+    first: ArrayKey, second: ArrayKey, axis: Interval, size: int, chosen: Chosen
 ) -> tuple[Counts, Counts]:
     """Counts per pair of bins, (size + 1, size + 1), the last ones none: selected, and others."""
     lit, total = count(_pairs(first, second, axis, size), chosen)
@@ -143,8 +143,8 @@ def _places(chart_width: int, size: int, within: float = 0.5) -> Density:
     return 2 * (0.5 + (np.arange(size) + within) / size * (chart_width - 1))
 
 
-@kept(64)
-def _binned(values: Same, axis: Interval, size: int) -> NDArray[np.uint8]:
+@cached_by_identity(64)
+def _binned(values: ArrayKey, axis: Interval, size: int) -> NDArray[np.uint8]:
     """Bins of the axis; what lies beyond an end is in the last one there, NaN in bin `size`."""
     column = np.asarray(values.array)
     codes = np.empty(len(column), dtype=np.uint8)
@@ -156,13 +156,13 @@ def _binned(values: Same, axis: Interval, size: int) -> NDArray[np.uint8]:
     return codes
 
 
-@kept(4)
-def _bar_bins(columns: tuple[Same, ...], axis: Interval, size: int) -> list[Bins]:
+@cached_by_identity(4)
+def _bar_bins(columns: tuple[ArrayKey, ...], axis: Interval, size: int) -> list[Bins]:
     return [Bins(_binned(column, axis, size), size) for column in columns]
 
 
-@kept(32)
-def _pairs(first: Same, second: Same, axis: Interval, size: int) -> Bins:
+@cached_by_identity(32)
+def _pairs(first: ArrayKey, second: ArrayKey, axis: Interval, size: int) -> Bins:
     """Both bins: code = first * (size + 1) + second; the last bin of each is none."""
     one, two = (_binned(part, axis, size) for part in (first, second))
     return Bins(one.astype(np.uint16) * np.uint16(size + 1) + two, (size + 1) ** 2)

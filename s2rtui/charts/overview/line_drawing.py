@@ -10,7 +10,7 @@ from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Pixels, Rgb, mix
 from s2rtui.canvas.colour_mode import ColourMode
 from s2rtui.canvas.raster import braille, dot_grid, segment_dots
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.overview.layout import OverviewLayout, axis_share
 from s2rtui.charts.overview.line_density import Density, levels, line_density
 from s2rtui.charts.shared.axis_scale import finite
@@ -23,7 +23,11 @@ DITHER = np.array([[0, 4], [6, 2], [1, 5], [7, 3]]) / 8
 
 
 def draw_threads(
-    canvas: Canvas, lines: OverviewLines, axis: Interval, layout: OverviewLayout, look: Look
+    canvas: Canvas,
+    lines: OverviewLines,
+    axis: Interval,
+    layout: OverviewLayout,
+    look: RenderOptions,
 ) -> None:
     """All lines behind the marks, then the cursor's own."""
     density = line_density(lines, axis, layout)
@@ -43,7 +47,7 @@ def _place(layout: OverviewLayout) -> tuple[slice, slice]:
 
 
 def _layer(
-    canvas: Canvas, density: Density, colour: Rgb, ramp: str, look: Look, faint: bool
+    canvas: Canvas, density: Density, colour: Rgb, ramp: str, look: RenderOptions, faint: bool
 ) -> None:
     """Dots where lines are; brighter where they are dense, fewer where they are not."""
     peak = float(density.max(initial=0.0))
@@ -66,7 +70,7 @@ def _layer(
     braille(canvas, 0, 0, dots, _shades(per_cell, colour, faint, look))
 
 
-def _shades(shares: Density, colour: Rgb, faint: bool, look: Look) -> Pixels:
+def _shades(shares: Density, colour: Rgb, faint: bool, look: RenderOptions) -> Pixels:
     """A colour per cell, from near the background to the colour itself."""
     low, high = (0.35, 0.75) if faint else (0.6, 1.0)
     share = low + (high - low) * shares
@@ -74,7 +78,11 @@ def _shades(shares: Density, colour: Rgb, faint: bool, look: Look) -> Pixels:
 
 
 def _own(
-    canvas: Canvas, lines: OverviewLines, axis: Interval, layout: OverviewLayout, look: Look
+    canvas: Canvas,
+    lines: OverviewLines,
+    axis: Interval,
+    layout: OverviewLayout,
+    look: RenderOptions,
 ) -> None:
     """The cursor's line over all others, broken where it has no accuracy."""
     grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)

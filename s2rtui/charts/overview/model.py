@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.charts.shared.axis_scale import finite, step
 from s2rtui.charts.shared.inputs import Interval, OverviewLines, OverviewRow
 
@@ -33,14 +33,17 @@ def overview_model(
     With lines it also reaches from the 1st percentile of the valid of every run to 1.
     """
     if lines is None:
-        return _model(tuple(rows), baseline, (), Same(None))
-    columns = tuple(Same(column) for column in lines.values)
-    return _model(tuple(rows), baseline, columns, Same(lines.valid))
+        return _model(tuple(rows), baseline, (), ArrayKey(None))
+    columns = tuple(ArrayKey(column) for column in lines.values)
+    return _model(tuple(rows), baseline, columns, ArrayKey(lines.valid))
 
 
-@kept(8)
+@cached_by_identity(8)
 def _model(
-    rows: tuple[OverviewRow, ...], baseline: float | None, columns: tuple[Same, ...], valid: Same
+    rows: tuple[OverviewRow, ...],
+    baseline: float | None,
+    columns: tuple[ArrayKey, ...],
+    valid: ArrayKey,
 ) -> OverviewModel:
     clean = tuple(
         OverviewRow(
@@ -69,7 +72,7 @@ def _model(
     return OverviewModel(clean, finite(baseline), (max(0.0, low), min(max(1.0, low + width), high)))
 
 
-def _lowest(columns: tuple[Same, ...], valid: NDArray[np.generic]) -> list[float]:
+def _lowest(columns: tuple[ArrayKey, ...], valid: NDArray[np.generic]) -> list[float]:
     """The 1st percentile of the valid of each column where any is known."""
     members = np.asarray(valid, dtype=np.bool_)
     shown = (np.asarray(column.array)[members] for column in columns)

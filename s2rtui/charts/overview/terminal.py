@@ -10,7 +10,7 @@ from s2rtui.canvas.brush_surface import Mark
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.pending_brush import pending, range_of
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_surface
 from s2rtui.charts.overview.line_drawing import draw_threads, own_accuracies
 from s2rtui.charts.overview.model import OverviewModel, overview_model
@@ -23,7 +23,7 @@ def overview(
     baseline: float | None,
     selected: int | None,
     size: Size,
-    look: Look | None = None,
+    look: RenderOptions | None = None,
     lines: OverviewLines | None = None,
     mark: Mark | None = None,
 ) -> Canvas:
@@ -31,7 +31,7 @@ def overview(
 
     With `lines` each instance is drawn as a line across the runs, and the axis holds them, too.
     """
-    look = look or Look()
+    look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     if not rows:
         canvas.text(0, 0, "no run has been computed", look.theme.muted)
@@ -61,7 +61,7 @@ def overview(
 
 
 def _header(
-    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, look: Look
+    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, look: RenderOptions
 ) -> None:
     theme, glyphs = look.theme, look.glyphs
     canvas.text(2, 0, set_cell_size("run", min(layout.name, 3)), theme.muted)
@@ -77,7 +77,7 @@ def _header(
 
 
 def _chart_header(
-    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, look: Look
+    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, look: RenderOptions
 ) -> None:
     """Accuracy and baseline; where lines are drawn, of which side they are."""
     theme, glyphs = look.theme, look.glyphs
@@ -100,7 +100,7 @@ def _line(
     model: OverviewModel,
     index: int,
     layout: OverviewLayout,
-    look: Look,
+    look: RenderOptions,
     bold: bool,
 ) -> None:
     row, theme, y = model.rows[index], look.theme, layout.row_of(index)
@@ -128,7 +128,7 @@ def _marks(
     model: OverviewModel,
     row: OverviewRow,
     layout: OverviewLayout,
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     theme, glyphs = look.theme, look.glyphs
     sides = (
@@ -166,7 +166,7 @@ def _own(
     index: int,
     value: float | None,
     layout: OverviewLayout,
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     """The cursor's accuracy in one run: its glyph beside the marks (no note), and the number."""
     if value is None:
@@ -182,7 +182,7 @@ def _own(
         canvas.text(canvas.width, y, f"{100 * value:.1f}", theme.cursor, align="right")
 
 
-def _baseline(canvas: Canvas, column: int, layout: OverviewLayout, look: Look) -> None:
+def _baseline(canvas: Canvas, column: int, layout: OverviewLayout, look: RenderOptions) -> None:
     """The baseline between the runs, where no line runs."""
     for y in range(layout.top, layout.top + layout.height):
         if (y - layout.top) % layout.step and canvas.char[y, column] == " ":
@@ -196,7 +196,7 @@ def _mark(
     selected: int | None,
     lines: OverviewLines | None,
     mark: Mark,
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     """A range on a run's axis: highlighted ground between bold ends."""
     panels = overview_surface(rows, baseline, selected, (canvas.width, canvas.height), lines)
@@ -210,7 +210,9 @@ def _mark(
         canvas.put(high, y, look.glyphs.scale_right, look.theme.truth, bold=True)
 
 
-def _axis(canvas: Canvas, y: int, model: OverviewModel, layout: OverviewLayout, look: Look) -> None:
+def _axis(
+    canvas: Canvas, y: int, model: OverviewModel, layout: OverviewLayout, look: RenderOptions
+) -> None:
     theme, glyphs = look.theme, look.glyphs
     low, high = (100 * end for end in model.axis)
     end = layout.chart + layout.chart_width - 1

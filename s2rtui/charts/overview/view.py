@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from s2rstore.language.canonical_text import string
 from s2rtui.analysis.identity_cache import identity
-from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush_surface import Mark, Panel, Point
 from s2rtui.charts.overview import layout, terminal
 from s2rtui.charts.shared import inputs
@@ -57,7 +57,7 @@ class OverviewView(View):
         lines = identity(self.lines(scene))
         return *self._arguments(scene), lines, scene.mark(self.name)
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         lines, mark = self.lines(scene), scene.mark(self.name)
         return terminal.overview(*self._arguments(scene), size, look, lines, mark)
 
@@ -92,7 +92,7 @@ class OverviewView(View):
     def height(self, scene: Scene, width: int) -> int:
         return ROWS_PER_RUN * len(scene.state.runs) + 1
 
-    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
         return layout.overview_surface(*self._arguments(scene), size, self.lines(scene))
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.bins import Bins, choose
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.charts.shared.inputs import RoomsInput
 
 NAMES = ("sim", "truth", "real")
@@ -36,8 +36,8 @@ def rooms_model(view: RoomsInput) -> RoomsModel:
     """Counts of all three columns over one scale."""
     number = len(view.room_names)
     sides = (view.sim, view.truth, view.real)
-    keys = (Same(view.sim), Same(view.truth), Same(view.real))
-    lit, total = _counts(keys, number, Same(view.selected), Same(view.valid))
+    keys = (ArrayKey(view.sim), ArrayKey(view.truth), ArrayKey(view.real))
+    lit, total = _counts(keys, number, ArrayKey(view.selected), ArrayKey(view.valid))
     names = (*view.room_names, NO_ROOM)
     if not total[:, -1].any():
         names, lit, total = names[:-1], lit[:, :-1], total[:, :-1]
@@ -50,9 +50,9 @@ def rooms_model(view: RoomsInput) -> RoomsModel:
     return RoomsModel(names, lit, total, peak, (at[0], at[1], at[2]))
 
 
-@kept(4)
+@cached_by_identity(4)
 def _counts(
-    columns: tuple[Same, ...], number: int, selected: Same, valid: Same
+    columns: tuple[ArrayKey, ...], number: int, selected: ArrayKey, valid: ArrayKey
 ) -> tuple[Counts, Counts]:
     """(3, number + 1) each, the last for no room."""
     chosen = choose(np.asarray(selected.array), np.asarray(valid.array))
@@ -60,8 +60,8 @@ def _counts(
     return np.stack([lit for lit, _ in counted]), np.stack([total for _, total in counted])
 
 
-@kept(32)
-def _bins(rooms: Same, number: int) -> Bins:
+@cached_by_identity(32)
+def _bins(rooms: ArrayKey, number: int) -> Bins:
     """The room of each instance; what is in none has the last bin."""
     codes = np.asarray(rooms.array)
     inside = (codes >= 0) & (codes < number)

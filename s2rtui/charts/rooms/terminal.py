@@ -12,7 +12,7 @@ from s2rtui.canvas.brush_surface import Mark, Panel, Point
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.pending_brush import pending, steps_of
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.rooms.model import NAMES, RoomsModel, rooms_model
 from s2rtui.charts.shared.bars import put_over, rightward
 from s2rtui.charts.shared.inputs import RoomsInput
@@ -96,7 +96,9 @@ def _brief(count: int) -> str:
     return str(count) if count < 100_000 else f"{count // 1000}k"
 
 
-def rooms_surface(view: RoomsInput, size: Size, look: Look | None = None) -> tuple[Panel, ...]:
+def rooms_surface(
+    view: RoomsInput, size: Size, look: RenderOptions | None = None
+) -> tuple[Panel, ...]:
     """Steps "sim", "truth" and "real": y is the room's index, x a count on the bars' scale.
 
     An index of len(room_names) stands for no room.
@@ -132,9 +134,9 @@ def _to_cells(layout: RoomsLayout, left: int, per_cell: float, x: float, y: floa
     return left + x / per_cell, row + max(1, layout.each - 1) / 2
 
 
-def rooms(view: RoomsInput, size: Size, look: Look | None = None) -> Canvas:
+def rooms(view: RoomsInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or Look()
+    look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     model = rooms_model(view)
     if not model.names:
@@ -150,7 +152,7 @@ def rooms(view: RoomsInput, size: Size, look: Look | None = None) -> Canvas:
     return canvas
 
 
-def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, look: Look) -> None:
+def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, look: RenderOptions) -> None:
     theme, glyphs = look.theme, look.glyphs
     if layout.top:
         heads = (
@@ -189,7 +191,7 @@ def _column(
     layout: RoomsLayout,
     mark: Mark | None,
     colour: Rgb,
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     """Bars with their counts; the pending brush and the cursor's room in the gutter."""
     theme, each = look.theme, layout.each

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from s2rtui.analysis.identity_cache import identity
-from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush_surface import Mark, Panel, Point
 from s2rtui.charts.rooms.model import rooms_model
 from s2rtui.charts.rooms.terminal import rooms, rooms_surface
@@ -52,10 +52,10 @@ class RoomsView(View):
     def depends(self, scene: Scene) -> tuple[object, ...]:
         return (identity(self.input(scene)),)
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         return rooms(self.input(scene), size, look)
 
-    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
         return rooms_surface(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:

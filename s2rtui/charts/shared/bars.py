@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Rgb, mix
 from s2rtui.canvas.colour_mode import ColourMode
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 
 UP = np.array(list(" ▁▂▃▄▅▆▇█"))
 RIGHT = np.array(list(" ▏▎▍▌▋▊▉█"))
@@ -18,7 +18,9 @@ SOLID = 0.55
 """Grey areas are paler than grey dots, or they would outshine the lit ones."""
 
 
-def upright(canvas: Canvas, x: int, y: int, rows: int, bars: Bars, colour: Rgb, look: Look) -> None:
+def upright(
+    canvas: Canvas, x: int, y: int, rows: int, bars: Bars, colour: Rgb, look: RenderOptions
+) -> None:
     """A bar per column upwards from the last of `rows`."""
     lit, grey = (_steps(part, rows) for part in bars)
     level = 8 * (rows - 1 - np.arange(rows))[:, None]
@@ -26,7 +28,7 @@ def upright(canvas: Canvas, x: int, y: int, rows: int, bars: Bars, colour: Rgb, 
 
 
 def rightward(
-    canvas: Canvas, x: int, y: int, columns: int, bars: Bars, colour: Rgb, look: Look
+    canvas: Canvas, x: int, y: int, columns: int, bars: Bars, colour: Rgb, look: RenderOptions
 ) -> None:
     """A bar per row to the right from `x`, within `columns`."""
     lit, grey = (_steps(part, columns) for part in bars)
@@ -57,7 +59,7 @@ def _stamp(
     glyphs: NDArray[np.str_],
     foot: NDArray[np.bool_],
     colour: Rgb,
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     """Cells of which `lit` eighths are lit and up to `grey` eighths grey, clipped to the canvas."""
     into = (slice(y, y + lit.shape[0]), slice(x, x + lit.shape[1]))

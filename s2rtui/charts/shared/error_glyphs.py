@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from s2rtui.analysis.binned_sums import sums
 from s2rtui.analysis.bins import Bins, Chosen, count
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.map.model import GeoMapModel, in_frame
 from s2rtui.charts.shared.inputs import Floats, GeoMapInput
@@ -51,17 +51,17 @@ def error_glyphs(
     Up to `SINGLES` instances stand at their truth, those too near to each other together at
     their mean; more of them are taken together by blocks of footprint size, at the middle.
     """
-    arrays = _Arrays(Same(view.truth), Same(view.sim), Same(view.real))
+    arrays = _Arrays(ArrayKey(view.truth), ArrayKey(view.sim), ArrayKey(view.real))
     return _glyphs(arrays, full_scale(view), model.chosen, frame, footprint)
 
 
 class _Arrays(NamedTuple):
-    truth: Same
-    sim: Same
-    real: Same
+    truth: ArrayKey
+    sim: ArrayKey
+    real: ArrayKey
 
 
-@kept(4)
+@cached_by_identity(4)
 def _glyphs(
     arrays: _Arrays, full: float, chosen: Chosen, frame: MapFrame, footprint: tuple[int, int]
 ) -> ErrorGlyphs:
@@ -73,11 +73,13 @@ def _glyphs(
 
 def full_scale(view: GeoMapInput) -> float:
     """The error that a full arc stands for: the 99th percentile of both sides' valid ones."""
-    return _full_scale(Same(view.truth), Same(view.sim), Same(view.real), Same(view.valid))
+    return _full_scale(
+        ArrayKey(view.truth), ArrayKey(view.sim), ArrayKey(view.real), ArrayKey(view.valid)
+    )
 
 
-@kept(8)
-def _full_scale(truth: Same, sim: Same, real: Same, valid: Same) -> float:
+@cached_by_identity(8)
+def _full_scale(truth: ArrayKey, sim: ArrayKey, real: ArrayKey, valid: ArrayKey) -> float:
     inside = np.asarray(valid.array, dtype=np.bool_)
     sizes = [np.hypot(*_errors(truth, side))[inside] for side in (sim, real)]
     known = np.concatenate(sizes)
@@ -86,8 +88,8 @@ def _full_scale(truth: Same, sim: Same, real: Same, valid: Same) -> float:
     return largest if largest > 0 else 1.0
 
 
-@kept(4)
-def _errors(truth: Same, side: Same) -> tuple[Vectors, Vectors]:
+@cached_by_identity(4)
+def _errors(truth: ArrayKey, side: ArrayKey) -> tuple[Vectors, Vectors]:
     """Errors (N,) along x and y, metres."""
     start, end = np.asarray(truth.array), np.asarray(side.array)
     return end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]
@@ -134,14 +136,14 @@ def _blocks(
     held = np.flatnonzero(counts)
     middles = np.stack([held % across * wide + wide / 2, held // across * high + high / 2], axis=1)
 
-    def mean(side: Same) -> Vectors:
+    def mean(side: ArrayKey) -> Vectors:
         parts = [sums(column, part, chosen)[held] for part in _errors(arrays.truth, side)]
         return np.stack(parts, axis=1) / counts[held, None]
 
     return ErrorGlyphs(middles, counts[held], mean(arrays.sim), mean(arrays.real), full)
 
 
-@kept(4)
+@cached_by_identity(4)
 def _block_codes(arrays: _Arrays, frame: MapFrame, footprint: tuple[int, int]) -> Bins:
     """The block of each instance whose two errors are known."""
     wide, high = footprint

@@ -13,7 +13,7 @@ from rich.cells import cell_len
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Pixels, Rgb, legible, turbo
 from s2rtui.canvas.colour_mode import ColourMode
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.axis_scale import Interval, short, step
 
 DIGITS = "0123456789"
@@ -21,21 +21,21 @@ Scale = Callable[[NDArray[np.float64]], Pixels]
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class LegendPart:
     """A piece of a legend: its width in cells and how to draw it at (x, y)."""
 
     width: int
     draw: Callable[[Canvas, int, int], None]
 
 
-def words(pieces: Sequence[tuple[str, Rgb]]) -> Part:
+def words(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
     """Coloured pieces of text, one after the other."""
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
         for text, colour in pieces:
             x = canvas.text(x, y, text, colour)
 
-    return Part(sum(cell_len(text) for text, _ in pieces), draw)
+    return LegendPart(sum(cell_len(text) for text, _ in pieces), draw)
 
 
 @lru_cache(64)
@@ -43,13 +43,13 @@ def colour_bar(
     label: str,
     unit: str,
     scale: Interval,
-    look: Look,
+    look: RenderOptions,
     length: int = 12,
     colours: Scale = turbo,
     ramp: str | None = None,
     room: int | None = None,
     clipped: bool = False,
-) -> Part:
+) -> LegendPart:
     """`label low [bar] high unit`; the bar is of colours, or of `ramp` where colours lack.
 
     `clipped` ends are the 1st and the 99th percentile, told as `p1` and `p99`. Within `room` cells
@@ -86,11 +86,11 @@ def colour_bar(
                 canvas.put(x + place, y, glyph, (red, green, blue))
         canvas.text(x + length, y, after, look.theme.muted)
 
-    return Part(cell_len(before) + length + cell_len(after), draw)
+    return LegendPart(cell_len(before) + length + cell_len(after), draw)
 
 
 @lru_cache(64)
-def scale_bar(metres_per_cell: float, room: int, look: Look) -> Part:
+def scale_bar(metres_per_cell: float, room: int, look: RenderOptions) -> LegendPart:
     """A bar of a round length in metres, at most `room` cells long."""
     length = step(metres_per_cell * room, 1)
     if length > metres_per_cell * room * (1 + 1e-9):
@@ -104,12 +104,12 @@ def scale_bar(metres_per_cell: float, room: int, look: Look) -> Part:
         canvas.put(x + cells - 1, y, glyphs.scale_right, look.theme.text)
         canvas.text(x + cells, y, label, look.theme.muted)
 
-    return Part(cells + len(label), draw)
+    return LegendPart(cells + len(label), draw)
 
 
-def flow(parts: Sequence[Part], width: int, gap: int = 2) -> list[list[Part]]:
+def flow(parts: Sequence[LegendPart], width: int, gap: int = 2) -> list[list[LegendPart]]:
     """Parts to rows that fit `width`; a part that fits nowhere is left out."""
-    rows: list[list[Part]] = []
+    rows: list[list[LegendPart]] = []
     free = -1
     for part in parts:
         if part.width > width:
@@ -122,7 +122,9 @@ def flow(parts: Sequence[Part], width: int, gap: int = 2) -> list[list[Part]]:
     return rows
 
 
-def draw_rows(canvas: Canvas, x: int, y: int, rows: Sequence[Sequence[Part]], gap: int = 2) -> None:
+def draw_rows(
+    canvas: Canvas, x: int, y: int, rows: Sequence[Sequence[LegendPart]], gap: int = 2
+) -> None:
     """Rows of parts from (x, y) downwards."""
     for offset, row in enumerate(rows):
         at = x
@@ -131,6 +133,6 @@ def draw_rows(canvas: Canvas, x: int, y: int, rows: Sequence[Sequence[Part]], ga
             at += part.width + gap
 
 
-def ramp_for_values(look: Look) -> str | None:
+def ramp_for_values(look: RenderOptions) -> str | None:
     """The glyphs that stand for values where colours lack or only ASCII is allowed."""
     return DIGITS if look.ascii or look.mode is ColourMode.NONE else None

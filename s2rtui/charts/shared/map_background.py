@@ -14,7 +14,7 @@ from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import legible, luma, mix, turbo
 from s2rtui.canvas.raster import braille, dot_grid, half_blocks, segment_dots, shade
 from s2rtui.canvas.raster import ground as prepare
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.inputs import Ground
 from s2rtui.charts.shared.map_layers import floor_layer, ground_layer, heat_layer, seen_layer
 
@@ -24,7 +24,7 @@ FAINT = 0.15
 """Share of the heat's range under which glyphs leave it out."""
 
 
-def draw_ground(canvas: Canvas, ground: Ground, frame: MapFrame, look: Look) -> None:
+def draw_ground(canvas: Canvas, ground: Ground, frame: MapFrame, look: RenderOptions) -> None:
     """Half blocks; where those lack light glyphs for the floor and dense ones for heat.
 
     What was not seen is dimmed, or has no glyphs. Rooms have dotted outlines.
@@ -37,7 +37,7 @@ def draw_ground(canvas: Canvas, ground: Ground, frame: MapFrame, look: Look) -> 
     _outlines(canvas, ground.rooms, frame, look)
 
 
-def _glyphs(canvas: Canvas, ground: Ground, frame: MapFrame, look: Look) -> None:
+def _glyphs(canvas: Canvas, ground: Ground, frame: MapFrame, look: RenderOptions) -> None:
     seen = seen_layer(ground, frame)
     hidden = None if seen is None else _paired(seen) < 0.5
     floor = floor_layer(ground, frame)
@@ -64,7 +64,7 @@ def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: Look) -> None:
+def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: RenderOptions) -> None:
     """Every third dot along the edges; in ASCII the corners alone."""
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     for room in rooms:
@@ -84,7 +84,7 @@ def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: Look
     braille(canvas, 0, 0, dots, np.array(look.theme.muted, dtype=np.uint8))
 
 
-def draw_names(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: Look) -> None:
+def draw_names(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: RenderOptions) -> None:
     """Each name once, in the middle of its room, where it fits."""
     named: set[str] = set()
     for room in rooms:

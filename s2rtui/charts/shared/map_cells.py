@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from s2rtui.analysis.binned_sums import occupied
 from s2rtui.analysis.bins import Bins, Chosen, Codes, count
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.shared.axis_scale import fraction
 from s2rtui.charts.shared.inputs import Floats, Interval
@@ -21,16 +21,16 @@ LEVELS = 60
 
 def cells(points: Floats, frame: MapFrame) -> Bins:
     """Cell of each point (N, 2), row by row; in no bin outside the frame."""
-    return _cells(Same(points), frame)
+    return _cells(ArrayKey(points), frame)
 
 
 def dots(points: Floats, frame: MapFrame) -> Bins:
     """Braille dot of each point (N, 2), row by row over (4 rows, 2 columns) per cell."""
-    return _dots(Same(points), frame)
+    return _dots(ArrayKey(points), frame)
 
 
-@kept(16)
-def _cells(points: Same, frame: MapFrame) -> Bins:
+@cached_by_identity(16)
+def _cells(points: ArrayKey, frame: MapFrame) -> Bins:
     across, down = frame.width, frame.height // 2
     rows, columns = np.divmod(np.arange(8 * across * down), 2 * across)
     table = np.append(rows // 4 * across + columns // 2, across * down)
@@ -40,8 +40,8 @@ def _cells(points: Same, frame: MapFrame) -> Bins:
     return Bins(table.astype(np.uint32)[codes], across * down)
 
 
-@kept(16)
-def _dots(points: Same, frame: MapFrame) -> Bins:
+@cached_by_identity(16)
+def _dots(points: ArrayKey, frame: MapFrame) -> Bins:
     """In pieces that stay in the processor's caches."""
     places = np.asarray(points.array)
     across, down = 2 * frame.width, frame.height // 2 * 4
@@ -60,12 +60,12 @@ def _dots(points: Same, frame: MapFrame) -> Bins:
 
 def lit_cells(points: Floats, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
     """(rows, columns), read-only: where a selected point lies."""
-    return _lit_cells(Same(points), chosen, frame)
+    return _lit_cells(ArrayKey(points), chosen, frame)
 
 
 def other_dots(points: Floats, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
     """(4 rows, 2 columns), read-only: where a point of the base lies that is not selected."""
-    return _other_dots(Same(points), chosen, frame)
+    return _other_dots(ArrayKey(points), chosen, frame)
 
 
 def top_levels(
@@ -75,27 +75,27 @@ def top_levels(
 
     -1 where none lies, 0 where no value is known, else 1 .. LEVELS.
     """
-    return _top_levels(Same(points), Same(values), scale, chosen, frame)
+    return _top_levels(ArrayKey(points), ArrayKey(values), scale, chosen, frame)
 
 
-@kept(6)
-def _lit_cells(points: Same, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
+@cached_by_identity(6)
+def _lit_cells(points: ArrayKey, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
     lit = (count(_cells(points, frame), chosen)[0] > 0).reshape(frame.height // 2, frame.width)
     lit.setflags(write=False)
     return lit
 
 
-@kept(4)
-def _other_dots(points: Same, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
+@cached_by_identity(4)
+def _other_dots(points: ArrayKey, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
     lit, total = count(_dots(points, frame), chosen)
     others = (total > lit).reshape(frame.height // 2 * 4, frame.width * 2)
     others.setflags(write=False)
     return others
 
 
-@kept(4)
+@cached_by_identity(4)
 def _top_levels(
-    points: Same, values: Same, scale: Interval, chosen: Chosen, frame: MapFrame
+    points: ArrayKey, values: ArrayKey, scale: Interval, chosen: Chosen, frame: MapFrame
 ) -> NDArray[np.intp]:
     found = _tinted(points, values, scale, frame)
     lit, _ = count(found.codes, chosen)
@@ -120,19 +120,19 @@ class _Tinted:
     start: NDArray[np.intp]
 
 
-@kept(4)
-def _tinted(points: Same, values: Same, scale: Interval, frame: MapFrame) -> _Tinted:
+@cached_by_identity(4)
+def _tinted(points: ArrayKey, values: ArrayKey, scale: Interval, frame: MapFrame) -> _Tinted:
     places = _cells(points, frame)
     steps = np.uint32(LEVELS + 1)
     wide = places.codes.astype(np.uint32) * steps + _levels(values, scale)
     np.minimum(wide, places.count * steps, out=wide)
-    codes, kept = occupied(Bins(wide, places.count * int(steps)))
-    cell, start = np.unique(kept // (LEVELS + 1), return_index=True)
-    return _Tinted(codes, (kept % (LEVELS + 1)).astype(np.int8), cell, start)
+    codes, cached_by_identity = occupied(Bins(wide, places.count * int(steps)))
+    cell, start = np.unique(cached_by_identity // (LEVELS + 1), return_index=True)
+    return _Tinted(codes, (cached_by_identity % (LEVELS + 1)).astype(np.int8), cell, start)
 
 
-@kept(8)
-def _levels(values: Same, scale: Interval) -> NDArray[np.uint8]:
+@cached_by_identity(8)
+def _levels(values: ArrayKey, scale: Interval) -> NDArray[np.uint8]:
     steps = np.minimum(fraction(np.asarray(values.array), scale) * LEVELS, LEVELS - 1) + 1
     return np.nan_to_num(steps).astype(np.uint8)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, sample
 from s2rtui.canvas.colour import Pixels, Theme, luma, mix, turbo
 from s2rtui.charts.shared.axis_scale import fraction, percentile_range
@@ -21,12 +21,12 @@ DIMMED = 0.78
 
 def heat_scale(ground: Ground) -> Interval | None:
     """The heat's range: the given one, or 0 (where nothing is negative) to the 99th percentile."""
-    found = _heat_scale(Same(ground.heat)) if ground.heat is not None else None
+    found = _heat_scale(ArrayKey(ground.heat)) if ground.heat is not None else None
     return ground.heat_range or found if found else None
 
 
-@kept(8)
-def _heat_scale(heat: Same) -> Interval | None:
+@cached_by_identity(8)
+def _heat_scale(heat: ArrayKey) -> Interval | None:
     values = np.asarray(heat.array)
     if not np.isfinite(values).any():
         return None
@@ -39,15 +39,15 @@ def ground_layer(ground: Ground, frame: MapFrame, theme: Theme) -> Pixels:
 
     Kept for the last few frames: the arrays are taken as never changed in place.
     """
-    arrays = Same(ground.floor_plan), Same(ground.heat), Same(ground.clip)
+    arrays = ArrayKey(ground.floor_plan), ArrayKey(ground.heat), ArrayKey(ground.clip)
     return _ground(*arrays, ground.bounds, ground.y_down, heat_scale(ground), frame, theme)
 
 
-@kept(8)
+@cached_by_identity(8)
 def _ground(
-    plan: Same,
-    heat: Same,
-    clip: Same,
+    plan: ArrayKey,
+    heat: ArrayKey,
+    clip: ArrayKey,
     bounds: Bounds,
     y_down: bool,
     scale: Interval | None,
@@ -88,7 +88,7 @@ def floor_layer(ground: Ground, frame: MapFrame) -> Layer | None:
     """The floor plan's colours (height, width, 3), NaN outside of it."""
     if ground.floor_plan is None or _empty(ground.bounds):
         return None
-    return _sampled(Same(ground.floor_plan), ground.bounds, frame, ground.y_down)
+    return _sampled(ArrayKey(ground.floor_plan), ground.bounds, frame, ground.y_down)
 
 
 def heat_layer(ground: Ground, frame: MapFrame) -> Layer | None:
@@ -96,18 +96,18 @@ def heat_layer(ground: Ground, frame: MapFrame) -> Layer | None:
     scale = heat_scale(ground)
     if scale is None or _empty(ground.bounds):
         return None
-    return fraction(_sampled(Same(ground.heat), ground.bounds, frame, True), scale)
+    return fraction(_sampled(ArrayKey(ground.heat), ground.bounds, frame, True), scale)
 
 
 def seen_layer(ground: Ground, frame: MapFrame) -> Layer | None:
     """The share of each pixel (height, width) that was seen, 0 .. 1; None without a clip."""
     if ground.clip is None or _empty(ground.bounds):
         return None
-    return _seen(Same(ground.clip), ground.bounds, frame)
+    return _seen(ArrayKey(ground.clip), ground.bounds, frame)
 
 
-@kept(8)
-def _seen(clip: Same, bounds: Bounds, frame: MapFrame) -> Layer:
+@cached_by_identity(8)
+def _seen(clip: ArrayKey, bounds: Bounds, frame: MapFrame) -> Layer:
     return np.nan_to_num(sample(seen_cells(np.asarray(clip.array)), bounds, frame, True))
 
 
@@ -116,8 +116,8 @@ def seen_cells(clip: NDArray[np.generic]) -> NDArray[np.float32]:
     return (np.nan_to_num(np.asarray(clip, dtype=np.float32)) != 0).astype(np.float32)
 
 
-@kept(8)
-def _sampled(image: Same, bounds: Bounds, frame: MapFrame, top_is_y0: bool) -> Layer:
+@cached_by_identity(8)
+def _sampled(image: ArrayKey, bounds: Bounds, frame: MapFrame, top_is_y0: bool) -> Layer:
     return sample(np.asarray(image.array), bounds, frame, top_is_y0)
 
 

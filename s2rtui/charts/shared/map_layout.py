@@ -9,11 +9,11 @@ from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame, fit
 from s2rtui.canvas.brush_surface import Panel, Point
 from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.axis_scale import step, tick_text, ticks
-from s2rtui.charts.shared.legend import Part, flow
+from s2rtui.charts.shared.legend import LegendPart, flow
 
-Legend = Callable[[MapFrame, int], list[Part]]
+Legend = Callable[[MapFrame, int], list[LegendPart]]
 """The parts of a legend for a frame, each within a width."""
 
 
@@ -27,7 +27,7 @@ class GeoMapLayout:
     height: int
     frame: MapFrame
     axes: bool
-    legend: tuple[tuple[Part, ...], ...]
+    legend: tuple[tuple[LegendPart, ...], ...]
 
 
 def map_layout(area: Bounds, y_down: bool, size: Size, legend: Legend) -> GeoMapLayout:
@@ -58,7 +58,7 @@ def map_panel(layout: GeoMapLayout) -> Panel:
     return Panel("map", "plane", *place, to_data, to_cells)
 
 
-def draw_axes(canvas: Canvas, layout: GeoMapLayout, look: Look) -> None:
+def draw_axes(canvas: Canvas, layout: GeoMapLayout, look: RenderOptions) -> None:
     """Ticks in metres along the left and the lower edge."""
     theme, frame = look.theme, layout.frame
     extent, bottom = frame.extent, layout.height

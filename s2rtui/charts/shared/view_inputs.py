@@ -17,7 +17,7 @@ from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.metrics import run_metrics, similarity
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas.brush_surface import Mark
 from s2rtui.charts.shared.inputs import (
     GeoMapInput,
@@ -28,7 +28,7 @@ from s2rtui.charts.shared.inputs import (
     UmapInput,
 )
 from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
-from s2rtui.session.model_input import Seen, seen
+from s2rtui.session.model_input import ModelInput, seen
 from s2rtui.session.state import HeatChoice, State
 
 Pixels = NDArray[np.uint8]
@@ -118,11 +118,11 @@ def _heat_unit(store: Store, state: State, choice: HeatChoice) -> str:
 
 def _points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, 2); the same array for the same columns, so that plots can keep what they made of it."""
-    return _stacked(Same(x), Same(y))
+    return _stacked(ArrayKey(x), ArrayKey(y))
 
 
-@kept(24)
-def _stacked(x: Same, y: Same) -> NDArray[np.float64]:
+@cached_by_identity(24)
+def _stacked(x: ArrayKey, y: ArrayKey) -> NDArray[np.float64]:
     return np.stack([np.asarray(x.array), np.asarray(y.array)], axis=1)
 
 
@@ -185,7 +185,7 @@ def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
 
 
 def _side(
-    store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None, shown: Seen
+    store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None, shown: ModelInput
 ) -> SideView:
     part = store.run_columns(run).side(side)
     values = [part.x, part.y, part.heading, part.error, part.heading_error]

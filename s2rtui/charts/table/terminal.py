@@ -12,7 +12,7 @@ from rich.cells import cell_len, set_cell_size
 
 from s2rtui.canvas.brush_surface import Panel
 from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 
 Text = Callable[[int], str]
 
@@ -81,9 +81,9 @@ def cursor_row(view: TableInput) -> int | None:
     return int(found[0]) if found.size else None
 
 
-def table(view: TableInput, size: Size, look: Look | None = None) -> Canvas:
+def table(view: TableInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or Look()
+    look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     theme = look.theme
     layout = table_layout(view, (canvas.width, canvas.height))
@@ -109,7 +109,7 @@ def table(view: TableInput, size: Size, look: Look | None = None) -> Canvas:
     return canvas
 
 
-def _arrow(view: TableInput, look: Look) -> str:
+def _arrow(view: TableInput, look: RenderOptions) -> str:
     down, up = ("v", "^") if look.ascii else ("▼", "▲")
     return down if view.descending else up
 
@@ -131,7 +131,9 @@ def _cell(
         canvas.text(x, y, text, ink, bold=bold)
 
 
-def table_surface(view: TableInput, size: Size, look: Look | None = None) -> tuple[Panel, ...]:
+def table_surface(
+    view: TableInput, size: Size, look: RenderOptions | None = None
+) -> tuple[Panel, ...]:
     """One panel whose data are the row's index in the list."""
     layout = table_layout(view, size)
     if not layout.shown:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.identity_cache import Same
-from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.analysis.identity_cache import ArrayKey
+from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush_surface import Mark, Panel, Point
 from s2rtui.charts.table.terminal import TableColumn, TableInput, table, table_surface
 from s2rtui.charts.view import Pane, Pixels, Scene, Table, View
@@ -79,14 +79,14 @@ class ListView(View):
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
         state = scene.state
-        rows = Same(instance_list.order(scene.store, state, scene.notes))
+        rows = ArrayKey(instance_list.order(scene.store, state, scene.notes))
         shown = state.generation, state.run, state.sort, state.descending, state.cursor
         return rows, *shown, scene.notes.remarks
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         return table(self.input(scene), size, look)
 
-    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
         return table_surface(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:

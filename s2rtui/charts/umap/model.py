@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.bins import Bins, Chosen, bins, choose, count, joined
-from s2rtui.analysis.identity_cache import Same, kept
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, fit
 from s2rtui.charts.shared.axis_scale import fraction, percentile_range
 from s2rtui.charts.shared.inputs import Bools, Floats, Interval, UmapInput
@@ -55,7 +55,8 @@ def umap_model(view: UmapInput, frame: MapFrame) -> UmapModel:
     scale = value_range(view)
     chosen = choose(view.selected, view.valid)
     sim, real = (
-        _layer(Same(points), Same(values), scale, frame, chosen) for points in (view.sim, view.real)
+        _layer(ArrayKey(points), ArrayKey(values), scale, frame, chosen)
+        for points in (view.sim, view.real)
     )
     cursor = view.cursor
     if cursor is not None and not (0 <= cursor < len(view.valid) and view.valid[cursor]):
@@ -70,17 +71,19 @@ def umap_frame(view: UmapInput, columns: int, rows: int) -> MapFrame:
 
 def extent(view: UmapInput) -> Bounds:
     """The box of all points of both sides with a small margin; the unit square without any."""
-    return _extent(Same(view.sim), Same(view.real))
+    return _extent(ArrayKey(view.sim), ArrayKey(view.real))
 
 
 def umap_values(view: UmapInput) -> Floats:
     """(N,) what colours the points: given, or the distance to the counterpart."""
-    return _distance(Same(view.sim), Same(view.real)) if view.values is None else view.values
+    return (
+        _distance(ArrayKey(view.sim), ArrayKey(view.real)) if view.values is None else view.values
+    )
 
 
 def value_range(view: UmapInput) -> Interval:
     """The scale of the values: of all instances, so that it stays as trajectories come and go."""
-    return view.value_range or _percentiles(Same(umap_values(view)))
+    return view.value_range or _percentiles(ArrayKey(umap_values(view)))
 
 
 def level_shares() -> NDArray[np.float64]:
@@ -88,8 +91,8 @@ def level_shares() -> NDArray[np.float64]:
     return (np.arange(LEVELS) + 0.5) / LEVELS
 
 
-@kept(16)
-def _extent(sim: Same, real: Same) -> Bounds:
+@cached_by_identity(16)
+def _extent(sim: ArrayKey, real: ArrayKey) -> Bounds:
     ends = []
     for side in (sim, real):
         x, y = np.asarray(side.array).T
@@ -106,40 +109,40 @@ def _extent(sim: Same, real: Same) -> Bounds:
     return Bounds(float(x0), float(y0), float(x1), float(y1))
 
 
-@kept(16)
-def _distance(sim: Same, real: Same) -> NDArray[np.float64]:
+@cached_by_identity(16)
+def _distance(sim: ArrayKey, real: ArrayKey) -> NDArray[np.float64]:
     apart = np.asarray(sim.array, dtype=np.float64) - np.asarray(real.array, dtype=np.float64)
     return np.hypot(apart[:, 0], apart[:, 1])
 
 
-@kept(16)
-def _percentiles(values: Same) -> Interval:
+@cached_by_identity(16)
+def _percentiles(values: ArrayKey) -> Interval:
     return percentile_range(np.asarray(values.array))
 
 
-@kept(16)
-def _levels(values: Same, scale: Interval) -> Bins:
+@cached_by_identity(16)
+def _levels(values: ArrayKey, scale: Interval) -> Bins:
     """Level of each instance; all have one, 0 for no value."""
     steps = np.floor(fraction(np.asarray(values.array), scale) * LEVELS)
     return bins(np.nan_to_num(np.minimum(steps, LEVELS - 1) + 1, nan=0.0), LEVELS + 1)
 
 
-@kept(16)
-def _cells(points: Same, frame: MapFrame, levels: Same) -> Bins:
+@cached_by_identity(16)
+def _cells(points: ArrayKey, frame: MapFrame, levels: ArrayKey) -> Bins:
     """Cell and level together."""
     places = cells(np.asarray(points.array), frame)
     return joined(places, Bins(np.asarray(levels.array), LEVELS + 1))
 
 
 def _layer(
-    points: Same, values: Same, scale: Interval, frame: MapFrame, chosen: Chosen
+    points: ArrayKey, values: ArrayKey, scale: Interval, frame: MapFrame, chosen: Chosen
 ) -> UmapLayer:
     rows, columns, depth = frame.height // 2, frame.width, LEVELS + 1
-    coloured = _cells(points, frame, Same(_levels(values, scale).codes))
+    coloured = _cells(points, frame, ArrayKey(_levels(values, scale).codes))
     lit, total = count(coloured, chosen)
     table = lit.reshape(rows, columns, depth)
     level = _mean_level(table)
-    held = _population(points, frame, Same(chosen.base)).reshape(rows, 4, columns, 2)
+    held = _population(points, frame, ArrayKey(chosen.base)).reshape(rows, 4, columns, 2)
     grey = (held & (level < 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
     return UmapLayer(level, grey, int(lit.sum()), int(total.sum()))
 
@@ -152,8 +155,8 @@ def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
     return np.where(known > 0, mean, empty).astype(np.int8)
 
 
-@kept(16)
-def _population(points: Same, frame: MapFrame, base: Same) -> Bools:
+@cached_by_identity(16)
+def _population(points: ArrayKey, frame: MapFrame, base: ArrayKey) -> Bools:
     """Which braille dots hold any valid instance."""
     nobody = Chosen(np.asarray(base.array), np.empty(0, dtype=np.intp), inverted=False)
     return np.asarray(count(dots(np.asarray(points.array), frame), nobody)[1] > 0)

@@ -12,10 +12,10 @@ from s2rtui.canvas.brush_surface import Panel, Point, draw_mark
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import legible, turbo
 from s2rtui.canvas.raster import braille
-from s2rtui.canvas.render_options import Look
+from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.axis_scale import short, step, tick_text, ticks
 from s2rtui.charts.shared.inputs import UmapInput
-from s2rtui.charts.shared.legend import Part, colour_bar, ramp_for_values, words
+from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, words
 from s2rtui.charts.umap.model import (
     LEVELS,
     UmapLayer,
@@ -62,7 +62,9 @@ def umap_layout(view: UmapInput, size: Size) -> UmapLayout:
     return UmapLayout(corners, inner, high, room, header, axes, frame)
 
 
-def umap_surface(view: UmapInput, size: Size, look: Look | None = None) -> tuple[Panel, ...]:
+def umap_surface(
+    view: UmapInput, size: Size, look: RenderOptions | None = None
+) -> tuple[Panel, ...]:
     """Planes "sim" and "real" in UMAP coordinates, y upwards."""
     layout = umap_layout(view, size)
     return tuple(
@@ -89,9 +91,9 @@ def _to_cells(frame: MapFrame, corner: tuple[int, int], x: float, y: float) -> P
     return float(column) + corner[0], float(row) + corner[1]
 
 
-def umap(view: UmapInput, size: Size, look: Look | None = None) -> Canvas:
+def umap(view: UmapInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or Look()
+    look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     layout = umap_layout(view, (canvas.width, canvas.height))
     model = umap_model(view, layout.frame)
@@ -110,7 +112,7 @@ def umap(view: UmapInput, size: Size, look: Look | None = None) -> Canvas:
     return canvas
 
 
-def _points(chart: Canvas, layer: UmapLayer, look: Look) -> None:
+def _points(chart: Canvas, layer: UmapLayer, look: RenderOptions) -> None:
     """Unselected dots in grey; cells with selected ones in the colour or digit of their mean.
 
     A disc, not dots: the colour of single braille dots cannot be told apart.
@@ -137,7 +139,9 @@ def _points(chart: Canvas, layer: UmapLayer, look: Look) -> None:
     chart.bold[lit] = True
 
 
-def _cursor(canvas: Canvas, panel: Panel, view: UmapInput, model: UmapModel, look: Look) -> None:
+def _cursor(
+    canvas: Canvas, panel: Panel, view: UmapInput, model: UmapModel, look: RenderOptions
+) -> None:
     if model.cursor is None:
         return
     points = view.sim if panel.name == "sim" else view.real
@@ -153,7 +157,7 @@ def _header(
     view: UmapInput,
     model: UmapModel,
     layout: UmapLayout,
-    look: Look,
+    look: RenderOptions,
 ) -> None:
     """Name and counts at the left; the colour bar at the right of the second panel."""
     theme, glyphs = look.theme, look.glyphs
@@ -178,7 +182,7 @@ def _header(
             left, free = left + part.width + 2, free - part.width - 2
 
 
-def _bar(view: UmapInput, model: UmapModel, room: int, look: Look) -> Part | None:
+def _bar(view: UmapInput, model: UmapModel, room: int, look: RenderOptions) -> LegendPart | None:
     if room < 12:
         return None
     ramp, scale = ramp_for_values(look), model.value_range
@@ -190,14 +194,14 @@ def _bar(view: UmapInput, model: UmapModel, room: int, look: Look) -> Part | Non
     )  # fmt: skip
 
 
-def _divide(canvas: Canvas, layout: UmapLayout, look: Look) -> None:
+def _divide(canvas: Canvas, layout: UmapLayout, look: RenderOptions) -> None:
     """A faint line between panels side by side."""
     level = len({y for _, y in layout.corners}) == 1
     if level and canvas.width > 2 * layout.room:
         canvas.vline(layout.room, 0, canvas.height - 1, look.glyphs.vertical, look.theme.faint)
 
 
-def _axes(canvas: Canvas, panel: Panel, layout: UmapLayout, look: Look) -> None:
+def _axes(canvas: Canvas, panel: Panel, layout: UmapLayout, look: RenderOptions) -> None:
     """Ticks along the left and the lower edge of a panel."""
     theme, area = look.theme, layout.frame.extent
     width = step(area.width, max(2, panel.width // 10))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from s2rtui.analysis.identity_cache import identity
-from s2rtui.canvas import Canvas, Look, Size, Theme
+from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush_surface import Mark, Panel, Point
 from s2rtui.charts.shared import inputs, view_inputs
 from s2rtui.charts.shared.inputs import Floats
@@ -40,7 +40,7 @@ class UmapView(View):
     def depends(self, scene: Scene) -> tuple[object, ...]:
         return (identity(self.input(scene)),)
 
-    def draw(self, scene: Scene, size: Size, look: Look) -> Canvas:
+    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         return terminal.umap(self.input(scene), size, look)
 
     def words(self, scene: Scene) -> str:
@@ -60,7 +60,7 @@ class UmapView(View):
         title = f"{scene.state.run}: embeddings in simulation and in reality (UMAP)"
         return paper.umap_figure(self.input(scene), size, theme, title, scene.caption)
 
-    def surface(self, scene: Scene, size: Size, look: Look) -> Sequence[Panel]:
+    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
         return terminal.umap_surface(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:

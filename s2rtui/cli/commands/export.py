@@ -12,7 +12,7 @@ from s2rtui.cli.formatting import rows
 
 if TYPE_CHECKING:
     from s2rtui.canvas import Theme
-    from s2rtui.export.scene import Wanted
+    from s2rtui.export.scene import SceneOptions
 
 Pixels = tuple[int, int]
 SCREEN = "workbench"
@@ -68,10 +68,10 @@ def _size(text: str | None) -> Pixels | None:
     return int(found[1]), int(found[2])
 
 
-def _screen(store: Path, wanted: Wanted, size: Pixels, theme: Theme) -> bytes:
+def _screen(store: Path, wanted: SceneOptions, size: Pixels, theme: Theme) -> bytes:
     from s2rtui.app.pilot import screen_of
-    from s2rtui.canvas import Look
+    from s2rtui.canvas import RenderOptions
     from s2rtui.export.scene import staged
 
     with staged(store, wanted) as scene:
-        return screen_of(store, scene.state, size, Look(theme))
+        return screen_of(store, scene.state, size, RenderOptions(theme))

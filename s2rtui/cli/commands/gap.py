@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from s2rtools.gap.gate.gate import Request
+    from s2rtools.gap.gate.gate import GapRequest
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -122,11 +122,11 @@ def _check_places(options: argparse.Namespace) -> None:
     result_files.check_writable(written, read)
 
 
-def _request(options: argparse.Namespace) -> Request:
+def _request(options: argparse.Namespace) -> GapRequest:
     from s2rstore.errors import RequestError
     from s2rtools.gap import defaults
-    from s2rtools.gap.axis_result import Settings
-    from s2rtools.gap.gate.gate import Request
+    from s2rtools.gap.axis_result import GapSettings
+    from s2rtools.gap.gate.gate import GapRequest
 
     if options.freeze and options.reference:
         raise RequestError("--freeze and --reference: one writes the scale, the other uses it")
@@ -139,7 +139,7 @@ def _request(options: argparse.Namespace) -> Request:
     ):
         if not fewest <= getattr(options, name) <= most:
             raise RequestError(f"--{name}: {fewest} .. {most}, not {getattr(options, name)}")
-    return Request(
+    return GapRequest(
         run=options.run,
         expression=options.select,
         axes=tuple(options.axis),
@@ -153,5 +153,5 @@ def _request(options: argparse.Namespace) -> Request:
         threshold=options.threshold,
         margin=options.margin,
         dynamics=tuple(options.dynamics),
-        settings=Settings(options.replicates, options.seed, pca=options.pca),
+        settings=GapSettings(options.replicates, options.seed, pca=options.pca),
     )

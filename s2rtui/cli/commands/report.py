@@ -33,7 +33,7 @@ def execute(options: argparse.Namespace) -> int:
     import s2rstore
     from s2rstore.errors import RequestError
     from s2rtui.cli.formatting.progress import reporter
-    from s2rtui.export.report.request import Request, selections
+    from s2rtui.export.report.request import ReportRequest, selections
     from s2rtui.export.report.write import report
     from s2rtui.user_data.notebook import ReadNotebook
 
@@ -41,7 +41,7 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError(f"--out {options.out}: must end in .html")
     with s2rstore.open(options.store) as store:
         notes = ReadNotebook(store.dataset.hash).notes
-    request = Request(
+    request = ReportRequest(
         selections(notes, tuple(options.select), options.saved),
         runs=tuple(options.run),
         trajectories=tuple(options.trajectory) if options.trajectory else None,

@@ -33,7 +33,9 @@ def execute(options: argparse.Namespace) -> int:
     keeps = not options.no_keep and not options.run
     if keeps:
         _check_kept(options.store)
-    settings = report.Settings(tuple(options.run), options.trust, options.instances, options.seed)
+    settings = report.ScoreSettings(
+        tuple(options.run), options.trust, options.instances, options.seed
+    )
     with reporter() as told:
         found = report.score(options.store, settings, told)
     if keeps:

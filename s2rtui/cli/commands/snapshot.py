@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.errors import RequestError
-    from s2rtui.canvas import DARK, LIGHT, ColourMode, Look
+    from s2rtui.canvas import DARK, LIGHT, ColourMode, RenderOptions
 
     size = _size(options.size)
     if options.out.suffix not in (".png", ".txt"):
@@ -31,7 +31,7 @@ def execute(options: argparse.Namespace) -> int:
         mode = ColourMode(options.colour)
     except ValueError:
         raise RequestError(f"--colour {options.colour}: truecolor, 256, 16 or none") from None
-    look = Look(LIGHT if options.light else DARK, mode, options.ascii)
+    look = RenderOptions(LIGHT if options.light else DARK, mode, options.ascii)
     from s2rtui.app.pilot import is_key, snapshot
 
     keys = [key.strip() for key in options.keys.split(",") if key.strip()]

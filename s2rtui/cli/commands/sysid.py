@@ -42,12 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtools.motion_logs import read_drives
-    from s2rtools.sysid import Settings, identify, report
+    from s2rtools.sysid import SysidSettings, identify, report
     from s2rtools.sysid.residual_training import learn
     from s2rtui.cli.formatting.progress import reporter
 
     names = None if options.parameters is None else _names(options.parameters)
-    settings = Settings(
+    settings = SysidSettings(
         options.simulator, names, _fixed(options.fix), options.seeds, options.held_out,
         options.window, options.evaluations, seed=options.seed, ranges=_ranges(options.range),
     )  # fmt: skip

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.errors import RequestError
-    from s2rtui.security import Access
+    from s2rtui.security import Permissions
     from s2rtui.security.restricted_process import confine, end_with_parent, is_served, server_id
     from s2rtui.terminal.capabilities import detect, prepare_environment, refuse_unusable
 
@@ -49,11 +49,11 @@ def execute(options: argparse.Namespace) -> int:
             end_with_parent(signal.SIGKILL, server_id())
         else:
             refuse_unusable(instead=_FORCED)
-        access = Access.of(options.store, restricted=True)
+        access = Permissions.of(options.store, restricted=True)
         confine(access)
     else:
         refuse_unusable()
-        access = Access.of(options.store)
+        access = Permissions.of(options.store)
     terminal = detect(options.colour, options.ascii)
     if options.graphics:
         from s2rtui.terminal.graphics.probe import ask

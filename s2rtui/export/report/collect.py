@@ -10,11 +10,11 @@ from s2rstore.metrics import run_metrics, store_summary
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.view import Scene
 from s2rtui.export.report import tables
-from s2rtui.export.report.content import Picture, Report, RunPart, Section, Table
+from s2rtui.export.report.content import Report, ReportImage, ReportTable, RunPart, Section
 from s2rtui.export.report.data_uri_images import figure
 from s2rtui.export.report.examples import worst
-from s2rtui.export.report.request import Asked, Request, Told
-from s2rtui.export.scene import Wanted, described, fed
+from s2rtui.export.report.request import ReportRequest, RequestedSelection, Told
+from s2rtui.export.scene import SceneOptions, described, fed
 from s2rtui.session import Session
 
 _SHOWN = ("map", "errors", "rooms", "orientation")
@@ -22,7 +22,7 @@ _WIDE = 1500
 _HASH = 16
 
 
-def gather(session: Session, request: Request, told: Told) -> Report:
+def gather(session: Session, request: ReportRequest, told: Told) -> Report:
     """Evaluate and draw everything. Raises RequestError for what does not exist."""
     plan = [(asked, _runs(session, request, asked)) for asked in request.selections]
     for asked, runs in plan:
@@ -73,12 +73,12 @@ class _Steps:
         self._told(self._done, self._total, what)
 
 
-def _trajectories(request: Request, session: Session) -> str:
+def _trajectories(request: ReportRequest, session: Session) -> str:
     names = request.trajectories or session.store.instances.trajectory_names
     return ("trajectory " if len(names) == 1 else "trajectories ") + ", ".join(names)
 
 
-def _runs(session: Session, request: Request, asked: Asked) -> tuple[str, ...]:
+def _runs(session: Session, request: ReportRequest, asked: RequestedSelection) -> tuple[str, ...]:
     """The runs that a selection is shown in."""
     for run in request.runs:
         if session.store.run(run).key is None:
@@ -90,14 +90,14 @@ def _runs(session: Session, request: Request, asked: Asked) -> tuple[str, ...]:
 
 
 def _staged(
-    session: Session, request: Request, run: str, expression: str, room_names: bool = True
+    session: Session, request: ReportRequest, run: str, expression: str, room_names: bool = True
 ) -> None:
     """The session at a selection in a run."""
     session.set(replace(session.state, trajectories=request.trajectories))
     session.select("all")
     session.put_run(run)
     other = request.other if request.other != run else None
-    wanted = Wanted(
+    wanted = SceneOptions(
         select=expression, run=run, trajectories=request.trajectories, other=other,
         heat=request.heat, overlay="off", room_names=room_names,
     )  # fmt: skip
@@ -110,7 +110,7 @@ def _drawn(session: Session, *names: str) -> Scene:
     return fed(session, *views, cursor=False)
 
 
-def _front(session: Session, request: Request) -> list[Picture]:
+def _front(session: Session, request: ReportRequest) -> list[ReportImage]:
     """The overview, and two runs compared: the first, and the best other one in reality."""
     runs = session.state.runs
     first = request.runs[0] if request.runs else runs[0]
@@ -133,7 +133,11 @@ def _real(session: Session, run: str) -> float:
 
 
 def _section(
-    session: Session, request: Request, asked: Asked, runs: tuple[str, ...], steps: _Steps
+    session: Session,
+    request: ReportRequest,
+    asked: RequestedSelection,
+    runs: tuple[str, ...],
+    steps: _Steps,
 ) -> Section:
     parts: list[RunPart] = []
     facts: list[tuple[str, str]] = []
@@ -159,7 +163,7 @@ def _section(
     return Section(asked.title, asked.expression, facts, shown, remarks, parts)
 
 
-def _saved(asked: Asked, session: Session) -> Iterator[tuple[str, str]]:
+def _saved(asked: RequestedSelection, session: Session) -> Iterator[tuple[str, str]]:
     """How a saved selection differs from when it was saved."""
     kept = asked.saved
     if kept is None:
@@ -171,7 +175,7 @@ def _saved(asked: Asked, session: Session) -> Iterator[tuple[str, str]]:
         yield "run", f"{kept.run} is not in this store; evaluated in {session.state.run}"
 
 
-def _part(session: Session, request: Request, run: str) -> RunPart:
+def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
     scene = _drawn(session, *_SHOWN)
     state, store = session.state, session.store
     pictures = []
@@ -203,9 +207,9 @@ def _summary(session: Session, run: str) -> str:
     return told
 
 
-def _numbers(scene: Scene, name: str, caption: str) -> Table:
+def _numbers(scene: Scene, name: str, caption: str) -> ReportTable:
     names, rows = BY_NAME[name].numbers(scene)
-    return Table(caption, names, [[_cell(value) for value in row] for row in rows])
+    return ReportTable(caption, names, [[_cell(value) for value in row] for row in rows])
 
 
 def _cell(value: object) -> str:

@@ -10,7 +10,7 @@ Facts = Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ReportTable:
     """Cells as they are printed; the first names its row, the others are numbers or `texts`."""
 
     caption: str
@@ -21,7 +21,7 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class ReportImage:
     """A picture as a data URI, on light ground and, where it has one, on dark.
 
     `alt` says with numbers what is on it; `wide` asks for the page's whole width.
@@ -33,7 +33,7 @@ class Picture:
     caption: str = ""
     dark: str = ""
     wide: bool = False
-    numbers: Table | None = None
+    numbers: ReportTable | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +41,9 @@ class Example:
     """One instance: its numbers, what else is known of it, its images, the user's remark."""
 
     iid: int
-    table: Table
+    table: ReportTable
     facts: Facts
-    images: Sequence[Picture]
+    images: Sequence[ReportImage]
     tags: tuple[str, ...] = ()
     note: str = ""
 
@@ -54,8 +54,8 @@ class RunPart:
 
     run: str
     summary: str
-    table: Table
-    pictures: Sequence[Picture]
+    table: ReportTable
+    pictures: Sequence[ReportImage]
     examples: Sequence[Example]
 
 
@@ -66,8 +66,8 @@ class Section:
     title: str
     expression: str
     facts: Facts = ()
-    runs: Table | None = None
-    remarks: Table | None = None
+    runs: ReportTable | None = None
+    remarks: ReportTable | None = None
     parts: Sequence[RunPart] = ()
     problem: str = ""
 
@@ -80,6 +80,6 @@ class Report:
     subtitle: str
     facts: Facts
     findings: Sequence[str]
-    runs: Table
-    pictures: Sequence[Picture]
+    runs: ReportTable
+    pictures: Sequence[ReportImage]
     sections: Sequence[Section] = field(default=())

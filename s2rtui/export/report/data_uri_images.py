@@ -12,7 +12,7 @@ from PIL import Image
 from s2rtui.canvas import DARK, LIGHT
 from s2rtui.charts.shared.paper import written_as
 from s2rtui.charts.view import Scene, View
-from s2rtui.export.report.content import Picture, Table
+from s2rtui.export.report.content import ReportImage, ReportTable
 
 _QUALITY = 92
 HALF = (1100, 760)
@@ -24,23 +24,23 @@ def figure(
     scene: Scene,
     dark: bool,
     wide: tuple[int, int] | None = None,
-    numbers: Table | None = None,
-) -> Picture:
+    numbers: ReportTable | None = None,
+) -> ReportImage:
     """A view's figure, light and, if asked for, dark: `wide` pixels, or half a page."""
     size = wide or HALF
     themes = (LIGHT, DARK) if dark else (LIGHT,)
     with written_as(type_size=_WIDE_TYPE if wide else _HALF_TYPE):
         drawn = [_uri(Image.open(BytesIO(view.figure(scene, size, theme)))) for theme in themes]
-    return Picture(
+    return ReportImage(
         drawn[0], size, view.words(scene), dark=drawn[1] if dark else "", wide=wide is not None,
         numbers=numbers,
     )  # fmt: skip
 
 
-def image(pixels: NDArray[np.uint8], alt: str, caption: str) -> Picture:
+def image(pixels: NDArray[np.uint8], alt: str, caption: str) -> ReportImage:
     """An image (H, W, 3)."""
     rows, columns = pixels.shape[:2]
-    return Picture(_uri(Image.fromarray(pixels)), (columns, rows), alt, caption)
+    return ReportImage(_uri(Image.fromarray(pixels)), (columns, rows), alt, caption)
 
 
 def _uri(picture: Image.Image) -> str:

@@ -10,7 +10,7 @@ from s2rtui.charts.shared import view_inputs
 from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.inputs import InstanceInput, SideView
 from s2rtui.charts.view import Scene
-from s2rtui.export.report.content import Example, Picture, Table
+from s2rtui.export.report.content import Example, ReportImage, ReportTable
 from s2rtui.export.report.data_uri_images import image
 from s2rtui.export.report.tables import number
 from s2rtui.session import HeatChoice, State, instance_list
@@ -37,7 +37,7 @@ def _example(scene: Scene, iid: int, heat: HeatChoice | None) -> Example:
     return Example(iid, _poses(shown), shown.notes, _images(shown), remark.tags, remark.note)
 
 
-def _poses(shown: InstanceInput) -> Table:
+def _poses(shown: InstanceInput) -> ReportTable:
     names = ("", "x", "y", "heading", "error", "heading error")
     rows = []
     if shown.truth is not None:
@@ -51,10 +51,10 @@ def _poses(shown: InstanceInput) -> Table:
                  number(math.degrees(pose.heading), 1, "°"), number(pose.error, 2, "m"),
                  number(math.degrees(pose.heading_error), 1, "°"))
             )  # fmt: skip
-    return Table(f"Poses of instance {shown.iid}", names, rows)
+    return ReportTable(f"Poses of instance {shown.iid}", names, rows)
 
 
-def _images(shown: InstanceInput) -> list[Picture]:
+def _images(shown: InstanceInput) -> list[ReportImage]:
     model = instance_model(shown)
     scale = ""
     if model.heat_range is not None:

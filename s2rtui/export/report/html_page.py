@@ -11,11 +11,11 @@ from s2rtui.canvas import DARK, LIGHT, Rgb, Theme
 from s2rtui.export.report.content import (
     Example,
     Facts,
-    Picture,
     Report,
+    ReportImage,
+    ReportTable,
     RunPart,
     Section,
-    Table,
 )
 
 _DARK = "screen and (prefers-color-scheme: dark)"
@@ -147,11 +147,11 @@ def _example(example: Example) -> str:
     )
 
 
-def _pictures(pictures: Sequence[Picture]) -> str:
+def _pictures(pictures: Sequence[ReportImage]) -> str:
     return '<div class="figures">\n' + "\n".join(map(_picture, pictures)) + "\n</div>"
 
 
-def _picture(picture: Picture) -> str:
+def _picture(picture: ReportImage) -> str:
     width, height = picture.size
     shown = f'<img src="{picture.light}" width="{width}" height="{height}" '
     shown += f'alt="{_text(picture.alt)}">'
@@ -166,7 +166,7 @@ def _picture(picture: Picture) -> str:
     return f"<figure{kind}>\n{shown}\n{told}{numbers}\n</figure>"
 
 
-def _table(table: Table) -> str:
+def _table(table: ReportTable) -> str:
     names = "".join(f'<th scope="col">{_text(name)}</th>' for name in table.names)
     rows = "\n".join(f"<tr>{_row(row)}</tr>" for row in table.rows)
     note = f'<p class="note">{_text(table.note)}</p>' if table.note else ""

@@ -13,7 +13,7 @@ Told = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class RequestedSelection:
     """A selection by its expression; `saved` is what a notebook keeps of it under `name`."""
 
     expression: str
@@ -26,13 +26,13 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class ReportRequest:
     """`runs` empty: of a saved selection the run that it was saved on, else the first.
 
     `heat` is KIND[:MODE] on the pictures of instances; `date` is printed as it is.
     """
 
-    selections: tuple[Asked, ...]
+    selections: tuple[RequestedSelection, ...]
     runs: tuple[str, ...] = ()
     trajectories: tuple[str, ...] | None = None
     other: str | None = None
@@ -42,19 +42,22 @@ class Request:
     dark: bool = True
 
 
-def saved(notes: Notes) -> tuple[Asked, ...]:
+def saved(notes: Notes) -> tuple[RequestedSelection, ...]:
     """All that a notebook keeps, by name."""
     return tuple(
-        Asked(kept.expression, name, kept) for name, kept in sorted(notes.selections.items())
+        RequestedSelection(kept.expression, name, kept)
+        for name, kept in sorted(notes.selections.items())
     )
 
 
-def selections(notes: Notes, expressions: tuple[str, ...], with_saved: bool) -> tuple[Asked, ...]:
+def selections(
+    notes: Notes, expressions: tuple[str, ...], with_saved: bool
+) -> tuple[RequestedSelection, ...]:
     """Those that options name: expressions, and the saved ones where asked for or alone.
 
     Raises RequestError where there is none.
     """
-    given = tuple(Asked(expression) for expression in expressions)
+    given = tuple(RequestedSelection(expression) for expression in expressions)
     kept = saved(notes) if with_saved or not given else ()
     if not kept and not given:
         raise RequestError("no saved selections of this data set; give --select EXPR")

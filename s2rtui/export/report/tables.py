@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from s2rstore.metrics import pose_metrics, run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtui.export.report.content import Table
+from s2rtui.export.report.content import ReportTable
 from s2rtui.user_data.notebook import Notes
 
 Members = NDArray[np.bool_]
@@ -39,7 +39,9 @@ def interval(found: pose_metrics.Interval) -> str:
     return percent(found.value) + (f" ({ends})" if math.isfinite(found.low) else "")
 
 
-def compared(store: Store, runs: Sequence[str], members: Members | None, caption: str) -> Table:
+def compared(
+    store: Store, runs: Sequence[str], members: Members | None, caption: str
+) -> ReportTable:
     """A row per run, over `members` (N,) or all."""
     names = ("run", "sim accuracy", "real accuracy", "gap in points", "baseline",
              "sim median error", "real median error", "n")  # fmt: skip
@@ -53,14 +55,14 @@ def compared(store: Store, runs: Sequence[str], members: Members | None, caption
              number(sim.median_error, 2, "m"), number(real.median_error, 2, "m"), str(sim.n))
         )  # fmt: skip
     note = f"Accuracy with its {pose_metrics.LEVEL_TOLD} block bootstrap interval. {BASELINE} {_left_out()}"
-    return Table(caption, names, rows, note)
+    return ReportTable(caption, names, rows, note)
 
 
 def _left_out() -> str:
     return "n counts the instances that are new to the model; all others are left out."
 
 
-def sides(store: Store, run: str, members: Members) -> Table:
+def sides(store: Store, run: str, members: Members) -> ReportTable:
     """Both sides of a run over a selection."""
     names = ("", "accuracy", "baseline", "median error", "mean error", "largest error",
              "median heading error", "n")  # fmt: skip
@@ -74,7 +76,7 @@ def sides(store: Store, run: str, members: Members) -> Table:
              number(found.mean_error, 2, "m"), number(_largest(store, run, side, fresh), 2, "m"),
              number(_median_turn(store, run, side, fresh), 1, "°"), str(found.n))
         )  # fmt: skip
-    return Table(f"Run {run} on the selection", names, rows)
+    return ReportTable(f"Run {run} on the selection", names, rows)
 
 
 def _largest(store: Store, run: str, side: Side, members: Members) -> float:
@@ -88,7 +90,7 @@ def _median_turn(store: Store, run: str, side: Side, members: Members) -> float:
     return math.degrees(float(np.median(turns))) if turns.size else math.nan
 
 
-def remarks(notes: Notes, members: Members) -> Table | None:
+def remarks(notes: Notes, members: Members) -> ReportTable | None:
     """The user's tags and notes on a selection's instances; None where there is none."""
     found = [
         (iid, remark)
@@ -102,4 +104,4 @@ def remarks(notes: Notes, members: Members) -> Table | None:
     ]
     more = len(found) - len(shown)
     told = f"and {more} more" if more else ""
-    return Table("Tags and notes", ("instance", "tags", "note"), shown, told, True)
+    return ReportTable("Tags and notes", ("instance", "tags", "note"), shown, told, True)

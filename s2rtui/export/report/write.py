@@ -6,12 +6,14 @@ from pathlib import Path
 
 from s2rtui.export.report.collect import gather
 from s2rtui.export.report.html_page import page
-from s2rtui.export.report.request import Request, Told
+from s2rtui.export.report.request import ReportRequest, Told
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import ReadNotebook
 
 
-def report(store: Path, request: Request, told: Told = lambda done, total, what: None) -> bytes:
+def report(
+    store: Path, request: ReportRequest, told: Told = lambda done, total, what: None
+) -> bytes:
     """The HTML of a report: the same store, notebook and request give the same bytes.
 
     Raises RequestError for what does not exist.

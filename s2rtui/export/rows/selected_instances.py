@@ -29,7 +29,7 @@ _WHOLE = ("iid", "seq", "sim.rank", "real.rank")
 
 
 @dataclass(frozen=True, slots=True)
-class Facts:
+class EvaluationFacts:
     """What a selection was evaluated on; `expanded` has no saved names in it."""
 
     expression: str
@@ -57,7 +57,7 @@ class Picked:
 
     names: tuple[str, ...]
     rows: Sequence[Sequence[Any]]
-    facts: Facts
+    facts: EvaluationFacts
 
 
 def picked(
@@ -90,7 +90,7 @@ def picked(
             rows = [tuple(read(iid) for read in readers) for (iid,) in found]
     node = parse(expression)
     expanded = to_text(expand(node, evaluation.vocabulary(store, notes.nodes)))
-    facts = Facts(
+    facts = EvaluationFacts(
         to_text(node), expanded, name, tuple(trajectories) if trajectories else None,
         store.generation, store.dataset.hash, store.dataset.name, len(rows),
     )  # fmt: skip

@@ -12,14 +12,14 @@ from traceback import print_exception
 from textual.geometry import Region
 from textual.strip import Strip
 
-from s2rtui.canvas import Canvas, Plate, Size
+from s2rtui.canvas import Canvas, InlineImage, Size
 from s2rtui.canvas.colour import Pixels
 from s2rtui.jobs.background_thread import Lane, Tell
 from s2rtui.terminal.graphics import kitty_protocol
 from s2rtui.terminal.graphics.image_strips import Span, with_spans
 from s2rtui.terminal.graphics.png import png
 from s2rtui.terminal.graphics.probe import Graphics, cell_pixels
-from s2rtui.terminal.image_host import Hung
+from s2rtui.terminal.image_host import PaintedStrips
 
 NUMBERS = 32
 """Pictures that the terminal holds at most; those shown are at most half of them."""
@@ -45,7 +45,7 @@ class _Wanted:
     """A picture to be made: what it follows from with its sizes, and the pixels to send of it."""
 
     key: Key
-    plate: Plate
+    plate: InlineImage
     size: Size
     of: object
 
@@ -69,7 +69,7 @@ class _Sent:
     number: int
 
 
-class PictureWall:
+class KittyImageManager:
     """Hangs the pictures of canvases, which a thread per view makes: the newest request wins."""
 
     def __init__(
@@ -98,7 +98,7 @@ class PictureWall:
         """Pictures that follow a slider wait until it rests; all others have waited already."""
         return _SLIDING if view == "adjust" else 0.0
 
-    def hang(self, view: str, canvas: Canvas, strips: list[Strip]) -> Hung:
+    def hang(self, view: str, canvas: Canvas, strips: list[Strip]) -> PaintedStrips:
         """The strips with the canvas' pictures in them; sends those that are made, has others made.
 
         Until then those that hung in their boxes stay.
@@ -123,14 +123,14 @@ class PictureWall:
                 spans.setdefault(plate.y + row, []).append(span)
         self._make(view, lacking)
         filled = [with_spans(strip, spans.get(y, ())) for y, strip in enumerate(strips)]
-        return Hung(filled, frozenset(places))
+        return PaintedStrips(filled, frozenset(places))
 
     @property
     def idle(self) -> bool:
         """Whether no picture is being made, or is about to be."""
         return all(lane.idle for lane in self._lanes.values())
 
-    def _wanted(self, key: Key, plate: Plate) -> _Wanted:
+    def _wanted(self, key: Key, plate: InlineImage) -> _Wanted:
         size = pixel_size(plate, cell_pixels(self._graphics.cell))
         return _Wanted(key, plate, size, (plate.of, size, (plate.width, plate.height)))
 
@@ -189,7 +189,7 @@ class PictureWall:
             kept.clear()
 
 
-def pixel_size(plate: Plate, cell: Size) -> Size:
+def pixel_size(plate: InlineImage, cell: Size) -> Size:
     """(height, width) to send: as the picture has, but not more than its box or `LARGEST` takes."""
     rows, columns = plate.shape
     box = plate.height * cell[1], plate.width * cell[0]
@@ -205,7 +205,7 @@ def _made(wanted: _Wanted) -> _Made:
     return _Made(wanted.of, digest, _light_png(plate, pixels))
 
 
-def _light_png(plate: Plate, pixels: Pixels) -> bytes:
+def _light_png(plate: InlineImage, pixels: Pixels) -> bytes:
     """Its pixels, or as much fewer as make it light enough."""
     picture, size = png(pixels), pixels.shape[:2]
     while len(picture) > HEAVIEST:

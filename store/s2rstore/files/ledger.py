@@ -27,7 +27,7 @@ _SHA256 = re.compile(r"[0-9a-f]{64}\Z")
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class LedgerEntry:
     """A finished file: `key` names the work unit, `path` the file inside the store."""
 
     key: str
@@ -43,7 +43,7 @@ class Ledger:
     def __init__(self, root: Path) -> None:
         self._root = root
 
-    def entries(self) -> Iterator[Entry]:
+    def entries(self) -> Iterator[LedgerEntry]:
         """Every entry that was completely written, in no particular order."""
         for line in self._lines():
             entry = _parsed(line)
@@ -76,26 +76,26 @@ class Ledger:
             safe_files.sync(self._root, relative)
             size = safe_files.size(self._root, relative)
             checksum = safe_files.sha256(self._root, relative)
-            lines.append(_line(Entry(key, relative, size, checksum, count)))
+            lines.append(_line(LedgerEntry(key, relative, size, checksum, count)))
         own = f"{layout.LEDGER}/{socket.gethostname()}-{os.getpid()}.jsonl"
         safe_files.append_lines(self._root, own, "".join(lines).encode())
         safe_files.sync(self._root, own)
 
-    def by_path(self) -> dict[str, list[Entry]]:
+    def by_path(self) -> dict[str, list[LedgerEntry]]:
         """Entries grouped by file: a file that was made again has several."""
-        grouped: dict[str, list[Entry]] = {}
+        grouped: dict[str, list[LedgerEntry]] = {}
         for entry in self.entries():
             grouped.setdefault(entry.path, []).append(entry)
         return grouped
 
-    def proves(self, entries: list[Entry]) -> bool:
+    def proves(self, entries: list[LedgerEntry]) -> bool:
         """Whether one of the entries of a file states its size and checksum.
 
         Raises LinkError where the path leads through a symbolic link.
         """
         return self.proof(entries) is not None
 
-    def proof(self, entries: list[Entry]) -> Entry | None:
+    def proof(self, entries: list[LedgerEntry]) -> LedgerEntry | None:
         """The entry that states the size and checksum of the file that lies there."""
         if not entries:
             return None
@@ -130,15 +130,15 @@ def _lines_of(file: BinaryIO) -> Iterator[bytes]:
             yield line.rstrip(b"\n")
 
 
-def _line(entry: Entry) -> str:
+def _line(entry: LedgerEntry) -> str:
     return json.dumps(asdict(entry), separators=(",", ":")) + "\n"
 
 
-def _parsed(line: bytes) -> Entry | None:
+def _parsed(line: bytes) -> LedgerEntry | None:
     if not line.startswith(b'{"key":'):
         return None
     try:
-        entry = Entry(**json.loads(line))
+        entry = LedgerEntry(**json.loads(line))
     except (ValueError, TypeError, RecursionError):
         return None
     sizes = entry.bytes, entry.count

@@ -48,7 +48,7 @@ class LinkError(RequestError):
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class FolderEntry:
     """Something below a store's root: its path there, what it is, and its size in bytes."""
 
     path: str
@@ -233,7 +233,7 @@ def checked_folder(root: Path, relative: str | Path) -> Path | None:
     return root / relative
 
 
-def names(root: Path, relative: str | Path) -> list[Entry]:
+def names(root: Path, relative: str | Path) -> list[FolderEntry]:
     """What lies in a folder, by name; nothing where there is no such folder."""
     try:
         with folder(root, relative) as descriptor, os.scandir(descriptor) as found:
@@ -243,17 +243,17 @@ def names(root: Path, relative: str | Path) -> list[Entry]:
         return []
 
 
-def _entry(above: str | Path, item: os.DirEntry[str]) -> Entry | None:
+def _entry(above: str | Path, item: os.DirEntry[str]) -> FolderEntry | None:
     """None for what was removed meanwhile."""
     path = (PurePosixPath(above) / item.name).as_posix()
     try:
         status = item.stat(follow_symlinks=False)
     except FileNotFoundError:
         return None
-    return Entry(path, _kind_of(status.st_mode), status.st_size)
+    return FolderEntry(path, _kind_of(status.st_mode), status.st_size)
 
 
-def walk(root: Path, relative: str | Path = "") -> Iterator[Entry]:
+def walk(root: Path, relative: str | Path = "") -> Iterator[FolderEntry]:
     """Everything below a folder, links among it, which are not followed; a folder comes first.
 
     Raises RequestError for folders that lie deeper within each other than those of any store.
@@ -366,7 +366,7 @@ def remove(root: Path, relative: str | Path) -> None:
             os.unlink(name, dir_fd=parent)
 
 
-def leftovers(root: Path) -> list[Entry]:
+def leftovers(root: Path) -> list[FolderEntry]:
     """Unfinished files that killed writes have left in a store."""
     return [
         entry for entry in walk(root) if entry.kind == "file" and _LEFTOVER.fullmatch(entry.name)

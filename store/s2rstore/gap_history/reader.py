@@ -41,7 +41,7 @@ class AxisFigures:
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class NightlyEstimate:
     """A parameter of the simulator as identified."""
 
     parameter: str
@@ -81,7 +81,7 @@ class Night:
     stale_after: float
     written_at: str
     axes: tuple[AxisFigures, ...] = ()
-    estimates: tuple[Estimate, ...] = ()
+    estimates: tuple[NightlyEstimate, ...] = ()
 
     @property
     def stale(self) -> bool:
@@ -252,8 +252,10 @@ def _axis(row: Row) -> AxisFigures:
     )  # fmt: skip
 
 
-def _estimate(row: Row) -> Estimate:
-    return Estimate(row["parameter"], _interval(row, "value"), row["unit"] or "", row["note"])
+def _estimate(row: Row) -> NightlyEstimate:
+    return NightlyEstimate(
+        row["parameter"], _interval(row, "value"), row["unit"] or "", row["note"]
+    )
 
 
 def _interval(row: Row, name: str) -> Interval:

@@ -16,7 +16,7 @@ _ROWS = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Correction:
+class RigOffset:
     """What a declared rig is off by: metres of height, a factor of the focal lengths."""
 
     height: float = 0.0
@@ -34,7 +34,7 @@ def _zoomed(lens: Intrinsics, zoom: float) -> Intrinsics:
     return replace(lens, fx=lens.fx * zoom, fy=lens.fy * zoom)
 
 
-class Crossing:
+class Reprojection:
     """What the pixels of one camera (`lens` of the rig `view`) see, in another rig's cameras."""
 
     def __init__(
@@ -72,7 +72,7 @@ class NearerSurface:
 
     def __init__(self, view: Domain, other: Domain, frame: tuple[int, int]) -> None:
         self._view, self._other = view, other
-        self._crossing = Crossing(view, view.depth, other, frame)
+        self._crossing = Reprojection(view, view.depth, other, frame)
 
     def __call__(self, depth: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
         """Raw depth of `view` (n, h, w), shortened where the other's raw depth (n, h, w) is less.
@@ -100,7 +100,7 @@ class NearerSurface:
         return np.where(measured, least, depth).astype(depth.dtype)
 
 
-class Surface:
+class HeatSurface:
     """The rig whose rays carry one side's heat to the floor, and the depth at which it lies.
 
     `surface` None is the side's own, as declared; `own` the corrected rig's, `nearer` the nearer of
@@ -109,7 +109,7 @@ class Surface:
 
     def __init__(
         self, view: Domain, other: Domain, frame: tuple[int, int], is_real: bool,
-        correction: Correction | None, surface: str | None,
+        correction: RigOffset | None, surface: str | None,
     ) -> None:  # fmt: skip
         self.domain, self._nearer = view, None
         if surface is None or correction is None:

@@ -14,7 +14,7 @@ import duckdb
 from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import parse_object
-from s2rstore.geometry.reprojection import Correction
+from s2rstore.geometry.reprojection import RigOffset
 from s2rstore.index import locked_connection, row_check, schema
 from s2rstore.records import (
     ArrayRecord,
@@ -33,7 +33,7 @@ _JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "conv
 """Columns of JSON, whose strings become printable once they are parsed."""
 
 
-class Tables:
+class IndexCatalog:
     """The tables of an open index; any thread may read them."""
 
     def __init__(self, path: str | Path, memory: str = "", generation: int | None = None) -> None:
@@ -229,13 +229,13 @@ class Tables:
         text = self.provenance(what).get(key, "{}")
         return parse_object(text, f"{self.path}: provenance of {what}: {key}")
 
-    def correction(self, sim: str, real: str) -> Correction | None:
+    def correction(self, sim: str, real: str) -> RigOffset | None:
         """What the declared real rig was found to be off by; None where nobody has looked."""
         noted = self.provenance(f"alignment:{sim}|{real}")
         try:
             if not noted:
                 return None
-            found = Correction(float(noted["height"]), float(noted["zoom"]))
+            found = RigOffset(float(noted["height"]), float(noted["zoom"]))
             if not (abs(found.height) < 10 and 0.1 < found.zoom < 10):
                 raise ValueError("out of range")
             return found

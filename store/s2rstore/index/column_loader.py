@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.geometry import rooms as room_geometry
 from s2rstore.index.columns import InstanceColumns, RunColumns, SideColumns
-from s2rstore.lru_cache import Recent
+from s2rstore.lru_cache import LruCache
 from s2rstore.records import SIDES, SPLITS, Room, Side
 
 _PROJECTED = ("u", "v")
@@ -29,7 +29,7 @@ class Index:
     """
 
     connect: Callable[[], duckdb.DuckDBPyConnection]
-    kept: Recent
+    kept: LruCache
     n: int
 
     @cached_property

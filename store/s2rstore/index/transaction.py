@@ -20,7 +20,7 @@ from s2rstore.index import locked_connection, schema
 ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
 
 
-class Draft:
+class IndexTransaction:
     """The index of a generation that is not published yet.
 
     Starts as a copy of the current one. Everything written here becomes visible at once when
@@ -99,7 +99,7 @@ class Draft:
 
 
 @contextmanager
-def edit(root: Path) -> Iterator[Draft]:
+def edit(root: Path) -> Iterator[IndexTransaction]:
     """Publish the next generation of the store at `root` with the changes made in the block.
 
     An exception inside leaves the store at its current generation. A folder without a
@@ -116,7 +116,7 @@ def edit(root: Path) -> Iterator[Draft]:
         try:
             old = safe_files.checked_path(root, base.index) if base else None
             _begin(connection, beside, old)
-            yield Draft(connection)
+            yield IndexTransaction(connection)
             dataset_hash = _finish(connection)
             connection.close()
             _publish(root, building, _next_generation(root, base), dataset_hash)

@@ -34,7 +34,7 @@ from s2rstore.language.syntax_tree import (
     Nothing,
     chain,
 )
-from s2rstore.lru_cache import Recent
+from s2rstore.lru_cache import LruCache
 from s2rstore.metrics.top_k import extremes
 
 Mask = NDArray[np.bool_]
@@ -66,7 +66,7 @@ class MaskContext:
     words: Vocabulary
     trajectories: tuple[str, ...] | None = None
     neighbours: Neighbours | None = None
-    evaluated: Recent = field(default_factory=lambda: Recent(_KEPT_BYTES))
+    evaluated: LruCache = field(default_factory=lambda: LruCache(_KEPT_BYTES))
 
 
 def mask(node: Node, context: MaskContext) -> Mask:

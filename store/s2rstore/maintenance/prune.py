@@ -15,14 +15,14 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout, locks, safe_files
 from s2rstore.files.ingest_folder import building_folders, is_running
 from s2rstore.files.ledger import Ledger
-from s2rstore.files.safe_files import Entry
+from s2rstore.files.safe_files import FolderEntry
 from s2rstore.index import locked_connection, schema
 
 _PROCESS = re.compile(r"\.(\d+)\.new(\.wal)?$")
 
 
 @dataclass(frozen=True, slots=True)
-class Pruned:
+class PruneResult:
     """What was removed, as paths inside the store, and how many bytes that freed.
 
     `links` are symbolic links, which were left alone with what they lead to.
@@ -33,7 +33,7 @@ class Pruned:
     links: tuple[str, ...] = ()
 
 
-def prune(root: Path, keep: int = 3, dry_run: bool = False) -> Pruned:
+def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
     """Keep the newest `keep` generations and what they reference; remove the rest.
 
     Takes the compute lock, so that no half-written unit is mistaken for refuse. Where there is no
@@ -43,7 +43,7 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> Pruned:
     """
     beside = [folder.path for folder in building_folders(root) if folder.is_abandoned]
     if beside and not root.exists():
-        return _with_beside(Pruned((), 0), beside, dry_run)
+        return _with_beside(PruneResult((), 0), beside, dry_run)
     layout.read_current(root)
     with locks.compute_lock(root), locks.publish_lock(root):
         current = layout.read_current(root)
@@ -61,7 +61,7 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> Pruned:
         links = tuple(entry.path for entry in safe_files.walk(root) if entry.kind == "link")
         if not dry_run:
             _remove(root, below)
-    return _with_beside(Pruned(tuple(gone), size, links), beside, dry_run)
+    return _with_beside(PruneResult(tuple(gone), size, links), beside, dry_run)
 
 
 def _check_index(root: Path, current: layout.Current) -> None:
@@ -73,7 +73,7 @@ def _check_index(root: Path, current: layout.Current) -> None:
         raise RequestError(f"{path}: not what was published; run `s2r verify`, and restore it")
 
 
-def _indexes(root: Path) -> list[tuple[int, Entry]]:
+def _indexes(root: Path) -> list[tuple[int, FolderEntry]]:
     """The generations whose index is there, oldest first.
 
     Raises RequestError for one that is no regular file: what it references must not be removed.
@@ -87,13 +87,13 @@ def _indexes(root: Path) -> list[tuple[int, Entry]]:
     return sorted(found, key=lambda pair: pair[0])
 
 
-def _files(root: Path, folder: str) -> list[Entry]:
+def _files(root: Path, folder: str) -> list[FolderEntry]:
     if safe_files.kind(root, folder) != "folder":
         return []
     return [entry for entry in safe_files.names(root, folder) if entry.kind == "file"]
 
 
-def _folders(root: Path, folder: str) -> list[Entry]:
+def _folders(root: Path, folder: str) -> list[FolderEntry]:
     if safe_files.kind(root, folder) != "folder":
         return []
     return [entry for entry in safe_files.names(root, folder) if entry.kind == "folder"]
@@ -140,14 +140,14 @@ def _is_below(path: str, folders: list[str]) -> bool:
     return any(path == folder or path.startswith(f"{folder}/") for folder in folders)
 
 
-def _below(root: Path, path: str) -> list[Entry]:
+def _below(root: Path, path: str) -> list[FolderEntry]:
     """The files at and below a path."""
     if safe_files.kind(root, path) == "folder":
         return [entry for entry in safe_files.walk(root, path) if entry.kind == "file"]
-    return [Entry(path, "file", safe_files.size(root, path))]
+    return [FolderEntry(path, "file", safe_files.size(root, path))]
 
 
-def _remove(root: Path, below: dict[str, list[Entry]]) -> None:
+def _remove(root: Path, below: dict[str, list[FolderEntry]]) -> None:
     for path in below:
         safe_files.remove(root, path)
     Ledger(root).forget({entry.path for entries in below.values() for entry in entries})
@@ -156,11 +156,11 @@ def _remove(root: Path, below: dict[str, list[Entry]]) -> None:
             safe_files.remove(root, run.path)
 
 
-def _with_beside(pruned: Pruned, folders: list[Path], dry_run: bool) -> Pruned:
+def _with_beside(pruned: PruneResult, folders: list[Path], dry_run: bool) -> PruneResult:
     """With the folders that interrupted ingests have left beside the store."""
     size = sum(entry.bytes for folder in folders for entry in safe_files.walk(folder))
     if not dry_run:
         for folder in folders:
             shutil.rmtree(folder, ignore_errors=True)
     paths = (*pruned.paths, *(f"../{folder.name}" for folder in folders))
-    return Pruned(paths, pruned.bytes + size, pruned.links)
+    return PruneResult(paths, pruned.bytes + size, pruned.links)

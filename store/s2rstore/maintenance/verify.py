@@ -43,7 +43,7 @@ class Damage:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class VerifyReport:
     """What is wrong with a store, and lines about what is not damage but worth knowing."""
 
     damages: tuple[Damage, ...]
@@ -58,7 +58,7 @@ def verify(root: Path) -> list[Damage]:
     return list(check(root).damages)
 
 
-def check(root: Path) -> Report:
+def check(root: Path) -> VerifyReport:
     """Everything wrong with the published generation, and notes on unfinished files and on
     what no checksum covers.
 
@@ -70,18 +70,18 @@ def check(root: Path) -> Report:
     except RequestError as error:
         if safe_files.kind(root, layout.CURRENT) is None:
             raise
-        return Report((Damage(layout.CURRENT, str(error)),))
+        return VerifyReport((Damage(layout.CURRENT, str(error)),))
     foreign, notes = list(_foreign(root)), list(_leftovers(root))
     try:
         damage = _index(root, current)
         if damage is not None:
-            return Report((*foreign, damage), tuple(notes))
+            return VerifyReport((*foreign, damage), tuple(notes))
         with Store(root) as store:
             checks = _Checks(root, store, current)
             checks.run()
     except _FAILURES as error:
-        return Report((*foreign, Damage(current.index, _first_line(error))), tuple(notes))
-    return Report((*foreign, *checks.damages), (*notes, *checks.notes()))
+        return VerifyReport((*foreign, Damage(current.index, _first_line(error))), tuple(notes))
+    return VerifyReport((*foreign, *checks.damages), (*notes, *checks.notes()))
 
 
 def _foreign(root: Path) -> Iterator[Damage]:

@@ -16,7 +16,7 @@ MIN_INSTANCES = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Region:
+class RoomSummary:
     """A room of one run: median errors in metres over `n` instances new to the model."""
 
     room: str
@@ -25,7 +25,7 @@ class Region:
     sim_median: float
 
 
-def regions(store: Store, run: str) -> list[Region]:
+def regions(store: Store, run: str) -> list[RoomSummary]:
     """Rooms with at least five instances new to the model, the largest median real error first."""
     columns = store.run_columns(run)
     fresh = run_metrics.held_out(store, run)
@@ -37,7 +37,7 @@ def regions(store: Store, run: str) -> list[Region]:
         if n >= MIN_INSTANCES:
             real = float(np.median(columns.real.error[members]))
             sim = float(np.median(columns.sim.error[members]))
-            found.append(Region(name, n, real, sim))
+            found.append(RoomSummary(name, n, real, sim))
     return sorted(found, key=lambda region: -region.real_median)
 
 

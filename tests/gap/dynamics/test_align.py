@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.delay import time_delay
 from s2rtools.motion_logs import Log
 from s2rtools.motion_logs.rigid_alignment import Rigid
 from tests.support import robot
 
-QUICK = Settings(replicates=100)
+QUICK = GapSettings(replicates=100)
 BASE = robot.commands(20.0, np.random.default_rng(5))
 EXACT = robot.drive(BASE)
 
@@ -124,7 +124,7 @@ def test_intervals_hold() -> None:
     held = []
     for seed in range(100):
         drive = robot.pair(seed, delay=0.03, noise=0.005, turn_noise=0.005)
-        found = time_delay.delay(drive.real, drive.sim, Settings(300))
+        found = time_delay.delay(drive.real, drive.sim, GapSettings(300))
         held.append(found.low <= 0.03 <= found.high)
     assert 0.89 <= np.mean(held) <= 0.99
 

@@ -12,14 +12,14 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rtools.gap.axis_result import Anchor, Axis, Evidence, Measured, Settings
-from s2rtools.gap.dynamics import Delay, Dynamics
-from s2rtools.gap.dynamics.windows import Plan
+from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
+from s2rtools.gap.dynamics import DelayAxis, Dynamics
+from s2rtools.gap.dynamics.windows import WindowPlan
 from s2rtools.motion_logs import Drive
 from s2rtools.motion_logs.rigid_alignment import Rigid
 from tests.support import robot
 
-SETTINGS = Settings(replicates=300)
+SETTINGS = GapSettings(replicates=300)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def drives(count: int = 1, **real: float) -> list[Drive]:
     return [robot.pair(seed, untuned=0.15, **real) for seed in range(count)]
 
 
-def gap(measured: Measured, anchor: Anchor) -> tuple[float, float, float]:
+def gap(measured: AxisResult, anchor: Anchor) -> tuple[float, float, float]:
     """G in percent with its bounds, from paired replicates."""
     value = (measured.value - measured.floor) / (anchor.value - measured.floor)
     spread = (measured.replicates - measured.floor_replicates) / (
@@ -50,7 +50,7 @@ def judged(axis: Axis, evidence: Evidence) -> tuple[float, float, float]:
 @pytest.mark.parametrize("count", [1, 3])
 def test_without_a_gap_both_are_at_their_floors(evidence, count: int) -> None:
     same = evidence(drives(count, delay=0.0))
-    for axis in (Dynamics(), Delay()):
+    for axis in (Dynamics(), DelayAxis()):
         value, low, high = judged(axis, same)
         assert abs(value) < 2
         assert -5 < low <= high < 5
@@ -58,7 +58,7 @@ def test_without_a_gap_both_are_at_their_floors(evidence, count: int) -> None:
 
 def test_latency_moves_the_delay_and_not_the_dynamics(evidence) -> None:
     late = evidence(drives(2, delay=0.08))
-    measured = Delay().measure(late, SETTINGS)
+    measured = DelayAxis().measure(late, SETTINGS)
     assert measured.value == pytest.approx(0.08 / robot.PERIOD, rel=0.02)
     assert measured.details["delay"] == pytest.approx(0.08, abs=1e-3)
     assert measured.details["delay_low"] <= 0.0805
@@ -69,18 +69,18 @@ def test_latency_moves_the_delay_and_not_the_dynamics(evidence) -> None:
 def test_wrong_motion_moves_the_dynamics_and_not_the_delay(evidence) -> None:
     slow = evidence(drives(2, delay=0.0, gain=0.85, turn_gain=0.9))
     assert judged(Dynamics(), slow)[1] > 15
-    assert judged(Delay(), slow)[2] < 3
+    assert judged(DelayAxis(), slow)[2] < 3
 
 
 def test_the_sign_of_the_delay_is_told(evidence) -> None:
-    early = Delay().measure(evidence(drives(1, delay=-0.04)), SETTINGS)
+    early = DelayAxis().measure(evidence(drives(1, delay=-0.04)), SETTINGS)
     assert early.details["delay"] == pytest.approx(-0.04, abs=1e-3)
     assert early.value == pytest.approx(0.8, rel=0.05)
     assert early.floor == 0
 
 
 def test_nrmse_of_a_known_error(evidence) -> None:
-    plan = Plan(horizons=(0.5, 1.0))
+    plan = WindowPlan(horizons=(0.5, 1.0))
     measured = Dynamics(plan).measure(
         evidence(drives(1, delay=0.0, gain=0.9, noise=0.0, turn_noise=0.0)), SETTINGS
     )
@@ -139,8 +139,8 @@ def test_rows_of_measure_floor_and_anchor_are_one_resample(evidence) -> None:
 
 def test_the_bad_state_of_the_delay_is_a_period_or_the_untuned_simulator(evidence) -> None:
     some = evidence(drives(1))
-    assert Delay(bad_state="untuned").anchor(some, SETTINGS).value > 3
-    whole = Delay().anchor(some, SETTINGS)
+    assert DelayAxis(bad_state="untuned").anchor(some, SETTINGS).value > 3
+    whole = DelayAxis().anchor(some, SETTINGS)
     assert whole.value == 1.0
     assert whole.replicates.tolist() == [1.0] * 300
 
@@ -148,13 +148,13 @@ def test_the_bad_state_of_the_delay_is_a_period_or_the_untuned_simulator(evidenc
 def test_what_is_missing_is_said(evidence) -> None:
     none = evidence([])
     assert "no drives" in (Dynamics().missing(none) or "")
-    assert "no drives" in (Delay().missing(none) or "")
+    assert "no drives" in (DelayAxis().missing(none) or "")
     quiet = evidence([replace(robot.pair(1), commands=None)])
     assert Dynamics().missing(quiet) is None
-    assert "commands.csv" in (Delay().missing(quiet) or "")
-    assert Delay(period=0.1).missing(quiet) is None
-    assert Delay(period=0.1).measure(quiet, SETTINGS).value == pytest.approx(0.3, rel=0.1)
-    for axis in (Dynamics(), Delay(bad_state="untuned")):
+    assert "commands.csv" in (DelayAxis().missing(quiet) or "")
+    assert DelayAxis(period=0.1).missing(quiet) is None
+    assert DelayAxis(period=0.1).measure(quiet, SETTINGS).value == pytest.approx(0.3, rel=0.1)
+    for axis in (Dynamics(), DelayAxis(bad_state="untuned")):
         with pytest.raises(RequestError, match=r"drive drive1 has no untuned\.\*"):
             axis.anchor(evidence([robot.pair(1)]), SETTINGS)
 
@@ -164,7 +164,7 @@ def test_unequal_periods_and_short_drives_are_refused(evidence) -> None:
     assert b.commands is not None
     other = replace(b, commands=replace(b.commands, period=0.1))
     with pytest.raises(RequestError, match=r"0\.05 s in drive drive0, 0\.1 s in drive1"):
-        Delay().measure(evidence([a, other]), SETTINGS)
+        DelayAxis().measure(evidence([a, other]), SETTINGS)
     short = evidence([robot.pair(1, seconds=5.0)])
     with pytest.raises(InconclusiveError, match=r"windows of 5 s in the drives, 8 are needed"):
         Dynamics().measure(short, SETTINGS)
@@ -193,7 +193,7 @@ def test_motion_that_looks_like_noise_is_inconclusive(evidence) -> None:
     drive = robot.pair(1, seconds=60.0, gain=0.9, noise=0.0, turn_noise=0.0)
     slow = evidence([poses(drive, 1.0, "real")])
     with pytest.raises(InconclusiveError, match="noise cannot be told from motion"):
-        Dynamics(Plan(horizons=(4.0, 8.0))).measure(slow, SETTINGS)
+        Dynamics(WindowPlan(horizons=(4.0, 8.0))).measure(slow, SETTINGS)
 
 
 def test_a_robot_that_turns_in_place_is_inconclusive(evidence) -> None:
@@ -234,7 +234,7 @@ def delays(*seconds: float, seed: int = 0) -> list[Drive]:
 
 
 def test_opposite_delays_do_not_cancel(evidence) -> None:
-    measured = Delay().measure(evidence(delays(0.05, -0.05)), SETTINGS)
+    measured = DelayAxis().measure(evidence(delays(0.05, -0.05)), SETTINGS)
     assert measured.value == pytest.approx(1.0, rel=0.05)
     assert measured.details["delay"] == pytest.approx(0.0, abs=2e-3)
     assert measured.details["delay_least"] == pytest.approx(-0.05, abs=2e-3)
@@ -243,11 +243,11 @@ def test_opposite_delays_do_not_cancel(evidence) -> None:
 
 
 def test_rows_of_both_axes_are_the_same_drives(evidence) -> None:
-    both = Settings(replicates=400, seed=5)
+    both = GapSettings(replicates=400, seed=5)
     uneven = [
         robot.pair(0, delay=0.0), robot.pair(1, delay=0.0), robot.pair(2, delay=0.1, gain=0.8)
     ]  # fmt: skip
-    rows = [axis.measure(evidence(uneven), both).replicates for axis in (Dynamics(), Delay())]
+    rows = [axis.measure(evidence(uneven), both).replicates for axis in (Dynamics(), DelayAxis())]
     assert np.corrcoef(rows)[0, 1] > 0.7
 
 
@@ -257,7 +257,7 @@ def plain(value: object) -> bool:
 
 def test_details_are_plain_data_and_fingerprints_agree_with_themselves(evidence) -> None:
     some: Sequence[Drive] = drives(2)
-    for axis in (Dynamics(), Delay()):
+    for axis in (Dynamics(), DelayAxis()):
         first, second = (axis.measure(evidence(some), SETTINGS) for _ in range(2))
         assert plain(first.details)
         assert plain(dict(first.fingerprint))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.gap.dynamics import pose_errors
-from s2rtools.gap.dynamics.pose_errors import Alignment, Step
+from s2rtools.gap.dynamics.pose_errors import LogAlignment, Step
 from s2rtools.motion_logs import Log
 from s2rtools.motion_logs.rigid_alignment import Rigid, fit
 from tests.support import robot
@@ -33,14 +33,14 @@ def for_evo(log: Log):
 
 
 ALIGNED = [
-    (Alignment(), None),
-    (Alignment(rigid=True), {}),
-    (Alignment(rigid=True, scale=True), {"correct_scale": True}),
+    (LogAlignment(), None),
+    (LogAlignment(rigid=True), {}),
+    (LogAlignment(rigid=True, scale=True), {"correct_scale": True}),
 ]
 
 
 @pytest.mark.parametrize(("alignment", "evo_align"), ALIGNED)
-def test_ape_is_evos(alignment: Alignment, evo_align: dict | None) -> None:
+def test_ape_is_evos(alignment: LogAlignment, evo_align: dict | None) -> None:
     real, sim = pose_errors.together(DRIVE.real, MOVED(DRIVE.sim))
     reference, estimate = for_evo(real), for_evo(sim)
     if evo_align is not None:
@@ -63,7 +63,9 @@ def test_ape_is_evos(alignment: Alignment, evo_align: dict | None) -> None:
     [(Step(poses=1), 1), (Step(0.5), 25), (Step(poses=100), 100), (Step(2.0), 100)],
 )
 @pytest.mark.parametrize(("alignment", "evo_align"), ALIGNED)
-def test_rpe_is_evos(step: Step, poses: int, alignment: Alignment, evo_align: dict | None) -> None:
+def test_rpe_is_evos(
+    step: Step, poses: int, alignment: LogAlignment, evo_align: dict | None
+) -> None:
     real, sim = pose_errors.together(DRIVE.real, MOVED(DRIVE.sim))
     reference, estimate = for_evo(real), for_evo(sim)
     if evo_align is not None:
@@ -88,21 +90,21 @@ def test_alignment_undoes_any_motion(
 ) -> None:
     log = DRIVE.sim
     moved = Rigid(angle, reflected, scale if scaled else 1.0, x, y)(log)
-    back = pose_errors.ape(log, moved, Alignment(True, reflection=True, scale=scaled))
+    back = pose_errors.ape(log, moved, LogAlignment(True, reflection=True, scale=scaled))
     assert back.position.max() < 1e-6
     assert back.heading.max() < 1e-6
 
 
 def test_a_mirrored_log_needs_a_reflection() -> None:
     mirrored = Rigid(1.0, reflected=True)(DRIVE.sim)
-    turned = pose_errors.ape(DRIVE.sim, mirrored, Alignment(rigid=True))
+    turned = pose_errors.ape(DRIVE.sim, mirrored, LogAlignment(rigid=True))
     assert pose_errors.rmse(turned.position) > 0.3
     assert not fit((DRIVE.sim.x, DRIVE.sim.y), (DRIVE.sim.x, DRIVE.sim.y), True).reflected
 
 
 def test_reflection_and_scale_are_not_done_by_halves() -> None:
     with pytest.raises(RequestError, match="need rigid"):
-        pose_errors.ape(DRIVE.real, DRIVE.sim, Alignment(scale=True))
+        pose_errors.ape(DRIVE.real, DRIVE.sim, LogAlignment(scale=True))
 
 
 def test_by_default_nothing_is_aligned() -> None:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.delay import delay_axis, time_delay
 
-SETTINGS = Settings(replicates=300)
+SETTINGS = GapSettings(replicates=300)
 
 
 @pytest.mark.parametrize("noise", [0.1, 0.3, 0.6])
@@ -19,7 +19,7 @@ def test_a_delay_on_the_threshold_seldom_passes(noise: float) -> None:
     ends = []
     for _ in range(2000):
         late = 1 + noise * rng.standard_normal()
-        found = time_delay.Delay(late, 0.0, 0.0, late + spread, {}, 30.0)
+        found = time_delay.TimeDelay(late, 0.0, 0.0, late + spread, {}, 30.0)
         value, replicates = delay_axis.sizes([found], SETTINGS)
         low, high = np.percentile(replicates, [2.5, 97.5])
         assert low <= value <= high

@@ -11,16 +11,16 @@ import pytest
 import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.index.transaction import edit
-from s2rtools.gap.axis_result import Evidence, Settings
-from s2rtools.gap.dynamics import Delay, Dynamics, options
+from s2rtools.gap.axis_result import Evidence, GapSettings
+from s2rtools.gap.dynamics import DelayAxis, Dynamics, options
 from s2rtools.gap.dynamics.noise_floor import Noise
-from s2rtools.gap.dynamics.pose_errors import Alignment, Step
+from s2rtools.gap.dynamics.pose_errors import LogAlignment, Step
 from s2rtools.motion_logs.rigid_alignment import Rigid
 from s2rtui.cli import main
 from tests.support import robot
 from tests.support.copies import copied
 
-SETTINGS = Settings(replicates=100)
+SETTINGS = GapSettings(replicates=100)
 
 
 @pytest.fixture(scope="module")
@@ -29,11 +29,11 @@ def evidence(tiny_store: Path):
         yield lambda *drives: Evidence(store, "vanilla", np.arange(3), drives=drives)
 
 
-def asked(*words: str) -> tuple[Dynamics, Delay]:
+def asked(*words: str) -> tuple[Dynamics, DelayAxis]:
     both = options.axes(words)
     dynamics, delay = both["dynamics"], both["delay"]
     assert isinstance(dynamics, Dynamics)
-    assert isinstance(delay, Delay)
+    assert isinstance(delay, DelayAxis)
     return dynamics, delay
 
 
@@ -45,7 +45,7 @@ def test_every_option_reaches_its_axis() -> None:
     assert dynamics.plan.horizons == (1.0, 2.0)
     assert dynamics.plan.stride == 0.5
     assert dynamics.scale == "deviation"
-    assert dynamics.whole.alignment == Alignment(rigid=True, scale=True)
+    assert dynamics.whole.alignment == LogAlignment(rigid=True, scale=True)
     assert dynamics.whole.step == Step(poses=25)
     assert dynamics.noise == Noise(0.002, 0.003)
     assert (dynamics.furthest, delay.furthest) == (0.5, 0.5)
@@ -54,7 +54,7 @@ def test_every_option_reaches_its_axis() -> None:
 
 def test_nothing_asked_is_the_defaults() -> None:
     dynamics, delay = asked()
-    for axis, default in ((dynamics, Dynamics()), (delay, Delay())):
+    for axis, default in ((dynamics, Dynamics()), (delay, DelayAxis())):
         assert vars(axis) == vars(default)
     assert vars(asked("align=none", "noise=measured", "rpe=1s")[0]) == vars(Dynamics())
 
@@ -191,7 +191,7 @@ def nearest(store: Path) -> float:
 
 
 def test_a_wrong_option_of_a_request_names_itself() -> None:
-    from s2rtools.gap.gate.gate import Request
+    from s2rtools.gap.gate.gate import GapRequest
 
     with pytest.raises(RequestError, match="--dynamics reach=0"):
-        Request(dynamics=("reach=0",))
+        GapRequest(dynamics=("reach=0",))

@@ -9,15 +9,15 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
-from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.dynamics import noise_floor, pose_errors, repeatability
 from s2rtools.gap.dynamics.window_bootstrap import Resamples
-from s2rtools.gap.dynamics.windows import Plan, windows
+from s2rtools.gap.dynamics.windows import WindowPlan, windows
 from s2rtools.motion_logs import Drive, Log
 from s2rtools.motion_logs.rigid_alignment import Rigid
 from tests.support import robot
 
-PLAN = Plan(horizons=(0.5, 2.0), stride=0.5, scatter=0.0)
+PLAN = WindowPlan(horizons=(0.5, 2.0), stride=0.5, scatter=0.0)
 
 
 def circle(radius: float, speed: float, seconds: float = 10.0) -> Log:
@@ -42,7 +42,7 @@ def test_errors_of_two_circles_are_the_same_in_every_window() -> None:
 
 def test_windows_are_relative_pose_errors() -> None:
     drive = robot.pair(4, gain=0.9, seconds=10.0)
-    made = windows(drive.real, drive.sim, Plan((1.0,), stride=0.02, scatter=0.0))
+    made = windows(drive.real, drive.sim, WindowPlan((1.0,), stride=0.02, scatter=0.0))
     real, sim = pose_errors.together(drive.real, drive.sim)
     off = pose_errors.rpe(real, sim, pose_errors.Step(poses=50))
     n = min(off.position.size, np.isfinite(made.end[0]).sum())
@@ -61,7 +61,8 @@ def test_neither_frame_matters() -> None:
 def test_long_drives_are_cut_in_parts_without_seams() -> None:
     drive = robot.pair(9, gain=0.9, seconds=60.0)
     fine, coarse = (
-        windows(drive.real, drive.sim, Plan((0.5,), stride=s, scatter=0.0)) for s in (0.02, 0.04)
+        windows(drive.real, drive.sim, WindowPlan((0.5,), stride=s, scatter=0.0))
+        for s in (0.02, 0.04)
     )
     assert fine.end.shape[1] > 2048
     known = np.isfinite(coarse.end)
@@ -98,7 +99,7 @@ def test_no_window_begins_or_ends_in_a_hole() -> None:
 @pytest.mark.parametrize("horizons", [(), (1.0, 0.5), (0.0, 1.0), (-1.0,), (0.001,)])
 def test_horizons_that_make_no_sense_are_refused(horizons: tuple[float, ...]) -> None:
     with pytest.raises(RequestError, match="horizon"):
-        Plan(horizons=horizons)
+        WindowPlan(horizons=horizons)
 
 
 def test_noise_is_found_whatever_the_motion() -> None:
@@ -119,7 +120,7 @@ def test_the_floor_is_what_noise_gives_in_these_windows() -> None:
     sim = robot.sampled(exact)
     sim = replace(sim, time=sim.time + late)
     shifted = replace(exact, time=exact.time + late)
-    plan = Plan(horizons=(0.5, 2.0), stride=0.5)
+    plan = WindowPlan(horizons=(0.5, 2.0), stride=0.5)
     found, told = [], []
     for _ in range(20):
         real = robot.sampled(shifted, 50.0, 0.004, 0.01, rng)
@@ -133,7 +134,7 @@ def test_resamples_of_everything_are_the_same_resamples() -> None:
     rng = np.random.default_rng(0)
     values = [rng.random((2, 40)), rng.random((2, 30))]
     values[0][1, 35:] = np.nan
-    blocks = Resamples([40, 30], 5, Settings(replicates=50))
+    blocks = Resamples([40, 30], 5, GapSettings(replicates=50))
     mean, draws = blocks.means(values)
     assert mean == pytest.approx(np.nanmean(np.concatenate(values, axis=1), axis=1))
     _, doubled = blocks.means([2 * v for v in values])
@@ -147,7 +148,7 @@ def test_intervals_of_one_drives_mean_hold() -> None:
     for seed in range(200):
         rng = np.random.default_rng(seed)
         wave = np.convolve(rng.standard_normal(419), np.ones(20) / 20, mode="valid")[None]
-        blocks = Resamples([400], 20, Settings(replicates=300, seed=seed))
+        blocks = Resamples([400], 20, GapSettings(replicates=300, seed=seed))
         mean, draws = blocks.means([wave + 5])
         low, high = np.percentile(blocks.widened(mean, draws)[0], [2.5, 97.5])
         held += low <= 5 <= high
@@ -160,7 +161,7 @@ def test_intervals_of_drives_that_differ_hold(count: int) -> None:
     held = 0
     for seed in range(300):
         each = rng.normal(1.0, 0.3, count)
-        blocks = Resamples([20] * count, 5, Settings(replicates=300, seed=seed))
+        blocks = Resamples([20] * count, 5, GapSettings(replicates=300, seed=seed))
         mean, draws = blocks.means([np.full((1, 20), size) for size in each])
         low, high = np.percentile(blocks.widened(mean, draws)[0], [2.5, 97.5])
         held += low <= 1 <= high
@@ -179,14 +180,14 @@ def test_a_vibration_that_divides_stride_and_horizons_is_seen(period: float) -> 
 
 def test_starts_and_lengths_are_scattered_alike_each_time() -> None:
     log = robot.pair(2).real
-    plan = Plan()
+    plan = WindowPlan()
     assert (plan.starts(log) == plan.starts(log)).all()
     steps = plan.steps(400) / plan.rate
     assert steps.mean(axis=1) == pytest.approx(plan.horizons, rel=0.02)
     assert steps.max() <= plan.longest
     assert (steps.std(axis=1) > 0.1 * np.array(plan.horizons)).all()
     with pytest.raises(RequestError, match=r"scatter 0\.5"):
-        Plan(scatter=0.5)
+        WindowPlan(scatter=0.5)
 
 
 @pytest.mark.parametrize("rate", [50.0, 10.0, 8.0, 4.0])
@@ -206,8 +207,8 @@ def test_half_of_real_against_real_is_what_one_real_drive_varies_by() -> None:
         rng = np.random.default_rng(seed)
         real = robot.sampled(robot.drive(told, slip=0.02, rng=rng), 50, 0.001, 0.001, rng)
         made.append(Drive(f"d{seed}", real, robot.sampled(robot.drive(told)), None, told))
-    plan = Plan(horizons=(0.5, 1.0))
-    half = np.nanmean(repeatability.squares(made[0], made[1:], plan, Settings(50)), axis=1)
+    plan = WindowPlan(horizons=(0.5, 1.0))
+    half = np.nanmean(repeatability.squares(made[0], made[1:], plan, GapSettings(50)), axis=1)
     varied = [np.nanmean(windows(d.real, d.sim, plan).end ** 2, axis=1) for d in made]
     assert half == pytest.approx(np.mean(varied, axis=0), rel=0.3)
 

@@ -17,17 +17,17 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rtools.gap import blocks
-from s2rtools.gap.axis_result import Evidence, Settings
+from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
-from s2rtools.gap.task.group_metrics import Errors, grouped, mean_replicates, swap_interval
+from s2rtools.gap.task.group_metrics import GroupErrors, grouped, mean_replicates, swap_interval
 from s2rtools.gap.task.task_axis import Task, heading_sectors
 from s2rtui.cli.formatting.gap_details import details as shown
 from tests.support import tiny
 from tests.support.copies import copied
 
 N = 120
-SETTINGS = Settings(replicates=300, seed=2)
+SETTINGS = GapSettings(replicates=300, seed=2)
 
 
 @pytest.fixture(scope="module")
@@ -170,13 +170,13 @@ def test_a_run_without_predictions_is_refused(path: Path, tmp_path: Path) -> Non
     with edit(root) as draft:
         draft.delete("prediction", run="vanilla")
     with s2rstore.open(root) as store, pytest.raises(RequestError, match="both sides predicted"):
-        gate.evidence(store, gate.Request(run="vanilla"))
+        gate.evidence(store, gate.GapRequest(run="vanilla"))
 
 
 def test_trajectories_keep_their_intervals_where_whole_ones_are_drawn() -> None:
     rng = np.random.default_rng(4)
     codes = np.repeat(np.arange(6), 40).astype(np.int32)
-    made = Errors(*rng.gamma(2, 1, size=(3, 240)), blocks.cut(codes, 8))
+    made = GroupErrors(*rng.gamma(2, 1, size=(3, 240)), blocks.cut(codes, 8))
     names = [f"t{k}" for k in range(6)]
     assert made.blocks.by_trajectory
     assert grouped(made, codes, names, SETTINGS)["t1"]["gap"]["low"] is None
@@ -184,9 +184,9 @@ def test_trajectories_keep_their_intervals_where_whole_ones_are_drawn() -> None:
     assert all(part["gap"]["low"] < part["gap"]["high"] for part in apart.values())
 
 
-def errors(rng: np.random.Generator, n: int) -> Errors:
+def errors(rng: np.random.Generator, n: int) -> GroupErrors:
     sim, real, constant = rng.gamma(2, 1, size=(3, n))
-    return Errors(sim, real, constant, blocks.cut(np.repeat([0, 1], [n // 3, n - n // 3])))
+    return GroupErrors(sim, real, constant, blocks.cut(np.repeat([0, 1], [n // 3, n - n // 3])))
 
 
 @settings(max_examples=30, deadline=None)
@@ -195,7 +195,7 @@ def test_groups_agree_with_brute_force(seed: int, n: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     made, codes = errors(rng, n), rng.integers(-1, count, n)
     names = [f"g{k}" for k in range(count)]
-    found = grouped(made, codes, names, Settings(50))
+    found = grouped(made, codes, names, GapSettings(50))
     assert set(found) == {names[k] for k in set(codes) if k >= 0}
     for k in range(count):
         if names[k] in found:
@@ -228,7 +228,7 @@ def test_intervals_hold_the_truth_where_neighbours_are_alike() -> None:
         noise = rng.normal(size=102)
         values = noise[2:] + noise[1:-1] + noise[:-2]
         cut = blocks.cut(np.repeat([0, 1], 50).astype(np.int32))
-        low, high = np.percentile(mean_replicates(values, cut, Settings(200, seed)), [2.5, 97.5])
+        low, high = np.percentile(mean_replicates(values, cut, GapSettings(200, seed)), [2.5, 97.5])
         held += low <= 0 <= high
     assert held / 300 >= 0.87
 
@@ -238,7 +238,7 @@ def test_without_a_gap_the_swap_interval_holds_the_mean() -> None:
     held = 0
     for seed in range(200):
         made = errors(rng, 80)
-        low, high = swap_interval(made, Settings(200, seed))
+        low, high = swap_interval(made, GapSettings(200, seed))
         held += low <= made.gap.mean() <= high
     assert held / 200 == pytest.approx(0.95, abs=0.06)
 

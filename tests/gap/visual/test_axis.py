@@ -16,7 +16,7 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
-from s2rtools.gap.axis_result import Evidence, Settings
+from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
 from s2rtools.gap.visual import visual_axis
@@ -28,7 +28,7 @@ from tests.support.copies import copied
 from tests.support.networks import lively
 
 N = 250
-SETTINGS = Settings(replicates=200, seed=3)
+SETTINGS = GapSettings(replicates=200, seed=3)
 _PREDICTED = ("kl_poses", "kl_error")
 
 
@@ -154,7 +154,7 @@ def test_the_same_seed_gives_the_same_figures(store: Store) -> None:
     once, again = (Visual().measure(evidence(store, "far"), SETTINGS) for _ in range(2))
     assert np.array_equal(once.replicates, again.replicates)
     assert once.details == again.details
-    other = Visual().measure(evidence(store, "far"), Settings(200, seed=4))
+    other = Visual().measure(evidence(store, "far"), GapSettings(200, seed=4))
     assert other.value == once.value
     assert not np.array_equal(other.replicates, once.replicates)
 
@@ -229,7 +229,7 @@ def test_what_is_missing_is_said(tiny_store: Path, store: Store) -> None:
         told = Visual().missing(Evidence(bare, "vanilla", np.arange(40)))
         assert told is not None
         assert "no embeddings" in told
-        asked = gate.Request(axes=("visual",))
+        asked = gate.GapRequest(axes=("visual",))
         with pytest.raises(RequestError, match=r"--axis visual: cannot be measured: .*no embed"):
             gate.judged(Evidence(bare, "vanilla", np.arange(40)), asked)
         with pytest.raises(RequestError, match="run 'nobody'"):

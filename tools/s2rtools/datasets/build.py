@@ -26,7 +26,14 @@ from s2rtools.common.bounded_map import ahead
 from s2rtools.datasets.floor_plan import read_floor_plan
 from s2rtools.datasets.index_rows import write_index
 from s2rtools.datasets.interrupted_ingests import Say, remove_leftovers
-from s2rtools.datasets.scan import Checked, Facts, Problem, Scan, Sighting, View
+from s2rtools.datasets.scan import (
+    CheckedFrame,
+    DecodedFrame,
+    FrameChecksum,
+    InputIssue,
+    InstanceRecord,
+    Scan,
+)
 from s2rtools.datasets.view_cache import ViewCache
 
 SHARD_ROWS = 64
@@ -66,7 +73,7 @@ def build(
         }
         kept = {name: rows for name, rows in kept.items() if rows}
         if not kept:
-            scan.problems.append(Problem("empty data set", str(scan.root), "no usable pair"))
+            scan.problems.append(InputIssue("empty data set", str(scan.root), "no usable pair"))
         plan = _write_floor_plan(scan, beside)
         _refuse(scan, strict)
         if scan.drives:
@@ -86,7 +93,7 @@ def build(
 def _refuse(scan: Scan, strict: bool) -> None:
     fatal = [p for p in scan.problems if p.kind == "empty data set"] or not scan.trajectories
     if fatal or (strict and scan.problems):
-        first = scan.problems[0] if scan.problems else Problem("empty data set", str(scan.root))
+        first = scan.problems[0] if scan.problems else InputIssue("empty data set", str(scan.root))
         more = f" and {len(scan.problems) - 1} more" if len(scan.problems) > 1 else ""
         raise RequestError(
             f"{first.file}: {first.kind} {first.detail}".rstrip() + f"{more}; nothing was ingested"
@@ -94,8 +101,8 @@ def _refuse(scan: Scan, strict: bool) -> None:
 
 
 def _write_trajectory(
-    scan: Scan, root: Path, name: str, sightings: list[Sighting], progress: Progress
-) -> Iterator[tuple[Sighting, dict[str, Facts]]]:
+    scan: Scan, root: Path, name: str, sightings: list[InstanceRecord], progress: Progress
+) -> Iterator[tuple[InstanceRecord, dict[str, FrameChecksum]]]:
     """Write the usable instances of one trajectory; two passes keep memory small.
 
     The first pass decodes and checks every view, so that the arrays get their final length at once.
@@ -104,7 +111,7 @@ def _write_trajectory(
         usable = _usable(scan, pool, sightings, cache, progress)
         if not usable:
             return
-        facts: dict[str, list[Facts]] = {}
+        facts: dict[str, list[FrameChecksum]] = {}
         for domain in scan.domains.values():
             views = ahead(pool, partial(_decoded, scan, domain), usable)
             facts[domain.domain] = list(_write_frames(root, name, domain, views, len(usable)))
@@ -113,7 +120,7 @@ def _write_trajectory(
         yield sighting, {domain: facts[domain][row] for domain in facts}
 
 
-def _threads(sightings: list[Sighting]) -> int:
+def _threads(sightings: list[InstanceRecord]) -> int:
     """One per processor, and fewer where source images are so large that memory would not do."""
     largest = max(picture.pixels for row in sightings for picture in row.images.values())
     return max(1, min(os.cpu_count() or 1, _DECODING // (8 * largest)))
@@ -122,18 +129,18 @@ def _threads(sightings: list[Sighting]) -> int:
 def _usable(
     scan: Scan,
     pool: Executor,
-    sightings: list[Sighting],
+    sightings: list[InstanceRecord],
     cache: ViewCache,
     progress: Progress,
-) -> list[Sighting]:
+) -> list[InstanceRecord]:
     """The sightings whose views all decode to one type of depth per domain."""
-    good: list[tuple[Sighting, dict[str, Checked]]] = []
+    good: list[tuple[InstanceRecord, dict[str, CheckedFrame]]] = []
     for sighting, found in ahead(pool, partial(_checked, scan, cache), sightings):
         progress(len(sighting.images))
-        bad = [problem for problem in found.values() if isinstance(problem, Problem)]
+        bad = [problem for problem in found.values() if isinstance(problem, InputIssue)]
         scan.problems += bad
         if not bad:
-            good.append((sighting, {d: c for d, c in found.items() if isinstance(c, Checked)}))
+            good.append((sighting, {d: c for d, c in found.items() if isinstance(c, CheckedFrame)}))
     usual = {
         domain: Counter(found[domain].depth_type for _, found in good).most_common(1)[0][0]
         for domain in (scan.domains if good else ())
@@ -144,7 +151,7 @@ def _usable(
         for domain in odd:
             file = sighting.images[domain].files(scan)[1] or domain
             detail = f"{views[domain].depth_type}, the others are {usual[domain]}"
-            scan.problems.append(Problem("mixed depth types", file, detail))
+            scan.problems.append(InputIssue("mixed depth types", file, detail))
         if not odd:
             scan.problems += [note for view in views.values() for note in view.notes]
             usable.append(sighting)
@@ -152,14 +159,14 @@ def _usable(
 
 
 def _checked(
-    scan: Scan, cache: ViewCache, sighting: Sighting
-) -> tuple[Sighting, dict[str, Checked | Problem]]:
+    scan: Scan, cache: ViewCache, sighting: InstanceRecord
+) -> tuple[InstanceRecord, dict[str, CheckedFrame | InputIssue]]:
     """What was found of each domain's view; decoded ones are kept in the cache."""
     images = dict(sighting.images)
-    found: dict[str, Checked | Problem] = {}
+    found: dict[str, CheckedFrame | InputIssue] = {}
     for name, picture in sighting.images.items():
         checked = picture.check(scan, scan.domains[name])
-        if isinstance(checked, Checked) and checked.view is not None:
+        if isinstance(checked, CheckedFrame) and checked.view is not None:
             images[name] = cache.add(picture, checked.view)
             checked = replace(checked, view=None)
         found[name] = checked
@@ -173,19 +180,19 @@ def _report_outside(scan: Scan) -> None:
             if not (edges.x0 <= row.x <= edges.x1 and edges.y0 <= row.y <= edges.y1):
                 file = next(iter(row.images.values())).files(scan)[0] or scan.name
                 detail = f"({row.x:g}, {row.y:g}); kept"
-                scan.problems.append(Problem("pose outside the bounds", file, detail))
+                scan.problems.append(InputIssue("pose outside the bounds", file, detail))
 
 
-def _decoded(scan: Scan, domain: Domain, sighting: Sighting) -> View:
+def _decoded(scan: Scan, domain: Domain, sighting: InstanceRecord) -> DecodedFrame:
     view = sighting.images[domain.domain].view(scan, domain)
-    if isinstance(view, Problem):
+    if isinstance(view, InputIssue):
         raise RequestError(f"{view.file}: changed while it was read; ingest again")
     return view
 
 
 def _write_frames(
-    root: Path, trajectory: str, domain: Domain, views: Iterator[View], count: int
-) -> Iterator[Facts]:
+    root: Path, trajectory: str, domain: Domain, views: Iterator[DecodedFrame], count: int
+) -> Iterator[FrameChecksum]:
     ledger = Ledger(root)
     folder = Path(layout.FRAMES, domain.domain, trajectory)
     shard = 0
@@ -203,7 +210,7 @@ def _write_frames(
             key = f"frames:{domain.domain}:{trajectory}:{image}:{shard}"
             ledger.add(key, [(file.relative_to(root).as_posix(), len(rows))])
         shard += 1
-        yield from (Facts(view.sha256, view.valid_fraction) for view in block)
+        yield from (FrameChecksum(view.sha256, view.valid_fraction) for view in block)
 
 
 def _write_floor_plan(scan: Scan, root: Path) -> str | None:
@@ -212,7 +219,9 @@ def _write_floor_plan(scan: Scan, root: Path) -> str | None:
     if isinstance(scan.floor_plan, Path):
         picture = read_floor_plan(scan.floor_plan)
         if picture is None:
-            scan.problems.append(Problem("unreadable floor plan", scan.relative(scan.floor_plan)))
+            scan.problems.append(
+                InputIssue("unreadable floor plan", scan.relative(scan.floor_plan))
+            )
             return None
     else:
         picture = cv2.cvtColor(scan.floor_plan, cv2.COLOR_RGB2BGR)

@@ -16,7 +16,7 @@ from s2rstore.files.image_header import check_integrity, read_header
 from s2rstore.files.input_files import open_regular, read_bytes
 from s2rstore.records import Domain
 from s2rtools.datasets.jpeg_entropy import check_jpeg
-from s2rtools.datasets.scan import MOST_PIXELS, Checked, Problem, Scan, View
+from s2rtools.datasets.scan import MOST_PIXELS, CheckedFrame, DecodedFrame, InputIssue, Scan
 
 _COLOUR_SPREAD = 8
 _PHOTO_DIFFERENCE = 6.0
@@ -41,17 +41,17 @@ class Images:
     def files(self, scan: Scan) -> tuple[str | None, str | None]:
         return scan.relative(self.rgb), scan.relative(self.depth)
 
-    def check(self, scan: Scan, domain: Domain) -> Checked | Problem:
+    def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
         found = decode(scan, domain, self)
-        if isinstance(found, Problem):
+        if isinstance(found, InputIssue):
             return found
-        return Checked(str(found.depth.dtype), found.notes, found)
+        return CheckedFrame(str(found.depth.dtype), found.notes, found)
 
-    def view(self, scan: Scan, domain: Domain) -> View | Problem:
+    def view(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
         return decode(scan, domain, self)
 
 
-def decode(scan: Scan, domain: Domain, images: Images) -> View | Problem:
+def decode(scan: Scan, domain: Domain, images: Images) -> DecodedFrame | InputIssue:
     """Read, check and resize one view; a Problem names the file that cannot be used.
 
     RGB is averaged over areas. Depth takes the nearest source pixel, so that every stored value
@@ -59,30 +59,30 @@ def decode(scan: Scan, domain: Domain, images: Images) -> View | Problem:
     """
     digest = hashlib.sha256()
     rgb = _read(scan, images.rgb, images.rgb_size, cv2.IMREAD_COLOR_RGB, digest)
-    if isinstance(rgb, Problem):
+    if isinstance(rgb, InputIssue):
         return rgb
     height, width = scan.frame
     small, bits = _resized_rgb(rgb.pixels, (width, height)), rgb.bits
     del rgb
     depth = _read(scan, images.depth, images.depth_size, cv2.IMREAD_UNCHANGED, digest)
-    if isinstance(depth, Problem):
+    if isinstance(depth, InputIssue):
         return depth
     name = scan.relative(images.depth)
     if depth.pixels.ndim == 3:
         if int(np.ptp(depth.pixels[..., :3].astype(np.int16), axis=2).max()) > _COLOUR_SPREAD:
-            return Problem("not a depth image", name, "it has colours")
+            return InputIssue("not a depth image", name, "it has colours")
         depth.pixels = depth.pixels[..., 0]
     if depth.pixels.dtype not in (np.uint8, np.uint16):
-        return Problem("not a depth image", name, f"type {depth.pixels.dtype}")
+        return InputIssue("not a depth image", name, f"type {depth.pixels.dtype}")
     raw = cv2.resize(depth.pixels, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
     if _is_photo(raw, small):
-        return Problem("not a depth image", name, "it repeats the RGB image")
+        return InputIssue("not a depth image", name, "it repeats the RGB image")
     valid = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
-    notes: tuple[Problem, ...] = ()
+    notes: tuple[InputIssue, ...] = ()
     if bits > 8:
         detail = f"{bits} bits; stored with 8"
-        notes = (Problem("colours of more than 8 bits", scan.relative(images.rgb), detail),)
-    return View(small, raw, digest.hexdigest(), float(valid.mean()), notes)
+        notes = (InputIssue("colours of more than 8 bits", scan.relative(images.rgb), detail),)
+    return DecodedFrame(small, raw, digest.hexdigest(), float(valid.mean()), notes)
 
 
 @dataclass(slots=True)
@@ -95,20 +95,20 @@ class _Decoded:
 
 def _read(
     scan: Scan, path: Path, size: tuple[int, int], mode: int, digest: Any
-) -> _Decoded | Problem:
+) -> _Decoded | InputIssue:
     """Decode an image of an expected (height, width); nothing is decoded for another one."""
     name = scan.relative(path)
     try:
         content = read_bytes(path, _most_bytes(size))
     except RequestError as error:
-        return Problem("unreadable image", name, str(error).removeprefix(f"{path}: "))
+        return InputIssue("unreadable image", name, str(error).removeprefix(f"{path}: "))
     digest.update(content)
     if not content:
-        return Problem("unreadable image", name, "empty file")
+        return InputIssue("unreadable image", name, "empty file")
     try:
         header = read_header(content)
     except ValueError as error:
-        return Problem("unreadable image", name, str(error))
+        return InputIssue("unreadable image", name, str(error))
     if header.size not in (size, size[::-1]):
         return _wrong_size(name, header.size, size)
     try:
@@ -117,20 +117,20 @@ def _read(
             check_jpeg(content)
     except ValueError as error:
         kind = "truncated image" if "before its" in str(error) else "damaged image"
-        return Problem(kind, name, str(error))
+        return InputIssue(kind, name, str(error))
     try:
         image = cv2.imdecode(np.frombuffer(content, np.uint8), mode)
     except (cv2.error, MemoryError):
         image = None
     if image is None:
-        return Problem("unreadable image", name, "no picture that can be decoded")
+        return InputIssue("unreadable image", name, "no picture that can be decoded")
     if image.shape[:2] != size:
         return _wrong_size(name, image.shape, size)
     return _Decoded(np.asarray(image), header.bits)
 
 
-def _wrong_size(name: str, found: tuple[int, ...], expected: tuple[int, int]) -> Problem:
-    return Problem("wrong size", name, f"{size_text(found)}, expected {size_text(expected)}")
+def _wrong_size(name: str, found: tuple[int, ...], expected: tuple[int, int]) -> InputIssue:
+    return InputIssue("wrong size", name, f"{size_text(found)}, expected {size_text(expected)}")
 
 
 def _most_bytes(size: tuple[int, int]) -> int:

@@ -12,16 +12,18 @@ import numpy as np
 
 from s2rstore.geometry.rooms import room_codes
 from s2rstore.geometry.trajectory import curvature
-from s2rstore.index.transaction import Draft
+from s2rstore.index.transaction import IndexTransaction
 from s2rstore.metrics import pose_metrics
 from s2rstore.records import Domain
-from s2rtools.datasets.scan import Facts, Scan, Sighting
+from s2rtools.datasets.scan import FrameChecksum, InstanceRecord, Scan
 
-Kept = dict[str, list[tuple[Sighting, dict[str, Facts]]]]
-Row = tuple[str, int, Sighting, dict[str, Facts]]
+Kept = dict[str, list[tuple[InstanceRecord, dict[str, FrameChecksum]]]]
+Row = tuple[str, int, InstanceRecord, dict[str, FrameChecksum]]
 
 
-def write_index(draft: Draft, scan: Scan, kept: Kept, plan: str | None, command: str) -> None:
+def write_index(
+    draft: IndexTransaction, scan: Scan, kept: Kept, plan: str | None, command: str
+) -> None:
     """Fill the tables of a new store: iids count in order of trajectory name, then recording."""
     names = sorted(kept)
     rows = [(name, seq, *row) for name in names for seq, row in enumerate(kept[name])]
@@ -99,7 +101,7 @@ def _domain_row(domain: Domain) -> dict[str, Any]:
 
 
 def _instance_columns(scan: Scan, rows: list[Row]) -> dict[str, Any]:
-    sightings: list[Sighting] = [sighting for _, _, sighting, _ in rows]
+    sightings: list[InstanceRecord] = [sighting for _, _, sighting, _ in rows]
     names = np.array([name for name, *_ in rows], dtype=object)
     x, y, heading = (np.array([getattr(s, k) for s in sightings]) for k in ("x", "y", "heading"))
     bend = np.zeros(len(rows))

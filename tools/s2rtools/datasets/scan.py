@@ -18,7 +18,7 @@ MOST_PIXELS = 1 << 25
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class InputIssue:
     """One thing about the input that is not as it should be: its kind, the file, and why."""
 
     kind: str
@@ -41,7 +41,7 @@ class ScanOptions:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class DecodedFrame:
     """rgb (H, W, 3) uint8 and depth (H, W) raw values at the stored size.
 
     `notes` tell what was changed; the view is kept all the same.
@@ -51,21 +51,21 @@ class View:
     depth: NDArray[Any]
     sha256: str
     valid_fraction: float
-    notes: tuple[Problem, ...] = ()
+    notes: tuple[InputIssue, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class CheckedFrame:
     """A usable view: the type of its raw depth values, the notes on it, and where it was decoded
     for that, the view itself.
     """
 
     depth_type: str
-    notes: tuple[Problem, ...] = ()
-    view: View | None = None
+    notes: tuple[InputIssue, ...] = ()
+    view: DecodedFrame | None = None
 
 
-class Picture(Protocol):
+class FrameSource(Protocol):
     """One view before it is read: image files, or a renderer's promise."""
 
     @property
@@ -75,27 +75,27 @@ class Picture(Protocol):
     def files(self, scan: Scan) -> tuple[str | None, str | None]:
         """Names of the RGB and the depth file, relative to the scan's root."""
 
-    def check(self, scan: Scan, domain: Domain) -> Checked | Problem:
+    def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
         """Read the view and check everything about it."""
 
-    def view(self, scan: Scan, domain: Domain) -> View | Problem:
+    def view(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
         """The pixels; a Problem names the file that cannot be used."""
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class InstanceRecord:
     """One instance as found: x, y in metres, headings in radians, timestamp in seconds."""
 
     x: float
     y: float
     heading: float
-    images: Mapping[str, Picture]
+    images: Mapping[str, FrameSource]
     odometry: tuple[float, float, float] | None = None
     timestamp: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Facts:
+class FrameChecksum:
     """What is kept of a view once its pixels are written; the hash is of both files' bytes."""
 
     sha256: str
@@ -122,9 +122,9 @@ class Scan:
     domains: dict[str, Domain]
     rooms: tuple[Room, ...]
     floor_plan: Path | NDArray[np.uint8] | None
-    trajectories: dict[str, list[Sighting]]
+    trajectories: dict[str, list[InstanceRecord]]
     recorded_at: dict[str, str] = field(default_factory=dict)
-    problems: list[Problem] = field(default_factory=list)
+    problems: list[InputIssue] = field(default_factory=list)
     notes: dict[str, dict[str, Any]] = field(default_factory=dict)
     drives: Callable[[Path], object] | None = None
     outside: Mapping[str, int] = field(default_factory=dict)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Domain
-from s2rtools.datasets.scan import Checked, Picture, Problem, Scan, View
+from s2rtools.datasets.scan import CheckedFrame, DecodedFrame, FrameSource, InputIssue, Scan
 
 
 class ViewCache:
@@ -37,7 +37,7 @@ class ViewCache:
     ) -> None:  # fmt: skip
         self._file.close()
 
-    def add(self, picture: Picture, view: View) -> CachedView:
+    def add(self, picture: FrameSource, view: DecodedFrame) -> CachedView:
         """The same picture, whose view is from now on read from here."""
         content = view.rgb.tobytes() + view.depth.tobytes()
         with self._lock:
@@ -64,11 +64,11 @@ class ViewCache:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CachedView:
-    """A `Picture` that was decoded already."""
+    """A `FrameSource` that was decoded already."""
 
-    picture: Picture
+    picture: FrameSource
     cache: ViewCache
-    facts: View
+    facts: DecodedFrame
     at: int
     shapes: tuple[tuple[int, ...], tuple[int, ...]]
     depth_dtype: np.dtype[Any]
@@ -80,10 +80,10 @@ class CachedView:
     def files(self, scan: Scan) -> tuple[str | None, str | None]:
         return self.picture.files(scan)
 
-    def check(self, scan: Scan, domain: Domain) -> Checked | Problem:
-        return Checked(str(self.depth_dtype), self.facts.notes, self.view(scan, domain))
+    def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
+        return CheckedFrame(str(self.depth_dtype), self.facts.notes, self.view(scan, domain))
 
-    def view(self, scan: Scan, domain: Domain) -> View:
+    def view(self, scan: Scan, domain: Domain) -> DecodedFrame:
         rgb_shape, depth_shape = self.shapes
         split = int(np.prod(rgb_shape))
         size = split + int(np.prod(depth_shape)) * self.depth_dtype.itemsize

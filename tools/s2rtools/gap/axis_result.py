@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class GapSettings:
     """`replicates` of every bootstrap, from `seed`; intervals at `level`.
 
     `pca` is the number of principal components whose divergence the visual axis tells.
@@ -49,7 +49,7 @@ class Evidence:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class AxisResult:
     """One axis measured.
 
     `value` is m and `floor` what m would be without a gap, both in the axis' unit, from `n`
@@ -95,10 +95,10 @@ class Axis:
         """Why this evidence says nothing about the axis; None where it does."""
         return None
 
-    def measure(self, evidence: Evidence, settings: Settings) -> Measured:
+    def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         """Raises InconclusiveError where there are too few samples, RequestError for bad ones."""
         raise NotImplementedError
 
-    def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
+    def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
         """The declared bad state on the same evidence; raises RequestError where there is none."""
         raise NotImplementedError

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from s2rstore.errors import InconclusiveError
-from s2rtools.gap.axis_result import Axis, Evidence, Measured, Settings
+from s2rtools.gap.axis_result import Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.gate.reference import Frozen, freeze
 
 
@@ -14,14 +14,14 @@ from s2rtools.gap.gate.reference import Frozen, freeze
 class Measurement:
     """`absent` tells per axis what evidence lacks, `inconclusive` why there is too little of it."""
 
-    measured: Mapping[str, Measured]
+    measured: Mapping[str, AxisResult]
     absent: Mapping[str, str]
     inconclusive: Mapping[str, str]
 
 
-def measure(evidence: Evidence, settings: Settings, axes: Mapping[str, Axis]) -> Measurement:
+def measure(evidence: Evidence, settings: GapSettings, axes: Mapping[str, Axis]) -> Measurement:
     """Measure each axis; raises RequestError for evidence that is wrong."""
-    measured: dict[str, Measured] = {}
+    measured: dict[str, AxisResult] = {}
     absent: dict[str, str] = {}
     inconclusive: dict[str, str] = {}
     for name, axis in axes.items():
@@ -37,7 +37,7 @@ def measure(evidence: Evidence, settings: Settings, axes: Mapping[str, Axis]) ->
 
 
 def frozen(
-    found: Measurement, evidence: Evidence, settings: Settings, axes: Mapping[str, Axis]
+    found: Measurement, evidence: Evidence, settings: GapSettings, axes: Mapping[str, Axis]
 ) -> dict[str, Frozen]:
     """The scale of every measured axis; raises RequestError where one has no usable anchor."""
     return {

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from s2rstore.metrics.pose_metrics import Interval, interval
-from s2rtools.gap.axis_result import Axis, Evidence, Measured, Settings
+from s2rtools.gap.axis_result import Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.gate.golden_run import Compared
 from s2rtools.gap.gate.reference import Frozen, Reference
 from s2rtools.gap.gate.verdict import NOTHING, AxisGap, Verdict
 from s2rtools.gap.measure import Measurement
-from s2rtools.gap.task.rank_consistency import Across
+from s2rtools.gap.task.rank_consistency import RankConsistency
 
 Report = dict[str, Any]
 
@@ -36,7 +36,7 @@ class Judged:
     across: Mapping[str, Any] | None = None
 
 
-def report(evidence: Evidence, settings: Settings, judged: Judged) -> Report:
+def report(evidence: Evidence, settings: GapSettings, judged: Judged) -> Report:
     """Everything that was found, rounded to nine digits; what is not finite is null."""
     store = evidence.store
     run = store.run(evidence.run)
@@ -68,7 +68,7 @@ def report(evidence: Evidence, settings: Settings, judged: Judged) -> Report:
     return plain(made)
 
 
-def _axis(found: Measured, settings: Settings, judged: Judged) -> dict[str, Any]:
+def _axis(found: AxisResult, settings: GapSettings, judged: Judged) -> dict[str, Any]:
     axis = judged.axes[found.axis]
     gaps = {each.axis: each for each in judged.verdict.axes}
     return {
@@ -111,7 +111,7 @@ def _golden(found: Compared) -> dict[str, Any]:
     }
 
 
-def across_report(found: Across) -> Report:
+def across_report(found: RankConsistency) -> Report:
     """How simulation and reality rank the runs."""
     runs = zip(found.runs, found.sim, found.real, strict=True)
     return {

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry.camera import into_rgb
-from s2rstore.geometry.reprojection import Correction, Crossing
+from s2rstore.geometry.reprojection import Reprojection, RigOffset
 from s2rstore.records import Domain, Side
 
 COLOUR_FLOOR = 5.0
@@ -42,12 +42,12 @@ class Harmonised:
     measured: NDArray[np.bool_]
 
 
-class View:
+class CameraView:
     """One rig's RGB pixels, placed in space by its own depth, and seen by the other rig."""
 
     def __init__(self, view: Domain, other: Domain, frame: tuple[int, int]) -> None:
         self._scale, self.other = view.depth_scale, other
-        self._crossing = Crossing(view, view.rgb, other, frame)
+        self._crossing = Reprojection(view, view.rgb, other, frame)
         beams = self._crossing.rays
         u, v, self._inside = into_rgb(beams, view.depth, frame)
         self._u, self._v = (value.astype(np.float32) - np.float32(0.5) for value in (u, v))
@@ -97,11 +97,11 @@ class View:
         return np.where(inside, picked, np.float32(np.nan)).astype(np.float32)
 
 
-class Alignment:
+class ImageAlignment:
     """Both rigs of a run as they really are, and the ways between their views."""
 
     def __init__(
-        self, sim: Domain, real: Domain, frame: tuple[int, int], correction: Correction
+        self, sim: Domain, real: Domain, frame: tuple[int, int], correction: RigOffset
     ) -> None:
         self._domains: dict[Side, Domain] = {"sim": sim, "real": correction.applied(real)}
         self._frame = frame
@@ -110,12 +110,12 @@ class Alignment:
         return self._domains[side]
 
     @cached_property
-    def sim_view(self) -> View:
-        return View(self.domain("sim"), self.domain("real"), self._frame)
+    def sim_view(self) -> CameraView:
+        return CameraView(self.domain("sim"), self.domain("real"), self._frame)
 
     @cached_property
-    def real_view(self) -> View:
-        return View(self.domain("real"), self.domain("sim"), self._frame)
+    def real_view(self) -> CameraView:
+        return CameraView(self.domain("real"), self.domain("sim"), self._frame)
 
 
 def _sampled(

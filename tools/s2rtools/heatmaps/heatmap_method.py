@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from s2rstore.errors import RequestError
-from s2rtools.heatmaps.harmonization import Alignment, Harmonised
+from s2rtools.heatmaps.harmonization import Harmonised, ImageAlignment
 from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 
@@ -47,9 +47,9 @@ class PairBatch:
     backend: Backend
     sim: SideBatch
     real: SideBatch
-    alignment: Alignment | None = None
+    alignment: ImageAlignment | None = None
 
-    def aligned(self) -> Alignment:
+    def aligned(self) -> ImageAlignment:
         """The rigs of both sides. Raises RequestError where nothing is known of them."""
         if self.alignment is None:
             raise RequestError("the two rigs are not aligned yet: no harmonised heatmaps")

@@ -13,7 +13,7 @@ from torch import Tensor
 from s2rstore.geometry import angles
 from s2rstore.records import SIDES
 from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, Ray
-from s2rtools.incremental_inference import LocalGraph, Patch, Region, analyse, cut_patches
+from s2rtools.incremental_inference import LocalGraph, Patch, PixelRegion, analyse, cut_patches
 from s2rtools.inference import Backend
 from s2rtools.inference.batch_norm_folding import folded
 from s2rtools.models.pose_network import LoadedModel
@@ -106,7 +106,7 @@ def _errors(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[n
     return np.stack([off, turn], axis=-1)
 
 
-def _content(inputs: Tensor, others: Tensor, region: Region) -> Tensor:
+def _content(inputs: Tensor, others: Tensor, region: PixelRegion) -> Tensor:
     """The patch as each mode changes it: (N, M, 4, h, w)."""
     rows, cols = slice(region.r0, region.r1), slice(region.c0, region.c1)
     own, other = inputs[..., rows, cols], others[..., rows, cols]
@@ -129,7 +129,7 @@ def _by_locality(
     base = graph.base(inputs.contiguous(memory_format=torch.channels_last))
     features = base.outputs[graph.output]
     poses = np.empty((len(inputs), len(patches), len(MODES), 3))
-    groups: dict[Any, list[tuple[Patch, dict[str, Region]]]] = {}
+    groups: dict[Any, list[tuple[Patch, dict[str, PixelRegion]]]] = {}
     for patch in patches:
         regions = graph.regions(patch.region, base)
         groups.setdefault(graph.signature(regions), []).append((patch, regions))

@@ -2,6 +2,6 @@
 
 from s2rtools.incremental_inference.graph import LocalGraph, analyse
 from s2rtools.incremental_inference.patches import Patch, cut_patches
-from s2rtools.incremental_inference.regions import Region, Window
+from s2rtools.incremental_inference.regions import PixelRegion, Window
 
-__all__ = ["LocalGraph", "Patch", "Region", "Window", "analyse", "cut_patches"]
+__all__ = ["LocalGraph", "Patch", "PixelRegion", "Window", "analyse", "cut_patches"]

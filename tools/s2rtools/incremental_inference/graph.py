@@ -19,7 +19,7 @@ from torch import Tensor, fx, nn
 from torch.fx.proxy import TraceError
 from torch.nn import functional
 
-from s2rtools.incremental_inference.regions import Region, Window, reach
+from s2rtools.incremental_inference.regions import PixelRegion, Window, reach
 
 _POINTWISE = (
     nn.ReLU, nn.ReLU6, nn.LeakyReLU, nn.ELU, nn.SiLU, nn.GELU, nn.Hardswish, nn.Sigmoid, nn.Tanh,
@@ -108,7 +108,7 @@ class LocalGraph:
                 outputs[step.name] = step.call(padded[step.name])
         return Base(outputs, padded)
 
-    def regions(self, region: Region, base: Base) -> dict[str, Region]:
+    def regions(self, region: PixelRegion, base: Base) -> dict[str, PixelRegion]:
         """For every operation, the part of its output that a changed input region can reach."""
         found = {self._input: region}
         for step in self._steps:
@@ -121,7 +121,7 @@ class LocalGraph:
             found[step.name] = first
         return found
 
-    def signature(self, regions: dict[str, Region]) -> tuple[Any, ...]:
+    def signature(self, regions: dict[str, PixelRegion]) -> tuple[Any, ...]:
         """Equal for patches that can be computed in one batch."""
         parts: list[Any] = [regions[self._input].shape]
         for step in self._steps:
@@ -129,7 +129,7 @@ class LocalGraph:
             parts.extend(self._offset(step, regions, name) for name in step.inputs)
         return tuple(parts)
 
-    def _offset(self, step: _Step, regions: dict[str, Region], name: str) -> Pair:
+    def _offset(self, step: _Step, regions: dict[str, PixelRegion], name: str) -> Pair:
         """Where an input's changed part lies inside the crop that the step is computed from."""
         target, source = regions[step.name], regions[name]
         if step.rows is None or step.cols is None:
@@ -140,7 +140,7 @@ class LocalGraph:
         )
 
     def recompute(
-        self, base: Base, patches: Tensor, regions: Sequence[dict[str, Region]]
+        self, base: Base, patches: Tensor, regions: Sequence[dict[str, PixelRegion]]
     ) -> Tensor:
         """The changed part of the output for several patches of equal signature.
 
@@ -166,7 +166,7 @@ class LocalGraph:
         part: Tensor,
         step: _Step,
         name: str,
-        regions: Sequence[dict[str, Region]],
+        regions: Sequence[dict[str, PixelRegion]],
         lead: tuple[int, ...],
     ) -> Tensor:
         target = regions[0][step.name]
@@ -229,10 +229,10 @@ def _merged(before: _Step, step: _Step) -> _Step:
     return replace(before, rows=rows, cols=cols, call=lambda x: then(first(x)))
 
 
-def _window(step: _Step, target: Region) -> Region:
+def _window(step: _Step, target: PixelRegion) -> PixelRegion:
     if step.rows is None or step.cols is None:
         return target
-    return Region(*step.rows.sees(target.r0, target.r1), *step.cols.sees(target.c0, target.c1))
+    return PixelRegion(*step.rows.sees(target.r0, target.r1), *step.cols.sees(target.c0, target.c1))
 
 
 def _single(node: fx.Node) -> str:

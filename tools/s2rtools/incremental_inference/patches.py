@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from s2rtools.incremental_inference.regions import Region
+from s2rtools.incremental_inference.regions import PixelRegion
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,7 +12,7 @@ class Patch:
     """Patch number `index`, in rows from the top left."""
 
     index: int
-    region: Region
+    region: PixelRegion
 
 
 def cut_patches(height: int, width: int, count: int = 6) -> list[Patch]:
@@ -20,7 +20,7 @@ def cut_patches(height: int, width: int, count: int = 6) -> list[Patch]:
     rows = [round(i * height / count) for i in range(count + 1)]
     cols = [round(i * width / count) for i in range(count + 1)]
     return [
-        Patch(r * count + c, Region(rows[r], rows[r + 1], cols[c], cols[c + 1]))
+        Patch(r * count + c, PixelRegion(rows[r], rows[r + 1], cols[c], cols[c + 1]))
         for r in range(count)
         for c in range(count)
     ]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Region:
+class PixelRegion:
     """Rows [r0, r1) and columns [c0, c1)."""
 
     r0: int
@@ -22,11 +22,11 @@ class Region:
     def empty(self) -> bool:
         return self.r0 >= self.r1 or self.c0 >= self.c1
 
-    def union(self, other: Region) -> Region:
+    def union(self, other: PixelRegion) -> PixelRegion:
         """The smallest region that holds both; an empty one adds nothing."""
         if self.empty or other.empty:
             return other if self.empty else self
-        return Region(
+        return PixelRegion(
             min(self.r0, other.r0), max(self.r1, other.r1),
             min(self.c0, other.c0), max(self.c1, other.c1),
         )  # fmt: skip
@@ -59,10 +59,10 @@ class Window:
         return Window(extent, self.stride * after.stride, self.padding)
 
 
-def reach(region: Region, rows: Window, cols: Window, size: tuple[int, int]) -> Region:
+def reach(region: PixelRegion, rows: Window, cols: Window, size: tuple[int, int]) -> PixelRegion:
     """The outputs that see any of a region of an input of `size` rows and columns."""
     if region.empty:
-        return Region(0, 0, 0, 0)
+        return PixelRegion(0, 0, 0, 0)
     r0, r1 = rows.reach(region.r0, region.r1, size[0])
     c0, c1 = cols.reach(region.c0, region.c1, size[1])
-    return Region(r0, r1, c0, c1)
+    return PixelRegion(r0, r1, c0, c1)

@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.geometry.floor_grid import MapGrid, Projector
-from s2rstore.geometry.reprojection import Surface
+from s2rstore.geometry.reprojection import HeatSurface
 from s2rstore.metrics import pose_metrics
 from s2rstore.reader import DEFAULT_MODES, Store
 from s2rstore.records import SIDES, Run, Side
 from s2rstore.run_inputs import run_domain, run_move
 from s2rtools.adjustments import Chain
 from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
-from s2rtools.heatmaps.harmonization import Alignment
+from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
 from s2rtools.interactive.live_result import HeatKey, LiveResult, LiveSide
-from s2rtools.interactive.recent import Recent
+from s2rtools.interactive.recent import RecentValues
 from s2rtools.models.library import load_model
 from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.frame_reader import Images, Renderers, RunFrames, side_frames
@@ -73,9 +73,9 @@ class LiveModel:
             self._store.close()
             raise
         self._renderers: Renderers = {}
-        self._frames: Recent[Images] = Recent(2 * _HELD)
-        self._answers: Recent[_Answer] = Recent(2 * _HELD)
-        self._alignments: Recent[Alignment | None] = Recent(2)
+        self._frames: RecentValues[Images] = RecentValues(2 * _HELD)
+        self._answers: RecentValues[_Answer] = RecentValues(2 * _HELD)
+        self._alignments: RecentValues[ImageAlignment | None] = RecentValues(2)
         self._types: dict[str, dict[tuple[str | None, str | None], str]] = {}
 
     def close(self) -> None:
@@ -141,7 +141,7 @@ class LiveModel:
         dataset, truth = self._store.dataset, self._store.instances
         frame = dataset.frame_height, dataset.frame_width
         own, other = result.side(side), result.side("real" if side == "sim" else "sim")
-        surface = Surface(
+        surface = HeatSurface(
             own.domain, other.domain, frame, side == "real",
             self._store.correction(self.run.sim_domain, self.run.real_domain),
             KINDS[kind].surface if KINDS[kind].aligned else None,

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 Value = TypeVar("Value")
 
 
-class Recent(Generic[Value]):
+class RecentValues(Generic[Value]):
     """Values by key; the ones used longest ago are dropped beyond `most`."""
 
     def __init__(self, most: int) -> None:

@@ -23,7 +23,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import check_regular, read_bytes
 from s2rstore.files.ledger import Ledger
-from s2rstore.index.transaction import Draft
+from s2rstore.index.transaction import IndexTransaction
 from s2rstore.reader import Store
 from s2rstore.security.memory_limit import bounded_memory
 from s2rtools.models import ARCHITECTURES, build
@@ -111,7 +111,7 @@ def _keeper(network: PoseNetwork) -> nn.Module:
 
 def register(
     root: Path,
-    draft: Draft,
+    draft: IndexTransaction,
     name: str,
     weights: Weights,
     convention: OutputConvention,

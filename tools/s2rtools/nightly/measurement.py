@@ -23,10 +23,10 @@ Estimating = Callable[[Sysid], Estimates]
 
 def measured(store: Store, config: Config) -> Report:
     """The report of `s2r gap` for this configuration."""
-    from s2rtools.gap.axis_result import Settings
+    from s2rtools.gap.axis_result import GapSettings
     from s2rtools.gap.gate import gate
 
-    request = gate.Request(
+    request = gate.GapRequest(
         run=config.run,
         expression=config.select,
         axes=config.axes,
@@ -39,7 +39,7 @@ def measured(store: Store, config: Config) -> Report:
         golden=config.golden,
         threshold=config.threshold,
         margin=config.margin,
-        settings=Settings(config.replicates, config.seed),
+        settings=GapSettings(config.replicates, config.seed),
     )
     return gate.measured_report(gate.evidence(store, request), request)
 

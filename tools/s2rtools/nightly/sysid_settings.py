@@ -8,12 +8,12 @@ from s2rstore.errors import RequestError
 
 if TYPE_CHECKING:
     from s2rtools.nightly.config import Sysid
-    from s2rtools.sysid import Settings
+    from s2rtools.sysid import SysidSettings
 
 
-def settings(wanted: Sysid) -> Settings:
+def settings(wanted: Sysid) -> SysidSettings:
     """As `s2r sysid` would have them. Raises RequestError for ranges that are none."""
-    from s2rtools.sysid import Settings
+    from s2rtools.sysid import SysidSettings
     from s2rtools.sysid.parameter_ranges import parsed
 
     ranges = {}
@@ -22,7 +22,7 @@ def settings(wanted: Sysid) -> Settings:
             ranges[name] = parsed(text)
         except RequestError as error:
             raise RequestError(f"range.{name}: {error}") from None
-    return Settings(
+    return SysidSettings(
         wanted.simulator, wanted.parameters, wanted.fixed, wanted.seeds, seed=wanted.seed,
         evaluations=wanted.evaluations, ranges=ranges,
     )  # fmt: skip

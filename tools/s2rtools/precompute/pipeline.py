@@ -27,7 +27,7 @@ from s2rtools.precompute.run_context import opener
 from s2rtools.precompute.work_units import Stage, missing_units
 
 
-class Reporter(Protocol):
+class ProgressReporter(Protocol):
     """Where progress is told: `total` instances-times-stages of `what`, then steps of it."""
 
     def begin(self, what: str, total: int) -> None: ...
@@ -46,7 +46,7 @@ class Options:
 
 
 def precompute(
-    root: Path, reporter: Reporter, runs: Sequence[str] = (), options: Options | None = None
+    root: Path, reporter: ProgressReporter, runs: Sequence[str] = (), options: Options | None = None
 ) -> list[str]:
     """Compute and publish the named runs (all by default); gives those that were published.
 
@@ -71,7 +71,7 @@ def _known_kinds(kinds: tuple[str, ...] | None) -> tuple[str, ...]:
 
 
 def _compute_run(
-    root: Path, name: str, kinds: Sequence[str], options: Options, reporter: Reporter
+    root: Path, name: str, kinds: Sequence[str], options: Options, reporter: ProgressReporter
 ) -> bool:
     """Bring one run up to date; whether that published a new generation."""
     if any(KINDS[kind].aligned for kind in kinds):
@@ -117,7 +117,7 @@ def _compute_stages(
     stages: Sequence[Stage],
     backends: dict[str, str],
     options: Options,
-    reporter: Reporter,
+    reporter: ProgressReporter,
 ) -> None:
     for stage in stages:
         stage.create(root)

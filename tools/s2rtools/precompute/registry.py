@@ -11,7 +11,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry.camera_offset import UNMOVED, camera_move
-from s2rstore.index.transaction import Draft, edit
+from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtools.models.conventions import parse_convention
@@ -84,7 +84,11 @@ def _check_move(store: Store, domain: str, chain: Sequence[Mapping[str, Any]]) -
 
 
 def insert_run(
-    draft: Draft, name: str, model: str, domains: tuple[str, str], chains: Chains | None = None
+    draft: IndexTransaction,
+    name: str,
+    model: str,
+    domains: tuple[str, str],
+    chains: Chains | None = None,
 ) -> None:
     """List a run in the next generation."""
     chains = chains or {"sim": [], "real": []}
@@ -102,7 +106,7 @@ def insert_run(
     )
 
 
-def refuse_taken(draft: Draft, table: str, name: str) -> None:
+def refuse_taken(draft: IndexTransaction, table: str, name: str) -> None:
     """Raises RequestError where another process took the name since it was looked up."""
     if draft.rows(f'SELECT 1 FROM "{table}" WHERE "{table}" = ?', [name]):
         raise RequestError(f"{table} {name!r}: somebody else has just taken it; choose another")

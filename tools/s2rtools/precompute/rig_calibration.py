@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import s2rstore
-from s2rstore.geometry.reprojection import Correction
+from s2rstore.geometry.reprojection import RigOffset
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Intrinsics, Run
 from s2rstore.run_inputs import run_domain
-from s2rtools.heatmaps.harmonization import Alignment, Images, View
+from s2rtools.heatmaps.harmonization import CameraView, ImageAlignment, Images
 
 MAX_FRAMES = 24
 MAX_SIDE = 128
@@ -30,7 +30,7 @@ FINE_HEIGHT = (-0.04, -0.02, 0.0, 0.02, 0.04)
 FINE_ZOOM = (-0.02, 0.0, 0.02)
 
 
-def alignment(store: Store, run: Run) -> Alignment | None:
+def alignment(store: Store, run: Run) -> ImageAlignment | None:
     """The rigs of a run with the correction that the store keeps; None before it is known.
 
     The correction is that of the domains' declarations, so it stays where the run moves a camera.
@@ -40,7 +40,7 @@ def alignment(store: Store, run: Run) -> Alignment | None:
         return None
     frame = store.dataset.frame_height, store.dataset.frame_width
     sim, real = (run_domain(store, run, side) for side in SIDES)
-    return Alignment(sim, real, frame, correction)
+    return ImageAlignment(sim, real, frame, correction)
 
 
 def ensure(root: Path, run: Run) -> bool:
@@ -100,7 +100,7 @@ def _shrunk(domain: Domain, frame: tuple[int, int], size: tuple[int, int]) -> Do
 
 def calibrate(
     sim: Domain, real: Domain, frame: tuple[int, int], pairs: list[tuple[Images, Images]]
-) -> Correction:
+) -> RigOffset:
     """The height and field of view of the real camera under which image gradients agree best.
 
     Searched are 24 cm up and down and 16 % of the focal length, coarsely on a few pairs, then by
@@ -111,21 +111,21 @@ def calibrate(
 
     kept = [_Pair(own, other, _gradient(own[0])) for own, other in pairs]
 
-    def score(correction: Correction, some: list[_Pair]) -> float:
-        return _agreement(Alignment(sim, real, frame, correction).sim_view, some)
+    def score(correction: RigOffset, some: list[_Pair]) -> float:
+        return _agreement(ImageAlignment(sim, real, frame, correction).sim_view, some)
 
     few = kept[:: max(1, len(kept) // 10)]
-    coarse = [Correction(float(h), float(z)) for h in COARSE_HEIGHT for z in COARSE_ZOOM]
+    coarse = [RigOffset(float(h), float(z)) for h in COARSE_HEIGHT for z in COARSE_ZOOM]
     around = max(coarse, key=lambda correction: score(correction, few))
     fine = [
-        Correction(round(around.height + h, 3), round(around.zoom + z, 3))
+        RigOffset(round(around.height + h, 3), round(around.zoom + z, 3))
         for h in FINE_HEIGHT
         for z in FINE_ZOOM
     ]
-    best, chosen = score(Correction(), kept), Correction()
+    best, chosen = score(RigOffset(), kept), RigOffset()
     for correction in fine:
         found = score(correction, kept)
-        if found > best + (MIN_GAIN if chosen == Correction() else 1e-9):
+        if found > best + (MIN_GAIN if chosen == RigOffset() else 1e-9):
             best, chosen = found, correction
     return chosen
 
@@ -139,7 +139,7 @@ class _Pair:
     gradient: NDArray[np.float32]
 
 
-def _agreement(view: View, pairs: list[_Pair]) -> float:
+def _agreement(view: CameraView, pairs: list[_Pair]) -> float:
     """0 for a pair that hardly overlaps, so that all corrections answer for the same pairs."""
     scores = []
     for pair in pairs:

@@ -15,7 +15,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rstore.run_inputs import FRAME_KINDS
 from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
-from s2rtools.heatmaps.harmonization import Alignment
+from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend, open_backend
 from s2rtools.models.library import load_model
 from s2rtools.precompute import rig_calibration
@@ -102,7 +102,11 @@ def _open(backends: dict[str, str], trust: bool, root: Path, threads: int) -> Co
 
 
 def pair_batch(
-    store: Store, backend: Backend, iid: int, frames: PairFrames, aligned: Alignment | None = None
+    store: Store,
+    backend: Backend,
+    iid: int,
+    frames: PairFrames,
+    aligned: ImageAlignment | None = None,
 ) -> PairBatch:
     """Both sides of a batch after the forward pass; the first instance is `iid`."""
     rows = slice(iid, iid + len(frames["sim"].x))

@@ -29,7 +29,7 @@ NO_MOVES: Moves = dict.fromkeys(SIDES, UNMOVED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class VisibleObjects:
     """What one side's true camera sees.
 
     `cells` (N, CELLS, CELLS): where labelled objects of either scene cover a quarter of a cell.
@@ -63,20 +63,20 @@ class Truth:
             data.number(t.trajectory, row) for t in store.trajectories for row in range(t.instances)
         ], dtype=np.intp)  # fmt: skip
         self.changed = data.world.changed(data.severities("real"))
-        self._seen: dict[tuple[Side, CameraMove], Seen] = {}
+        self._seen: dict[tuple[Side, CameraMove], VisibleObjects] = {}
 
     def moves(self, run: str) -> Moves:
         """How a run moves the cameras of either side."""
         record = self.store.run(run)
         return {side: run_move(self.store, record, side) for side in SIDES}
 
-    def seen(self, side: Side, move: CameraMove = UNMOVED) -> Seen:
+    def seen(self, side: Side, move: CameraMove = UNMOVED) -> VisibleObjects:
         """What a side's true camera sees, moved as a run moves it."""
         if (side, move) not in self._seen:
             self._seen[side, move] = self._look(side, move)
         return self._seen[side, move]
 
-    def _look(self, side: Side, move: CameraMove) -> Seen:
+    def _look(self, side: Side, move: CameraMove) -> VisibleObjects:
         camera, dataset = moved(self.data.camera(side), move), self.store.dataset
         fine = MapGrid(dataset.bounds, MAP_SETTINGS["cells"])
         grid = MapGrid(dataset.bounds, max(fine.rows, fine.cols) // REBIN)
@@ -94,7 +94,7 @@ class Truth:
                     grid.add(*projector.project(heat, depth, poses, "rgb", grid))
             cells.append(to_cells(mask.astype(np.float32)) >= SHARE)
         planes = grid.aggregates()
-        return Seen(np.concatenate(cells), np.nan_to_num(planes[2]), planes[3])
+        return VisibleObjects(np.concatenate(cells), np.nan_to_num(planes[2]), planes[3])
 
     def _true_domain(self, side: Side, camera: Camera) -> Domain:
         declared = self.store.domains[side]

@@ -19,7 +19,7 @@ from s2rstore.metrics.pose_metrics import Interval
 from s2rstore.reader import Store
 from s2rtools.inference import open_backend
 from s2rtools.models.library import load_model
-from s2rtools.precompute.pipeline import Reporter
+from s2rtools.precompute.pipeline import ProgressReporter
 from s2rtools.scoring import heatmaps
 from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.ground_truth import Truth
@@ -28,7 +28,7 @@ Report = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class ScoreSettings:
     """`instances` of the counterfactual table, spread over the data set; `seed` breaks ties."""
 
     runs: tuple[str, ...] = ()
@@ -43,7 +43,7 @@ class Settings:
             raise RequestError("--seed: 0 .. 2147483647")
 
 
-def score(root: Path, settings: Settings, reporter: Reporter) -> Report:
+def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Report:
     """Score the computed runs of a world's store.
 
     Raises RequestError where no truth is known or nothing is computed.

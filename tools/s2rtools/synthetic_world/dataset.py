@@ -32,7 +32,7 @@ SURVEY, TOUR = "survey", "tour"
 
 
 @dataclass(frozen=True, slots=True)
-class Recipe:
+class WorldRecipe:
     """All that a data set is made from; equal recipes give equal bytes.
 
     `count` instances on each of the two trajectories. A training set has `survey` random instances
@@ -62,7 +62,7 @@ class Recipe:
 class WorldData:
     """The instances of a recipe, and their views on demand."""
 
-    def __init__(self, recipe: Recipe) -> None:
+    def __init__(self, recipe: WorldRecipe) -> None:
         self.recipe = recipe
         self.world = world_of(recipe.seed)
 
@@ -73,7 +73,7 @@ class WorldData:
         if "recipe" not in notes:
             return None
         try:
-            recipe = Recipe(**parse_json(notes["recipe"], f"{store.path}: recipe"))
+            recipe = WorldRecipe(**parse_json(notes["recipe"], f"{store.path}: recipe"))
             frame = store.dataset.frame_height, store.dataset.frame_width
             if frame != (recipe.frame, recipe.frame):
                 raise ValueError("another frame size")

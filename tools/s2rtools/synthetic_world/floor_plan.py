@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from s2rtools.synthetic_world.materials import Material
-from s2rtools.synthetic_world.scene import Colour, Part
+from s2rtools.synthetic_world.scene import Colour, ScenePart
 
 SIZE = 20.0
 CEILING = 2.7
@@ -76,7 +76,7 @@ class Door:
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
+class PlanRoom:
     """A room or a piece of corridor. `open_walls` have no wall; `windows` are (wall, middle)."""
 
     name: str
@@ -93,12 +93,12 @@ class Room:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
-    rooms: tuple[Room, ...]
+class BuildingPlan:
+    rooms: tuple[PlanRoom, ...]
     doors: tuple[Door, ...]
     palette: tuple[tuple[Material, Colour, int], ...]
 
-    def room(self, name: str) -> Room:
+    def room(self, name: str) -> PlanRoom:
         return next(room for room in self.rooms if room.name == name)
 
     def doors_of(self, name: str) -> list[Door]:
@@ -133,14 +133,14 @@ _PAINTS: tuple[Colour, ...] = (
 )  # fmt: skip
 
 
-def plan(seed: int) -> Plan:
+def plan(seed: int) -> BuildingPlan:
     """A building of its own for every seed."""
     rng = np.random.default_rng([seed, 1])
     west, north = (float(rng.uniform(8.4, 9.7)) for _ in range(2))
     east, south = west + 1.9, north + 2.1
     kinds = [str(kind) for kind in rng.permutation(KINDS)]
     paints = [_PAINTS[int(i)] for i in rng.permutation(len(_PAINTS))]
-    rooms: list[Room] = []
+    rooms: list[PlanRoom] = []
     doors: list[Door] = []
     corners = (
         (Rectangle(0, 0, west, north), False, False),
@@ -152,10 +152,10 @@ def plan(seed: int) -> Plan:
         names = kinds[3 * number : 3 * number + 3]
         cut = _cut(rng, area, is_east, is_south)
         for name, part, paint in zip(names, cut, paints[3 * number :], strict=False):
-            rooms.append(Room(name, name, part, paint, _FLOORS[name], (), _windows(part)))
+            rooms.append(PlanRoom(name, name, part, paint, _FLOORS[name], (), _windows(part)))
         doors += _doors(rng, names, cut, is_east, is_south)
     rooms += _corridors(west, east, north, south)
-    return Plan(tuple(rooms), tuple(doors), _PALETTE)
+    return BuildingPlan(tuple(rooms), tuple(doors), _PALETTE)
 
 
 def _cut(
@@ -224,7 +224,7 @@ def _windows(area: Rectangle) -> tuple[tuple[Wall, float], ...]:
 WINDOW_WIDTH = 1.8
 
 
-def _corridors(west: float, east: float, north: float, south: float) -> list[Room]:
+def _corridors(west: float, east: float, north: float, south: float) -> list[PlanRoom]:
     paint: Colour = (0.74, 0.75, 0.72)
     warm: Colour = (0.78, 0.72, 0.62)
     flat = {"floor": 0, "colour": paint}
@@ -243,7 +243,7 @@ def _corridors(west: float, east: float, north: float, south: float) -> list[Roo
             if wall not in open_walls and _is_outer(area, wall)
         )  # fmt: skip
         made.append(
-            Room(name, "corridor", area, look["colour"], int(str(look["floor"])),  # type: ignore[arg-type]
+            PlanRoom(name, "corridor", area, look["colour"], int(str(look["floor"])),  # type: ignore[arg-type]
                  open_walls, windows)
         )  # fmt: skip
     return made
@@ -254,7 +254,7 @@ def _is_outer(area: Rectangle, wall: Wall) -> bool:
     return edge[wall] < 0.01
 
 
-def openings(plan: Plan, room: Room, wall: Wall) -> list[tuple[float, Door]]:
+def openings(plan: BuildingPlan, room: PlanRoom, wall: Wall) -> list[tuple[float, Door]]:
     """Doors in a wall of a room, with their middle in metres along it."""
     area, found = room.area, []
     for door in plan.doors_of(room.name):
@@ -267,9 +267,9 @@ def openings(plan: Plan, room: Room, wall: Wall) -> list[tuple[float, Door]]:
     return found
 
 
-def walls(plan: Plan) -> tuple[Part, ...]:
+def walls(plan: BuildingPlan) -> tuple[ScenePart, ...]:
     """Half of every wall for each room that it bounds, with openings for doors and windows."""
-    parts: list[Part] = []
+    parts: list[ScenePart] = []
     for room in plan.rooms:
         for wall in WALLS:
             if wall not in room.open_walls:
@@ -279,7 +279,7 @@ def walls(plan: Plan) -> tuple[Part, ...]:
     return tuple(parts)
 
 
-def _wall(plan: Plan, room: Room, wall: Wall) -> list[Part]:
+def _wall(plan: BuildingPlan, room: PlanRoom, wall: Wall) -> list[ScenePart]:
     length = room.area.length(wall)
     cuts = [(at - DOOR_WIDTH / 2, at + DOOR_WIDTH / 2, 0.0, DOOR_HEIGHT)
             for at, _ in openings(plan, room, wall)]  # fmt: skip
@@ -298,39 +298,39 @@ def _wall(plan: Plan, room: Room, wall: Wall) -> list[Part]:
 
 
 def _slab(
-    room: Room,
+    room: PlanRoom,
     wall: Wall,
     a: float,
     b: float,
     low: float,
     high: float,
     material: Material = Material.PLASTER,
-) -> Part:
+) -> ScenePart:
     x, y = room.area.on_wall(wall, (a + b) / 2, HALF_WALL / 2)
     half, thin = (b - a) / 2, HALF_WALL / 2
     along_x = wall in ("north", "south")
     colour = (1.0, 1.0, 1.0) if material == Material.WINDOW else room.colour
     seed = 1 + sum(map(ord, room.name))
-    return Part(x, y, half if along_x else thin, thin if along_x else half,
+    return ScenePart(x, y, half if along_x else thin, thin if along_x else half,
                 low, high, colour, material, seed=seed)  # fmt: skip
 
 
-def _frame(door: Door) -> list[Part]:
+def _frame(door: Door) -> list[ScenePart]:
     """Posts and lintel of a door opening."""
     made = []
     reach = DOOR_WIDTH / 2
     for along in (-reach, reach):
         x, y = (door.x + along, door.y) if door.flat else (door.x, door.y + along)
         half = (_FRAME / 2, HALF_WALL + 0.02)
-        made.append(Part(x, y, *(half if door.flat else half[::-1]), 0, DOOR_HEIGHT + 0.05,
+        made.append(ScenePart(x, y, *(half if door.flat else half[::-1]), 0, DOOR_HEIGHT + 0.05,
                          FRAME_COLOUR, Material.WOOD))  # fmt: skip
     half = (reach, HALF_WALL + 0.02)
-    made.append(Part(door.x, door.y, *(half if door.flat else half[::-1]),
+    made.append(ScenePart(door.x, door.y, *(half if door.flat else half[::-1]),
                      DOOR_HEIGHT, DOOR_HEIGHT + 0.05, FRAME_COLOUR, Material.WOOD))  # fmt: skip
     return made
 
 
-def leaf(plan: Plan, door: Door, is_open: bool) -> Part:
+def leaf(plan: BuildingPlan, door: Door, is_open: bool) -> ScenePart:
     """The door's leaf: in its frame, or swung back along the wall of the first room."""
     room = plan.room(door.rooms[0]).area
     width = DOOR_WIDTH - 0.06
@@ -348,5 +348,5 @@ def leaf(plan: Plan, door: Door, is_open: bool) -> Part:
         x, y, turned = door.x + along, door.y + out, -sign * tilt
     else:
         x, y, turned = door.x + out, door.y + along, math.pi / 2 + sign * tilt
-    return Part(x, y, width / 2, 0.02, 0.01, DOOR_HEIGHT - 0.02, tint, Material.DOOR, angle=turned,
+    return ScenePart(x, y, width / 2, 0.02, 0.01, DOOR_HEIGHT - 0.02, tint, Material.DOOR, angle=turned,
                 seed=seed)  # fmt: skip

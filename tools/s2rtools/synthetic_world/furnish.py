@@ -17,9 +17,9 @@ from s2rtools.synthetic_world.floor_plan import (
     TURN,
     WALLS,
     WINDOW_WIDTH,
+    BuildingPlan,
     Door,
-    Plan,
-    Room,
+    PlanRoom,
     Wall,
     leaf,
     openings,
@@ -27,7 +27,7 @@ from s2rtools.synthetic_world.floor_plan import (
 )
 from s2rtools.synthetic_world.furniture import PIECES, Parts, Piece, table
 from s2rtools.synthetic_world.routes import BODY, CELL, CLEARANCE, clearance
-from s2rtools.synthetic_world.scene import Part, Thing, footprint
+from s2rtools.synthetic_world.scene import SceneObject, ScenePart, footprint
 
 LISTS: dict[str, tuple[str, ...]] = {
     "office": ("desk", "desk", "shelf", "cabinet", "whiteboard", "plant", "poster", "bin",
@@ -80,22 +80,22 @@ class Spot:
 class Furnishing:
     """Things in the order of their ids, and the places that are taken."""
 
-    plan: Plan
+    plan: BuildingPlan
     rng: np.random.Generator
-    things: list[Thing] = field(default_factory=list)
+    things: list[SceneObject] = field(default_factory=list)
     spots: list[Spot] = field(default_factory=list)
 
-    def add(self, name: str, room: Room) -> bool:
+    def add(self, name: str, room: PlanRoom) -> bool:
         """Put a piece somewhere at the walls of a room; whether there was a place for it."""
         spot = self.find(PIECES[name], room)
         if spot is None:
             return False
         parts = standing(PIECES[name].make(self.rng), room, spot)
-        self.things.append(Thing(name, parts, parts))
+        self.things.append(SceneObject(name, parts, parts))
         self.spots.append(spot)
         return True
 
-    def find(self, piece: Piece, room: Room) -> Spot | None:
+    def find(self, piece: Piece, room: PlanRoom) -> Spot | None:
         sides = [wall for wall in WALLS if wall not in room.open_walls]
         for _ in range(_TRIES if sides else 0):
             wall = sides[int(self.rng.integers(len(sides)))]
@@ -111,7 +111,7 @@ class Furnishing:
                 return spot
         return None
 
-    def _fits(self, room: Room, spot: Spot) -> bool:
+    def _fits(self, room: PlanRoom, spot: Spot) -> bool:
         for at, _ in openings(self.plan, room, spot.wall):
             free = DOOR_WIDTH / 2 + 0.12
             swing = 1.15 if not room.is_corridor else 0.0
@@ -136,14 +136,14 @@ class Furnishing:
         return spot.hangs != other.hangs and min(spot.depth, other.depth) < 0.07 and max(
             spot.depth, other.depth) > 0.6  # fmt: skip
 
-    def _box(self, room: Room, spot: Spot) -> tuple[float, float, float, float]:
+    def _box(self, room: PlanRoom, spot: Spot) -> tuple[float, float, float, float]:
         x, y = room.area.on_wall(spot.wall, spot.at, spot.depth / 2 + HALF_WALL)
         half = spot.width / 2 + _GAP, spot.depth / 2 + _GAP
         if spot.wall in ("west", "east"):
             half = half[1], half[0]
         return x - half[0], y - half[1], x + half[0], y + half[1]
 
-    def _doorways(self, room: Room) -> Iterable[tuple[float, float, float, float]]:
+    def _doorways(self, room: PlanRoom) -> Iterable[tuple[float, float, float, float]]:
         for door in self.plan.doors_of(room.name):
             side, deep = DOOR_WIDTH / 2 + 0.1, 0.9
             half = (side, deep) if door.flat else (deep, side)
@@ -154,7 +154,7 @@ def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-def standing(made: Parts, room: Room, spot: Spot) -> Parts:
+def standing(made: Parts, room: PlanRoom, spot: Spot) -> Parts:
     """A piece's parts in map coordinates."""
     x, y = room.area.on_wall(spot.wall, spot.at, HALF_WALL)
     return tuple(part.placed(x, y, TURN[spot.wall]) for part in made)
@@ -183,7 +183,9 @@ CHANGES: tuple[tuple[str, str], ...] = (
 _IN_ROOMS = ("sofa", "cabinet", "cartons")
 
 
-def furnish(plan: Plan, visited: list[str], closable: list[Door], seed: int) -> list[Thing]:
+def furnish(
+    plan: BuildingPlan, visited: list[str], closable: list[Door], seed: int
+) -> list[SceneObject]:
     """Everything that stands in a building, as it stands on either side; doors come last.
 
     What changes goes first, to where the routes pass: `visited` are names of rooms, `closable`
@@ -213,13 +215,13 @@ def furnish(plan: Plan, visited: list[str], closable: list[Door], seed: int) -> 
     for door in plan.doors:
         is_open = (leaf(plan, door, True),)
         if door in shut:
-            done.things.append(Thing("door", is_open, (leaf(plan, door, False),), "closed"))
+            done.things.append(SceneObject("door", is_open, (leaf(plan, door, False),), "closed"))
         else:
-            done.things.append(Thing("door", is_open, is_open))
+            done.things.append(SceneObject("door", is_open, is_open))
     return done.things
 
 
-def _place_change(done: Furnishing, name: str, kind: str, rooms: list[Room]) -> None:
+def _place_change(done: Furnishing, name: str, kind: str, rooms: list[PlanRoom]) -> None:
     """Put a thing that changes into the first of the rooms that has a place for it."""
     for room in rooms:
         spot = done.find(PIECES[name], room)
@@ -233,14 +235,14 @@ def _place_change(done: Furnishing, name: str, kind: str, rooms: list[Room]) -> 
             if other is None:
                 continue
             done.spots.append(other)
-            done.things.append(Thing(name, here, standing(parts, room, other), kind))
+            done.things.append(SceneObject(name, here, standing(parts, room, other), kind))
         else:
             sim, real = (here, ()) if kind == "removed" else ((), here)
-            done.things.append(Thing(name, sim, real, kind))
+            done.things.append(SceneObject(name, sim, real, kind))
         return
 
 
-def _centre_tables(done: Furnishing, room: Room) -> None:
+def _centre_tables(done: Furnishing, room: PlanRoom) -> None:
     """Tables in the middle of rooms that are wide enough to walk around them."""
     wide, deep = room.area.length("north"), room.area.length("west")
     if room.kind in _NO_TABLE or min(wide, deep) < 4.0:
@@ -251,10 +253,10 @@ def _centre_tables(done: Furnishing, room: Room) -> None:
         at = (x, y + step) if deep > wide else (x + step, y)
         turn = (math.pi / 2 if deep > wide else 0.0) + float(done.rng.uniform(-0.1, 0.1))
         parts = tuple(part.placed(*at, turn) for part in table(done.rng))
-        done.things.append(Thing("table", parts, parts))
+        done.things.append(SceneObject("table", parts, parts))
 
 
-def _clear_ways(done: Furnishing, room: Room, first: int) -> None:
+def _clear_ways(done: Furnishing, room: PlanRoom, first: int) -> None:
     """Take the youngest bulky things out again until doors and both halves of a room connect."""
     building = [part for part in walls(done.plan) if part.low < BODY]
     while not _connected(done, room, building):
@@ -264,7 +266,7 @@ def _clear_ways(done: Furnishing, room: Room, first: int) -> None:
         del done.things[bulky[-1]]
 
 
-def _connected(done: Furnishing, room: Room, building: list[Part]) -> bool:
+def _connected(done: Furnishing, room: PlanRoom, building: list[ScenePart]) -> bool:
     area, cells = room.area, round(SIZE / CELL)
     parts = [p for thing in done.things for p in (*thing.sim, *thing.real) if p.low < BODY]
     free = clearance(footprint([*building, *parts], cells, CELL, 0.05)) >= CLEARANCE

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2rtools.synthetic_world.materials import Material
-from s2rtools.synthetic_world.scene import Colour, Part, Shape
+from s2rtools.synthetic_world.scene import Colour, ScenePart, Shape
 
-Parts = tuple[Part, ...]
+Parts = tuple[ScenePart, ...]
 Generator = np.random.Generator
 
 WOODS: tuple[Colour, ...] = (
@@ -42,9 +42,9 @@ def block(
     x: float, y: float, width: float, depth: float, low: float, high: float, colour: Colour,
     material: Material = Material.PAINT, seed: int = 0, shape: Shape = Shape.BOX,
     angle: float = 0.0,
-) -> Part:  # fmt: skip
+) -> ScenePart:  # fmt: skip
     """A part by its full width and depth."""
-    return Part(x, y, width / 2, depth / 2, low, high, colour, material, shape, angle, seed)
+    return ScenePart(x, y, width / 2, depth / 2, low, high, colour, material, shape, angle, seed)
 
 
 def _pick(rng: Generator, colours: tuple[Colour, ...]) -> Colour:

@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from s2rstore.records import Intrinsics
 from s2rtools.synthetic_world import raycaster
-from s2rtools.synthetic_world.scene import Lamp, Packed, Part, Scene, footprint, pack
+from s2rtools.synthetic_world.scene import Lamp, Packed, ScenePart, WorldScene, footprint, pack
 
 LIGHT_CELL = 0.1
 SAMPLES = 2
@@ -75,7 +75,7 @@ class Renderer(Protocol):
 class RayCaster:
     """The renderer of the project: a numba kernel, the same bytes for the same scene and pose."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: WorldScene) -> None:
         self._scene = scene
 
     @cached_property
@@ -138,7 +138,7 @@ class RayCaster:
 
 
 @lru_cache(maxsize=8)
-def _lit(lamps: tuple[Lamp, ...], walls: tuple[Part, ...], cells: int) -> NDArray[np.float64]:
+def _lit(lamps: tuple[Lamp, ...], walls: tuple[ScenePart, ...], cells: int) -> NDArray[np.float64]:
     """Light of all lamps per cell (cells, cells, 3), whatever stands in the rooms."""
     taken = footprint(list(walls), cells, LIGHT_CELL, 2.5)
     rows = np.array([_lamp(lamp) for lamp in lamps], dtype=np.float64).reshape(-1, 6)

@@ -27,7 +27,7 @@ class Shape(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class ScenePart:
     """A shape about a vertical axis: centre and half sizes in metres, angle in radians."""
 
     x: float
@@ -42,7 +42,7 @@ class Part:
     angle: float = 0.0
     seed: int = 0
 
-    def placed(self, x: float, y: float, angle: float) -> Part:
+    def placed(self, x: float, y: float, angle: float) -> ScenePart:
         """The same part of something that is turned by `angle` and put at (x, y)."""
         cos, sin = math.cos(angle), math.sin(angle)
         return replace(
@@ -54,18 +54,18 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
-class Thing:
+class SceneObject:
     """Parts that belong together. `change` names what the real side does to it, if anything.
 
     `sim` and `real` are the parts as they stand on either side; empty where it is absent.
     """
 
     name: str
-    sim: tuple[Part, ...]
-    real: tuple[Part, ...]
+    sim: tuple[ScenePart, ...]
+    real: tuple[ScenePart, ...]
     change: str | None = None
 
-    def parts(self, changed: bool) -> tuple[Part, ...]:
+    def parts(self, changed: bool) -> tuple[ScenePart, ...]:
         return self.real if changed else self.sim
 
 
@@ -81,7 +81,7 @@ class Lamp:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class WorldScene:
     """One side of a world, ready for a renderer.
 
     `things` are (id, parts), ids from 1; 0 is the building. `floor` holds a row of the palette
@@ -90,8 +90,8 @@ class Scene:
 
     size: float
     ceiling: float
-    building: tuple[Part, ...]
-    things: tuple[tuple[int, tuple[Part, ...]], ...]
+    building: tuple[ScenePart, ...]
+    things: tuple[tuple[int, tuple[ScenePart, ...]], ...]
     lamps: tuple[Lamp, ...]
     floor: NDArray[np.uint8]
     floor_cell: float
@@ -119,7 +119,7 @@ class Packed:
 GRID_CELL = 0.25
 
 
-def pack(scene: Scene) -> Packed:
+def pack(scene: WorldScene) -> Packed:
     """Flatten a scene for the kernel."""
     owned = [(0, part) for part in scene.building]
     owned += [(number, part) for number, parts in scene.things for part in parts]
@@ -138,14 +138,14 @@ def pack(scene: Scene) -> Packed:
     return Packed(numbers, codes, start, members, GRID_CELL, cells)
 
 
-def _numbers(part: Part) -> tuple[float, ...]:
+def _numbers(part: ScenePart) -> tuple[float, ...]:
     return (
         part.x, part.y, math.cos(part.angle), math.sin(part.angle), part.half_x, part.half_y,
         part.low, part.high, *part.colour, math.hypot(part.half_x, part.half_y),
     )  # fmt: skip
 
 
-def _touched(part: Part, cells: int) -> list[tuple[int, int]]:
+def _touched(part: ScenePart, cells: int) -> list[tuple[int, int]]:
     """Cells that the part's turned rectangle may reach."""
     cos, sin = abs(math.cos(part.angle)), abs(math.sin(part.angle))
     reach_x = part.half_x * cos + part.half_y * sin + 1e-6
@@ -170,7 +170,9 @@ def _span(centre: float, reach: float, cells: int) -> tuple[int, int]:
     return max(first, 0), min(last, cells - 1)
 
 
-def footprint(parts: Sequence[Part], cells: int, cell: float, above: float) -> NDArray[np.bool_]:
+def footprint(
+    parts: Sequence[ScenePart], cells: int, cell: float, above: float
+) -> NDArray[np.bool_]:
     """Which floor cells [y, x] are covered by parts that reach higher than `above` metres."""
     taken = np.zeros((cells, cells), dtype=bool)
     for part in parts:

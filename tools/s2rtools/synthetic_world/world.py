@@ -18,7 +18,7 @@ from s2rtools.synthetic_world.furnish import furnish
 from s2rtools.synthetic_world.materials import Material
 from s2rtools.synthetic_world.renderer import Camera, RayCaster, Renderer, Views
 from s2rtools.synthetic_world.routes import BODY, CELL, Floor, Poses, drive
-from s2rtools.synthetic_world.scene import Lamp, Part, Scene, Thing, footprint
+from s2rtools.synthetic_world.scene import Lamp, SceneObject, ScenePart, WorldScene, footprint
 
 HFOV = 72.0
 HEIGHT = 0.62
@@ -42,7 +42,7 @@ class World:
             if not any(self.plan.room(name).is_corridor for name in door.rooms)
             and set(door.rooms) & wanted
         ]  # fmt: skip
-        self.things: list[Thing] = furnish(self.plan, visited, closable, seed)
+        self.things: list[SceneObject] = furnish(self.plan, visited, closable, seed)
         self._stops_of = stops
         self._driven: dict[tuple[str, int], Poses] = {}
 
@@ -122,7 +122,7 @@ class World:
             return RayCaster(self.scene(factors, restored))
         return _renderer(self, tuple(sorted(factors.items())))
 
-    def scene(self, factors: Mapping[str, float], restored: int | None = None) -> Scene:
+    def scene(self, factors: Mapping[str, float], restored: int | None = None) -> WorldScene:
         """One side's scene: the simulated one without factors."""
         changed = self.changed(factors)
         things = tuple(
@@ -141,14 +141,14 @@ class World:
         return ids[: math.ceil(len(ids) * min(factors.get("objects", 0.0), 1.0))]
 
     @cached_property
-    def _bare(self) -> Scene:
+    def _bare(self) -> WorldScene:
         cells = round(planning.SIZE / CELL)
         floor = np.zeros((cells, cells), dtype=np.uint8)
         for room in self.plan.rooms:
             a = room.area
             rows = slice(round(a.y0 / CELL), round(a.y1 / CELL))
             floor[rows, round(a.x0 / CELL) : round(a.x1 / CELL)] = room.floor
-        return Scene(
+        return WorldScene(
             size=planning.SIZE,
             ceiling=planning.CEILING,
             building=planning.walls(self.plan),
@@ -212,7 +212,7 @@ def raw_depth(metres: NDArray[np.float32]) -> NDArray[np.uint16]:
     return np.where(seen, np.rint(metres / DEPTH_SCALE), 0).astype(np.uint16)
 
 
-def _lamps(plan: planning.Plan) -> Iterable[Lamp]:
+def _lamps(plan: planning.BuildingPlan) -> Iterable[Lamp]:
     for room in plan.rooms:
         a = room.area
         nx, ny = (max(1, round(length / 2.6)) for length in (a.x1 - a.x0, a.y1 - a.y0))
@@ -225,10 +225,10 @@ def _lamps(plan: planning.Plan) -> Iterable[Lamp]:
             yield Lamp(x, y, 1.5, (0.5, 0.57, 0.68), window=True)
 
 
-def _fixture(lamp: Lamp) -> Part:
+def _fixture(lamp: Lamp) -> ScenePart:
     strength = sum(lamp.power) / 3.87
     colour = tuple(0.30 + value / 1.35 * min(strength, 1.2) for value in lamp.power)
-    return Part(
+    return ScenePart(
         lamp.x, lamp.y, 0.55, 0.15, 2.66, 2.70, (colour[0], colour[1], colour[2]), Material.LAMP
     )
 

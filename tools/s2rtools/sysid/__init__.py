@@ -2,7 +2,7 @@
 
 from s2rtools.sysid.identify import Identification, identify
 from s2rtools.sysid.result_json import record
-from s2rtools.sysid.settings import Settings
+from s2rtools.sysid.settings import SysidSettings
 from s2rtools.sysid.synthetic_drives import Recording, make_drives
 
-__all__ = ["Identification", "Recording", "Settings", "identify", "make_drives", "record"]
+__all__ = ["Identification", "Recording", "SysidSettings", "identify", "make_drives", "record"]

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from s2rtools.gap.bootstrap_correction import small_sample
-from s2rtools.sysid.prediction_error import Problem
+from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats
 
 _PRIOR = 12.0
@@ -30,7 +30,7 @@ class Normal:
     vectors: Floats
 
 
-def normal_equations(problem: Problem, cube: Floats) -> Normal:
+def normal_equations(problem: PredictionError, cube: Floats) -> Normal:
     residual, slope = problem.residuals(cube), problem.jacobian(cube)
     drives = problem.windows.drive_of_row
     matrices, vectors = [], []

@@ -14,7 +14,7 @@ import numpy as np
 
 from s2rstore.metrics.pose_metrics import LEVEL, bounds
 from s2rtools.sysid.drive_bootstrap import interval
-from s2rtools.sysid.prediction_error import Problem
+from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats, Integers
 
 _FEW = 6
@@ -55,7 +55,7 @@ class HeldOut:
         }  # fmt: skip
 
 
-def held_out_error(problem: Problem, before: Floats, after: Floats, count: int,
+def held_out_error(problem: PredictionError, before: Floats, after: Floats, count: int,
                    rng: np.random.Generator) -> HeldOut:  # fmt: skip
     """Of two points of the cube, both from the same start states."""
     drives = problem.windows.replays.drive
@@ -104,7 +104,7 @@ def _block_sums(values: Floats, count: int, rng: np.random.Generator) -> Floats:
     return np.asarray(values[places.reshape(count, -1)[:, :n]].sum(axis=1))
 
 
-def _errors(problem: Problem, cube: Floats) -> Floats:
+def _errors(problem: PredictionError, cube: Floats) -> Floats:
     off = problem.predicted(cube)[:, :3] - problem.windows.poses
     return per_window(off, problem.windows.replays.first[:-1])
 

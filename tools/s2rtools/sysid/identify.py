@@ -17,22 +17,22 @@ from s2rtools.sysid.identifiability import Identifiability, identifiability
 from s2rtools.sysid.model_mismatch import Structure, structure
 from s2rtools.sysid.parameter_ranges import ranged
 from s2rtools.sysid.parameter_space import Space, check, space_of
-from s2rtools.sysid.prediction_error import Problem
+from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.search import Course, search
-from s2rtools.sysid.settings import Settings
+from s2rtools.sysid.settings import SysidSettings
 from s2rtools.sysid.simulators import SIMULATORS
 from s2rtools.sysid.simulators.simulator import Floats, Simulator
 from s2rtools.sysid.windows import cut
 
 if TYPE_CHECKING:
-    from s2rtools.precompute.pipeline import Reporter
+    from s2rtools.precompute.pipeline import ProgressReporter
 
 LEAST_FITTED = 4
 """Drives that a bootstrap over drives needs."""
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class ParameterEstimate:
     """`low` and `high` are the whole range where the drives leave the parameter `open`, or the
     range's end decides it;
     `untuned` is the simulator's value before."""
@@ -53,15 +53,15 @@ class Identification:
     those of fitted drives first by number, from start states as measured.
     """
 
-    settings: Settings
+    settings: SysidSettings
     space: Space
     cube: Floats
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[ParameterEstimate, ...]
     fitted: tuple[str, ...]
     held_out: tuple[str, ...]
     courses: tuple[Course, ...]
-    problem: Problem
-    everything: Problem
+    problem: PredictionError
+    everything: PredictionError
     error: HeldOut
     identifiability: Identifiability
     structure: Structure
@@ -83,7 +83,9 @@ class Identification:
         return not (self.identifiability.open_names or self.at_ends or self.unsettled)
 
 
-def identify(drives: Sequence[Drive], settings: Settings, reporter: Reporter) -> Identification:
+def identify(
+    drives: Sequence[Drive], settings: SysidSettings, reporter: ProgressReporter
+) -> Identification:
     """Raises RequestError for a wrong request, InconclusiveError for too few drives."""
     simulator = wanted_simulator(settings)
     fitted, held = _split(drives, settings)
@@ -92,7 +94,7 @@ def identify(drives: Sequence[Drive], settings: Settings, reporter: Reporter) ->
     space = space_of(simulator, settings.parameters, settings.fixed, known)
     number = np.arange(len(together))
     first_held = together.replays.drive >= len(fitted)
-    problem = Problem(space, together.only(number[~first_held]))
+    problem = PredictionError(space, together.only(number[~first_held]))
     evaluations = settings.evaluations or simulator.evaluations
     reporter.begin(f"search with {simulator.name}", settings.seeds * evaluations)
     found = search(problem, settings.seeds, settings.seed, evaluations, reporter.advance)
@@ -124,14 +126,14 @@ def simulator_named(name: str) -> Simulator:
     return SIMULATORS[name]()
 
 
-def wanted_simulator(settings: Settings) -> Simulator:
+def wanted_simulator(settings: SysidSettings) -> Simulator:
     """With the ranges that are asked for; raises RequestError for all that it does not know."""
     simulator = ranged(simulator_named(settings.simulator), settings.ranges)
     check(simulator, settings.parameters, settings.fixed, settings.ranges)
     return simulator
 
 
-def _split(drives: Sequence[Drive], settings: Settings) -> tuple[list[Drive], list[Drive]]:
+def _split(drives: Sequence[Drive], settings: SysidSettings) -> tuple[list[Drive], list[Drive]]:
     """Fitted and held-out drives: the held-out ones spread evenly over their order."""
     count = settings.held_out or max(1, round(len(drives) / 4))
     if len(drives) - count < LEAST_FITTED:
@@ -157,14 +159,14 @@ def _torques_known(drives: Sequence[Drive], simulator: Simulator) -> bool:
 
 
 def _estimates(space: Space, cube: Floats, limits: Floats,
-               unknown: tuple[str, ...]) -> tuple[Estimate, ...]:  # fmt: skip
+               unknown: tuple[str, ...]) -> tuple[ParameterEstimate, ...]:  # fmt: skip
     natural = space.natural(cube)
     low, high = space.natural(np.clip(limits, 0.0, 1.0))
     found = []
     for i, one in enumerate(space.parameters):
         free = one.name in unknown
         bounds = (one.low, one.high) if free else (float(low[i]), float(high[i]))
-        found.append(Estimate(one.name, one.unit, one.meaning, one.default, float(natural[i]),
+        found.append(ParameterEstimate(one.name, one.unit, one.meaning, one.default, float(natural[i]),
                               *bounds, free))  # fmt: skip
     return tuple(found)
 

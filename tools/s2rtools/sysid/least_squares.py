@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtools.sysid.cma_es import minimised
-from s2rtools.sysid.prediction_error import Problem
+from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats
 
 _DELAY_EVALUATIONS, _DELAY_SPREAD = 12, 0.02
@@ -17,7 +17,7 @@ _WORTH = 0.1
 """What a round must take off the sum of squares for another to follow."""
 
 
-def settled(problem: Problem, cube: Floats) -> tuple[Problem, Floats]:
+def settled(problem: PredictionError, cube: Floats) -> tuple[PredictionError, Floats]:
     """The optimum near `cube` (p,), and the problem about the start states that belong to it."""
     for _ in range(problem.space.simulator.rounds):
         problem = problem.restarted(cube)
@@ -27,7 +27,7 @@ def settled(problem: Problem, cube: Floats) -> tuple[Problem, Floats]:
     return problem.restarted(cube), cube
 
 
-def polished(problem: Problem, cube: Floats) -> Floats:
+def polished(problem: PredictionError, cube: Floats) -> Floats:
     """A local optimum near `cube` (p,), never worse than it."""
     smooth = np.array([one.smooth for one in problem.space.parameters])
     found = _own(problem, cube, smooth)
@@ -35,7 +35,7 @@ def polished(problem: Problem, cube: Floats) -> Floats:
     return found if problem.cost(found) <= problem.cost(cube) else cube
 
 
-def _trust_region(problem: Problem, cube: Floats) -> Floats:
+def _trust_region(problem: PredictionError, cube: Floats) -> Floats:
     from scipy.optimize import least_squares
 
     def flat(point: Floats) -> Floats:
@@ -50,7 +50,7 @@ def _trust_region(problem: Problem, cube: Floats) -> Floats:
     return np.asarray(found.x)
 
 
-def _own(problem: Problem, cube: Floats, smooth: NDArray[np.bool_]) -> Floats | None:
+def _own(problem: PredictionError, cube: Floats, smooth: NDArray[np.bool_]) -> Floats | None:
     """The simulator's least squares over the smooth parameters, then CMA-ES over the others."""
 
     def residual(columns: Floats) -> Floats:
@@ -68,7 +68,7 @@ def _own(problem: Problem, cube: Floats, smooth: NDArray[np.bool_]) -> Floats | 
     return found
 
 
-def _searched(problem: Problem, cube: Floats, free: NDArray[np.bool_]) -> Floats:
+def _searched(problem: PredictionError, cube: Floats, free: NDArray[np.bool_]) -> Floats:
     def cost(point: Floats) -> float:
         whole = cube.copy()
         whole[free] = point

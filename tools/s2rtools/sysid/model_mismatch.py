@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2rtools.sysid.drive_bootstrap import interval, normal_equations, replicates
-from s2rtools.sysid.prediction_error import Problem
+from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats
 
 CHANNELS = ("ahead", "sideways", "heading")
@@ -88,13 +88,13 @@ class Structure:
         return tuple(told)
 
 
-def structure(held_out: Problem, everything: Problem, cube: Floats, count: int,
+def structure(held_out: PredictionError, everything: PredictionError, cube: Floats, count: int,
               rng: np.random.Generator) -> Structure:  # fmt: skip
     """`held_out` and `everything`: the problem over held-out windows and over all."""
     return Structure(_channels(held_out, cube), _candidates(everything, cube, count, rng))
 
 
-def _channels(problem: Problem, cube: Floats) -> tuple[Channel, ...]:
+def _channels(problem: PredictionError, cube: Floats) -> tuple[Channel, ...]:
     from scipy.stats import norm
 
     problem = problem.restarted(cube)
@@ -119,7 +119,7 @@ def _channels(problem: Problem, cube: Floats) -> tuple[Channel, ...]:
     return tuple(found)
 
 
-def _candidates(problem: Problem, cube: Floats, count: int,
+def _candidates(problem: PredictionError, cube: Floats, count: int,
                 rng: np.random.Generator) -> tuple[Candidate, ...]:  # fmt: skip
     space = problem.space
     found = []

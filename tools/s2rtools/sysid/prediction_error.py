@@ -13,7 +13,7 @@ import numpy as np
 from s2rtools.sysid.parameter_space import Space
 from s2rtools.sysid.simulators.simulator import Floats
 from s2rtools.sysid.variable_projection import eliminate
-from s2rtools.sysid.windows import Windows
+from s2rtools.sysid.windows import SysidWindows
 
 _DOUBT = np.array([0.02, 0.02, 0.02, 0.15, 0.3])
 """Standard deviation of measured start states, generous: m, m, rad, m/s, rad/s."""
@@ -23,10 +23,10 @@ _STEP = 1e-3
 _WORST = 1e12
 
 
-class Problem:
+class PredictionError:
     """Residuals over `space`, in units of `sigma` (3,): m, m, rad."""
 
-    def __init__(self, space: Space, windows: Windows, sigma: Floats | None = None,
+    def __init__(self, space: Space, windows: SysidWindows, sigma: Floats | None = None,
                  starts: Floats | None = None) -> None:  # fmt: skip
         self.space, self.windows = space, windows
         self.sigma = np.array(windows.noise if sigma is None else sigma)
@@ -35,16 +35,16 @@ class Problem:
     def __len__(self) -> int:
         return 3 * len(self.windows.replays.times)
 
-    def of(self, windows: Windows) -> Problem:
+    def of(self, windows: SysidWindows) -> PredictionError:
         """The same over other windows, from their measured starts."""
-        return Problem(self.space, windows, self.sigma)
+        return PredictionError(self.space, windows, self.sigma)
 
-    def over(self, space: Space) -> Problem:
+    def over(self, space: Space) -> PredictionError:
         """The same over another space."""
-        return Problem(space, self.windows, self.sigma, self.starts)
+        return PredictionError(space, self.windows, self.sigma, self.starts)
 
-    def weighted(self, sigma: Floats) -> Problem:
-        return Problem(self.space, self.windows, sigma, self.starts)
+    def weighted(self, sigma: Floats) -> PredictionError:
+        return PredictionError(self.space, self.windows, sigma, self.starts)
 
     def residuals(self, cube: Floats) -> Floats:
         """What no start state explains, (n, 3), in units of `sigma`."""
@@ -55,10 +55,10 @@ class Problem:
         found = self._eliminated(cube)[2] / len(self)
         return found if np.isfinite(found) else _WORST
 
-    def restarted(self, cube: Floats) -> Problem:
+    def restarted(self, cube: Floats) -> PredictionError:
         """The same about the start states that fit best."""
         starts = self.starts + self._eliminated(cube)[1]
-        return Problem(self.space, self.windows, self.sigma, starts)
+        return PredictionError(self.space, self.windows, self.sigma, starts)
 
     def jacobian(self, cube: Floats) -> Floats:
         """Derivatives of `residuals` by the cube's coordinates, (n, 3, p); one-sided at a wall."""

@@ -18,13 +18,13 @@ from torch import Tensor, nn
 from s2rtools.sysid.simulators.simulator import Floats, Values
 
 if TYPE_CHECKING:
-    from s2rtools.precompute.pipeline import Reporter
+    from s2rtools.precompute.pipeline import ProgressReporter
     from s2rtools.sysid.residual_training import Stretches
 
 _WIDTH, _DROPOUT, _RATE, _DECAY, _PATIENCE = 24, 0.1, 5e-3, 1e-4, 25
 
 
-class Correction(nn.Module):
+class ResidualNetwork(nn.Module):
     """Scaled by `training`; one seed gives one network."""
 
     def __init__(self, training: Stretches, seed: int) -> None:
@@ -105,8 +105,8 @@ class Correction(nn.Module):
         return bytes(save(tensors, {"description": json.dumps(told, sort_keys=True)}))
 
 
-def train(correction: Correction, training: Stretches, stopping: Stretches, epochs: int,
-          reporter: Reporter) -> None:  # fmt: skip
+def train(correction: ResidualNetwork, training: Stretches, stopping: Stretches, epochs: int,
+          reporter: ProgressReporter) -> None:  # fmt: skip
     """Full-batch Adam; keeps the weights that were best on `stopping`, the first among them."""
     optimiser = torch.optim.AdamW(correction.parameters(), _RATE, weight_decay=_DECAY)
     reporter.begin("residual network", epochs)
@@ -132,12 +132,12 @@ def train(correction: Correction, training: Stretches, stopping: Stretches, epoc
 
 
 @torch.no_grad()
-def _judged(correction: Correction, stretches: Stretches) -> float:
+def _judged(correction: ResidualNetwork, stretches: Stretches) -> float:
     correction.eval()
     return float(correction.loss(stretches))
 
 
-def _copied(correction: Correction) -> dict[str, Tensor]:
+def _copied(correction: ResidualNetwork) -> dict[str, Tensor]:
     return {name: tensor.clone() for name, tensor in correction.state_dict().items()}
 
 

@@ -10,11 +10,11 @@ import numpy as np
 from s2rstore.errors import InconclusiveError
 from s2rtools.sysid.heldout_error import HeldOut, compared
 from s2rtools.sysid.identify import Identification
-from s2rtools.sysid.prediction_error import Problem
+from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import LATENCY, Floats, Integers, Replays
 
 if TYPE_CHECKING:
-    from s2rtools.precompute.pipeline import Reporter
+    from s2rtools.precompute.pipeline import ProgressReporter
 
 STEP = 0.1
 """Seconds between two corrections."""
@@ -76,12 +76,12 @@ class Stretches:
                          self.drive[chosen])  # fmt: skip
 
 
-def learn(found: Identification, reporter: Reporter, epochs: int = 200) -> Residual:
+def learn(found: Identification, reporter: ProgressReporter, epochs: int = 200) -> Residual:
     """Train on fitted drives, a quarter of them kept for stopping; judge on held-out drives.
 
     Raises InconclusiveError where the logs are too coarse for steps of `STEP`.
     """
-    from s2rtools.sysid.residual_network import Correction, train
+    from s2rtools.sysid.residual_network import ResidualNetwork, train
 
     stretches = _stretches(found.everything, found.cube)
     fitted = len(found.fitted)
@@ -89,7 +89,7 @@ def learn(found: Identification, reporter: Reporter, epochs: int = 200) -> Resid
     training = stretches.of(stretches.drive < fitted - kept)
     stopping = stretches.of((stretches.drive >= fitted - kept) & (stretches.drive < fitted))
     judged = stretches.of(stretches.drive >= fitted)
-    correction = Correction(training, found.settings.seed)
+    correction = ResidualNetwork(training, found.settings.seed)
     train(correction, training, stopping, epochs, reporter)
     with_it, without = correction.poses(judged), judged.states[:, :, :3]
     rng = np.random.default_rng((found.settings.seed, 20_000))
@@ -104,7 +104,7 @@ def _errors(poses: Floats, real: Floats) -> Floats:
     return np.stack([place, np.sqrt((off[:, 1:, 2] ** 2).mean(axis=1))], axis=1)
 
 
-def _stretches(problem: Problem, cube: Floats) -> Stretches:
+def _stretches(problem: PredictionError, cube: Floats) -> Stretches:
     windows, replays = problem.windows, problem.windows.replays
     first = replays.first
     gap = float(np.median(np.diff(replays.times[first[0] : first[1]])))

@@ -8,7 +8,7 @@ import numpy as np
 
 from s2rtools.sysid.cma_es import Advance, minimised
 from s2rtools.sysid.least_squares import settled
-from s2rtools.sysid.prediction_error import Problem
+from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats, Integers
 
 _SPREAD = 0.25
@@ -37,11 +37,11 @@ class Found:
     """The optimum `cube` (p,) and the problem whose start states and weights belong to it."""
 
     cube: Floats
-    problem: Problem
+    problem: PredictionError
     courses: tuple[Course, ...]
 
 
-def search(problem: Problem, seeds: int, first_seed: int, evaluations: int,
+def search(problem: PredictionError, seeds: int, first_seed: int, evaluations: int,
            advance: Advance) -> Found:  # fmt: skip
     """`evaluations` of the objective at most per seed; `advance` hears of each generation's."""
     courses = []
@@ -59,7 +59,7 @@ def search(problem: Problem, seeds: int, first_seed: int, evaluations: int,
     return Found(cube, problem, tuple(courses))
 
 
-def _course(problem: Problem, start: Floats, rng: np.random.Generator, number: int,
+def _course(problem: PredictionError, start: Floats, rng: np.random.Generator, number: int,
             evaluations: int, advance: Advance) -> Course:  # fmt: skip
     part = problem.of(problem.windows.only(_some(problem, rng)))
     counts, costs, end = minimised(part.cost, start, rng, evaluations, _SPREAD, advance)
@@ -67,14 +67,14 @@ def _course(problem: Problem, start: Floats, rng: np.random.Generator, number: i
     return Course(number, counts, costs, end, fine, whole.cost(fine))
 
 
-def _some(problem: Problem, rng: np.random.Generator) -> Integers:
+def _some(problem: PredictionError, rng: np.random.Generator) -> Integers:
     """Windows of `_LONGEST` seconds in all, drawn without replacement."""
     count = len(problem.windows)
     keep = max(1, int(count * min(1.0, _LONGEST / problem.windows.seconds())))
     return np.sort(rng.permutation(count)[:keep])
 
 
-def _left(problem: Problem, cube: Floats) -> Floats:
+def _left(problem: PredictionError, cube: Floats) -> Floats:
     """What the fit leaves, as standard deviation of places (x and y pooled) and headings."""
     rms = np.sqrt((problem.residuals(cube) ** 2).mean(axis=0)) * problem.sigma
     place = float(np.hypot(rms[0], rms[1]) / np.sqrt(2.0))

@@ -11,7 +11,7 @@ from s2rtools.sysid.parameter_ranges import Range
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class SysidSettings:
     """`parameters` None: those searched by default. `held_out` drives None: a quarter, at least
     one. `evaluations` per seed None: as the simulator says. `window` in s. `ranges` take the place
     of those that the simulator declares.

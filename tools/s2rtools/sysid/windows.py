@@ -20,7 +20,7 @@ _QUIETEST = np.array([1e-5, 1e-5, 1e-5])
 
 
 @dataclass(frozen=True, slots=True)
-class Windows:
+class SysidWindows:
     """`poses` (n, 3): x, y, heading (unwrapped) at `replays.times`; `starts` (w, 5) estimated from
     the poses around each window's first moment; `noise` (3,): what changes from sample to sample,
     m, m, rad; `drives` names, by number.
@@ -47,7 +47,7 @@ class Windows:
         first = self.replays.first
         return float((self.replays.times[first[1:] - 1] - self.replays.times[first[:-1]]).sum())
 
-    def only(self, windows: Integers) -> Windows:
+    def only(self, windows: Integers) -> SysidWindows:
         """Some of the windows, in this order, with the commands of all drives."""
         first = self.replays.first
         rows = np.concatenate([np.arange(first[i], first[i + 1]) for i in windows])
@@ -57,10 +57,12 @@ class Windows:
             self.replays.drive[windows],
             self.replays.command_time, self.replays.values, self.replays.held,
         )  # fmt: skip
-        return Windows(self.drives, replays, self.poses[rows], self.starts[windows], self.noise)
+        return SysidWindows(
+            self.drives, replays, self.poses[rows], self.starts[windows], self.noise
+        )
 
 
-def cut(drives: Sequence[Drive], simulator: Simulator, seconds: float) -> Windows:
+def cut(drives: Sequence[Drive], simulator: Simulator, seconds: float) -> SysidWindows:
     """The real logs in windows of `seconds`, without overlap, where commands are known.
 
     Before its first command a robot is taken to be told nothing (0). Raises RequestError where a
@@ -80,7 +82,7 @@ def cut(drives: Sequence[Drive], simulator: Simulator, seconds: float) -> Window
     jitter = np.sqrt(np.mean([_jitter(drive.real) ** 2 for drive in drives], axis=0))
     names = tuple(drive.name for drive in drives)
     channels = simulator.channels(told[0])
-    return Windows(names, pack(told, stretches, channels), np.concatenate(poses),
+    return SysidWindows(names, pack(told, stretches, channels), np.concatenate(poses),
                    np.stack(starts), np.maximum(jitter, _QUIETEST))  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from s2rstore.files.layout import write_atomic
 
 
 @dataclass(slots=True)
-class Progress:
+class TrainingProgress:
     """How far a training is; batches and augmentations follow from the seed and `step` alone."""
 
     step: int = 0
@@ -28,7 +28,11 @@ class Progress:
 
 
 def write_checkpoint(
-    path: Path, network: nn.Module, optimizer: Optimizer, progress: Progress, facts: dict[str, Any]
+    path: Path,
+    network: nn.Module,
+    optimizer: Optimizer,
+    progress: TrainingProgress,
+    facts: dict[str, Any],
 ) -> None:
     """Replace the file at once; `facts` say which training it belongs to."""
     tensors = {f"network/{key}": value for key, value in network.state_dict().items()}
@@ -42,7 +46,7 @@ def write_checkpoint(
 
 def read_checkpoint(
     path: Path, network: nn.Module, optimizer: Optimizer, facts: dict[str, Any]
-) -> Progress:
+) -> TrainingProgress:
     """Put the state back. Raises RequestError where the file is another training's or damaged."""
     check_regular(path)
     try:
@@ -64,4 +68,4 @@ def read_checkpoint(
             states.setdefault(int(number), {})[name] = value
     network.load_state_dict(weights)
     optimizer.load_state_dict({**optimizer.state_dict(), "state": states})
-    return Progress(**json.loads(header["progress"]))
+    return TrainingProgress(**json.loads(header["progress"]))

@@ -24,7 +24,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register
 from s2rtools.precompute.registry import domain_of, insert_run
-from s2rtools.synthetic_world.dataset import Recipe, WorldData
+from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 
 NAMES = ("vanilla", "dataaug", "finetune", "perlin")
 WORLD_SEED = 1
@@ -99,7 +99,7 @@ def keep(store: Store, name: str) -> None:
 
 def golden_views() -> dict[str, NDArray[Any]]:
     """A few views of the default building, small: colour, raw depth and ids of both sides."""
-    data = WorldData(Recipe(seed=WORLD_SEED, count=2, frame=48))
+    data = WorldData(WorldRecipe(seed=WORLD_SEED, count=2, frame=48))
     poses = data.world.survey(4)
     made: dict[str, NDArray[Any]] = {}
     for side in SIDES:

@@ -17,7 +17,7 @@ Augmentation = Callable[[Tensor, torch.Generator], Tensor]
 
 
 @dataclass(frozen=True, slots=True)
-class Recipe:
+class TrainingRecipe:
     """What a model learns from and how.
 
     `learns_from` are the kinds of the domains that are trained on: sim images are split in
@@ -41,18 +41,18 @@ def _colours(shape: tuple[int, int], seed: int) -> Augmentation:
     return vary_colours
 
 
-RECIPES: dict[str, Recipe] = {
+RECIPES: dict[str, TrainingRecipe] = {
     recipe.name: recipe
     for recipe in (
-        Recipe("vanilla", "sim images as they are", ("sim",), 2e-3, _untouched),
-        Recipe(
+        TrainingRecipe("vanilla", "sim images as they are", ("sim",), 2e-3, _untouched),
+        TrainingRecipe(
             "dataaug",
             "sim images with random brightness, contrast, dynamic range and hue",
             ("sim",),
             2e-3,
             _colours,
         ),
-        Recipe(
+        TrainingRecipe(
             "finetune",
             "a trained model, trained on with sim images and real ones of another part, in "
             "random colours",
@@ -61,14 +61,14 @@ RECIPES: dict[str, Recipe] = {
             _colours,
             needs_start=True,
         ),
-        Recipe(
+        TrainingRecipe(
             "perlin", "sim images with Perlin noise and holes in depth", ("sim",), 2e-3, DepthNoise
         ),
     )
 }
 
 
-def recipe_named(name: str) -> Recipe:
+def recipe_named(name: str) -> TrainingRecipe:
     """A registered recipe; RequestError for unknown names."""
     if name not in RECIPES:
         raise RequestError(f"recipe {name!r}: one of {', '.join(RECIPES)}")

@@ -20,9 +20,9 @@ from s2rtools.models import build
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.pose_network import LoadedModel, PoseNetwork
 from s2rtools.training import splits as split_rules
-from s2rtools.training.checkpoint import Progress, read_checkpoint, write_checkpoint
+from s2rtools.training.checkpoint import TrainingProgress, read_checkpoint, write_checkpoint
 from s2rtools.training.evaluation import Splits, errors, predict, split_figures
-from s2rtools.training.recipes import Augmentation, Recipe, recipe_named
+from s2rtools.training.recipes import Augmentation, TrainingRecipe, recipe_named
 from s2rtools.training.training_frames import TrainingFrames
 
 BATCH = 32
@@ -45,7 +45,7 @@ class Budget:
     minutes: float = 2.0
     steps: int | None = None
 
-    def fraction(self, progress: Progress) -> float:
+    def fraction(self, progress: TrainingProgress) -> float:
         if self.steps is not None:
             return min(1.0, progress.step / max(1, self.steps))
         return min(1.0, progress.seconds / max(1e-9, self.minutes * 60))
@@ -98,7 +98,7 @@ def train(
     return TrainingResult(network, trainer.convention, splits, history, figures, provenance)
 
 
-def _splits(frames: TrainingFrames, recipe: Recipe, known: Splits | None) -> Splits:
+def _splits(frames: TrainingFrames, recipe: TrainingRecipe, known: Splits | None) -> Splits:
     """What the finished model will have known of each instance, for each domain."""
     rows = frames.trajectory
     splits: Splits = {}
@@ -121,7 +121,7 @@ class _Trainer:
     def __init__(
         self,
         frames: TrainingFrames,
-        recipe: Recipe,
+        recipe: TrainingRecipe,
         splits: Splits,
         architecture: str,
         budget: Budget,
@@ -141,7 +141,7 @@ class _Trainer:
             self.network.parameters(), recipe.learning_rate, weight_decay=WEIGHT_DECAY
         )
         self.augment: Augmentation = recipe.augmentation(self.network.input_size, seed)
-        self.progress = Progress()
+        self.progress = TrainingProgress()
 
     def _network(self, architecture: str) -> tuple[PoseNetwork, OutputConvention]:
         if self.start is not None:

@@ -21,7 +21,7 @@ from s2rtools.datasets import dataset_config
 from s2rtools.datasets.csv_rows import read_rows
 from s2rtools.datasets.image_decoding import Images
 from s2rtools.datasets.path_containment import Containment
-from s2rtools.datasets.scan import Problem, Scan, ScanOptions, Sighting
+from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan, ScanOptions
 
 REQUIRED = ("trajectory", "seq", "domain", "rgb", "depth", "x", "y", "heading")
 _OPTIONAL = ("timestamp", "odom_x", "odom_y", "odom_heading")
@@ -56,7 +56,7 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         recorded_at=dataset_config.recorded_at(data, where),
     )
     if isinstance(result.floor_plan, Path) and not result.floor_plan.is_file():
-        result.problems.append(Problem("missing floor plan", plan))
+        result.problems.append(InputIssue("missing floor plan", plan))
         result.floor_plan = None
     rows = _complete(result, path, rows)
     names = list(dict.fromkeys(row["domain"] for _, row in rows))
@@ -88,7 +88,7 @@ def _complete(result: Scan, path: Path, rows: list[tuple[int, Row]]) -> list[tup
         blank = [name for name in _NAMING if not row[name]]
         if blank:
             where = f"{path.name}:{number}"
-            result.problems.append(Problem("incomplete row", where, f"no {blank[0]}"))
+            result.problems.append(InputIssue("incomplete row", where, f"no {blank[0]}"))
         else:
             whole.append((number, row))
     return whole
@@ -114,12 +114,12 @@ def _collect(
         where = f"{path.name}:{number}"
         seq = _integer(row["seq"])
         if seq is None:
-            result.problems.append(Problem("bad seq", where, row["seq"]))
+            result.problems.append(InputIssue("bad seq", where, row["seq"]))
             continue
         group = views.setdefault(row["trajectory"], {}).setdefault(seq, {})
         if row["domain"] in group:
             detail = f"{row['trajectory']} {seq} {row['domain']}"
-            result.problems.append(Problem("duplicate row", where, detail))
+            result.problems.append(InputIssue("duplicate row", where, detail))
             continue
         group[row["domain"]] = (number, row)
     for name in wanted:
@@ -135,7 +135,7 @@ def _collect(
         if sightings:
             result.trajectories[trajectory] = sightings
         else:
-            result.problems.append(Problem("empty trajectory", trajectory, "no usable pair"))
+            result.problems.append(InputIssue("empty trajectory", trajectory, "no usable pair"))
 
 
 def _sighting(
@@ -144,20 +144,20 @@ def _sighting(
     views: dict[str, tuple[int, Row]],
     sizes: Sizes,
     inside: Containment,
-) -> Sighting | None:
+) -> InstanceRecord | None:
     number, first = next(iter(views.values()))
     where = f"{path.name}:{number}"
     absent = [name for name in sizes if name not in views]
     if absent:
-        result.problems.append(Problem("unmatched pair", where, f"no row of {absent[0]}"))
+        result.problems.append(InputIssue("unmatched pair", where, f"no row of {absent[0]}"))
         return None
     pose = _pose(first)
     if not all(abs(value) <= _POSE_LIMIT for value in pose):
-        result.problems.append(Problem("bad pose", where))
+        result.problems.append(InputIssue("bad pose", where))
         return None
     for other, row in views.values():
         if any(abs(a - b) > _POSE_TOLERANCE for a, b in zip(pose, _pose(row), strict=True)):
-            result.problems.append(Problem("poses disagree", f"{path.name}:{other}"))
+            result.problems.append(InputIssue("poses disagree", f"{path.name}:{other}"))
             return None
     images = {}
     for domain in sizes:
@@ -165,14 +165,14 @@ def _sighting(
         rgb, depth = (inside.file(row[key], f"{path}:{line}: {key}") for key in ("rgb", "depth"))
         for file in (rgb, depth):
             if len(file.name) > 255 or not file.is_file():
-                result.problems.append(Problem("missing image", result.relative(file)))
+                result.problems.append(InputIssue("missing image", result.relative(file)))
                 return None
         images[domain] = Images(rgb, depth, *sizes[domain])
     real = next(row for name, (_, row) in views.items() if result.domains[name].kind == "real")
     odometry = [_float(real.get(f"odom_{name}")) for name in ("x", "y", "heading")]
     known = all(math.isfinite(value) for value in odometry)
     stamp = _float(real.get("timestamp"))
-    return Sighting(
+    return InstanceRecord(
         x=pose[0],
         y=pose[1],
         heading=_wrapped(pose[2]),

@@ -22,7 +22,7 @@ from s2rtools.datasets import dataset_config
 from s2rtools.datasets.csv_rows import read_rows
 from s2rtools.datasets.image_decoding import Images, declared_size, size_text
 from s2rtools.datasets.path_containment import Containment
-from s2rtools.datasets.scan import Problem, Scan, ScanOptions, Sighting
+from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan, ScanOptions
 
 _NAME = re.compile(
     r"x(?P<x>[^_]+)_y(?P<y>[^_]+)_z(?P<z>[^_]+)_r(?P<r>[^_]+)_(?P<what>rgb|depth)"
@@ -123,11 +123,11 @@ def _edited_everywhere(result: Scan, folders: list[Path]) -> bool:
         if folder in with_images:
             continue
         if edited.is_dir():
-            result.problems.append(Problem("empty folder", result.relative(edited)))
+            result.problems.append(InputIssue("empty folder", result.relative(edited)))
         if with_images:
             keep = " ".join(f"--trajectory {other.name}" for other in with_images)
             detail = f"{_EDITED} is left out; {keep} keeps it"
-            result.problems.append(Problem("domain not everywhere", folder.name, detail))
+            result.problems.append(InputIssue("domain not everywhere", folder.name, detail))
     return bool(recorded) and len(with_images) == len(recorded)
 
 
@@ -143,7 +143,7 @@ def _scan_trajectory(result: Scan, folder: Path, sizes: Sizes, inside: Containme
     sightings = [_sighting(result, files) for files in images]
     found = [sighting for sighting in sightings if sighting is not None]
     if not found:
-        result.problems.append(Problem("empty trajectory", folder.name, "no usable pair"))
+        result.problems.append(InputIssue("empty trajectory", folder.name, "no usable pair"))
         return
     result.trajectories[folder.name] = found
 
@@ -158,10 +158,10 @@ def _matches(result: Scan, folder: Path) -> list[tuple[str, str]]:
         if not real and not sim:
             continue
         if not all((match := _NAME.match(name)) and match["what"] == "rgb" for name in (real, sim)):
-            result.problems.append(Problem("bad name", where, f"{real},{sim}"))
+            result.problems.append(InputIssue("bad name", where, f"{real},{sim}"))
         elif real in made:
             detail = real if made[real] == sim else f"{real} with another sim image; kept the first"
-            result.problems.append(Problem("duplicate row", where, detail))
+            result.problems.append(InputIssue("duplicate row", where, detail))
         else:
             made[real] = sim
     return list(made.items())
@@ -169,7 +169,7 @@ def _matches(result: Scan, folder: Path) -> list[tuple[str, str]]:
 
 def _rows(result: Scan, path: Path) -> list[tuple[int, dict[str, str]]]:
     if not path.exists():
-        result.problems.append(Problem("no match.csv", result.relative(path)))
+        result.problems.append(InputIssue("no match.csv", result.relative(path)))
         return []
     rows = list(read_rows(path, ("REAL_RGB", "SIM_RGB")))
     if rows and not {"REAL_RGB", "SIM_RGB"} <= set(rows[0][1]):
@@ -209,7 +209,7 @@ def _as_stored(
             scaled[name] = size
             detail = f"{size_text(size)}, the calibration is for {size_text(declared[0])}; scaled"
             where = result.relative(folder / name)
-            result.problems.append(Problem("other size than calibrated", where, detail))
+            result.problems.append(InputIssue("other size than calibrated", where, detail))
     return [
         {
             name: replace(image, rgb_size=scaled[name], depth_size=scaled[name])
@@ -220,18 +220,18 @@ def _as_stored(
     ]  # fmt: skip
 
 
-def _sighting(result: Scan, images: dict[str, Images]) -> Sighting | None:
+def _sighting(result: Scan, images: dict[str, Images]) -> InstanceRecord | None:
     files = [file for image in images.values() for file in (image.rgb, image.depth)]
     missing = [file for file in files if not file.is_file()]
-    result.problems += [Problem("missing image", result.relative(file)) for file in missing]
+    result.problems += [InputIssue("missing image", result.relative(file)) for file in missing]
     if missing:
         return None
     x, _, z, r = _numbers(images["sim"].rgb.name)
     odometry = _numbers(images["real"].rgb.name)
     if not all(math.isfinite(value) for value in (x, z, r)):
-        result.problems.append(Problem("bad pose", result.relative(images["sim"].rgb)))
+        result.problems.append(InputIssue("bad pose", result.relative(images["sim"].rgb)))
         return None
-    return Sighting(
+    return InstanceRecord(
         x=x,
         y=z,
         heading=float(angles.from_habitat(math.radians(r))),
@@ -259,7 +259,7 @@ def _report_unmatched(
         used |= {_depth_name(name) for name in used}
         for path in _pictures(folder / domain):
             if path.name not in used:
-                result.problems.append(Problem("unmatched image", result.relative(path)))
+                result.problems.append(InputIssue("unmatched image", result.relative(path)))
 
 
 def _pictures(folder: Path) -> list[Path]:

@@ -11,8 +11,15 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES, Bounds, Domain, Room, Side
-from s2rtools.datasets.scan import Checked, Problem, Scan, ScanOptions, Sighting, View
-from s2rtools.synthetic_world.dataset import NOTES, Recipe, WorldData
+from s2rtools.datasets.scan import (
+    CheckedFrame,
+    DecodedFrame,
+    InputIssue,
+    InstanceRecord,
+    Scan,
+    ScanOptions,
+)
+from s2rtools.synthetic_world.dataset import NOTES, WorldData, WorldRecipe
 from s2rtools.synthetic_world.floor_plan import SIZE
 from s2rtools.synthetic_world.routes import Poses
 from s2rtools.synthetic_world.world import (
@@ -42,22 +49,22 @@ class Rendering:
     def files(self, scan: Scan) -> tuple[str | None, str | None]:
         return None, None
 
-    def check(self, scan: Scan, domain: Domain) -> Checked | Problem:
-        return Checked("uint16")
+    def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
+        return CheckedFrame("uint16")
 
-    def view(self, scan: Scan, domain: Domain) -> View | Problem:
+    def view(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
         made = self.data.views(self.side, self.pose[None], np.array([self.number]))
         rgb, depth = made.rgb[0], self.data.raw(made)[0]
         valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
         digest = hashlib.sha256(rgb.tobytes() + depth.tobytes()).hexdigest()
-        return View(rgb, depth, digest, float(valid.mean()))
+        return DecodedFrame(rgb, depth, digest, float(valid.mean()))
 
 
 def scan(path: Path, options: ScanOptions) -> Scan:
     """The data set of a recipe; `path` stays empty. Raises RequestError for recipes of nothing."""
     if path != Path():
         raise RequestError(f"{path}: `s2r ingest world` makes its data; it takes no PATH")
-    data = WorldData(Recipe(**{**options.world, "frame": options.frame[0]}))
+    data = WorldData(WorldRecipe(**{**options.world, "frame": options.frame[0]}))
     for name in options.trajectories:
         if name not in data.poses:
             raise RequestError(f"--trajectory {name}: has {', '.join(data.poses)}")
@@ -93,7 +100,7 @@ def _domain(side: Side, frame: int) -> Domain:
     )  # fmt: skip
 
 
-def _drives(recipe: Recipe, folder: Path) -> None:
+def _drives(recipe: WorldRecipe, folder: Path) -> None:
     """What the world's robot does on the same commands as its simulation."""
     from s2rtools.sysid.synthetic_drives import SEVERITIES, make_drives
 
@@ -101,10 +108,10 @@ def _drives(recipe: Recipe, folder: Path) -> None:
     make_drives(folder, recipe.seed, severities)
 
 
-def _sightings(data: WorldData, name: str) -> list[Sighting]:
+def _sightings(data: WorldData, name: str) -> list[InstanceRecord]:
     poses, odometry = data.poses[name], data.odometry(name)
     return [
-        Sighting(
+        InstanceRecord(
             x=float(pose[0]), y=float(pose[1]), heading=float(pose[2]),
             images={side: Rendering(data, pose, data.number(name, row), side) for side in SIDES},
             odometry=(float(odom[0]), float(odom[1]), float(odom[2])),

@@ -10,7 +10,7 @@ from scipy import stats
 
 from s2rstore.errors import RequestError
 from s2rstore.metrics.pose_metrics import bounds
-from s2rtools.gap.axis_result import Anchor, Axis, Evidence, Measured, Settings
+from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.bootstrap_correction import widened
 from s2rtools.gap.delay import time_delay
 from s2rtools.gap.dynamics.log_quality import untuned_of
@@ -26,7 +26,7 @@ _SIZES = np.linspace(0.0, 6.0, 601)
 """True sizes in deviations, for what `beyond_noise` looks up."""
 
 
-class Delay(Axis):
+class DelayAxis(Axis):
     """m = mean of the drives' |delay| beyond noise, by overlap, over the control period."""
 
     name: ClassVar[str] = "delay"
@@ -61,7 +61,7 @@ class Delay(Axis):
             return "no commands.csv beside the logs: the control period is not known"
         return None
 
-    def measure(self, evidence: Evidence, settings: Settings) -> Measured:
+    def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         drives = evidence.drives
         period = self._period(drives)
         found = self._delays(drives, lambda drive: drive.sim, settings)
@@ -69,7 +69,7 @@ class Delay(Axis):
         signed, draws = _pooled(found, np.array([late.seconds for late in found]), settings)
         low, high = bounds(draws, settings.level)
         n = sum(int(delay.overlap // time_delay.BLOCK) for delay in found)
-        return Measured(
+        return AxisResult(
             axis=self.name,
             value=value / period,
             floor=0.0,
@@ -94,7 +94,7 @@ class Delay(Axis):
             notes=_notes(drives, found),
         )
 
-    def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
+    def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
         if self.bad_state == "period":
             return Anchor(1.0, np.ones(settings.replicates), "one control period late")
         drives = evidence.drives
@@ -104,8 +104,8 @@ class Delay(Axis):
         return Anchor(value / period, replicates / period, "the untuned simulator")
 
     def _delays(
-        self, drives: Sequence[Drive], simulated: Callable[[Drive], Log], settings: Settings
-    ) -> list[time_delay.Delay]:
+        self, drives: Sequence[Drive], simulated: Callable[[Drive], Log], settings: GapSettings
+    ) -> list[time_delay.TimeDelay]:
         return [
             time_delay.delay(drive.real, simulated(drive), settings, self.rate, self.furthest)
             for drive in drives
@@ -129,7 +129,7 @@ class Delay(Axis):
         return float(np.median(list(known.values())))
 
 
-def _told(drive: Drive, late: time_delay.Delay) -> dict[str, Any]:
+def _told(drive: Drive, late: time_delay.TimeDelay) -> dict[str, Any]:
     return {
         "drive": drive.name,
         "delay": late.seconds,
@@ -164,7 +164,7 @@ def beyond_noise(size: Floats, deviation: float) -> Floats:
     return np.asarray(np.where(seen < shown[-1], np.interp(seen, shown, _SIZES), seen) * deviation)
 
 
-def sizes(found: Sequence[time_delay.Delay], settings: Settings) -> tuple[float, Floats]:
+def sizes(found: Sequence[time_delay.TimeDelay], settings: GapSettings) -> tuple[float, Floats]:
     """Mean over the drives of |delay| beyond its noise, s, and its replicates (R,).
 
     Of one drive: the folded interval. At a true delay on the threshold 2.5 % of 20 000 simulated
@@ -181,7 +181,7 @@ def sizes(found: Sequence[time_delay.Delay], settings: Settings) -> tuple[float,
 
 
 def _pooled(
-    found: Sequence[time_delay.Delay], each: Floats, settings: Settings
+    found: Sequence[time_delay.TimeDelay], each: Floats, settings: GapSettings
 ) -> tuple[float, Floats]:
     """Mean by overlap of a figure of each drive, and its replicates (R,), drives resampled."""
     if len(found) == 1:
@@ -193,7 +193,7 @@ def _pooled(
     return mean, widened(means, mean, len(found), settings.level)
 
 
-def _notes(drives: Sequence[Drive], found: Sequence[time_delay.Delay]) -> tuple[str, ...]:
+def _notes(drives: Sequence[Drive], found: Sequence[time_delay.TimeDelay]) -> tuple[str, ...]:
     if len(found) == 1:
         return ("one drive: the interval says nothing of how drives differ",)
     early, late = (pick(range(len(found)), key=lambda i: found[i].seconds) for pick in (min, max))

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.metrics.pose_metrics import bounds
-from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.bootstrap_correction import small_sample
 from s2rtools.motion_logs.motion_log import Floats, Log
 from s2rtools.motion_logs.resample import poses_at
@@ -42,11 +42,11 @@ CLEAR = 4.0
 """Deviations by which Fisher's z of the best correlation must stand above none."""
 _BLOCK_SHIFTS = 41
 _REACH = 3.0
-_DEFAULTS = Settings()
+_DEFAULTS = GapSettings()
 
 
 @dataclass(frozen=True, slots=True)
-class Delay:
+class TimeDelay:
     """`seconds` that the real log comes after the simulated one; negative = before.
 
     `low`, `high` bound it at the settings' level, from `replicates` (R,). `correlation` is that of
@@ -77,10 +77,10 @@ def without(log: Log, delay: float) -> Log:
 def delay(
     real: Log,
     sim: Log,
-    settings: Settings = _DEFAULTS,
+    settings: GapSettings = _DEFAULTS,
     rate: float = 50.0,
     furthest: float = 1.0,
-) -> Delay:
+) -> TimeDelay:
     """How much later `real` is than `sim`, searched within `furthest` s on a grid of `rate` Hz.
 
     Raises RequestError where the logs do not overlap, InconclusiveError where nothing moves, where
@@ -105,7 +105,7 @@ def delay(
     except InconclusiveError as error:
         raise InconclusiveError(f"{real.source} and {sim.source}: {error}") from error
     low, high = bounds(spread, settings.level)
-    return Delay(
+    return TimeDelay(
         float(found) * step, low, high, spread,
         dict(zip(RATES, correlation.tolist(), strict=True)), overlap,
     )  # fmt: skip
@@ -246,7 +246,7 @@ def _demand_clear(correlation: Floats, overlap: float, width: float, where: str)
 
 
 def _bootstrap(
-    matched: Matched, best: float, step: float, furthest: int, settings: Settings
+    matched: Matched, best: float, step: float, furthest: int, settings: GapSettings
 ) -> Floats:
     """Delays in samples of resampled blocks; the search widens until none ends at its border."""
     reach = 2.0
@@ -258,7 +258,7 @@ def _bootstrap(
 
 
 def _resampled(
-    matched: Matched, best: float, step: float, reach: float, settings: Settings
+    matched: Matched, best: float, step: float, reach: float, settings: GapSettings
 ) -> tuple[Floats, bool]:
     shifts = np.linspace(-reach, reach, _BLOCK_SHIFTS)
     pairs = [matched(best + shift, reach, best) for shift in shifts]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from s2rstore.errors import RequestError
 from s2rtools.gap.dynamics import pose_errors
-from s2rtools.gap.dynamics.pose_errors import Alignment, Step
+from s2rtools.gap.dynamics.pose_errors import LogAlignment, Step
 from s2rtools.motion_logs.motion_log import Drive, Log
 
 
@@ -14,7 +14,7 @@ from s2rtools.motion_logs.motion_log import Drive, Log
 class Whole:
     """`alignment` is taken out before APE and RPE, which compares poses a `step` apart."""
 
-    alignment: Alignment = pose_errors.NONE
+    alignment: LogAlignment = pose_errors.NONE
     step: Step = pose_errors.DEFAULT_STEP
 
     def figures(self, drive: Drive, sim: Log) -> dict[str, float | None]:

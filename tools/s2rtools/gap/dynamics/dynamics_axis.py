@@ -10,7 +10,7 @@ import numpy as np
 
 from s2rstore.errors import InconclusiveError
 from s2rstore.metrics.pose_metrics import bounds
-from s2rtools.gap.axis_result import Anchor, Axis, Evidence, Measured, Settings
+from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.delay import time_delay
 from s2rtools.gap.dynamics import (
     log_quality,
@@ -23,7 +23,7 @@ from s2rtools.gap.dynamics import (
 from s2rtools.gap.dynamics.ape_rpe import WHOLE, Whole
 from s2rtools.gap.dynamics.noise_floor import Noise
 from s2rtools.gap.dynamics.window_bootstrap import Resamples
-from s2rtools.gap.dynamics.windows import DEFAULT, Plan, Windows, windows
+from s2rtools.gap.dynamics.windows import DEFAULT, DriveWindows, WindowPlan, windows
 from s2rtools.motion_logs.motion_log import Drive, Floats, Log
 
 MIN_WINDOWS = 8
@@ -41,8 +41,8 @@ class _Compared:
 
     drive: Drive
     sim: Log
-    late: time_delay.Delay
-    made: Windows
+    late: time_delay.TimeDelay
+    made: DriveWindows
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ class Dynamics(Axis):
 
     def __init__(
         self,
-        plan: Plan = DEFAULT,
+        plan: WindowPlan = DEFAULT,
         scale: str = "travel",
         whole: Whole = WHOLE,
         noise: Noise | None = None,
@@ -121,7 +121,7 @@ class Dynamics(Axis):
             return None
         return "no drives: name a folder of real and simulated logs (--drives)"
 
-    def measure(self, evidence: Evidence, settings: Settings) -> Measured:
+    def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         found = self._found(evidence.drives, [drive.sim for drive in evidence.drives], settings)
         value, replicates = found.beyond_floor()
         kind = found.kinds[0] if len(set(found.kinds)) == 1 else "mixed"
@@ -129,7 +129,7 @@ class Dynamics(Axis):
             float((np.sqrt(m) / found.scales.values).mean())
             for m in (found.ends[0], found.floors[0])
         )
-        return Measured(
+        return AxisResult(
             axis=self.name,
             value=value,
             floor=0.0,
@@ -153,12 +153,12 @@ class Dynamics(Axis):
             notes=_notes(found.compared, kind),
         )
 
-    def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
+    def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
         untuned = [log_quality.untuned_of(drive, self.name) for drive in evidence.drives]
         found = self._found(evidence.drives, untuned, settings)
         return Anchor(*found.beyond_floor(), "the untuned simulator")
 
-    def _found(self, drives: Sequence[Drive], sims: Sequence[Log], settings: Settings) -> _Found:
+    def _found(self, drives: Sequence[Drive], sims: Sequence[Log], settings: GapSettings) -> _Found:
         compared = [self._compare(d, s, settings) for d, s in zip(drives, sims, strict=True)]
         ends = [c.made.end**2 for c in compared]
         counts = self._counts(ends)
@@ -169,7 +169,7 @@ class Dynamics(Axis):
             compared, kinds, counts, blocks, scales, blocks.means(ends), blocks.means(floors)
         )
 
-    def _compare(self, drive: Drive, sim: Log, settings: Settings) -> _Compared:
+    def _compare(self, drive: Drive, sim: Log, settings: GapSettings) -> _Compared:
         for log in (drive.real, sim):
             log_quality.demand_fine(log, self.plan.horizons[0])
         log_quality.demand_motion(drive.real, self.plan.horizons[0], self._noise(drive.real))
@@ -201,7 +201,7 @@ class Dynamics(Axis):
                 )
         return np.asarray(counts)
 
-    def _blocks(self, ends: Sequence[Floats], settings: Settings) -> Resamples:
+    def _blocks(self, ends: Sequence[Floats], settings: GapSettings) -> Resamples:
         longest = int(np.ceil(self.plan.longest / self.plan.stride))
         short = [end.shape[1] for end in ends]
         if min(short) < 2:
@@ -211,7 +211,7 @@ class Dynamics(Axis):
         return Resamples(short, longest, settings)
 
     def _floors(
-        self, drives: Sequence[Drive], compared: Sequence[_Compared], settings: Settings
+        self, drives: Sequence[Drive], compared: Sequence[_Compared], settings: GapSettings
     ) -> tuple[list[Floats], list[str]]:
         """Squares (H, K) per drive without a gap, and what they were found from."""
         floors, kinds = [], []
@@ -239,8 +239,8 @@ class Dynamics(Axis):
             "floor_from": floor,
         }
 
-    def _per_horizon(self, found: _Found, settings: Settings) -> list[dict[str, Any]]:
-        kinds: dict[str, Callable[[Windows], Floats]] = {
+    def _per_horizon(self, found: _Found, settings: GapSettings) -> list[dict[str, Any]]:
+        kinds: dict[str, Callable[[DriveWindows], Floats]] = {
             "rmse": lambda made: made.end**2,
             "path_rmse": lambda made: made.path**2,
             "heading_rmse": lambda made: made.heading**2,
@@ -281,7 +281,7 @@ def _root(squares: Floats) -> Floats:
 
 
 def _bounded(
-    name: str, value: float, draws: Floats, blocks: Resamples, settings: Settings
+    name: str, value: float, draws: Floats, blocks: Resamples, settings: GapSettings
 ) -> dict[str, float]:
     spread = np.maximum(blocks.widened(np.array(value), draws), 0.0)
     low, high = bounds(spread, settings.level)

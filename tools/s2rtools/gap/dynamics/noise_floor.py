@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtools.gap.dynamics.windows import Windows
+from s2rtools.gap.dynamics.windows import DriveWindows
 from s2rtools.motion_logs.motion_log import Floats, Log
 
 _KEPT = 0.95
@@ -55,7 +55,7 @@ def of(log: Log) -> Noise:
     return Noise(float(np.sqrt(x + y)), float(np.sqrt(heading)), float(np.sqrt(motion[:2].sum())))
 
 
-def squares(real: Log, made: Windows, noise: Noise) -> Floats:
+def squares(real: Log, made: DriveWindows, noise: Noise) -> Floats:
     """Mean square (H, K), m^2, of the windows' end errors if nothing but noise were in them.
 
     `made` are windows of `real`, whose poses have this `noise`; what the simulator's poses shake by

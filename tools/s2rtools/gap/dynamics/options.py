@@ -8,12 +8,12 @@ from typing import Any
 
 from s2rstore.errors import RequestError
 from s2rtools.gap.axis_result import Axis
-from s2rtools.gap.delay.delay_axis import BAD_STATES, Delay
+from s2rtools.gap.delay.delay_axis import BAD_STATES, DelayAxis
 from s2rtools.gap.dynamics.ape_rpe import Whole
 from s2rtools.gap.dynamics.dynamics_axis import Dynamics
 from s2rtools.gap.dynamics.noise_floor import Noise
-from s2rtools.gap.dynamics.pose_errors import SCALES, Alignment, Step
-from s2rtools.gap.dynamics.windows import Plan
+from s2rtools.gap.dynamics.pose_errors import SCALES, LogAlignment, Step
+from s2rtools.gap.dynamics.windows import WindowPlan
 
 MOST_REACH = 60.0
 """s"""
@@ -40,19 +40,19 @@ def axes(words: Sequence[str]) -> dict[str, Axis]:
     mine = _named(given, {"horizons": "plan", "nrmse": "scale", "noise": "noise"})
     whole = Whole(**_named(given, {"align": "alignment", "rpe": "step"}))
     late = _named(given, {"bad": "bad_state", "period": "period"})
-    return {"dynamics": Dynamics(**mine, **both, whole=whole), "delay": Delay(**late, **both)}
+    return {"dynamics": Dynamics(**mine, **both, whole=whole), "delay": DelayAxis(**late, **both)}
 
 
 def _named(given: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
     return {own: given[name] for name, own in names.items() if name in given}
 
 
-def _horizons(text: str) -> Plan:
+def _horizons(text: str) -> WindowPlan:
     """Windows begin every half of the shortest horizon."""
     horizons = tuple(_number(word, "seconds, as 0.5,1,2") for word in text.split(","))
     if not all(0 < horizon <= 3600 for horizon in horizons):
         raise RequestError("give seconds over 0, up to 3600")
-    return Plan(horizons, stride=0.5 * horizons[0])
+    return WindowPlan(horizons, stride=0.5 * horizons[0])
 
 
 def _nrmse(text: str) -> str:
@@ -69,12 +69,12 @@ def _one_of(text: str, known: Sequence[str]) -> str:
     return text
 
 
-def _align(text: str) -> Alignment:
+def _align(text: str) -> LogAlignment:
     parts = [] if text == "none" else text.split("+")
     known = set(parts) <= set(_PARTS) and len(set(parts)) == len(parts)
     if not known or (parts and "rigid" not in parts):
         raise RequestError("give none, rigid, or rigid with +reflection, +scale or both")
-    return Alignment(*(part in parts for part in _PARTS))
+    return LogAlignment(*(part in parts for part in _PARTS))
 
 
 def _rpe(text: str) -> Step:

@@ -16,7 +16,7 @@ from s2rtools.motion_logs.rigid_alignment import Rigid, fit
 
 
 @dataclass(frozen=True, slots=True)
-class Alignment:
+class LogAlignment:
     """What may be taken out before comparing; by default nothing."""
 
     rigid: bool = False
@@ -36,7 +36,7 @@ class Alignment:
         return "+".join(part for part in parts if getattr(self, part)) or "none"
 
 
-NONE = Alignment()
+NONE = LogAlignment()
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ DEFAULT_STEP = Step()
 
 
 @dataclass(frozen=True, slots=True)
-class Errors:
+class PoseErrors:
     """Per compared pose: `position` (n,) in m, `heading` (n,) in rad, in [0, pi]."""
 
     position: Floats
@@ -92,15 +92,17 @@ def together(real: Log, sim: Log) -> tuple[Log, Log]:
     return kept, replace(sim, time=time, x=x, y=y, heading=heading)
 
 
-def ape(real: Log, sim: Log, alignment: Alignment = NONE) -> Errors:
+def ape(real: Log, sim: Log, alignment: LogAlignment = NONE) -> PoseErrors:
     """Absolute pose error at the real log's times."""
     real, sim = together(real, sim)
     sim = alignment.fitted(real, sim)(sim)
     position = np.hypot(sim.x - real.x, sim.y - real.y)
-    return Errors(position, angles.distance(sim.heading, real.heading))
+    return PoseErrors(position, angles.distance(sim.heading, real.heading))
 
 
-def rpe(real: Log, sim: Log, step: Step = DEFAULT_STEP, alignment: Alignment = NONE) -> Errors:
+def rpe(
+    real: Log, sim: Log, step: Step = DEFAULT_STEP, alignment: LogAlignment = NONE
+) -> PoseErrors:
     """Relative pose error over every pair of poses of the real log that are a `step` apart.
 
     The motion from the first to the second, seen from the first, is compared. Without scale and
@@ -115,7 +117,7 @@ def rpe(real: Log, sim: Log, step: Step = DEFAULT_STEP, alignment: Alignment = N
         moved(*(column[start] for column in columns), *(column[end] for column in columns))
         for columns in ((log.x, log.y, log.heading) for log in (real, sim))
     )
-    return Errors(np.hypot(ax - bx, ay - by), angles.distance(at, bt))
+    return PoseErrors(np.hypot(ax - bx, ay - by), angles.distance(at, bt))
 
 
 def moved(

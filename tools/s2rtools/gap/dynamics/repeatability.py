@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.delay import time_delay
-from s2rtools.gap.dynamics.windows import Plan, windows
+from s2rtools.gap.dynamics.windows import WindowPlan, windows
 from s2rtools.motion_logs.motion_log import Commands, Drive, Floats
 
 _TIME_TOLERANCE = 1e-3
@@ -43,7 +43,11 @@ def partners(drives: Sequence[Drive]) -> list[list[int]]:
 
 
 def squares(
-    drive: Drive, others: Sequence[Drive], plan: Plan, settings: Settings, furthest: float = 1.0
+    drive: Drive,
+    others: Sequence[Drive],
+    plan: WindowPlan,
+    settings: GapSettings,
+    furthest: float = 1.0,
 ) -> Floats:
     """Half the mean square (H, K), m^2, between the windows of a drive and of each other.
 

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtools.gap import bootstrap_correction
-from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.axis_result import GapSettings
 from s2rtools.motion_logs.motion_log import Floats
 
 _DRIVES = 7
 """Of the stream of random numbers that draws drives, whatever the axis."""
 
 
-def drawn_drives(drives: int, settings: Settings) -> Floats:
+def drawn_drives(drives: int, settings: GapSettings) -> Floats:
     """How often each of several drives is drawn, (R, G); row r is the same for every axis."""
     rng = np.random.default_rng([settings.seed, _DRIVES])
     draws = rng.multinomial(drives, np.full(drives, 1 / drives), settings.replicates)
@@ -30,7 +30,7 @@ class Resamples:
     95 % interval of the root mean square, and 0.93 to 0.95 inside that of a mean.
     """
 
-    def __init__(self, counts: Sequence[int], longest: int, settings: Settings) -> None:
+    def __init__(self, counts: Sequence[int], longest: int, settings: GapSettings) -> None:
         """`counts` are the windows of each drive, `longest` how many the longest one overlaps."""
         self._length = 0
         self._starts: NDArray[np.int64] = np.zeros((settings.replicates, 0), np.int64)

@@ -27,7 +27,7 @@ _SEED = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class WindowPlan:
     """`horizons` in s, a window of each from every `stride` s, compared at `rate` Hz.
 
     `scatter` is the share of a stride by which starts, and of a horizon by which lengths are moved
@@ -73,11 +73,11 @@ class Plan:
         )
 
 
-DEFAULT = Plan()
+DEFAULT = WindowPlan()
 
 
 @dataclass(frozen=True, slots=True)
-class Windows:
+class DriveWindows:
     """Errors per horizon and start, (H, K); NaN where a log does not know an end.
 
     `end` at the end and `path` as root mean square on the way, in m; `heading` at the end, in rad;
@@ -93,11 +93,13 @@ class Windows:
     distance: Floats
 
 
-def windows(real: Log, sim: Log, plan: Plan = DEFAULT) -> Windows:
+def windows(real: Log, sim: Log, plan: WindowPlan = DEFAULT) -> DriveWindows:
     """All windows of `plan`; `sim` with its delay already taken out."""
     starts = plan.starts(real)
     steps = plan.steps(starts.size)
-    made = Windows(starts, steps / plan.rate, *(np.full(steps.shape, np.nan) for _ in range(4)))
+    made = DriveWindows(
+        starts, steps / plan.rate, *(np.full(steps.shape, np.nan) for _ in range(4))
+    )
     together = max(_CELLS // int(steps.max(initial=1)), 1)
     for first in range(0, starts.size, together):
         part = slice(first, first + together)
@@ -106,7 +108,7 @@ def windows(real: Log, sim: Log, plan: Plan = DEFAULT) -> Windows:
 
 
 def _fill(
-    made: Windows, part: slice, real: Log, sim: Log, steps: NDArray[np.int64], rate: float
+    made: DriveWindows, part: slice, real: Log, sim: Log, steps: NDArray[np.int64], rate: float
 ) -> None:
     ahead = np.arange(steps.max() + 1) / rate
     times = made.starts[part, None] + ahead

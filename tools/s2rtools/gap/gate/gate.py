@@ -13,7 +13,7 @@ from s2rstore.language import evaluation
 from s2rstore.reader import Store
 from s2rtools.gap import axes, defaults
 from s2rtools.gap.axes import AXES
-from s2rtools.gap.axis_result import Axis, Evidence, Settings
+from s2rtools.gap.axis_result import Axis, Evidence, GapSettings
 from s2rtools.gap.dynamics import options
 from s2rtools.gap.gate import golden_run as golden
 from s2rtools.gap.gate import reference
@@ -27,7 +27,7 @@ from s2rtools.motion_logs.store_odometry import odometry
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class GapRequest:
     """What to measure and what to judge it by.
 
     `drives` is a folder, `odometry`, or None for those in the store; `rate` (Hz) is that of
@@ -49,7 +49,7 @@ class Request:
     threshold: float = defaults.THRESHOLD
     margin: float = defaults.MARGIN
     dynamics: tuple[str, ...] = ()
-    settings: Settings = field(default_factory=Settings)
+    settings: GapSettings = field(default_factory=GapSettings)
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.threshold) or self.threshold <= 0:
@@ -70,7 +70,7 @@ class Request:
         return {name: asked.get(name) or axes.axis(name) for name in names}
 
 
-def evidence(store: Store, request: Request) -> Evidence:
+def evidence(store: Store, request: GapRequest) -> Evidence:
     """Raises RequestError for a run that is not computed or a selection of nothing."""
     run = store.run(request.run)
     if not run.key:
@@ -89,7 +89,7 @@ def evidence(store: Store, request: Request) -> Evidence:
                     request.anchor_run)  # fmt: skip
 
 
-def judged(found_on: Evidence, request: Request) -> Judged:
+def judged(found_on: Evidence, request: GapRequest) -> Judged:
     """Measure, and judge by the reference and the golden run where there are some.
 
     Raises RequestError where an axis that is asked for by its name has no evidence.
@@ -112,12 +112,12 @@ def judged(found_on: Evidence, request: Request) -> Judged:
     return Judged(found, verdict, request.wanted, scale, frozen_scale, compared, ranked)
 
 
-def measured_report(found_on: Evidence, request: Request) -> Report:
+def measured_report(found_on: Evidence, request: GapRequest) -> Report:
     """The report of `judged`."""
     return report(found_on, request.settings, judged(found_on, request))
 
 
-def freeze(found_on: Evidence, request: Request, measured: Judged) -> tuple[Judged, str]:
+def freeze(found_on: Evidence, request: GapRequest, measured: Judged) -> tuple[Judged, str]:
     """What was measured with its scale, and that as a reference's file; the axes without evidence
     are left out.
 
@@ -142,7 +142,7 @@ def freeze(found_on: Evidence, request: Request, measured: Judged) -> tuple[Judg
     return replace(measured, scale=scale), reference.text(scale, made_from)
 
 
-def _across(found_on: Evidence, request: Request) -> dict[str, object] | None:
+def _across(found_on: Evidence, request: GapRequest) -> dict[str, object] | None:
     if "task" not in request.wanted:
         return None
     try:
@@ -151,7 +151,7 @@ def _across(found_on: Evidence, request: Request) -> dict[str, object] | None:
         return {"refused": str(error)}
 
 
-def _drives(store: Store, request: Request) -> tuple[Drive, ...]:
+def _drives(store: Store, request: GapRequest) -> tuple[Drive, ...]:
     wanted = request.drives
     if wanted is None:
         own = safe_files.checked_folder(store.path, layout.DRIVES)

@@ -19,7 +19,7 @@ from s2rstore.files.input_files import read_json
 from s2rstore.gap_history.gate_status import Outcome, outcome_of
 from s2rstore.metrics.pose_metrics import Interval, interval
 from s2rtools.gap import blocks, defaults, instance_selection
-from s2rtools.gap.axis_result import Evidence, Settings
+from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.gate.verdict import NOTHING
 from s2rtools.gap.task.group_metrics import mean_replicates
 
@@ -98,7 +98,7 @@ def read(path: Path) -> Golden:
 
 
 def compare(
-    evidence: Evidence, golden: Golden, settings: Settings, margin: float = defaults.MARGIN
+    evidence: Evidence, golden: Golden, settings: GapSettings, margin: float = defaults.MARGIN
 ) -> Compared:
     """PASS where the change's interval is under the margin, FAIL where it is over it.
 

@@ -13,7 +13,7 @@ from typing import Any
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import MOST_JSON, parse_json, read_bytes
 from s2rstore.metrics.pose_metrics import bounds
-from s2rtools.gap.axis_result import Anchor, Measured, Settings
+from s2rtools.gap.axis_result import Anchor, AxisResult, GapSettings
 
 FORMAT = 2
 
@@ -49,7 +49,7 @@ class Reference:
     sha256: str
 
 
-def freeze(measured: Measured, anchor: Anchor, unit: str, settings: Settings) -> Frozen:
+def freeze(measured: AxisResult, anchor: Anchor, unit: str, settings: GapSettings) -> Frozen:
     """An axis' scale; raises RequestError where the anchor is within the floor's noise.
 
     The noise is that of their difference, because a resample moves both.

@@ -18,7 +18,7 @@ from s2rstore.errors import RequestError
 from s2rstore.gap_history.gate_status import Outcome, outcome_of
 from s2rstore.metrics.pose_metrics import Interval, interval
 from s2rtools.gap import defaults
-from s2rtools.gap.axis_result import Floats, Measured, Settings
+from s2rtools.gap.axis_result import AxisResult, Floats, GapSettings
 from s2rtools.gap.gate.reference import Frozen, Reference
 from s2rtools.gap.measure import Measurement
 
@@ -55,7 +55,7 @@ class Verdict:
 def judge(
     found: Measurement,
     reference: Reference,
-    settings: Settings,
+    settings: GapSettings,
     threshold: float = defaults.THRESHOLD,
 ) -> Verdict:
     """PASS where the interval is under the threshold, FAIL where it is over it.
@@ -106,7 +106,7 @@ def unjudged(threshold: float) -> Verdict:
     return Verdict("INCONCLUSIVE", threshold, None, NOTHING, (), reason)
 
 
-def axis_gap(measured: Measured, frozen: Frozen, level: float) -> AxisGap:
+def axis_gap(measured: AxisResult, frozen: Frozen, level: float) -> AxisGap:
     """G of a measured axis on the scale of a frozen one."""
     span = frozen.anchor - frozen.floor
     value = 100 * (measured.value - measured.floor) / span
@@ -114,7 +114,7 @@ def axis_gap(measured: Measured, frozen: Frozen, level: float) -> AxisGap:
     return AxisGap(measured.axis, interval(value, replicates, level), replicates)
 
 
-def _check_fits(measured: Measured, frozen: Frozen, source: str) -> None:
+def _check_fits(measured: AxisResult, frozen: Frozen, source: str) -> None:
     for key in sorted({*measured.fingerprint, *frozen.fingerprint}):
         here, there = measured.fingerprint.get(key), frozen.fingerprint.get(key)
         if here != there:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.metrics import pose_metrics
-from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.blocks import Blocks, draws
 from s2rtools.gap.bootstrap_correction import widened
 
@@ -20,7 +20,7 @@ _LEAST_UNITS = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Errors:
+class GroupErrors:
     """Errors of the same instances in recording order, metres, (n,) each, and their blocks.
 
     `constant` is the error of predicting the mean position.
@@ -36,7 +36,7 @@ class Errors:
         return self.real - self.sim
 
 
-def mean_replicates(values: Floats, blocks: Blocks, settings: Settings) -> Floats:
+def mean_replicates(values: Floats, blocks: Blocks, settings: GapSettings) -> Floats:
     """Bootstrap replicates (R,) of the mean of `values` (n,)."""
     counts = draws(blocks, settings.replicates, settings.seed)
     means = counts @ blocks.sums(values) / (counts @ blocks.sizes)
@@ -44,7 +44,7 @@ def mean_replicates(values: Floats, blocks: Blocks, settings: Settings) -> Float
 
 
 def grouped(
-    errors: Errors, codes: NDArray[np.integer], names: Sequence[str], settings: Settings
+    errors: GroupErrors, codes: NDArray[np.integer], names: Sequence[str], settings: GapSettings
 ) -> dict[str, dict[str, Any]]:
     """For each name with instances: n, mean errors, gap and relative drop with their intervals.
 
@@ -90,7 +90,7 @@ def _touched(per_block: Floats, units: NDArray[np.int64]) -> Floats:
     return np.where(found < _LEAST_UNITS, 0.0, found)
 
 
-def swap_interval(errors: Errors, settings: Settings) -> list[float]:
+def swap_interval(errors: GroupErrors, settings: GapSettings) -> list[float]:
     """Bounds of the mean gap if sim and real of whole units change places at random: of no gap."""
     rng, units = np.random.default_rng(settings.seed), errors.blocks.units
     signs = rng.choice([-1.0, 1.0], (settings.replicates, errors.blocks.drawn))[:, units]

@@ -17,7 +17,7 @@ from s2rstore.metrics import run_metrics
 from s2rstore.metrics.pose_metrics import Interval, interval
 from s2rstore.reader import Store
 from s2rtools.gap import blocks
-from s2rtools.gap.axis_result import Settings
+from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.bootstrap_correction import widened
 
 Floats = NDArray[np.float64]
@@ -28,7 +28,7 @@ LEAST_BLOCKS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Across:
+class RankConsistency:
     """Mean errors `sim`, `real` (m) of `runs` over the same `n` instances, and how they agree.
 
     `correlation` is Pearson's, NaN where all runs have one error; `rank_violation` is in metres.
@@ -42,7 +42,7 @@ class Across:
     rank_violation: Interval
 
 
-def across(store: Store, iids: NDArray[np.int64], settings: Settings) -> Across:
+def across(store: Store, iids: NDArray[np.int64], settings: GapSettings) -> RankConsistency:
     """Over the computed runs, on the selected instances that none of their models was trained on.
 
     Raises InconclusiveError below 5 runs and for too few common instances.
@@ -67,7 +67,7 @@ def across(store: Store, iids: NDArray[np.int64], settings: Settings) -> Across:
     columns = [store.run_columns(run) for run in runs]
     sim, sims = _means(np.stack([c.sim.error[keep] for c in columns], axis=1), cut, settings)
     real, reals = _means(np.stack([c.real.error[keep] for c in columns], axis=1), cut, settings)
-    return Across(
+    return RankConsistency(
         tuple(runs),
         tuple(sim[0].tolist()),
         tuple(real[0].tolist()),
@@ -98,7 +98,7 @@ def rank_violation(sim: Floats, real: Floats) -> Floats:
     return np.asarray(np.where(wrong, apart, 0.0).max(axis=2).mean(axis=1))
 
 
-def _means(errors: Floats, cut: blocks.Blocks, settings: Settings) -> tuple[Floats, Floats]:
+def _means(errors: Floats, cut: blocks.Blocks, settings: GapSettings) -> tuple[Floats, Floats]:
     """Mean errors (1, runs) of (n, runs), and their replicates (R, runs)."""
     counts = blocks.draws(cut, settings.replicates, settings.seed)
     means = counts @ cut.sums(errors) / (counts @ cut.sizes)[:, None]

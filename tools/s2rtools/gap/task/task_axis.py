@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from s2rstore.errors import InconclusiveError
 from s2rstore.metrics import run_metrics
 from s2rtools.gap import blocks, instance_selection
-from s2rtools.gap.axis_result import Anchor, Axis, Evidence, Measured, Settings
-from s2rtools.gap.task.group_metrics import Errors, grouped, mean_replicates, swap_interval
+from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
+from s2rtools.gap.task.group_metrics import GroupErrors, grouped, mean_replicates, swap_interval
 
 Floats = NDArray[np.float64]
 
@@ -44,13 +44,13 @@ class Task(Axis):
     def missing(self, evidence: Evidence) -> str | None:
         return instance_selection.uncomputed(evidence)
 
-    def measure(self, evidence: Evidence, settings: Settings) -> Measured:
+    def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         iids, errors = _errors(evidence)
         left_out = instance_selection.selected(evidence).size - iids.size
         notes: tuple[str, ...] = (errors.blocks.told,)
         if left_out:
             notes += (f"{left_out} instances not predicted or trained on are left out",)
-        return Measured(
+        return AxisResult(
             axis=self.name,
             value=float(errors.gap.mean()),
             floor=0.0,
@@ -66,7 +66,7 @@ class Task(Axis):
             notes=notes,
         )
 
-    def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
+    def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
         _, errors = _errors(evidence)
         worse = errors.constant - errors.sim
         return Anchor(
@@ -76,7 +76,7 @@ class Task(Axis):
         )
 
 
-def _errors(evidence: Evidence) -> tuple[NDArray[np.int64], Errors]:
+def _errors(evidence: Evidence) -> tuple[NDArray[np.int64], GroupErrors]:
     """Raises InconclusiveError where there are too few instances or blocks."""
     store, iids = evidence.store, instance_selection.held_out(evidence)
     truth, columns = store.instances, store.run_columns(evidence.run)
@@ -90,11 +90,11 @@ def _errors(evidence: Evidence) -> tuple[NDArray[np.int64], Errors]:
     constant = np.hypot(
         truth.x[iids] - truth.x[every].mean(), truth.y[iids] - truth.y[every].mean()
     )
-    return iids, Errors(columns.sim.error[iids], columns.real.error[iids], constant, cut)
+    return iids, GroupErrors(columns.sim.error[iids], columns.real.error[iids], constant, cut)
 
 
 def _details(
-    evidence: Evidence, iids: NDArray[np.int64], errors: Errors, settings: Settings
+    evidence: Evidence, iids: NDArray[np.int64], errors: GroupErrors, settings: GapSettings
 ) -> dict[str, Any]:
     truth = evidence.store.instances
     whole = grouped(errors, np.zeros(iids.size, np.int32), ["all"], settings)["all"]
@@ -119,7 +119,7 @@ def heading_sectors(heading: Floats) -> tuple[NDArray[np.int64], list[str]]:
     return code, [str(int(centre)) for centre in degrees]
 
 
-def _runs(evidence: Evidence, settings: Settings) -> dict[str, Any]:
+def _runs(evidence: Evidence, settings: GapSettings) -> dict[str, Any]:
     """The same figures of every computed run with enough instances of the selection."""
     found: dict[str, Any] = {}
     for run in evidence.store.runs.values():

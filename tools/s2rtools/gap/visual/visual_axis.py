@@ -13,7 +13,7 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.gap import blocks, instance_selection
-from s2rtools.gap.axis_result import Anchor, Axis, Evidence, Measured, Settings
+from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.blocks import Blocks
 from s2rtools.gap.visual.block_mmd import Paired, paired
 from s2rtools.gap.visual.features import Source, source
@@ -77,7 +77,7 @@ class Visual(Axis):
             reason = f"run {run!r} has no embeddings; run `s2r precompute`"
         return reason
 
-    def measure(self, evidence: Evidence, settings: Settings) -> Measured:
+    def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         sample = _sample(evidence)
         pair = paired(sample.sim, sample.real, sample.blocks)
         counts = blocks.draws(sample.blocks, settings.replicates, settings.seed)
@@ -85,7 +85,7 @@ class Visual(Axis):
         points = {"pca": components, **predicted(evidence.store, evidence.run, sample.iids)}
         told = bias(components.periods.size)
         details = _details(sample, pair, points, settings)
-        return Measured(
+        return AxisResult(
             axis=self.name,
             value=pair.value(),
             floor=0.0,
@@ -103,7 +103,7 @@ class Visual(Axis):
             ),
         )
 
-    def anchor(self, evidence: Evidence, settings: Settings) -> Anchor:
+    def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
         run = evidence.store.run(evidence.run)
         if evidence.anchor_run is not None:
             raw = _declared(evidence, run)
@@ -192,7 +192,7 @@ def _fingerprint(evidence: Evidence, sample: _Sample) -> dict[str, str | int | f
 
 
 def _details(
-    sample: _Sample, pair: Paired, points: Mapping[str, Points], settings: Settings
+    sample: _Sample, pair: Paired, points: Mapping[str, Points], settings: GapSettings
 ) -> dict[str, Any]:
     return {
         "blocks": pair.blocks,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry import floor_grid as map_geometry
-from s2rstore.geometry.reprojection import Surface
+from s2rstore.geometry.reprojection import HeatSurface
 from s2rstore.reader import Store
 from s2rstore.records import Run, Side
 from s2rstore.run_inputs import run_domain
@@ -32,7 +32,7 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
     valid = stage.valid(store.path)
     frame = store.dataset.frame_height, store.dataset.frame_width
     other: Side = "real" if side == "sim" else "sim"
-    surface = Surface(
+    surface = HeatSurface(
         run_domain(store, run, side), run_domain(store, run, other), frame, side == "real",
         store.correction(run.sim_domain, run.real_domain),
         KINDS[kind].surface if KINDS[kind].aligned else None,
@@ -59,7 +59,7 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
 
 
 def _depth(
-    frames: RunFrames, surface: Surface, own: Side, other: Side, span: slice,
+    frames: RunFrames, surface: HeatSurface, own: Side, other: Side, span: slice,
     rows: NDArray[np.intp],
 ) -> NDArray[Any]:  # fmt: skip
     """Raw depth (k, H, W) of some of the instances of `span`, where their heat lies."""

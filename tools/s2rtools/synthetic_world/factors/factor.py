@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtools.synthetic_world.renderer import Camera
-from s2rtools.synthetic_world.scene import Scene
+from s2rtools.synthetic_world.scene import WorldScene
 
 Generator = np.random.Generator
 
@@ -27,7 +27,7 @@ class Factor:
     moves_robot: ClassVar[bool] = False
     """Whether it is seen in drives alone, and in no image."""
 
-    def scene(self, scene: Scene, severity: float) -> Scene:
+    def scene(self, scene: WorldScene, severity: float) -> WorldScene:
         """Other lights."""
         return scene
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from s2rtools.synthetic_world.factors.factor import Factor, Generator
 from s2rtools.synthetic_world.materials import hashed
-from s2rtools.synthetic_world.scene import Scene
+from s2rtools.synthetic_world.scene import WorldScene
 
 
 class Lights(Factor):
@@ -22,7 +22,7 @@ class Lights(Factor):
     description = "lamps off, warmer light, brighter windows, white balance"
     shapes_scene = True
 
-    def scene(self, scene: Scene, severity: float) -> Scene:
+    def scene(self, scene: WorldScene, severity: float) -> WorldScene:
         lamps = []
         for number, lamp in enumerate(scene.lamps):
             red, green, blue = lamp.power
