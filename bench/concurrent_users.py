@@ -24,9 +24,9 @@ from pathlib import Path
 
 import s2rstore
 from bench.budget import BudgetRow
-from tests.support import processes, sshd
-from tests.support.replay import replay
-from tests.support.screen import LEFT, RIGHT, Screen
+from bench.support import processes, sshd
+from bench.support.replay import replay
+from bench.support.screen import LEFT, RIGHT, Screen
 
 KEYS = (
     "w", "b", "W", "B", "c", "u", RIGHT, LEFT, "n", "p", "r", "R", "h", "v", "o", "d", "m", "C",

@@ -8,10 +8,10 @@ import numpy as np
 from scipy import signal
 
 from bench.budget import BudgetRow
+from bench.support import robot
 from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.delay import time_delay
 from s2rtools.motion_logs import Log
-from tests.support import robot
 
 SEEDS = 100
 RATE = 50.0

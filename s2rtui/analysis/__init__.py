@@ -1,1 +1,1 @@
-"""analysis"""
+"""Array kernels behind the charts: binning, joint histograms, medians, caches keyed by identity."""

@@ -7,9 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.bins import Bins
+from s2rtui.analysis.bins import Bins, Bools
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.charts.shared.inputs import Bools, Floats
+
+Floats = NDArray[np.floating]
 
 Counts = NDArray[np.intp]
 

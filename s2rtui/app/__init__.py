@@ -1,1 +1,1 @@
-"""app"""
+"""The Textual application: screens, widgets, controllers and the renderer."""

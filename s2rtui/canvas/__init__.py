@@ -4,7 +4,6 @@ from s2rtui.canvas.canvas import Canvas, InlineImage, Size
 from s2rtui.canvas.colour import DARK, LIGHT, THEMES, Rgb, Theme
 from s2rtui.canvas.colour_mode import ColourMode
 from s2rtui.canvas.render_options import ASCII, UNICODE, Glyphs, RenderOptions, heading_arrow
-from s2rtui.terminal.strips import DeltaStrip, to_strips
 
 __all__ = [
     "ASCII",
@@ -14,7 +13,6 @@ __all__ = [
     "UNICODE",
     "Canvas",
     "ColourMode",
-    "DeltaStrip",
     "Glyphs",
     "InlineImage",
     "RenderOptions",
@@ -22,5 +20,4 @@ __all__ = [
     "Size",
     "Theme",
     "heading_arrow",
-    "to_strips",
 ]

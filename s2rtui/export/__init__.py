@@ -1,1 +1,1 @@
-"""export"""
+"""Files made from a state: reports, rows, screenshots."""

@@ -9,12 +9,11 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.records import Side
-from s2rtui.charts.shared.inputs import MapMode
 from s2rtui.charts.view import Resources, Scene, View
 from s2rtui.loaders import LOADERS, Fields
 from s2rtui.session import HeatChoice, Session, State, instance_list
 from s2rtui.session.heatmaps import choices
-from s2rtui.session.state import Aggregate, Overlay
+from s2rtui.session.state import Aggregate, MapMode, Overlay
 from s2rtui.user_data.notebook import ReadNotebook
 
 

@@ -1,1 +1,1 @@
-"""jobs"""
+"""Background threads and subprocesses."""

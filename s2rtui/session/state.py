@@ -13,7 +13,6 @@ from s2rstore.gap_history.reader import Stamp
 from s2rstore.language import Node
 from s2rstore.records import Bounds, Side
 from s2rtui.canvas.brush_surface import Mark
-from s2rtui.charts.shared.inputs import MapMode
 from s2rtui.user_data.notebook_schema import SavedSelection
 
 Overlay = Literal["off", "instance", "selection", "run"]
@@ -22,6 +21,7 @@ Operator = Literal["replace", "intersect", "union", "subtract"]
 
 OVERLAYS: tuple[Overlay, ...] = ("off", "instance", "selection", "run")
 AGGREGATES: tuple[Aggregate, ...] = ("mean", "max", "sum", "count")
+MapMode = Literal["colour", "glyph", "full"]
 MAP_MODES: tuple[MapMode, ...] = ("colour", "glyph", "full")
 SIGNS: dict[Operator, str] = {"replace": "", "intersect": "&", "union": "|", "subtract": "-"}
 

@@ -1,1 +1,1 @@
-"""terminal"""
+"""The terminal: capabilities, strips, graphics protocols, Textual's private interfaces."""

@@ -1,1 +1,1 @@
-"""user_data"""
+"""Files of the user: saved selections, notes, tags."""

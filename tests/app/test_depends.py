@@ -19,7 +19,7 @@ from s2rtui.charts.view import Resources, RunAccuracies, Scene, View
 from s2rtui.loaders import store_data
 from s2rtui.session import HeatChoice, Session, State
 from s2rtui.session.provenance import HeatProvenance, about, heat_of, seen_of
-from s2rtui.session.state import Adjust, PendingTarget, Brush, HistoryFile, Slider
+from s2rtui.session.state import Adjust, Brush, HistoryFile, PendingTarget, Slider
 from s2rtui.user_data.notebook import Notes, Remark
 from tests.support import gaps, tiny
 

@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 
 import s2rstore
+from bench.support.processes import commands_below, wait_until
+from bench.support.screen import RIGHT, Screen
 from s2rtools.precompute.pipeline import Options, precompute
 from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
@@ -22,9 +24,7 @@ from s2rtui.cli import main
 from s2rtui.loaders import LOADERS
 from s2rtui.session import Session
 from tests.support.copies import copied
-from tests.support.processes import commands_below, wait_until
 from tests.support.quiet import Quiet
-from tests.support.screen import RIGHT, Screen
 
 pytestmark = pytest.mark.xdist_group("world")
 

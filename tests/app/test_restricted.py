@@ -6,9 +6,9 @@ import json
 import sys
 from pathlib import Path
 
+from bench.support.screen import Screen
 from s2rstore.index.transaction import edit
 from s2rtools.adjustments import parse
-from tests.support.screen import Screen
 
 
 def test_an_adjusted_run_is_shown_before_its_adjustments(own_store: Path, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 
-@pytest.mark.parametrize("module", ["s2rtui.canvas", "s2rtui.charts.terminal_registry"])
+@pytest.mark.parametrize("module", ["s2rtui.canvas", "s2rtui.charts.registry"])
 def test_cold_import_stays_light(module: str) -> None:
     code = (
         f"import sys, {module}; "
@@ -19,6 +19,6 @@ def test_cold_import_stays_light(module: str) -> None:
 
 
 def test_figures_load_matplotlib_only_when_drawn() -> None:
-    code = "import sys, s2rtui.charts.paper_registry; print('matplotlib' in sys.modules)"
+    code = "import sys, s2rtui.charts.map.paper; print('matplotlib' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

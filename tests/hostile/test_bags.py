@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from rosbags.rosbag1 import Writer
 
+from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rtools.motion_logs import read
 from tests.hostile.inputs import MOST_MEGABYTES, deadline, limits, s2r
-from tests.support import bags, robot
+from tests.support import bags
 
 
 @pytest.fixture(scope="module")

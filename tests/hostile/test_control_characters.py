@@ -18,6 +18,7 @@ from rich.console import Console
 from textual.screen import ModalScreen
 
 import s2rstore
+from bench.support.screen import Screen
 from s2rstore.errors import RequestError
 from s2rstore.gap_history import reader
 from s2rstore.language import complete, evaluation
@@ -39,7 +40,6 @@ from s2rtui.user_data.notebook import Notebook
 from tests.support import hostile
 from tests.support.copies import copied
 from tests.support.hostile import CLIPBOARD, HOSTILE, control_characters
-from tests.support.screen import Screen
 
 RAW = ("\x1b]52", "\x07", "\x9b", "\x85", "\u202e", "\u2066", "\u2028", "\x7f", "\x1b[31m")
 """What no terminal may get, whatever the program itself sends there."""

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from bench.support.processes import processor_seconds, wait_until
 from s2rtui.cli import main
-from tests.support.processes import processor_seconds, wait_until
 
 _LONG = "SELECT count(*) FROM range(100000000000)"
 # One chunk of rows takes seconds, and the library looks for signals between chunks.

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.processes import applications_below, is_alive, peak_bytes, wait_until
+from bench.support.processes import applications_below, is_alive, peak_bytes, wait_until
 from tests.support.serving import Served, StartServer, servers
 
 aiohttp = pytest.importorskip("aiohttp")

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import pytest
 
+from bench.support.processes import peak_bytes, wait_until
+from bench.support.screen import Screen
 from s2rtui.cli import main
-from tests.support.processes import peak_bytes, wait_until
-from tests.support.screen import Screen
 
 LIMIT = 600 << 20
 PROMPT = 2.0

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import pytest
 
-from tests.support.processes import wait_until
+from bench.support.processes import wait_until
 from tests.support.serving import servers
 
 _LIBRARIES = ("numpy", "duckdb", "textual", "lark", "zarr")

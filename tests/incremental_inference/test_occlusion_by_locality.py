@@ -9,7 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtools.heatmaps import occlusion
-from s2rtools.incremental_inference import LocalGraph, PixelRegion, Window, analyse, cut_patches
+from s2rtools.incremental_inference import (
+    LocalGraph,
+    PixelRegion,
+    Window,
+    analyse,
+    cut_patches,
+)
 from s2rtools.inference import Backend
 from s2rtools.inference.batch_norm_folding import folded
 from s2rtools.models.pose_network import LoadedModel

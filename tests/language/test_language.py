@@ -153,10 +153,10 @@ def test_completion_knows_where_it_stands(text: str, offered: str, withheld: str
 def test_completion_leaves_numbers_to_the_user() -> None:
     words = Vocabulary(("vanilla",), ("left (hall",), ())
     for text in ("like(", "like(12, ", "real.lasso(1, 2, ", "ids(3, "):
-        assert completion(text, words) == []
+        assert complete(text, words) == []
     for text in ("real.error > ", "all & gap <", "heading:90 +- ", "seq:3..", "gap = -"):
-        assert completion(text, words) == []
-    assert completion('room:"left (hall" & hea', words)
+        assert complete(text, words) == []
+    assert complete('room:"left (hall" & hea', words)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import s2rstore
+from bench.support import robot
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
@@ -18,7 +19,6 @@ from s2rtools.gap.dynamics import options
 from s2rtools.motion_logs import csv_reader, read_drives
 from s2rtools.motion_logs.rigid_alignment import Rigid, fit
 from s2rtools.motion_logs.store_odometry import odometry
-from tests.support import robot
 
 
 def put(folder: Path, seed: int, untuned: bool = True) -> Path:

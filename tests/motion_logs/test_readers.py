@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.motion_logs import csv_reader, read
-from tests.support import robot
 
 GOOD = "time,x,y,heading\n0,0,0,0\n0.1,1,0,0.5\n"
 

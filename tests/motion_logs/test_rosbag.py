@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.motion_logs import Log, read
-from tests.support import robot
 from tests.support.bags import ODOMETRY, POSE, write
 
 

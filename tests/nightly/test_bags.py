@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.support import robot
 from s2rtools.motion_logs import csv_reader
 from s2rtools.nightly.config import Config
 from s2rtui.cli import main
-from tests.support import robot
 from tests.support.bags import ODOMETRY, POSE, write
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from bench.support.screen import Screen
 from s2rtui.security.restricted_process import WEB_DRIVER, clean_environment
-from tests.support.screen import Screen
 
 _CONFINED = """
 import json, os, socket, subprocess, sys

@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.support.processes import wait_until
+from bench.support.processes import wait_until
 from tests.support.serving import StartServer
 
 pytest.importorskip("aiohttp")

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
+from bench.support.processes import is_alive, wait_until
 from s2rtui.cli import main
-from tests.support.processes import is_alive, wait_until
 from tests.support.serving import StartServer
 
 aiohttp = pytest.importorskip("aiohttp")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import sshd
-from tests.support.screen import Screen
+from bench.support import sshd
+from bench.support.screen import Screen
 
 OpenScreen = Callable[..., Screen]
 

@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 
 import s2rstore
+from bench.support.replay import STATUS, faults
+from bench.support.screen import LEFT, RIGHT, Screen
+from bench.support.sshd import Sshd, application
 from s2rstore.files import layout
 from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
 from tests.support.copies import copied
-from tests.support.replay import STATUS, faults
-from tests.support.screen import LEFT, RIGHT, Screen
-from tests.support.sshd import Sshd, application
 
 OpenScreen = Callable[..., Screen]
 USERS = 8

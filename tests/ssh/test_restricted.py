@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.processes import applications_below, commands_below, wait_until
-from tests.support.screen import CTRL_C, CTRL_P, CTRL_Z, ESCAPE, Screen
-from tests.support.sshd import Sshd
+from bench.support.processes import applications_below, commands_below, wait_until
+from bench.support.screen import CTRL_C, CTRL_P, CTRL_Z, ESCAPE, Screen
+from bench.support.sshd import Sshd
 
 OpenScreen = Callable[..., Screen]
 _SHELLS = {"sh", "bash", "dash", "zsh", "-sh", "-bash"}

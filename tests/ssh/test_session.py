@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.processes import applications_below, is_alive, wait_until
-from tests.support.screen import Screen
-from tests.support.sshd import Sshd, application
+from bench.support.processes import applications_below, is_alive, wait_until
+from bench.support.screen import Screen
+from bench.support.sshd import Sshd, application
 
 OpenScreen = Callable[..., Screen]
 _COLOUR = re.compile(rb"\x1b\[(?:[0-9;]*;)?(?:[34][0-8]|9[0-7]|10[0-7])(?:;[0-9;]*)?m")

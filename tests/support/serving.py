@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.support.processes import applications_below, wait_until
+from bench.support.processes import applications_below, wait_until
 
 StartServer = Callable[..., "Served"]
 

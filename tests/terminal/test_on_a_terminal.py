@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.support.screen import RIGHT, Screen
 from s2rtui.app.app import S2RApp
 from s2rtui.app.inline_images import hang
 from s2rtui.app.pilot import settle, take
@@ -22,7 +23,6 @@ from s2rtui.session import Session
 from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
 from s2rtui.terminal.graphics.probe import of_answer
 from tests.support.kitty import ANSWER, ATTRIBUTES, QUESTION_END, Kitty, box_cells, placed
-from tests.support.screen import RIGHT, Screen
 
 Visit = dict[str, bytes]
 

@@ -1,1 +1,1 @@
-"""screens"""
+"""Modal screens: help, tour, doctor, jump, saved selections."""

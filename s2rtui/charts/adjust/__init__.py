@@ -1,1 +1,1 @@
-"""adjust"""
+"""The adjust view."""

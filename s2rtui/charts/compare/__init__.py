@@ -1,1 +1,1 @@
-"""compare"""
+"""The compare view."""

@@ -1,1 +1,1 @@
-"""errors"""
+"""The errors view."""

@@ -1,1 +1,1 @@
-"""history"""
+"""The history view."""

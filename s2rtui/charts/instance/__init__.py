@@ -1,1 +1,1 @@
-"""instance"""
+"""The instance view."""

@@ -1,1 +1,1 @@
-"""map"""
+"""The map view."""

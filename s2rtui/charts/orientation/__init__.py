@@ -1,1 +1,1 @@
-"""orientation"""
+"""The orientation view."""

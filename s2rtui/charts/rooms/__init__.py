@@ -1,1 +1,1 @@
-"""rooms"""
+"""The rooms view."""

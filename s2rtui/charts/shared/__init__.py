@@ -1,1 +1,1 @@
-"""shared"""
+"""What several views share: inputs, maps, legends, axes."""

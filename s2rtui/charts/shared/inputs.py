@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Bounds, Room, Side
 from s2rtui.canvas.brush_surface import Mark
+from s2rtui.session.state import MapMode
 
 Floats = NDArray[np.floating]
 Codes = NDArray[np.integer]
 Bools = NDArray[np.bool_]
 Interval = tuple[float, float]
-MapMode = Literal["colour", "glyph", "full"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,1 +1,1 @@
-"""table"""
+"""The table view."""

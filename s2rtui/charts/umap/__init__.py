@@ -1,1 +1,1 @@
-"""umap"""
+"""The umap view."""

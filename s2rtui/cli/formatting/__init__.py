@@ -1,1 +1,1 @@
-"""formatting"""
+"""Text output of the commands: tables, progress, gap reports."""

@@ -1,1 +1,1 @@
-"""arrays"""
+"""Zarr arrays of a store."""

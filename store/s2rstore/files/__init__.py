@@ -1,1 +1,1 @@
-"""files"""
+"""Files of a store: layout, locks, ledger, safe opening."""

@@ -1,1 +1,1 @@
-"""gap_history"""
+"""The history of nightly gap measurements."""

@@ -1,1 +1,1 @@
-"""index"""
+"""The DuckDB index of a store."""

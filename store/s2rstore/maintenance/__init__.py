@@ -1,1 +1,1 @@
-"""maintenance"""
+"""Verifying and pruning a store."""

@@ -1,1 +1,1 @@
-"""metrics"""
+"""Pose metrics, run metrics, and summaries of a store."""

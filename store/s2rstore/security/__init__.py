@@ -1,1 +1,1 @@
-"""security"""
+"""Limits and text sanitizing for untrusted input."""

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+from bench.support import robot
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.delay import time_delay
 from s2rtools.motion_logs import Log
 from s2rtools.motion_logs.rigid_alignment import Rigid
-from tests.support import robot
 
 QUICK = GapSettings(replicates=100)
 BASE = robot.commands(20.0, np.random.default_rng(5))

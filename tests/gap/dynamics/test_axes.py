@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 import s2rstore
+from bench.support import robot
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.dynamics import DelayAxis, Dynamics
 from s2rtools.gap.dynamics.windows import WindowPlan
 from s2rtools.motion_logs import Drive
 from s2rtools.motion_logs.rigid_alignment import Rigid
-from tests.support import robot
 
 SETTINGS = GapSettings(replicates=300)
 

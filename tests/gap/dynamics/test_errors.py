@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.gap.dynamics import pose_errors
 from s2rtools.gap.dynamics.pose_errors import LogAlignment, Step
 from s2rtools.motion_logs import Log
 from s2rtools.motion_logs.rigid_alignment import Rigid, fit
-from tests.support import robot
 
 metrics = pytest.importorskip("evo.core.metrics")
 trajectory = pytest.importorskip("evo.core.trajectory")

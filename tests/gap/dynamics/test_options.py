@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import s2rstore
+from bench.support import robot
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.index.transaction import edit
 from s2rtools.gap.axis_result import Evidence, GapSettings
@@ -17,7 +18,6 @@ from s2rtools.gap.dynamics.noise_floor import Noise
 from s2rtools.gap.dynamics.pose_errors import LogAlignment, Step
 from s2rtools.motion_logs.rigid_alignment import Rigid
 from s2rtui.cli import main
-from tests.support import robot
 from tests.support.copies import copied
 
 SETTINGS = GapSettings(replicates=100)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.gap.axis_result import GapSettings
@@ -15,7 +16,6 @@ from s2rtools.gap.dynamics.window_bootstrap import Resamples
 from s2rtools.gap.dynamics.windows import WindowPlan, windows
 from s2rtools.motion_logs import Drive, Log
 from s2rtools.motion_logs.rigid_alignment import Rigid
-from tests.support import robot
 
 PLAN = WindowPlan(horizons=(0.5, 2.0), stride=0.5, scatter=0.0)
 

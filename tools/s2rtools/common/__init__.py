@@ -1,1 +1,1 @@
-"""common"""
+"""Helpers that several tools share."""

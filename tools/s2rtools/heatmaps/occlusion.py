@@ -13,7 +13,13 @@ from torch import Tensor
 from s2rstore.geometry import angles
 from s2rstore.records import SIDES
 from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, Ray
-from s2rtools.incremental_inference import LocalGraph, Patch, PixelRegion, analyse, cut_patches
+from s2rtools.incremental_inference import (
+    LocalGraph,
+    Patch,
+    PixelRegion,
+    analyse,
+    cut_patches,
+)
 from s2rtools.inference import Backend
 from s2rtools.inference.batch_norm_folding import folded
 from s2rtools.models.pose_network import LoadedModel

@@ -13,7 +13,14 @@ from scipy import ndimage
 
 from s2rstore.records import Intrinsics
 from s2rtools.synthetic_world import raycaster
-from s2rtools.synthetic_world.scene import Lamp, Packed, ScenePart, WorldScene, footprint, pack
+from s2rtools.synthetic_world.scene import (
+    Lamp,
+    Packed,
+    ScenePart,
+    WorldScene,
+    footprint,
+    pack,
+)
 
 LIGHT_CELL = 0.1
 SAMPLES = 2

@@ -1,1 +1,1 @@
-"""importers"""
+"""Importers: one module per kind of data set."""

@@ -1,1 +1,1 @@
-"""delay"""
+"""Time delay between two motion logs, and the delay axis."""

@@ -12,14 +12,8 @@ from s2rstore.errors import InconclusiveError
 from s2rstore.metrics.pose_metrics import bounds
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.delay import time_delay
-from s2rtools.gap.dynamics import (
-    log_quality,
-    pose_errors,
-    repeatability,
-)
-from s2rtools.gap.dynamics import (
-    noise_floor as noise,
-)
+from s2rtools.gap.dynamics import log_quality, pose_errors, repeatability
+from s2rtools.gap.dynamics import noise_floor as noise
 from s2rtools.gap.dynamics.ape_rpe import WHOLE, Whole
 from s2rtools.gap.dynamics.noise_floor import Noise
 from s2rtools.gap.dynamics.window_bootstrap import Resamples

@@ -1,1 +1,1 @@
-"""tasks"""
+"""Computed tasks of a run: map grids, outliers, UMAP projection."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from tests.support.screen import emulator, feed
+from bench.support.screen import emulator, feed
 
 STATUS = re.compile(r"(?P<chosen>\d+) of (?P<all>\d+) . .* . gen (?P<generation>\d+)")
 TROUBLE = re.compile(r"Traceback|[A-Z][a-z]+Error\b|damaged|cannot be|no such|run `s2r")

@@ -1,0 +1,1 @@
+"""Programs and recordings that measurements and tests share."""
