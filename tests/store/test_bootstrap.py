@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 from scipy import stats
 
 import s2rstore
-from s2rstore.errors import InconclusiveError
 from s2rstore.metrics import bootstrap, run_metrics
 from s2rstore.metrics.bootstrap import BootstrapSettings, Interval
+from s2rtools.gap.axes import axis
 from s2rtools.gap.axis_result import Evidence, GapSettings
-from s2rtools.gap.task.task_axis import Task
 from tests.support import tiny
 
 
@@ -93,11 +92,8 @@ def test_screen_and_gate_give_the_same_interval(tmp_path: Path) -> None:
         gap = columns.real.error[held_out] - columns.sim.error[held_out]
         screen = bootstrap.mean_interval(gap, trajectory[held_out])
         evidence = Evidence(store, "vanilla", np.arange(240))
-        try:
-            axis = Task().measure(evidence, GapSettings())
-        except InconclusiveError as error:
-            pytest.fail(str(error))
-        gate = bootstrap.percentile_interval(axis.value, axis.replicates)
+        task = axis("task").measure(evidence, GapSettings())
+        gate = bootstrap.percentile_interval(task.value, task.replicates)
         assert (screen.low, screen.value, screen.high) == pytest.approx(
             (gate.low, gate.value, gate.high), abs=1e-12
         )
