@@ -80,7 +80,8 @@ def test_circular_sums_are_those_of_the_wrapped_rows(
 def test_too_few_values_have_an_estimate_without_bounds() -> None:
     assert np.isnan(bootstrap.mean_interval(np.zeros(0)).value)
     single = bootstrap.mean_interval(np.ones(1))
-    assert single.value == 1 and np.isnan(single.low)
+    assert single.value == 1
+    assert np.isnan(single.low)
     assert Interval(-0.2, 0.9, 1.3).clipped(0, 1) == Interval(0.0, 0.9, 1.0)
 
 

@@ -69,9 +69,12 @@ def test_it_is_complete_and_undamaged(folder: Path) -> None:
 
 def test_images_predictions_and_heatmaps_are_read(folder: Path) -> None:
     with s2rstore.open(folder / "demo.s2r") as store:
-        assert len(store.instances) == 24 and list(store.runs) == ["tiny"]
+        assert len(store.instances) == 24
+        assert list(store.runs) == ["tiny"]
         frame = store.frame(3, "real")
-        assert frame.rgb.shape == (16, 16, 3) and frame.rgb.any() and frame.depth.any()
+        assert frame.rgb.shape == (16, 16, 3)
+        assert frame.rgb.any()
+        assert frame.depth.any()
         for record in store.arrays("tiny"):
             array = np.asarray(store.stored(record))
             assert array.shape == record.shape
@@ -127,7 +130,8 @@ def test_its_notebook_is_read(folder: Path, tmp_path: Path) -> None:
         notes = notebook.notes
         assert set(notes.selections) == {"worst", "near"}
         assert notes.selections["near"].trajectories == ("traj1",)
-        assert notes.remarks[3].note == "dark corner" and notes.remarks[4].tags == ("corner",)
+        assert notes.remarks[3].note == "dark corner"
+        assert notes.remarks[4].tags == ("corner",)
         for saved in notes.selections.values():
             chosen = evaluation.select(store, saved.expression, saved.run)
             if saved.trajectories is None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rstore.files import layout, locks, safe_files
+from s2rstore.files import atomic_writes, layout, locks, safe_files
 from s2rstore.files.ingest_folder import building_folders, is_running
 from s2rstore.files.ledger import Ledger
 from s2rstore.files.safe_files import FolderEntry
@@ -125,7 +125,7 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
 def _unfinished(root: Path) -> list[str]:
     """Files that killed writes have left; not those that a process still writes without a lock."""
     found = []
-    for entry in safe_files.leftovers(root):
+    for entry in atomic_writes.partial_files(root):
         process = _PROCESS.search(entry.name)
         in_history = entry.path.startswith(f"{layout.HISTORY}/")
         if process and is_running(int(process[1])):
@@ -149,11 +149,11 @@ def _below(root: Path, path: str) -> list[FolderEntry]:
 
 def _remove(root: Path, below: dict[str, list[FolderEntry]]) -> None:
     for path in below:
-        safe_files.remove(root, path)
+        atomic_writes.remove(root, path)
     Ledger(root).forget({entry.path for entries in below.values() for entry in entries})
     for run in _folders(root, layout.RUNS):
         if not safe_files.names(root, run.path):
-            safe_files.remove(root, run.path)
+            atomic_writes.remove(root, run.path)
 
 
 def _with_beside(pruned: PruneResult, folders: list[Path], dry_run: bool) -> PruneResult:

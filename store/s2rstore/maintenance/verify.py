@@ -18,7 +18,7 @@ import duckdb
 from s2rstore.arrays import stored_array
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
-from s2rstore.files import layout, safe_files
+from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.files.ingest_folder import building_folders
 from s2rstore.files.ledger import Ledger
@@ -94,7 +94,7 @@ def _foreign(root: Path) -> Iterator[Damage]:
 
 
 def _leftovers(root: Path) -> Iterator[str]:
-    for entry in safe_files.leftovers(root):
+    for entry in atomic_writes.partial_files(root):
         yield (
             f"{entry.path}: unfinished; unless something is being written now, a killed write left "
             "it and `s2r prune` removes it"
