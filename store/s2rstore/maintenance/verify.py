@@ -24,6 +24,7 @@ from s2rstore.files.ingest_folder import building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.gap_history import reader
 from s2rstore.index import locked_connection, schema
+from s2rstore.metrics.pose_metrics import LOSS_GAMMA
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 
@@ -346,7 +347,11 @@ _ORDER = """
 
 _FORMULAS = (
     ("error is not the distance to the truth", "error", "sqrt(dx * dx + dy * dy)"),
-    ("loss is not that of its errors", "loss", "0.7 * error * error + 0.3 * turn"),
+    (
+        "loss is not that of its errors",
+        "loss",
+        f"{1 - LOSS_GAMMA} * error * error + {LOSS_GAMMA} * turn",
+    ),
     ("accuracy is not that of its error", "accuracy", "greatest(0, 1 - error / scale)"),
 )
 _TOLERANCE = 1e-9
