@@ -13,19 +13,18 @@ from numpy.typing import NDArray
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.geometry.floor_grid import FloorHeat, MapGrid
+from s2rstore.lru_cache import LruCache
 from s2rstore.metrics import pose_metrics
 from s2rstore.reader import DEFAULT_MODES, Store
 from s2rstore.records import SIDES, Run, Side
 from s2rstore.run_inputs import run_domain, run_move
 from s2rtools.adjustments import Chain
 from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
-from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
 from s2rtools.interactive.live_result import HeatKey, LiveResult, LiveSide
-from s2rtools.interactive.recent import RecentValues
 from s2rtools.models.library import load_model
 from s2rtools.precompute import rig_calibration
-from s2rtools.precompute.frame_reader import Images, Renderers, RunFrames, side_frames
+from s2rtools.precompute.frame_reader import Renderers, RunFrames, side_frames
 from s2rtools.precompute.run_context import as_stored, side_batch
 from s2rtools.rendering import reason_against
 
@@ -71,9 +70,9 @@ class LiveModel:
             self._store.close()
             raise
         self._renderers: Renderers = {}
-        self._frames: RecentValues[Images] = RecentValues(2 * _HELD)
-        self._answers: RecentValues[_Answer] = RecentValues(2 * _HELD)
-        self._alignments: RecentValues[ImageAlignment | None] = RecentValues(2)
+        self._frames = LruCache.of_count(2 * _HELD)
+        self._answers = LruCache.of_count(2 * _HELD)
+        self._alignments = LruCache.of_count(2)
         self._types: dict[str, dict[tuple[str | None, str | None], str]] = {}
 
     def close(self) -> None:
