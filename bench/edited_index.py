@@ -8,7 +8,7 @@ from pathlib import Path
 
 import duckdb
 
-from s2rstore.files import layout
+from s2rstore.files import input_files, layout
 
 Statement = str | tuple[str, list[object]]
 
@@ -26,7 +26,7 @@ def edited(root: Path, statements: Sequence[Statement]) -> Path:
             sql, parameters = (statement, []) if isinstance(statement, str) else statement
             connection.execute(sql, parameters)
         connection.execute("CHECKPOINT")
-    stated = {"sha256": layout.file_sha256(index), "bytes": index.stat().st_size}
+    stated = {"sha256": input_files.sha256(index), "bytes": index.stat().st_size}
     path = root / layout.CURRENT
     path.write_text(json.dumps({**json.loads(path.read_text()), **stated}))
     return index

@@ -7,6 +7,7 @@ import hashlib
 import numpy as np
 from scipy import signal
 
+from s2rstore.geometry import angles
 from s2rtools.motion_logs import Commands, Drive, Log
 
 STEP = 0.001
@@ -71,7 +72,7 @@ def sampled(
         x = x + noise * rng.standard_normal(time.size)
         y = y + noise * rng.standard_normal(time.size)
         heading = heading + turn_noise * rng.standard_normal(time.size)
-    heading = (heading + np.pi) % (2 * np.pi) - np.pi
+    heading = angles.wrap(heading)
     content = hashlib.sha256(np.stack([time, x, y, heading]).tobytes()).hexdigest()
     return Log(time, x, y, heading, name, content)
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.gap_history.reader import History
+from s2rstore.geometry import angles
 from s2rstore.language.canonical_text import quoted
 from s2rstore.reader import Store
 from s2rstore.records import Side
@@ -261,4 +262,4 @@ def number(value: float) -> str:
 
 
 def _wrapped(degrees: float) -> float:
-    return (degrees + 180) % 360 - 180 if abs(degrees) != 180 else degrees
+    return angles.wrap_degrees(degrees) if abs(degrees) != 180 else degrees

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.geometry.floor_grid import AGGREGATES, MapGrid, Projector, Ray
-from s2rstore.geometry.reprojection import HeatSurface
+from s2rstore.geometry.floor_grid import AGGREGATES, FloorHeat, MapGrid, Ray
 from s2rstore.reader import Store
-from s2rstore.records import Domain, Run, Side
+from s2rstore.records import Run, Side
 from s2rstore.run_inputs import run_domain, run_frames
 from s2rtui.session.state import Aggregate, HeatChoice, State
 
@@ -153,38 +151,17 @@ def _project(
     grid: MapGrid,
 ) -> None:
     """Lay the heat of the chosen instances of a block on the grid, as precompute does."""
-    dataset, truth = store.dataset, store.instances
-    frame = dataset.frame_height, dataset.frame_width
+    truth = store.instances
     own, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
     noted = store.provenance_object(f"run:{run.run}", "surfaces")
-    correction = store.correction(run.sim_domain, run.real_domain)
-    surface = HeatSurface(own, other, frame, heat.side == "real", correction, noted.get(heat.kind))
+    rig_offset = store.correction(run.sim_domain, run.real_domain)
+    floor_heat = FloorHeat(own, other, store.dataset, heat.side, rig_offset, noted.get(heat.kind))
 
     def depth(side: Side) -> NDArray[Any]:
         read = run_frames(store, run, side, block.start, block.stop, ("depth",))
         return np.asarray(read["depth"][chosen])
 
     near, far = _ORDER[heat.side]
-    lies = surface.depth(depth(near), depth(far) if surface.needs_other else None)
+    surface_depth = floor_heat.depth(depth(near), depth(far) if floor_heat.needs_other else None)
     poses = np.stack([truth.x[block], truth.y[block], truth.heading[block]], axis=1)[chosen]
-    rig = surface.domain
-    projector = _projector(rig.domain, _Held(rig), frame, dataset.y_down)
-    grid.add(*projector.project(values, lies, poses, ray_of(heat), grid))
-
-
-class _Held:
-    """A domain as a cache key by its content."""
-
-    def __init__(self, domain: Domain) -> None:
-        self.domain = domain
-
-    def __hash__(self) -> int:
-        return hash(self.domain.domain)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Held) and other.domain == self.domain
-
-
-@lru_cache(maxsize=8)
-def _projector(name: str, held: _Held, frame: tuple[int, int], y_down: bool) -> Projector:
-    return Projector(held.domain, frame, y_down)
+    floor_heat.add(grid, values, surface_depth, poses, ray_of(heat))

@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.layout import checked_hash, write_atomic
+from s2rstore.files.atomic_writes import write_file
+from s2rstore.files.layout import checked_hash
 from s2rstore.files.locks import file_lock
 from s2rstore.language import ExpressionError, Node, parse
 from s2rstore.language.canonical_text import quoted
@@ -179,7 +180,7 @@ class Notebook:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             with file_lock(self.path, _PATIENCE):
                 notes = change(self._read())
-                write_atomic(self.path, self._written(notes))
+                write_file(self.path, self._written(notes))
         except OSError as error:
             raise RequestError(f"{self.path}: {error.strerror}") from error
         except RecursionError as error:

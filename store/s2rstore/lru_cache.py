@@ -1,83 +1,90 @@
-"""A bounded store of values that are dear to make."""
+"""A bounded cache for any thread, which drops the least recently used values."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from threading import Event, Lock
-from typing import Protocol, TypeVar
+from typing import Any, TypeVar
+
+V = TypeVar("V")
 
 
-class Sized(Protocol):
-    """Knows its size in bytes, as numpy arrays do."""
-
-    @property
-    def nbytes(self) -> int: ...
-
-
-V = TypeVar("V", bound=Sized)
+def nbytes(value: Any) -> int:
+    """Size of a numpy array, or of anything else that has `nbytes`."""
+    return int(value.nbytes)
 
 
 class LruCache:
-    """The values asked for last, up to `limit` bytes together, at least one; for any thread."""
+    """The most recently used values, up to `limit` in total size, but at least one.
 
-    def __init__(self, limit: int) -> None:
+    `size` measures a value: its bytes by default, 1 for a cache of at most `limit` values.
+    """
+
+    def __init__(self, limit: int, size: Callable[[Any], int] = nbytes) -> None:
         self._limit = limit
-        self._values: OrderedDict[Hashable, Sized] = OrderedDict()
-        self._bytes = 0
+        self._size = size
+        self._values: OrderedDict[Hashable, Any] = OrderedDict()
+        self._total = 0
         self._lock = Lock()
-        self._making: dict[Hashable, Event] = {}
+        self._computing: dict[Hashable, Event] = {}
 
-    def get(self, key: Hashable, make: Callable[[], V]) -> V:
-        """The value of `key`, made where it is not kept.
+    @classmethod
+    def of_count(cls, limit: int) -> LruCache:
+        """A cache of at most `limit` values of any size."""
+        return cls(limit, lambda value: 1)
 
-        A key stands for one value of one type, which nobody may change. It is made once: other
-        threads wait for it, and make it themselves where that failed.
+    def get(self, key: Hashable, compute: Callable[[], V]) -> V:
+        """The cached value of `key`, or else the computed one, which is cached.
+
+        A key stands for one value of one type, which nobody may change. It is computed once: other
+        threads wait for it, and compute it themselves where that failed.
         """
         while True:
             with self._lock:
                 if key in self._values:
                     self._values.move_to_end(key)
-                    return self._values[key]  # type: ignore[return-value]
-                making = self._making.get(key)
-                if making is None:
-                    self._making[key] = Event()
+                    cached: V = self._values[key]
+                    return cached
+                computing = self._computing.get(key)
+                if computing is None:
+                    self._computing[key] = Event()
                     break
-            making.wait()
+            computing.wait()
         try:
-            value = make()
+            value = compute()
             with self._lock:
                 self._put(key, value)
             return value
         finally:
             with self._lock:
-                self._making.pop(key).set()
+                self._computing.pop(key).set()
 
     def __contains__(self, key: Hashable) -> bool:
         with self._lock:
             return key in self._values
 
-    def drop(self, unwanted: Callable[[Hashable], bool]) -> None:
-        """Keep nothing whose key is unwanted."""
+    def drop(self, condition: Callable[[Hashable], bool]) -> None:
+        """Drop the values whose keys meet a condition."""
         with self._lock:
-            for key in [key for key in self._values if unwanted(key)]:
-                self._bytes -= self._values.pop(key).nbytes
+            for key in [key for key in self._values if condition(key)]:
+                self._total -= self._size(self._values.pop(key))
 
     def clear(self) -> None:
-        """Keep nothing."""
+        """Drop all values."""
         self.drop(lambda key: True)
 
-    def _put(self, key: Hashable, value: Sized) -> None:
+    def _put(self, key: Hashable, value: Any) -> None:
         self._values[key] = value
-        self._bytes += value.nbytes
-        while self._bytes > self._limit and len(self._values) > 1:
+        self._total += self._size(value)
+        while self._total > self._limit and len(self._values) > 1:
             _, oldest = self._values.popitem(last=False)
-            self._bytes -= oldest.nbytes
+            self._total -= self._size(oldest)
 
     @property
     def nbytes(self) -> int:
-        """What is kept, together."""
-        return self._bytes
+        """Total size of the cached values."""
+        return self._total
 
     def __len__(self) -> int:
         return len(self._values)

@@ -13,7 +13,7 @@ import duckdb
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
+from s2rstore.files import atomic_writes
 from s2rtui.cli import main
 from s2rtui.cli.formatting import rows as output
 
@@ -122,7 +122,7 @@ def test_a_disk_that_is_full_leaves_the_file_that_was_there(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     (tmp_path / "a.csv").write_text("old")
-    monkeypatch.setattr(layout.os, "fsync", full)
+    monkeypatch.setattr(atomic_writes.os, "fsync", full)
     with pytest.raises(RequestError, match=r"a\.csv: cannot be written \(No space left"):
         output.write_file(tmp_path / "a.csv", b"new")
     assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]

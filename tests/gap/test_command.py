@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from s2rstore.files import layout
+from s2rstore.files import atomic_writes
 from s2rstore.index.transaction import edit
 from s2rtools.gap.axes import AXES, axis
 from s2rtools.gap.gate import gate
@@ -85,7 +85,7 @@ def test_a_place_that_cannot_be_is_refused_before_anything_is_measured(
 def test_a_disk_that_refuses_one_file_gets_none(
     store: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write, seen = layout.write_beside, []
+    write, seen = atomic_writes.write_partial, []
 
     def refusing(path: Path, content: bytes) -> Path:
         seen.append(path)
@@ -93,7 +93,7 @@ def test_a_disk_that_refuses_one_file_gets_none(
             raise OSError(errno.EDQUOT, "Disk quota exceeded")
         return write(path, content)
 
-    monkeypatch.setattr(layout, "write_beside", refusing)
+    monkeypatch.setattr(atomic_writes, "write_partial", refusing)
     words = [("--freeze", "ref"), ("--freeze-golden", "golden"), ("--out", "out")]
     assert gap(store, *(w for o, n in words for w in (o, str(tmp_path / n)))) == 2
     told = capsys.readouterr()

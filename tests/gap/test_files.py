@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
+from s2rstore.files import atomic_writes
 from s2rtools.common.result_files import check_writable, write_all
 
 
@@ -41,7 +41,7 @@ def test_a_disk_that_is_full_leaves_what_was_there(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     (tmp_path / "a").write_text("old")
-    monkeypatch.setattr(layout.os, "fsync", full)
+    monkeypatch.setattr(atomic_writes.os, "fsync", full)
     with pytest.raises(RequestError, match=r"a: No space left on device"):
         write_all({tmp_path / "a": b"new"})
     assert (tmp_path / "a").read_text() == "old"

@@ -54,7 +54,7 @@ def test_what_is_wrong_with_the_current_file_is_said(own_store: Path) -> None:
     content = current.read_bytes()
     current.unlink()
     current.mkdir()
-    with pytest.raises(RequestError, match="a folder, not a file"):
+    with pytest.raises(RequestError, match="a folder, not a regular file"):
         s2rstore.open(own_store)
     current.rmdir()
     current.write_bytes(content + b" " * 10**6)

@@ -17,7 +17,6 @@ from s2rstore.records import SIDES
 from s2rtools.adjustments import chain_of, parse
 from s2rtools.heatmaps import KINDS
 from s2rtools.interactive import LiveModel, LiveResult
-from s2rtools.interactive.recent import RecentValues
 from s2rtools.precompute.pipeline import precompute
 from s2rtools.precompute.registry import add_run
 from s2rtui.session.heatmaps import choices, instance_grid
@@ -168,11 +167,3 @@ def test_the_callers_store_may_close(adjusted: Store) -> None:
         live = LiveModel(own, "vanilla")
     assert live.compute(2, CHAINS, ("activation",)) is not None
     live.close()
-
-
-def test_the_longest_unused_is_dropped() -> None:
-    made: list[str] = []
-    recent: RecentValues[str] = RecentValues(2)
-    for key in "abacab":
-        recent.get(key, lambda key=key: (made.append(key), key)[1])
-    assert made == ["a", "b", "c", "b"]

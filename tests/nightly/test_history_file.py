@@ -101,8 +101,8 @@ _DIE = "os.kill(os.getpid(), signal.SIGKILL)"
     ("patch", "kept"),
     [
         (f"history_writer._insert = lambda *a: {_DIE}", 1),
-        (f"history_writer.layout.sync_file = lambda *a: {_DIE}", 1),
-        (f"history_writer.layout.sync_folder = lambda *a: {_DIE}", 2),
+        (f"history_writer.atomic_writes.sync_path = lambda *a: {_DIE}", 1),
+        (f"history_writer.atomic_writes.sync_path = lambda path: path.is_dir() and {_DIE}", 2),
         (f"import s2rtools.nightly.publish as p; p.junit = lambda *a: {_DIE}", 2),
     ],
     ids=["while adding", "before the rename", "after the rename", "while telling"],

@@ -14,7 +14,7 @@ import pytest
 import s2rstore
 from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
+from s2rstore.files import input_files, layout
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
@@ -74,7 +74,7 @@ def _sql(root: Path, statement: str) -> None:
     index = root / current.index
     with duckdb.connect(str(index)) as connection:
         connection.execute(statement)
-    _changed(root, sha256=layout.file_sha256(index), bytes=index.stat().st_size)
+    _changed(root, sha256=input_files.sha256(index), bytes=index.stat().st_size)
 
 
 @pytest.mark.parametrize(

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from s2rstore.files import layout
+from s2rstore.files import atomic_writes
 
 
 def test_a_file_is_replaced_and_nothing_is_left_beside(tmp_path: Path) -> None:
     path = tmp_path / "file"
     for content in (b"one", b"two"):
-        layout.write_atomic(path, content)
+        atomic_writes.write_file(path, content)
         assert path.read_bytes() == content
     assert list(tmp_path.iterdir()) == [path]
 
@@ -23,13 +23,13 @@ def test_a_write_that_fails_leaves_the_old_content_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
     path = tmp_path / "file"
-    layout.write_atomic(path, b"old")
+    atomic_writes.write_file(path, b"old")
 
     def full(descriptor: int) -> None:
         raise error
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(type(error)):
-        layout.write_atomic(path, b"new")
+        atomic_writes.write_file(path, b"new")
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]

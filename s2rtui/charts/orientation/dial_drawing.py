@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from s2rstore.geometry import angles
 from s2rtui.canvas.brush_surface import Mark, Panel
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Rgb
@@ -97,7 +98,7 @@ def _ground(chart: Canvas, dial: Dial, mark: Mark, look: RenderOptions) -> None:
     across = np.arange(chart.width) + 0.5 - dial.x
     down = 2 * (np.arange(chart.height) + 0.5 - dial.y)
     turn = np.degrees(np.arctan2((down if dial.y_down else -down)[:, None], across[None]))
-    apart = np.abs((turn - middle + 180) % 360 - 180)
+    apart = np.abs(angles.wrap_degrees(turn - middle))
     chart.bg[apart <= half] = look.theme.highlight
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from s2rstore.geometry import angles
 from s2rtui.canvas.brush_surface import Mark, Panel
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Rgb
@@ -27,7 +28,7 @@ def draw_strip(
     if mark is not None:
         middle, half = arc_of(mark)
         turn = (np.arange(panel.width) + 0.5) / panel.width * 360 - 180
-        held = np.abs((turn - middle + 180) % 360 - 180) <= half
+        held = np.abs(angles.wrap_degrees(turn - middle)) <= half
         rows, columns = slice(panel.y, bottom + 1), panel.x + np.flatnonzero(held)
         canvas.bg[rows, columns] = look.theme.highlight
         ends = (middle - half, middle + half)

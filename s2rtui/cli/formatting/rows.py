@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
+from s2rstore.files import atomic_writes
 from s2rstore.security.printable_text import printable
 from s2rtui.export.rows.formats import Rows, Told, csv_text, json_text, write_parquet
 
@@ -69,7 +69,7 @@ def write_file(path: Path, content: bytes) -> None:
         if path.exists() and not path.is_file():
             path.write_bytes(content)
         else:
-            layout.write_atomic(path.resolve(), content)
+            atomic_writes.write_file(path.resolve(), content)
     except OSError as error:
         raise RequestError(f"{path}: cannot be written ({error.strerror})") from error
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from s2rstore.arrays import zarr_metadata
 from s2rstore.arrays.zarr_metadata import CHUNK_BYTES, Layout
 from s2rstore.errors import RequestError
-from s2rstore.files import safe_files
+from s2rstore.files import atomic_writes, safe_files
 from s2rstore.files.layout import CURRENT
 
 METADATA = "zarr.json"
@@ -64,7 +64,7 @@ def create(
         return
     content = zarr_metadata.document(layout, attributes or {})
     zarr_metadata.parsed(content, str(path))
-    safe_files.write(root, document, content)
+    atomic_writes.write(root, document, content)
 
 
 def _place(path: Path, root: Path | None) -> tuple[Path, str]:
@@ -372,7 +372,7 @@ def write_shard(path: Path, shard: int, rows: NDArray[Any], root: Path | None = 
         raise ValueError(f"{path}: shard {shard} holds {expected[0]} rows, got {rows.shape}")
     root, _ = _place(path, root)
     name = array.file(shard)
-    safe_files.write(root, name, _encoded(array.layout, rows), durable=False)
+    atomic_writes.write(root, name, _encoded(array.layout, rows), durable=False)
     return root / name
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from s2rstore.errors import RequestError
+from s2rstore.files.input_files import parse_json
 from s2rstore.geometry.floor_grid import AGGREGATES
 
 DATA_TYPES = ("uint8", "uint16", "float16", "float32", "float64")
@@ -108,7 +109,7 @@ def _document(layout: Layout, attributes: dict[str, Any]) -> dict[str, Any]:
 def parsed(content: bytes, where: str) -> tuple[Layout, dict[str, str]]:
     """Layout and attributes of a `zarr.json`. RequestError names the array and what is wrong."""
     try:
-        found = json.loads(content, object_pairs_hook=_once)
+        found = parse_json(content, where)
         layout, attributes = _layout(found), _attributes(found["attributes"])
     except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
         raise _refused(where, f"{type(error).__name__}: {error}") from error
@@ -118,13 +119,6 @@ def parsed(content: bytes, where: str) -> tuple[Layout, dict[str, str]]:
             raise _refused(where, f"unexpected {key}")
     _check_sizes(layout, where)
     return layout, attributes
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    made = dict(pairs)
-    if len(made) != len(pairs):
-        raise ValueError("a key stands twice")
-    return made
 
 
 def _layout(found: Any) -> Layout:

@@ -16,9 +16,13 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+import msgspec
 
 from s2rstore.errors import RequestError
+
+T = TypeVar("T")
 
 MOST_JSON = 8 << 20
 """Bytes of a JSON document. Parsed, it takes up to 50 times as much memory."""
@@ -26,7 +30,7 @@ MOST_TOML = 1 << 20
 """Bytes of a TOML document: a thousand times what the configurations here need."""
 _MOST_KEY_PARTS = 32
 """Parts of a dotted TOML key; tomllib's memory grows with the square of their number."""
-_KINDS = (
+_SPECIAL_KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a pipe"),
     (stat.S_ISSOCK, "a socket"),
@@ -38,13 +42,20 @@ _TOML_TOKEN = re.compile(
 )
 
 
+def refuse_special(path: Path, mode: int) -> None:
+    """Raise RequestError where a file's mode is that of a folder, a pipe, a socket or a device."""
+    for is_kind, kind in _SPECIAL_KINDS:
+        if is_kind(mode):
+            raise RequestError(f"{path}: {kind}, not a regular file")
+
+
 def check_regular(path: Path) -> os.stat_result:
     """The file's status. Raises RequestError where it is missing or no regular file."""
     try:
         found = path.stat()
     except (OSError, ValueError) as error:
         raise RequestError(f"{path}: cannot be read ({_reason(error)})") from error
-    _refuse_special(path, found)
+    refuse_special(path, found.st_mode)
     return found
 
 
@@ -56,10 +67,10 @@ def open_regular(path: Path) -> Iterator[io.BufferedReader]:
     except (OSError, ValueError) as error:
         special = path.exists() and not path.is_file()
         if special:
-            _refuse_special(path, path.stat())
+            refuse_special(path, path.stat().st_mode)
         raise RequestError(f"{path}: cannot be read ({_reason(error)})") from error
     try:
-        _refuse_special(path, os.fstat(descriptor))
+        refuse_special(path, os.fstat(descriptor).st_mode)
         file = os.fdopen(descriptor, "rb")
     except BaseException:
         os.close(descriptor)
@@ -96,7 +107,12 @@ def read_text(path: Path, most: int) -> str:
 def sha256(path: Path) -> str:
     """SHA-256 of a regular file of any size."""
     with open_regular(path) as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        return digest(file)
+
+
+def digest(file: io.BufferedReader | io.FileIO) -> str:
+    """SHA-256 of an open file's content, in hexadecimal."""
+    return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_json(path: Path, most: int = MOST_JSON) -> Any:
@@ -134,6 +150,19 @@ def parse_json(text: str | bytes, where: str) -> Any:
         raise RequestError(f"{where}: no JSON ({_reason(error)})") from error
 
 
+def decode_json(content: bytes, kind: type[T], where: str) -> T:
+    """A JSON text as a record whose fields have the declared types.
+
+    Raises RequestError, which begins with `where`, names the wrong field and what is expected.
+    """
+    try:
+        return msgspec.json.decode(content, type=kind)
+    except RecursionError:
+        raise RequestError(f"{where}: damaged (nested too deeply); restore it") from None
+    except (msgspec.DecodeError, ValueError) as error:
+        raise RequestError(f"{where}: damaged ({_reason(error)}); restore it") from error
+
+
 def parse_object(text: str | bytes, where: str) -> dict[str, Any]:
     """The same for a text that must be a JSON object."""
     found = parse_json(text, where)
@@ -164,12 +193,6 @@ def _check_keys(text: str) -> None:
             raise ValueError(f"line {line}: a key of more than {_MOST_KEY_PARTS} parts")
         if token["blank"] is None:
             dotted = token["dot"] is not None and parts > 0
-
-
-def _refuse_special(path: Path, found: os.stat_result) -> None:
-    for is_kind, kind in _KINDS:
-        if is_kind(found.st_mode):
-            raise RequestError(f"{path}: {kind}, not a regular file")
 
 
 def _reason(error: Exception) -> str:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
 import re
-import secrets
-from contextlib import suppress
-from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import msgspec
+
 from s2rstore.errors import RequestError
-from s2rstore.files import safe_files
+from s2rstore.files import atomic_writes, safe_files
+from s2rstore.files.input_files import decode_json
 
 CURRENT = "CURRENT.json"
 INDEX = "index"
@@ -29,8 +26,7 @@ _CURRENT_BYTES = 65_536
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,79}\Z")
 
 
-@dataclass(frozen=True, slots=True)
-class Current:
+class Current(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The content of `CURRENT.json`: which index file is the published state."""
 
     generation: int
@@ -66,67 +62,16 @@ def read_current(root: Path) -> Current:
     except OSError as error:
         where, reason = error.filename or path, safe_files.explained(error)
         raise RequestError(f"{where}: cannot be read ({reason}); check its permissions") from error
-    try:
-        current = Current(**json.loads(content))
-    except (ValueError, TypeError, RecursionError) as error:
-        raise RequestError(f"{path}: damaged ({type(error).__name__}); restore it") from error
-    numbers = current.generation, current.bytes, current.schema
-    if not all(type(number) is int for number in numbers) or (
-        current.index != index_name(current.generation)
-    ):
+    current = decode_json(content, Current, str(path))
+    if current.index != index_name(current.generation):
         raise RequestError(f"{path}: damaged (generation and index do not agree); restore it")
     return current
 
 
 def write_current(root: Path, current: Current) -> None:
     """Make `current` the published generation, atomically and durably."""
-    content = json.dumps(asdict(current), indent=2) + "\n"
-    safe_files.write(root, CURRENT, content.encode())
-
-
-def write_atomic(path: Path, content: bytes) -> None:
-    """Write a file so that readers see the old content or the new, never a part."""
-    beside = write_beside(path, content)
-    try:
-        beside.replace(path)
-    except BaseException:
-        with suppress(OSError):
-            beside.unlink()
-        raise
-    sync_folder(path.parent)
-
-
-def write_beside(path: Path, content: bytes) -> Path:
-    """The content on the disk, in a hidden file that is to take the place of `path`."""
-    beside = path.with_name(f".{path.name[:64]}.{secrets.token_hex(8)}{safe_files.PARTIAL}")
-    try:
-        with beside.open("xb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-    except BaseException:
-        with suppress(OSError):
-            beside.unlink()
-        raise
-    return beside
-
-
-def sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def sync_file(path: Path) -> None:
-    with path.open("rb") as file:
-        os.fsync(file.fileno())
-
-
-def file_sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    content = msgspec.json.format(msgspec.json.encode(current)) + b"\n"
+    atomic_writes.write(root, CURRENT, content)
 
 
 def inside(root: Path, relative: str | Path) -> Path:

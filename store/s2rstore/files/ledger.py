@@ -7,34 +7,34 @@ killed process left half-written is not a line.
 from __future__ import annotations
 
 import io
-import json
 import os
-import re
 import socket
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Annotated, BinaryIO
+
+import msgspec
 
 from s2rstore.errors import RequestError
-from s2rstore.files import layout, safe_files
+from s2rstore.files import atomic_writes, layout, safe_files
 
 _COMPACTED = f"{layout.LEDGER}/compacted.jsonl"
 _LONGEST_LINE = 65_536
 _LARGEST_FILE = 2 << 30
 """Bytes of one process' file: some 8 million entries."""
-_SHA256 = re.compile(r"[0-9a-f]{64}\Z")
 
 
-@dataclass(frozen=True, slots=True)
-class LedgerEntry:
+class LedgerEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A finished file: `key` names the work unit, `path` the file inside the store."""
 
     key: str
     path: str
-    bytes: int
-    checksum: str
-    count: int
+    bytes: Annotated[int, msgspec.Meta(ge=0)]
+    checksum: Annotated[str, msgspec.Meta(pattern=r"\A[0-9a-f]{64}\Z")]
+    count: Annotated[int, msgspec.Meta(ge=0)]
+
+
+_DECODER = msgspec.json.Decoder(LedgerEntry)
 
 
 class Ledger:
@@ -73,13 +73,13 @@ class Ledger:
         """
         lines = []
         for relative, count in files:
-            safe_files.sync(self._root, relative)
+            atomic_writes.sync(self._root, relative)
             size = safe_files.size(self._root, relative)
             checksum = safe_files.sha256(self._root, relative)
             lines.append(_line(LedgerEntry(key, relative, size, checksum, count)))
         own = f"{layout.LEDGER}/{socket.gethostname()}-{os.getpid()}.jsonl"
-        safe_files.append_lines(self._root, own, "".join(lines).encode())
-        safe_files.sync(self._root, own)
+        atomic_writes.append_lines(self._root, own, "".join(lines).encode())
+        atomic_writes.sync(self._root, own)
 
     def by_path(self) -> dict[str, list[LedgerEntry]]:
         """Entries grouped by file: a file that was made again has several."""
@@ -117,10 +117,10 @@ class Ledger:
         """
         lines = "".join(_line(entry) for entry in self.entries() if entry.path not in gone)
         old = self._files()
-        safe_files.write(self._root, _COMPACTED, lines.encode())
+        atomic_writes.write(self._root, _COMPACTED, lines.encode())
         for path in old:
             if path != _COMPACTED:
-                safe_files.remove(self._root, path)
+                atomic_writes.remove(self._root, path)
 
 
 def _lines_of(file: BinaryIO) -> Iterator[bytes]:
@@ -131,20 +131,11 @@ def _lines_of(file: BinaryIO) -> Iterator[bytes]:
 
 
 def _line(entry: LedgerEntry) -> str:
-    return json.dumps(asdict(entry), separators=(",", ":")) + "\n"
+    return msgspec.json.encode(entry).decode() + "\n"
 
 
 def _parsed(line: bytes) -> LedgerEntry | None:
-    if not line.startswith(b'{"key":'):
-        return None
     try:
-        entry = LedgerEntry(**json.loads(line))
-    except (ValueError, TypeError, RecursionError):
+        return _DECODER.decode(line)
+    except (msgspec.DecodeError, ValueError, RecursionError):
         return None
-    sizes = entry.bytes, entry.count
-    if not all(type(size) is int and size >= 0 for size in sizes):
-        return None
-    words = entry.key, entry.path, entry.checksum
-    if not all(isinstance(word, str) for word in words) or not _SHA256.match(entry.checksum):
-        return None
-    return entry

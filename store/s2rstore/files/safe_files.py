@@ -1,23 +1,16 @@
-"""Files of a store, opened without following links.
+"""Open, read and list the files of a store without following symbolic links.
 
 A store may come from somebody else. Every path below its root is opened one component at a time
 with `O_NOFOLLOW`, so that a symbolic link inside the store never leads a read, a write or a
 removal elsewhere; the root itself may be a link. Only regular files are opened: a FIFO or a device
-is refused before anything is read from it. Errors carry the full path of the file.
-
-A write goes to a file with a unique name that ends in `.partial` and takes the place of the old
-file when it is complete and on the disk. A process that is killed meanwhile leaves that file:
-`leftovers` finds such files, and `s2r prune` removes them.
+is refused before anything is read from it. Errors carry the full path of the file. Writing is in
+`atomic_writes`.
 """
 
 from __future__ import annotations
 
 import errno
-import hashlib
 import os
-import re
-import secrets
-import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -27,20 +20,15 @@ from pathlib import Path, PurePosixPath
 from typing import Literal
 
 from s2rstore.errors import RequestError
+from s2rstore.files import input_files
 
 Kind = Literal["file", "folder", "link", "other"]
-PARTIAL = ".partial"
 
-_MOST_LEVELS = 24
+_MAX_DEPTH = 24
 """Folders within each other; those of a store lie about 8 deep."""
-_SAFE = os.O_NOFOLLOW | os.O_CLOEXEC
-_FOLDER = os.O_RDONLY | os.O_DIRECTORY | _SAFE
-_FILE = os.O_NONBLOCK | os.O_NOCTTY | _SAFE
-_LEFTOVER = re.compile(
-    r".*\.partial|\.building-.*|\.(CURRENT\.json|compacted\.jsonl|[0-9a-f]{64}\.\w+)\.\d+"
-    r"|\..*\.duckdb\.\d+\.new(\.wal)?",
-    re.DOTALL,
-)
+NO_FOLLOW = os.O_NOFOLLOW | os.O_CLOEXEC
+_FOLDER = os.O_RDONLY | os.O_DIRECTORY | NO_FOLLOW
+FILE_FLAGS = os.O_NONBLOCK | os.O_NOCTTY | NO_FOLLOW
 
 
 class LinkError(RequestError):
@@ -76,14 +64,14 @@ def folder(root: Path, relative: str | Path = "", create: bool = False) -> Itera
     path. `create` makes what is missing below `root`.
     """
     path = root
-    descriptor = _opened(root, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    descriptor = open_descriptor(root, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         for part in parts_of(root, relative):
             path = path / part
             if create:
-                with suppress(FileExistsError), _naming(path):
+                with suppress(FileExistsError), errors_of(path):
                     os.mkdir(part, dir_fd=descriptor)
-            deeper = _opened(path, _FOLDER, descriptor)
+            deeper = open_descriptor(path, _FOLDER, descriptor)
             os.close(descriptor)
             descriptor = deeper
         yield descriptor
@@ -92,33 +80,35 @@ def folder(root: Path, relative: str | Path = "", create: bool = False) -> Itera
 
 
 @contextmanager
-def _parent(root: Path, relative: str | Path, create: bool = False) -> Iterator[tuple[int, str]]:
+def parent_folder(
+    root: Path, relative: str | Path, create: bool = False
+) -> Iterator[tuple[int, str]]:
     """A descriptor of the folder that holds `relative`, and the name in it."""
     *above, name = parts_of(root, relative)
     with folder(root, "/".join(above), create) as descriptor:
         yield descriptor, name
 
 
-def _opened(path: Path, flags: int, folder: int | None = None, mode: int = 0o666) -> int:
+def open_descriptor(path: Path, flags: int, folder: int | None = None, mode: int = 0o666) -> int:
     """`os.open` of a path's last component, with errors that name the path."""
     name = os.fspath(path) if folder is None else path.name
     try:
         return os.open(name, flags, mode, dir_fd=folder)
     except OSError as error:
-        if folder is not None and _kind(folder, name) == "link":
+        if folder is not None and kind_in(folder, name) == "link":
             raise link_error(path) from error
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def link_error(path: Path) -> LinkError:
-    """What is said of a link inside a store."""
+    """The error for a symbolic link inside a store."""
     return LinkError(
         f"{path}: a symbolic link, which is not followed inside a store; "
         "put the file itself there, or remove the link"
     )
 
 
-def _kind(folder: int, name: str) -> Kind | None:
+def kind_in(folder: int, name: str) -> Kind | None:
     try:
         return _kind_of(os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode)
     except OSError:
@@ -134,7 +124,7 @@ def _kind_of(mode: int) -> Kind:
 
 
 @contextmanager
-def _naming(path: Path) -> Iterator[None]:
+def errors_of(path: Path) -> Iterator[None]:
     """Errors of the operating system name `path`."""
     try:
         yield
@@ -147,28 +137,29 @@ def open_read(root: Path, relative: str | Path) -> FileIO:
 
     Raises FileNotFoundError where it is missing, RequestError where it is a link or no file.
     """
-    return FileIO(_descriptor(root, relative, os.O_RDONLY | _FILE), "rb")
+    return FileIO(open_regular(root, relative, os.O_RDONLY | FILE_FLAGS), "rb")
 
 
-def _descriptor(root: Path, relative: str | Path, flags: int) -> int:
+def open_regular(root: Path, relative: str | Path, flags: int) -> int:
+    """A descriptor of a regular file below `root`; RequestError for anything else."""
     path = root / relative
-    with _parent(root, relative, create=bool(flags & os.O_CREAT)) as (parent, _):
-        return _regular(_opened(path, flags, parent), path)
+    with parent_folder(root, relative, create=bool(flags & os.O_CREAT)) as (parent, _):
+        return _checked_descriptor(open_descriptor(path, flags, parent), path)
 
 
-def _regular(descriptor: int, path: Path) -> int:
-    """Return the descriptor if it is a regular file, else close it and raise RequestError."""
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-        is_folder = stat.S_ISDIR(os.fstat(descriptor).st_mode)
+def _checked_descriptor(descriptor: int, path: Path) -> int:
+    """The descriptor of a regular file; any other is closed and raises RequestError."""
+    try:
+        input_files.refuse_special(path, os.fstat(descriptor).st_mode)
+    except RequestError:
         os.close(descriptor)
-        what = "a folder" if is_folder else "a pipe or a device"
-        raise RequestError(f"{path}: {what}, not a file; restore the file")
+        raise
     return descriptor
 
 
 def read(root: Path, relative: str | Path, limit: int | None = None) -> bytes:
     """A file's content; RequestError where it has more than `limit` bytes."""
-    with open_read(root, relative) as file, _naming(root / relative):
+    with open_read(root, relative) as file, errors_of(root / relative):
         size = os.fstat(file.fileno()).st_size
         if limit is not None and size > limit:
             raise RequestError(f"{root / relative}: {size} bytes, at most {limit} are read")
@@ -182,8 +173,8 @@ def read(root: Path, relative: str | Path, limit: int | None = None) -> bytes:
 
 def sha256(root: Path, relative: str | Path) -> str:
     """SHA-256 of a file, in hexadecimal."""
-    with open_read(root, relative) as file, _naming(root / relative):
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    with open_read(root, relative) as file, errors_of(root / relative):
+        return input_files.digest(file)
 
 
 def size(root: Path, relative: str | Path) -> int:
@@ -195,8 +186,8 @@ def size(root: Path, relative: str | Path) -> int:
 def kind(root: Path, relative: str | Path) -> Kind | None:
     """What a path below `root` is, not followed; None where nothing is there."""
     try:
-        with _parent(root, relative) as (parent, name):
-            return _kind(parent, name)
+        with parent_folder(root, relative) as (parent, name):
+            return kind_in(parent, name)
     except (FileNotFoundError, NotADirectoryError):
         return None
 
@@ -205,15 +196,14 @@ def checked_path(root: Path, relative: str | Path) -> Path:
     """The path of a file below `root`, for libraries that open files by path.
 
     Raises LinkError where a component is a link, RequestError where the file is a FIFO, a device
-    or a folder. A file that is missing is left to whoever opens it.
+    or a folder. A missing file is left to whoever opens it.
     """
     path = root / relative
-    found = kind(root, relative)
-    if found == "link":
-        raise link_error(path)
-    if found in ("folder", "other"):
-        what = "a folder" if found == "folder" else "a pipe or a device"
-        raise RequestError(f"{path}: {what}, not a file; restore the file")
+    with suppress(FileNotFoundError, NotADirectoryError), parent_folder(root, relative) as (at, _):
+        mode = os.stat(path.name, dir_fd=at, follow_symlinks=False).st_mode
+        if stat.S_ISLNK(mode):
+            raise link_error(path)
+        input_files.refuse_special(path, mode)
     return path
 
 
@@ -264,113 +254,24 @@ def walk(root: Path, relative: str | Path = "") -> Iterator[FolderEntry]:
         yield from entries
         for entry in reversed(entries):
             if entry.kind == "folder":
-                if entry.path.count("/") > _MOST_LEVELS:
+                if entry.path.count("/") > _MAX_DEPTH:
                     raise RequestError(f"{root / entry.path}: folders nested too deeply; remove it")
                 waiting.append(entry.path)
 
 
-def make_folder(root: Path, relative: str | Path) -> None:
-    """Make a folder below `root` and those above it, where they are missing."""
-    with folder(root, relative, create=True):
-        pass
-
-
-def write(
-    root: Path,
-    relative: str | Path,
-    content: bytes | bytearray | memoryview,
-    durable: bool = True,
-) -> None:
-    """Write a file; readers see the old content or the new, never a part.
-
-    Folders that are missing are made. Without `durable` it is left to `sync` to bring the file to
-    the disk. Raises OSError that names the file.
-    """
-    path = root / relative
-    with _parent(root, relative, create=True) as (parent, name):
-        partial = f".{name[:64]}.{secrets.token_hex(8)}{PARTIAL}"
-        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _SAFE
-        descriptor = _opened(path.with_name(partial), flags, parent)
-        try:
-            with _naming(path):
-                with FileIO(descriptor, "wb") as file:
-                    _write_all(file, content)
-                    if durable:
-                        os.fsync(file.fileno())
-                os.replace(partial, name, src_dir_fd=parent, dst_dir_fd=parent)
-                if durable:
-                    os.fsync(parent)
-        except BaseException:
-            with suppress(OSError):
-                os.unlink(partial, dir_fd=parent)
-            raise
-
-
-def _write_all(file: FileIO, content: bytes | bytearray | memoryview) -> None:
-    rest = memoryview(content).cast("B")
-    while rest:
-        rest = rest[file.write(rest) :]
-
-
-def append_lines(root: Path, relative: str | Path, lines: bytes) -> None:
-    """Append whole lines durably; a line that a killed process left unfinished is ended first."""
-    descriptor = _descriptor(root, relative, os.O_RDWR | os.O_APPEND | os.O_CREAT | _FILE)
-    with FileIO(descriptor, "ab") as file, _naming(root / relative):
-        size = os.fstat(file.fileno()).st_size
-        if size and os.pread(file.fileno(), 1, size - 1) != b"\n":
-            lines = b"\n" + lines
-        _write_all(file, lines)
-        os.fsync(file.fileno())
-
-
 def lock_file(root: Path, relative: str | Path) -> int:
     """A descriptor of a file that is only locked; it is made where it is missing."""
-    return _descriptor(root, relative, os.O_RDWR | os.O_CREAT | _FILE)
+    return open_regular(root, relative, os.O_RDWR | os.O_CREAT | FILE_FLAGS)
 
 
 def lock_beside(path: Path) -> int:
     """As `lock_file`, for a file outside of a store: its folder may be reached by links."""
     try:
-        return _regular(os.open(path, os.O_RDWR | os.O_CREAT | _FILE, 0o666), path)
+        return _checked_descriptor(os.open(path, os.O_RDWR | os.O_CREAT | FILE_FLAGS, 0o666), path)
     except OSError as error:
         if error.errno == errno.ELOOP:
             raise link_error(path) from error
         raise
-
-
-def sync(root: Path, relative: str | Path) -> None:
-    """Bring a file and its name in its folder to the disk."""
-    with open_read(root, relative) as file, _naming(root / relative):
-        os.fsync(file.fileno())
-    with _parent(root, relative) as (parent, _):
-        os.fsync(parent)
-
-
-def rename(root: Path, old: str, new: str) -> None:
-    """Give a file another name in its folder, durably."""
-    with _parent(root, old) as (parent, name), _naming(root / new):
-        os.replace(name, parts_of(root, new)[-1], src_dir_fd=parent, dst_dir_fd=parent)
-        os.fsync(parent)
-
-
-def remove(root: Path, relative: str | Path) -> None:
-    """Remove a file or a folder with all that is in it; links themselves, not their targets."""
-    with (
-        suppress(FileNotFoundError),
-        _parent(root, relative) as (parent, name),
-        _naming(root / relative),
-    ):
-        if _kind(parent, name) == "folder":
-            shutil.rmtree(name, dir_fd=parent)
-        else:
-            os.unlink(name, dir_fd=parent)
-
-
-def leftovers(root: Path) -> list[FolderEntry]:
-    """Unfinished files that killed writes have left in a store."""
-    return [
-        entry for entry in walk(root) if entry.kind == "file" and _LEFTOVER.fullmatch(entry.name)
-    ]
 
 
 def explained(error: OSError) -> str:

@@ -3,25 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from functools import lru_cache
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry import camera
-from s2rstore.records import Bounds, Domain
+from s2rstore.geometry.reprojection import HeatSurface, RigOffset
+from s2rstore.records import Bounds, Dataset, Domain, Side
 
 Ray = Literal["rgb", "depth"]
 
 AGGREGATES = ("mean", "max", "sum", "count")
 SAMPLES = 128
+"""Depth pixels per frame that are back-projected, along each axis."""
+CELLS = 264
+"""Cells on the longer side of a map grid."""
 HEIGHTS = (0.1, 2.0)
+"""Metres above the floor between which points count."""
 
 
 class MapGrid:
     """Square cells over the bounds, `cells` on the longer side; row 0 lies at y0."""
 
-    def __init__(self, bounds: Bounds, cells: int = 264) -> None:
+    def __init__(self, bounds: Bounds, cells: int = CELLS) -> None:
         self.bounds = bounds
         self.size = max(bounds.width, bounds.height) / cells
         self.cols = max(1, round(bounds.width / self.size))
@@ -173,6 +179,61 @@ class _Lookup:
     cells: NDArray[np.int64]
     right: NDArray[np.float64]
     forward: NDArray[np.float64]
+
+
+class FloorHeat:
+    """Lays heatmaps of one side of a run on the floor.
+
+    The only way from heatmaps to map grids: precomputed grids, grids of selected instances and of
+    live results, all with `CELLS` and `HEIGHTS`.
+    """
+
+    def __init__(
+        self, view: Domain, other: Domain, dataset: Dataset, side: Side,
+        rig_offset: RigOffset | None, surface: str | None,
+    ) -> None:  # fmt: skip
+        """`view` is the domain of `side`, `other` that of the other side; see `HeatSurface`."""
+        frame = dataset.frame_height, dataset.frame_width
+        self._surface = HeatSurface(view, other, frame, side == "real", rig_offset, surface)
+        self._projector = _projector(_DomainKey(self._surface.domain), frame, dataset.y_down)
+
+    @property
+    def needs_other(self) -> bool:
+        """Whether `depth` needs the images of the other side."""
+        return self._surface.needs_other
+
+    def depth(self, own: NDArray[Any], other: NDArray[Any] | None) -> NDArray[Any]:
+        """Raw depth (n, h, w) at which the heat lies."""
+        return self._surface.depth(own, other)
+
+    def add(
+        self,
+        grid: MapGrid,
+        heat: NDArray[np.float32],
+        depth: NDArray[Any],
+        poses: NDArray[np.float64],
+        ray: Ray,
+    ) -> None:
+        """Add heat (n, h, w) at `depth` (n, H, W), seen from `poses` (n, 3), to a grid."""
+        grid.add(*self._projector.project(heat, depth, poses, ray, grid))
+
+
+class _DomainKey:
+    """A domain as a cache key, compared by content."""
+
+    def __init__(self, domain: Domain) -> None:
+        self.domain = domain
+
+    def __hash__(self) -> int:
+        return hash(self.domain.domain)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _DomainKey) and other.domain == self.domain
+
+
+@lru_cache(maxsize=8)
+def _projector(key: _DomainKey, frame: tuple[int, int], y_down: bool) -> Projector:
+    return Projector(key.domain, frame, y_down)
 
 
 def _raw_range(

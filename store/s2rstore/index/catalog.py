@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from functools import cached_property
 from pathlib import Path
 from threading import RLock
@@ -27,7 +26,7 @@ from s2rstore.records import (
     Run,
     Trajectory,
 )
-from s2rstore.security.printable_text import printable, printable_lines, printable_values
+from s2rstore.security.printable_text import printable, printable_lines
 
 _JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention")
 """Columns of JSON, whose strings become printable once they are parsed."""
@@ -169,8 +168,7 @@ class IndexCatalog:
 
     @cached_property
     def domains(self) -> dict[str, Domain]:
-        rows = self._rows("domain")
-        row_check.check_domains(self._index, rows)
+        rows = row_check.check_domains(self._index, self._rows("domain"))
         return {row["domain"]: _domain(row) for row in rows}
 
     def domain(self, name: str) -> Domain:
@@ -267,5 +265,4 @@ def _domain(row: dict[str, Any]) -> Domain:
         Intrinsics(*(row.pop(f"{image}_{figure}") for figure in figures))
         for image in ("rgb", "depth")
     )
-    sources = printable_values(json.loads(row.pop("source") or "{}"))
-    return Domain(rgb=rgb, depth=depth, sources=sources, **row)
+    return Domain(rgb=rgb, depth=depth, sources=row.pop("source"), **row)

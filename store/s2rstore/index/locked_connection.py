@@ -16,6 +16,7 @@ from pathlib import Path
 import duckdb
 
 from s2rstore.errors import RequestError
+from s2rstore.files import safe_files
 from s2rstore.index import catalog_check, checked_files, schema
 
 DEFAULT_MEMORY = "2GB"
@@ -109,9 +110,9 @@ def require_regular(path: Path) -> None:
 
     DuckDB would replay the log, so that a published file said something else than its checksum.
     """
-    if path.is_symlink() or not path.is_file():
-        what = "a link" if path.is_symlink() else "missing" if not path.exists() else "not a file"
-        raise RequestError(f"{path}: {what}; run `s2r verify`")
+    safe_files.checked_path(path.parent, path.name)
+    if not path.exists():
+        raise RequestError(f"{path}: missing; run `s2r verify`")
     log = path.with_name(f"{path.name}.wal")
     if os.path.lexists(log):
         raise RequestError(f"{log}: a write-ahead log beside a published file; remove it")

@@ -6,7 +6,6 @@ large, JSON may not parse, names may be paths. Checked when a store is opened.
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -15,6 +14,7 @@ from typing import Any, NoReturn
 
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
+from s2rstore.files.input_files import parse_json
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable_values
 
@@ -79,10 +79,7 @@ class RowChecker:
         text = self._row[column]
         if not isinstance(text, str) or len(text) > LONGEST_JSON:
             self.refuse(column, "not a JSON text")
-        try:
-            value = json.loads(text)
-        except (ValueError, RecursionError) as error:
-            self.refuse(column, f"not valid JSON ({type(error).__name__})")
+        value = parse_json(text, f"{self._index}: table {self._table}: {column}{self._label}")
         if not isinstance(value, kind):
             self.refuse(column, f"not a JSON {'list' if kind is list else 'object'}")
         return printable_values(value)
@@ -127,7 +124,9 @@ def check_rooms(index: Path, rows: Sequence[Row]) -> None:
     _check_unique(index, "room", "position", rows)
 
 
-def check_domains(index: Path, rows: Sequence[Row]) -> None:
+def check_domains(index: Path, rows: Sequence[Row]) -> list[Row]:
+    """Rows with `source` as an object of texts."""
+    checked = []
     for row in rows:
         check = RowChecker(index, "domain", row, row["domain"])
         check.name("domain")
@@ -146,7 +145,9 @@ def check_domains(index: Path, rows: Sequence[Row]) -> None:
         sources = check.parsed("source", dict) if row["source"] else {}
         if not all(isinstance(value, str) for value in sources.values()):
             check.refuse("source", "not an object of texts")
+        checked.append({**row, "source": sources})
     _check_unique(index, "domain", "domain", rows)
+    return checked
 
 
 def check_models(index: Path, rows: Sequence[Row]) -> None:

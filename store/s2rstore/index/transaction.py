@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files import layout, locks, safe_files
+from s2rstore.files import atomic_writes, layout, locks, safe_files
 from s2rstore.index import locked_connection, schema
 
 ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
@@ -125,8 +125,8 @@ def edit(root: Path) -> Iterator[IndexTransaction]:
             raise RequestError(f"{root}: the index cannot be written ({reason})") from error
         finally:
             connection.close()
-            safe_files.remove(root, building)
-            safe_files.remove(root, f"{building}.wal")
+            atomic_writes.remove(root, building)
+            atomic_writes.remove(root, f"{building}.wal")
 
 
 def check_writable(root: Path) -> None:
@@ -134,7 +134,7 @@ def check_writable(root: Path) -> None:
     folder = root / layout.INDEX
     try:
         root.mkdir(parents=True, exist_ok=True)
-        safe_files.make_folder(root, layout.INDEX)
+        atomic_writes.make_folder(root, layout.INDEX)
     except OSError as error:
         raise RequestError(f"{folder}: cannot be written ({error.strerror})") from error
     if not os.access(folder, os.W_OK | os.X_OK):
@@ -174,8 +174,8 @@ def _finish(connection: duckdb.DuckDBPyConnection) -> str:
 
 def _publish(root: Path, building: str, generation: int, dataset_hash: str) -> None:
     name = layout.index_name(generation)
-    safe_files.sync(root, building)
-    safe_files.rename(root, building, name)
+    atomic_writes.sync(root, building)
+    atomic_writes.rename(root, building, name)
     current = layout.Current(
         generation=generation,
         index=name,
@@ -197,7 +197,7 @@ def _next_generation(root: Path, base: layout.Current | None) -> int:
 def _remove_leftovers(root: Path) -> None:
     for entry in safe_files.names(root, layout.INDEX):
         if entry.name.startswith(".building-"):
-            safe_files.remove(root, entry.path)
+            atomic_writes.remove(root, entry.path)
 
 
 def _literal(path: Path) -> str:

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.geometry import angles
 from s2rstore.index.columns import InstanceColumns, RunColumns, population
-from s2rstore.language import fields, lasso, turning
+from s2rstore.language import fields, lasso
 from s2rstore.language.checking import Neighbours, Vocabulary, expand, resolved, used_fields
 from s2rstore.language.syntax_tree import (
     And,
@@ -188,7 +189,7 @@ def _between(node: Between, context: MaskContext) -> Mask:
     if not fields.NUMERIC[node.field.name].angle:
         low, high = node.low * _scale(node.field), node.high * _scale(node.field)
         return _blockwise(lambda v: (v >= low) & (v <= high), context, node.field)
-    ends = turning.span(node.low, node.high)
+    ends = angles.heading_range(node.low, node.high)
     if ends is None:
         return _blockwise(lambda v: ~np.isnan(v), context, node.field)
     first, last = ends
@@ -202,12 +203,12 @@ def _around(node: Around, context: MaskContext) -> Mask:
         scale = _scale(node.field)
         centre, tolerance = node.centre * scale, node.tolerance * scale
         return _blockwise(lambda v: np.abs(v - centre) <= tolerance, context, node.field)
-    middle = turning.wrapped(node.centre)
-    limit = math.radians(node.tolerance) + turning.TOLERANCE
+    middle = math.radians(angles.wrap_degrees(node.centre))
+    limit = math.radians(node.tolerance) + angles.ROUNDING
 
     def near(block: Values) -> Mask:
         off = np.abs(block - middle)
-        return np.asarray(np.minimum(off, turning.TURN - off) <= limit)
+        return np.asarray(np.minimum(off, angles.TURN - off) <= limit)
 
     return _blockwise(near, context, node.field)
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from s2rstore.language import fields, lasso, turning
+from s2rstore.geometry import angles
+from s2rstore.language import fields, lasso
 from s2rstore.language.checking import Neighbours, Vocabulary, expand, resolved
 from s2rstore.language.syntax_tree import (
     And,
@@ -198,7 +199,7 @@ def _between(node: Between, writer: _Writer) -> str:
         scale = _scale(node.field)
         low, high = writer.bind(node.low * scale), writer.bind(node.high * scale)
         return f"{_known(column)} AND {column} >= {low} AND {column} <= {high}"
-    ends = turning.span(node.low, node.high)
+    ends = angles.heading_range(node.low, node.high)
     if ends is None:
         return _known(column)
     word = "AND" if ends[0] <= ends[1] else "OR"
@@ -212,11 +213,11 @@ def _around(node: Around, writer: _Writer) -> str:
         scale = _scale(node.field)
         centre, tolerance = writer.bind(node.centre * scale), writer.bind(node.tolerance * scale)
         return f"{_known(column)} AND abs({column} - {centre}) <= {tolerance}"
-    middle = turning.wrapped(node.centre)
+    middle = math.radians(angles.wrap_degrees(node.centre))
     first = f"abs({column} - {writer.bind(middle)})"
-    turn = writer.bind(turning.TURN)
+    turn = writer.bind(angles.TURN)
     second = f"abs({column} - {writer.bind(middle)})"
-    limit = writer.bind(math.radians(node.tolerance) + turning.TOLERANCE)
+    limit = writer.bind(math.radians(node.tolerance) + angles.ROUNDING)
     return f"{_known(column)} AND least({first}, {turn} - {second}) <= {limit}"
 
 

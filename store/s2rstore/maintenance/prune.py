@@ -1,4 +1,4 @@
-"""Removing what no kept generation needs, and what killed writes have left.
+"""Remove the files that no kept generation needs, and those that killed writes have left.
 
 Nothing outside the store is removed but folders that an interrupted `s2r ingest` has left beside
 it. Links are neither followed nor removed: they are reported.
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rstore.files import layout, locks, safe_files
+from s2rstore.files import atomic_writes, layout, locks, safe_files
 from s2rstore.files.ingest_folder import building_folders, is_running
 from s2rstore.files.ledger import Ledger
 from s2rstore.files.safe_files import FolderEntry
@@ -23,9 +23,9 @@ _PROCESS = re.compile(r"\.(\d+)\.new(\.wal)?$")
 
 @dataclass(frozen=True, slots=True)
 class PruneResult:
-    """What was removed, as paths inside the store, and how many bytes that freed.
+    """The removed paths inside the store, and how many bytes that freed.
 
-    `links` are symbolic links, which were left alone with what they lead to.
+    `links` are symbolic links, which are left alone, as are their targets.
     """
 
     paths: tuple[str, ...]
@@ -36,8 +36,8 @@ class PruneResult:
 def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
     """Keep the newest `keep` generations and what they reference; remove the rest.
 
-    Takes the compute lock, so that no half-written unit is mistaken for refuse. Where there is no
-    store, only what an interrupted ingest of it has left beside it is removed. Raises
+    Takes the compute lock, so that no half-written unit is removed. Where there is no
+    store, only the folders that an interrupted ingest has left beside it are removed. Raises
     StoreBusyError while a precompute runs, RequestError for a store that another release wrote or
     whose published index is missing.
     """
@@ -51,21 +51,21 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
             raise RequestError(f"{root}: schema {current.schema}; prune it with its own release")
         _check_index(root, current)
         indexes = _indexes(root)
-        wanted = {number for number, _ in indexes if number <= current.generation}
-        kept = sorted(wanted)[-max(1, keep) :]
-        gone = [entry.path for number, entry in indexes if number not in kept]
-        gone += _unreferenced(root, [entry.path for number, entry in indexes if number in kept])
-        gone += [path for path in _unfinished(root) if not _is_below(path, gone)]
-        below = {path: _below(root, path) for path in gone}
-        size = sum(entry.bytes for entries in below.values() for entry in entries)
+        numbers = sorted(number for number, _ in indexes if number <= current.generation)
+        kept = numbers[-max(1, keep) :]
+        removed = [entry.path for number, entry in indexes if number not in kept]
+        removed += _unreferenced(root, [entry.path for number, entry in indexes if number in kept])
+        removed += [path for path in _unfinished(root) if not _is_below(path, removed)]
+        files = {path: _files_below(root, path) for path in removed}
+        size = sum(entry.bytes for entries in files.values() for entry in entries)
         links = tuple(entry.path for entry in safe_files.walk(root) if entry.kind == "link")
         if not dry_run:
-            _remove(root, below)
-    return _with_beside(PruneResult(tuple(gone), size, links), beside, dry_run)
+            _remove(root, files)
+    return _with_beside(PruneResult(tuple(removed), size, links), beside, dry_run)
 
 
 def _check_index(root: Path, current: layout.Current) -> None:
-    """Raises RequestError where the published index is not the one that was published."""
+    """Raise RequestError where the published index is missing or was changed."""
     path = safe_files.checked_path(root, current.index)
     if safe_files.kind(root, current.index) is None:
         raise RequestError(f"{path}: the published index is missing")
@@ -87,16 +87,11 @@ def _indexes(root: Path) -> list[tuple[int, FolderEntry]]:
     return sorted(found, key=lambda pair: pair[0])
 
 
-def _files(root: Path, folder: str) -> list[FolderEntry]:
+def _entries(root: Path, folder: str, kind: safe_files.Kind) -> list[FolderEntry]:
+    """The files or the folders in a folder; none where it is missing or no folder."""
     if safe_files.kind(root, folder) != "folder":
         return []
-    return [entry for entry in safe_files.names(root, folder) if entry.kind == "file"]
-
-
-def _folders(root: Path, folder: str) -> list[FolderEntry]:
-    if safe_files.kind(root, folder) != "folder":
-        return []
-    return [entry for entry in safe_files.names(root, folder) if entry.kind == "folder"]
+    return [entry for entry in safe_files.names(root, folder) if entry.kind == kind]
 
 
 def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
@@ -112,20 +107,20 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
         finally:
             connection.close()
     used = {f"{layout.RUNS}/{'/'.join(path.split('/')[:2])}" for path in arrays}
-    gone = [
+    unused = [
         key.path
-        for run in _folders(root, layout.RUNS)
-        for key in _folders(root, run.path)
+        for run in _entries(root, layout.RUNS, "folder")
+        for key in _entries(root, run.path, "folder")
         if key.path not in used
     ]
-    models = _files(root, layout.MODELS)
-    return gone + [entry.path for entry in models if entry.name.split(".")[0] not in weights]
+    models = _entries(root, layout.MODELS, "file")
+    return unused + [entry.path for entry in models if entry.name.split(".")[0] not in weights]
 
 
 def _unfinished(root: Path) -> list[str]:
     """Files that killed writes have left; not those that a process still writes without a lock."""
     found = []
-    for entry in safe_files.leftovers(root):
+    for entry in atomic_writes.partial_files(root):
         process = _PROCESS.search(entry.name)
         in_history = entry.path.startswith(f"{layout.HISTORY}/")
         if process and is_running(int(process[1])):
@@ -140,20 +135,20 @@ def _is_below(path: str, folders: list[str]) -> bool:
     return any(path == folder or path.startswith(f"{folder}/") for folder in folders)
 
 
-def _below(root: Path, path: str) -> list[FolderEntry]:
+def _files_below(root: Path, path: str) -> list[FolderEntry]:
     """The files at and below a path."""
     if safe_files.kind(root, path) == "folder":
         return [entry for entry in safe_files.walk(root, path) if entry.kind == "file"]
     return [FolderEntry(path, "file", safe_files.size(root, path))]
 
 
-def _remove(root: Path, below: dict[str, list[FolderEntry]]) -> None:
-    for path in below:
-        safe_files.remove(root, path)
-    Ledger(root).forget({entry.path for entries in below.values() for entry in entries})
-    for run in _folders(root, layout.RUNS):
+def _remove(root: Path, files: dict[str, list[FolderEntry]]) -> None:
+    for path in files:
+        atomic_writes.remove(root, path)
+    Ledger(root).forget({entry.path for entries in files.values() for entry in entries})
+    for run in _entries(root, layout.RUNS, "folder"):
         if not safe_files.names(root, run.path):
-            safe_files.remove(root, run.path)
+            atomic_writes.remove(root, run.path)
 
 
 def _with_beside(pruned: PruneResult, folders: list[Path], dry_run: bool) -> PruneResult:

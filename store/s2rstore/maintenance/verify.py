@@ -1,6 +1,6 @@
-"""Checking a store: does all that the published generation promises lie there, undamaged?
+"""Check that a store holds every file of its published generation, undamaged.
 
-Every file that can change a figure or a picture is held against a checksum: shards against the
+Every file that can change a figure or an image is compared with a checksum: shards against the
 ledger; metadata of arrays, weights, floor plan and drives against the index; the index against
 `CURRENT.json`; the gap history against those of its own blocks. Stores that version 0.1.0 wrote
 lack some of the checksums: there the structure of arrays and floor plan is checked, and a note says
@@ -9,7 +9,7 @@ so.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,12 +18,13 @@ import duckdb
 from s2rstore.arrays import stored_array
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
-from s2rstore.files import layout, safe_files
+from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.files.ingest_folder import building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.gap_history import reader
 from s2rstore.index import locked_connection, schema
+from s2rstore.metrics.pose_metrics import LOSS_GAMMA
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 
@@ -31,12 +32,12 @@ _FAILURES = (
     RequestError, duckdb.Error, OSError, ValueError, TypeError, KeyError, AttributeError,
     OverflowError, RecursionError,
 )  # fmt: skip
-_NAMED = 3
+_MAX_NAMED = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """One thing that is not as it should be: where, and what is wrong with it."""
+    """A file or table that is not as published, and what is wrong with it."""
 
     where: str
     what: str
@@ -44,14 +45,14 @@ class Damage:
 
 @dataclass(frozen=True, slots=True)
 class VerifyReport:
-    """What is wrong with a store, and lines about what is not damage but worth knowing."""
+    """The damage in a store, and notes on what is no damage but worth knowing."""
 
     damages: tuple[Damage, ...]
     notes: tuple[str, ...] = ()
 
 
 def verify(root: Path) -> list[Damage]:
-    """Everything wrong with the published generation; an empty list means none was found.
+    """The damage in the published generation; an empty list where none was found.
 
     Raises RequestError where there is no store at all, or none that DuckDB can open.
     """
@@ -59,8 +60,8 @@ def verify(root: Path) -> list[Damage]:
 
 
 def check(root: Path) -> VerifyReport:
-    """Everything wrong with the published generation, and notes on unfinished files and on
-    what no checksum covers.
+    """The damage in the published generation, and notes on unfinished files and on files that no
+    checksum covers.
 
     Raises RequestError where there is no store at all, or none that DuckDB can open.
     """
@@ -71,20 +72,20 @@ def check(root: Path) -> VerifyReport:
         if safe_files.kind(root, layout.CURRENT) is None:
             raise
         return VerifyReport((Damage(layout.CURRENT, str(error)),))
-    foreign, notes = list(_foreign(root)), list(_leftovers(root))
+    foreign, notes = list(_foreign_files(root)), list(_leftovers(root))
     try:
-        damage = _index(root, current)
+        damage = _index_damage(root, current)
         if damage is not None:
             return VerifyReport((*foreign, damage), tuple(notes))
         with Store(root) as store:
-            checks = _Checks(root, store, current)
-            checks.run()
+            verification = _Verification(root, store, current)
+            verification.run()
     except _FAILURES as error:
         return VerifyReport((*foreign, Damage(current.index, _first_line(error))), tuple(notes))
-    return VerifyReport((*foreign, *checks.damages), (*notes, *checks.notes()))
+    return VerifyReport((*foreign, *verification.damages), (*notes, *verification.all_notes()))
 
 
-def _foreign(root: Path) -> Iterator[Damage]:
+def _foreign_files(root: Path) -> Iterator[Damage]:
     """Links, pipes and devices: a store holds files and folders alone."""
     for entry in safe_files.walk(root):
         if entry.kind == "link":
@@ -94,7 +95,7 @@ def _foreign(root: Path) -> Iterator[Damage]:
 
 
 def _leftovers(root: Path) -> Iterator[str]:
-    for entry in safe_files.leftovers(root):
+    for entry in atomic_writes.partial_files(root):
         yield (
             f"{entry.path}: unfinished; unless something is being written now, a killed write left "
             "it and `s2r prune` removes it"
@@ -104,7 +105,7 @@ def _leftovers(root: Path) -> Iterator[str]:
             yield f"{folder.path}: left by an ingest that was killed; `s2r prune` removes it"
 
 
-def _index(root: Path, current: layout.Current) -> Damage | None:
+def _index_damage(root: Path, current: layout.Current) -> Damage | None:
     try:
         size = safe_files.size(root, current.index)
         if size == current.bytes and safe_files.sha256(root, current.index) == current.sha256:
@@ -119,82 +120,86 @@ def _first_line(error: BaseException) -> str:
 
 
 @dataclass
-class _Checks:
-    """All checks of an open store; `damages` grows, `uncovered` names what has no checksum."""
+class _Verification:
+    """The checks of an open store; they add to `damages` and `notes`.
+
+    `uncovered` names the kinds of files without a checksum.
+    """
 
     root: Path
     store: Store
     current: layout.Current
     damages: list[Damage] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     uncovered: dict[str, None] = field(default_factory=dict)
-    remarks: list[str] = field(default_factory=list)
 
     def run(self) -> None:
         self._ledger = Ledger(self.root)
         self._entries = self._ledger.by_path()
-        for where, part in (
-            (self.current.index, self._tables), (layout.MODELS, self._weights),
-            (layout.FRAMES, self._frames), (layout.RUNS, self._arrays),
-            (layout.ASSETS, self._floor_plan), (layout.DRIVES, self._drives),
-            (schema.CHECKSUMS, self._stated), (layout.HISTORY, self._history),
-            (layout.LEDGER, self._ledger_lines),
+        for where, check_part in (
+            (self.current.index, self._check_tables), (layout.MODELS, self._check_weights),
+            (layout.FRAMES, self._check_frames), (layout.RUNS, self._check_arrays),
+            (layout.ASSETS, self._check_floor_plan), (layout.DRIVES, self._check_drives),
+            (schema.CHECKSUMS, self._check_listed_files), (layout.HISTORY, self._check_history),
+            (layout.LEDGER, self._check_ledger_lines),
         ):  # fmt: skip
-            self._guarded(where, part)
+            try:
+                check_part()
+            except _FAILURES as error:
+                self._add(where, _first_line(error))
 
-    def _guarded(self, where: str, part: Callable[[], Iterator[Damage]]) -> None:
-        try:
-            self.damages.extend(part())
-        except _FAILURES as error:
-            self.damages.append(Damage(where, _first_line(error)))
+    def all_notes(self) -> list[str]:
+        if not self.uncovered:
+            return self.notes
+        return [
+            f"the store carries no checksums of {', '.join(self.uncovered)} "
+            "(version 0.1.0 wrote none); damage in them is found only where it breaks a format",
+            *self.notes,
+        ]
 
-    def notes(self) -> Iterator[str]:
-        if self.uncovered:
-            yield (
-                f"the store carries no checksums of {', '.join(self.uncovered)} "
-                "(version 0.1.0 wrote none); damage in them is found only where it breaks a format"
-            )
-        yield from self.remarks
+    def _add(self, where: str, what: str) -> None:
+        self.damages.append(Damage(where, what))
 
-    def _tables(self) -> Iterator[Damage]:
-        yield from _tables(self.store, self.current)
+    def _check_tables(self) -> None:
+        self.damages.extend(_table_damages(self.store, self.current))
 
-    def _weights(self) -> Iterator[Damage]:
-        """Each model's file by the checksum of the index, else by the ledger's."""
-        lying = {e.path for e in safe_files.names(self.root, layout.MODELS) if e.kind == "file"}
-        known = lying | self._entries.keys() | self.store.checksums.keys()
+    def _check_weights(self) -> None:
+        """Compare each model's file with the checksum of the index, or else of the ledger."""
+        files = {e.path for e in safe_files.names(self.root, layout.MODELS) if e.kind == "file"}
+        known = files | self._entries.keys() | self.store.checksums.keys()
         for model in self.store.models.values():
             start = f"{layout.MODELS}/{model.sha256}."
             paths = sorted(path for path in known if path.startswith(start))
             if not paths:
-                self.remarks.append(f"model {model.model}: no weights in the store")
+                self.notes.append(f"model {model.model}: no weights in the store")
             for path in paths:
-                yield from self._weights_file(path, model.sha256)
+                self._check_weights_file(path, model.sha256)
 
-    def _weights_file(self, path: str, sha256: str) -> Iterator[Damage]:
-        stated = self.store.checksums.get(path)
-        if stated is not None:
-            yield from self._file(path, stated, "not the registered weights")
+    def _check_weights_file(self, path: str, sha256: str) -> None:
+        expected = self.store.checksums.get(path)
+        if expected is not None:
+            self._check_file(path, expected, "not the registered weights")
             return
         self.uncovered["weights"] = None
         entries = self._entries.get(path, [])
         if safe_files.kind(self.root, path) is None:
-            yield Damage(path, "missing")
+            self._add(path, "missing")
         elif not self._ledger.proves(entries) and (
             entries or safe_files.sha256(self.root, path) != sha256
         ):
-            yield Damage(path, "not the registered weights")
+            self._add(path, "not the registered weights")
 
-    def _file(self, path: str, stated: str, otherwise: str) -> Iterator[Damage]:
-        """A file against its checksum; a link is reported where links are."""
+    def _check_file(self, path: str, expected: str, difference: str) -> None:
+        """Compare a file with its checksum; links are reported among the foreign files, too."""
         try:
-            if safe_files.sha256(self.root, path) != stated:
-                yield Damage(path, otherwise)
+            if safe_files.sha256(self.root, path) != expected:
+                self._add(path, difference)
         except FileNotFoundError:
-            yield Damage(path, "missing")
+            self._add(path, "missing")
         except (RequestError, OSError) as error:
-            yield Damage(path, _first_line(error))
+            self._add(path, _first_line(error))
 
-    def _frames(self) -> Iterator[Damage]:
+    def _check_frames(self) -> None:
         for domain in self.store.domains:
             for trajectory in self.store.trajectories:
                 for image in ("rgb", "depth"):
@@ -206,11 +211,11 @@ class _Checks:
                     try:
                         array = self.store.frames_array(*names)
                     except _FAILURES as error:
-                        yield Damage(relative, _first_line(error))
+                        self._add(relative, _first_line(error))
                         continue
-                    yield from self._shards(array, covered)
+                    self._check_shards(array, covered)
 
-    def _arrays(self) -> Iterator[Damage]:
+    def _check_arrays(self) -> None:
         for run in self.store.runs:
             for record in self.store.arrays(run):
                 covered = record.metadata_sha256 is not None
@@ -219,79 +224,78 @@ class _Checks:
                 try:
                     array = self.store.stored(record)
                 except _FAILURES as error:
-                    yield Damage(f"{layout.RUNS}/{record.path}", _first_line(error))
+                    self._add(f"{layout.RUNS}/{record.path}", _first_line(error))
                     continue
-                yield from self._shards(array, covered)
+                self._check_shards(array, covered)
 
-    def _shards(self, array: StoredArray, covered: bool) -> Iterator[Damage]:
+    def _check_shards(self, array: StoredArray, covered: bool) -> None:
         """Every shard must have an intact entry in the ledger."""
         for shard in range(array.layout.shards):
             path, rows = array.file(shard), array.rows_in(shard)
             entries = self._entries.get(path)
             if safe_files.kind(self.root, path) is None:
-                yield Damage(path, "missing")
+                self._add(path, "missing")
             elif entries is None:
-                yield Damage(path, "no ledger entry proves it")
+                self._add(path, "no ledger entry proves it")
             elif not self._ledger.proves(entries):
-                yield Damage(path, "its checksum is not the ledger's")
+                self._add(path, "its checksum is not the ledger's")
             elif not any(entry.count == rows for entry in entries):
-                yield Damage(path, f"the ledger counts {entries[0].count} rows, not {rows}")
+                self._add(path, f"the ledger counts {entries[0].count} rows, not {rows}")
             elif not covered:
                 try:
                     array.check(shard)
                 except RequestError as error:
-                    yield Damage(path, _first_line(error))
+                    self._add(path, _first_line(error))
 
-    def _floor_plan(self) -> Iterator[Damage]:
+    def _check_floor_plan(self) -> None:
+        """Check the format of a floor plan that has no checksum."""
         name = self.store.dataset.floor_plan
-        if name is None:
+        if name is None or name in self.store.checksums:
             return
-        if name in self.store.checksums:
-            return  # with the other files whose checksums are stated
         self.uncovered["the floor plan"] = None
         path = safe_files.checked_path(self.root, name)
         if not path.exists():
-            yield Damage(name, "the floor plan is missing")
+            self._add(name, "the floor plan is missing")
             return
         try:
             floor_plan_bytes(path)
         except RequestError as error:
-            yield Damage(name, str(error))
+            self._add(name, str(error))
 
-    def _drives(self) -> Iterator[Damage]:
-        """What is stated is held against its checksum with the other files; the rest is noted."""
-        lying = [e.path for e in safe_files.walk(self.root, layout.DRIVES) if e.kind == "file"]
-        other = [path for path in lying if path not in self.store.checksums]
-        if other and len(other) == len(lying):
+    def _check_drives(self) -> None:
+        """Note the drives that no checksum covers; the others are checked as listed files."""
+        files = [e.path for e in safe_files.walk(self.root, layout.DRIVES) if e.kind == "file"]
+        unlisted = [path for path in files if path not in self.store.checksums]
+        if unlisted and len(unlisted) == len(files):
             self.uncovered["drives"] = None
-        elif other:
-            more = f" and {len(other) - _NAMED} more" if len(other) > _NAMED else ""
-            named = ", ".join(other[:_NAMED])
-            self.remarks.append(f"{named}{more}: added later, no checksum covers it")
-        yield from ()
+        elif unlisted:
+            more = len(unlisted) - _MAX_NAMED
+            listed = ", ".join(unlisted[:_MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
+            self.notes.append(f"{listed}: added later, no checksum covers it")
 
-    def _stated(self) -> Iterator[Damage]:
-        """All files whose checksums the index states and that no other check has looked at."""
-        for path, stated in self.store.checksums.items():
+    def _check_listed_files(self) -> None:
+        """Check the files whose checksums the index lists and that no other check reads."""
+        for path, expected in self.store.checksums.items():
             if not path.startswith((f"{layout.FRAMES}/", f"{layout.MODELS}/")):
-                yield from self._file(path, stated, "its checksum is not the published one")
+                self._check_file(path, expected, "its checksum is not the published one")
 
-    def _history(self) -> Iterator[Damage]:
+    def _check_history(self) -> None:
         path = reader.path_in(self.root)
-        if safe_files.kind(self.root, path.relative_to(self.root)) is not None:
+        relative = path.relative_to(self.root)
+        if safe_files.kind(self.root, relative) is not None:
             try:
                 reader.check(path)
             except RequestError as error:
-                yield Damage(path.relative_to(self.root).as_posix(), _first_line(error))
+                self._add(relative.as_posix(), _first_line(error))
 
-    def _ledger_lines(self) -> Iterator[Damage]:
+    def _check_ledger_lines(self) -> None:
         count = self._ledger.unreadable_lines()
         if count:
-            self.remarks.append(
-                f"{layout.LEDGER}: {count} lines cannot be read (cut by a killed write, or "
-                "damaged); they prove nothing"
+            lines = "1 line" if count == 1 else f"{count} lines"
+            self.notes.append(
+                f"{layout.LEDGER}: {lines} cannot be read (cut by a killed write, or damaged); "
+                "they prove nothing"
             )
-        yield from ()
 
 
 _RULES = (
@@ -344,9 +348,15 @@ _ORDER = """
     WHERE t.instances IS DISTINCT FROM n OR span <> n OR first < 0 OR seqs <> n
 """
 
+_OUTLIER_RULE = ("prediction", "outlier is no distance", "isnan(outlier) OR outlier < 0")
+
 _FORMULAS = (
     ("error is not the distance to the truth", "error", "sqrt(dx * dx + dy * dy)"),
-    ("loss is not that of its errors", "loss", "0.7 * error * error + 0.3 * turn"),
+    (
+        "loss is not that of its errors",
+        "loss",
+        f"{1 - LOSS_GAMMA} * error * error + {LOSS_GAMMA} * turn",
+    ),
     ("accuracy is not that of its error", "accuracy", "greatest(0, 1 - error / scale)"),
 )
 _TOLERANCE = 1e-9
@@ -361,8 +371,11 @@ _FIGURES = """WITH figures AS (
     SELECT """
 
 
-def _tables(store: Store, current: layout.Current) -> Iterator[Damage]:
-    for table, what, condition in (*_RULES, *_optional_rules(store)):
+def _table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
+    rules = list(_RULES)
+    if "outlier" not in store.lacking("prediction"):
+        rules.append(_OUTLIER_RULE)
+    for table, what, condition in rules:
         count = store.execute(f'SELECT count(*) FROM "{table}" WHERE {condition}')[0][0]
         if count:
             yield Damage(f"table {table}", f"{count} rows: {what}")
@@ -377,14 +390,16 @@ def _tables(store: Store, current: layout.Current) -> Iterator[Damage]:
     stated = sum(trajectory.instances for trajectory in store.trajectories)
     if stated != total:
         yield Damage("table trajectory", f"states {stated} instances, there are {total}")
-    wrong = [*((what, _differ(name, formula)) for what, name, formula in _FORMULAS), _RANK]
-    counts = ", ".join(f"count(*) FILTER ({condition})" for _, condition in wrong)
+    comparisons = [
+        *((what, _differs(name, formula)) for what, name, formula in _FORMULAS), _RANK
+    ]  # fmt: skip
+    counts = ", ".join(f"count(*) FILTER ({condition})" for _, condition in comparisons)
     for run in store.runs:  # one at a time: ranks of all runs would not fit into DuckDB's memory
         found = store.execute(f"{_FIGURES} {counts} FROM figures", [run])[0]
-        for count, (what, _) in zip(found, wrong, strict=True):
+        for count, (what, _) in zip(found, comparisons, strict=True):
             if count:
                 yield Damage("table prediction", f"run {run}: {count} rows: {what}")
-    yield from _complete_runs(store, total)
+    yield from _incomplete_runs(store, total)
     if store.dataset.hash != current.dataset_hash:
         yield Damage(layout.CURRENT, "names another data set than the index")
     for known in schema.TABLES:
@@ -392,18 +407,13 @@ def _tables(store: Store, current: layout.Current) -> Iterator[Damage]:
         store.execute(f'SELECT {", ".join(names)} FROM "{known.name}" LIMIT 0')
 
 
-def _differ(name: str, formula: str) -> str:
+def _differs(name: str, formula: str) -> str:
     """The condition that a figure and its formula differ; NULL where one of them is NULL."""
     near = f"abs({name} - ({formula})) <= {_TOLERANCE} * greatest(1, abs({formula}))"
     return f"NOT ({name} = ({formula}) OR {near})"
 
 
-def _optional_rules(store: Store) -> Iterator[tuple[str, str, str]]:
-    if "outlier" not in store.lacking("prediction"):
-        yield "prediction", "outlier is no distance", "isnan(outlier) OR outlier < 0"
-
-
-def _complete_runs(store: Store, total: int) -> Iterator[Damage]:
+def _incomplete_runs(store: Store, total: int) -> Iterator[Damage]:
     """Every computed run has one prediction per instance and side."""
     counted = {
         (run, side): count

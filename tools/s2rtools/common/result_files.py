@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
+from s2rstore.files import atomic_writes
 
 
 def check_writable(asked: Mapping[str, Path | None], read: Mapping[str, Path | None]) -> None:
@@ -39,10 +39,10 @@ def write_all(contents: Mapping[Path, bytes]) -> None:
     path = Path()
     try:
         for path, content in contents.items():
-            written[path] = layout.write_beside(path, content)
+            written[path] = atomic_writes.write_partial(path, content)
         for path, beside in written.items():
             beside.replace(path)
-            layout.sync_folder(path.parent)
+            atomic_writes.sync_path(path.parent)
     except OSError as error:
         raise RequestError(f"{path}: {error.strerror or error}") from error
     finally:

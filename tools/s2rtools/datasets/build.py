@@ -17,7 +17,7 @@ import numpy as np
 
 from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
-from s2rstore.files import layout, safe_files
+from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import building_folder
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import edit
@@ -82,7 +82,7 @@ def build(
             write_index(draft, scan, kept, plan, command)
             draft.note_checksums(_checksums(beside))
         beside.rename(target)
-        layout.sync_folder(target.parent)
+        atomic_writes.sync_path(target.parent)
     except OSError as error:
         where = error.filename or target
         raise RequestError(f"{where}: cannot be written ({error.strerror})") from error
@@ -229,7 +229,7 @@ def _write_floor_plan(scan: Scan, root: Path) -> str | None:
     size = round(picture.shape[1] * scale), round(picture.shape[0] * scale)
     small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
     name = f"{layout.ASSETS}/floor_plan.png"
-    safe_files.write(root, name, cv2.imencode(".png", small)[1].tobytes())
+    atomic_writes.write(root, name, cv2.imencode(".png", small)[1].tobytes())
     return name
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
+from s2rstore.geometry import angles
 from s2rtools.inference.batch_norm_folding import folded
 from s2rtools.models.pose_network import LoadedModel
 
@@ -198,5 +199,5 @@ def choose_backend(
 
 
 def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float]:
-    turn = np.abs((a[:, 2] - b[:, 2] + np.pi) % (2 * np.pi) - np.pi)
+    turn = angles.distance(a[:, 2], b[:, 2])
     return float(np.hypot(*(a[:, :2] - b[:, :2]).T).max()), float(turn.max())

@@ -12,23 +12,20 @@ from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.geometry.floor_grid import MapGrid, Projector
-from s2rstore.geometry.reprojection import HeatSurface
+from s2rstore.geometry.floor_grid import FloorHeat, MapGrid
+from s2rstore.lru_cache import LruCache
 from s2rstore.metrics import pose_metrics
 from s2rstore.reader import DEFAULT_MODES, Store
 from s2rstore.records import SIDES, Run, Side
 from s2rstore.run_inputs import run_domain, run_move
 from s2rtools.adjustments import Chain
 from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
-from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
 from s2rtools.interactive.live_result import HeatKey, LiveResult, LiveSide
-from s2rtools.interactive.recent import RecentValues
 from s2rtools.models.library import load_model
 from s2rtools.precompute import rig_calibration
-from s2rtools.precompute.frame_reader import Images, Renderers, RunFrames, side_frames
+from s2rtools.precompute.frame_reader import Renderers, RunFrames, side_frames
 from s2rtools.precompute.run_context import as_stored, side_batch
-from s2rtools.precompute.stages import MAP_SETTINGS
 from s2rtools.rendering import reason_against
 
 _HELD = 8
@@ -73,9 +70,9 @@ class LiveModel:
             self._store.close()
             raise
         self._renderers: Renderers = {}
-        self._frames: RecentValues[Images] = RecentValues(2 * _HELD)
-        self._answers: RecentValues[_Answer] = RecentValues(2 * _HELD)
-        self._alignments: RecentValues[ImageAlignment | None] = RecentValues(2)
+        self._frames = LruCache.of_count(2 * _HELD)
+        self._answers = LruCache.of_count(2 * _HELD)
+        self._alignments = LruCache.of_count(2)
         self._types: dict[str, dict[tuple[str | None, str | None], str]] = {}
 
     def close(self) -> None:
@@ -139,21 +136,18 @@ class LiveModel:
         """
         heat = result.heatmap(kind, side, mode)
         dataset, truth = self._store.dataset, self._store.instances
-        frame = dataset.frame_height, dataset.frame_width
         own, other = result.side(side), result.side("real" if side == "sim" else "sim")
-        surface = HeatSurface(
-            own.domain, other.domain, frame, side == "real",
+        floor_heat = FloorHeat(
+            own.domain, other.domain, dataset, side,
             self._store.correction(self.run.sim_domain, self.run.real_domain),
             KINDS[kind].surface if KINDS[kind].aligned else None,
         )  # fmt: skip
-        grid = MapGrid(dataset.bounds, MAP_SETTINGS["cells"])
-        heights = tuple(MAP_SETTINGS["heights"])
-        projector = Projector(surface.domain, frame, dataset.y_down, heights)
-        away = other.surface[None] if surface.needs_other else None
+        grid = MapGrid(dataset.bounds)
+        away = other.surface[None] if floor_heat.needs_other else None
         pose = np.array([[getattr(truth, name)[result.iid] for name in ("x", "y", "heading")]])
         ray = KINDS[kind].ray(mode or DEFAULT_MODES.get(kind))
-        depth = surface.depth(own.surface[None], away)
-        grid.add(*projector.project(heat[None], depth, pose, ray, grid))
+        depth = floor_heat.depth(own.surface[None], away)
+        floor_heat.add(grid, heat[None], depth, pose, ray)
         return np.asarray(grid.aggregates()[0])
 
     def _adjusted(self, iid: int, chains: Chains) -> Run:

@@ -20,7 +20,7 @@ from safetensors.torch import save as save_safetensors
 from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
-from s2rstore.files import layout, safe_files
+from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.input_files import check_regular, read_bytes
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import IndexTransaction
@@ -127,7 +127,7 @@ def register(
             f"the network gives {weights.outputs}; another --convention?"
         )
     file = f"{layout.MODELS}/{weights.sha256}{weights.suffix}"
-    safe_files.write(root, file, weights.content)
+    atomic_writes.write(root, file, weights.content)
     Ledger(root).add(f"model:{weights.sha256}", [(file, 1)])
     draft.note_checksums({file: hashlib.sha256(weights.content).hexdigest()})
     draft.insert_row(

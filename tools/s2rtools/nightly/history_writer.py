@@ -15,7 +15,7 @@ from typing import Any
 import duckdb
 
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
+from s2rstore.files import atomic_writes
 from s2rstore.gap_history import reader, schema
 from s2rstore.gap_history.gate_status import EXIT_CODES
 from s2rstore.gap_history.reader import History, Night
@@ -173,9 +173,9 @@ def _replace(path: Path, change: Change) -> None:
             left.unlink(missing_ok=True)
         _write(beside, path if path.exists() else None, change)
         beside.chmod(0o644)
-        layout.sync_file(beside)
+        atomic_writes.sync_path(beside)
         beside.replace(path)
-        layout.sync_folder(path.parent)
+        atomic_writes.sync_path(path.parent)
     except (OSError, duckdb.Error) as error:
         told = str(error).splitlines()[0]
         raise RequestError(f"{path}: cannot be written ({told})") from error

@@ -8,7 +8,7 @@ from typing import Any
 
 from s2rstore.gap_history.gate_status import Told, Word, known_word, of_report, word_of, worst
 from s2rstore.gap_history.reader import AxisFigures, Night
-from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.metrics.bootstrap import Interval
 
 
 @dataclass(frozen=True, slots=True)

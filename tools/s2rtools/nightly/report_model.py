@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from s2rstore.gap_history.reader import AxisFigures, History, Night
-from s2rstore.metrics.pose_metrics import LEVEL_TOLD
+from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rtools.nightly.night_status import Check, bounds, checks
 
 MOST_NIGHTS = 90
@@ -58,8 +58,8 @@ def facts(night: Night) -> list[tuple[str, str]]:
 
 
 CHECKS = ("check", "result", "what was found")
-PAST = ("night", "result", f"G ({LEVEL_TOLD})", "worst axis", "evidence, days")
-ESTIMATES = ("parameter", f"estimate ({LEVEL_TOLD})", "unit", "note")
+PAST = ("night", "result", f"G ({LEVEL_TEXT})", "worst axis", "evidence, days")
+ESTIMATES = ("parameter", f"estimate ({LEVEL_TEXT})", "unit", "note")
 
 
 def check_rows(told: Content) -> list[tuple[str, ...]]:

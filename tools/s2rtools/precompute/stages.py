@@ -22,7 +22,10 @@ FRAME_ROWS = 32
 FORWARD_ROWS = 256
 OCCLUSION_ROWS = 64
 OUTLIER_ROWS = 32_768
-MAP_SETTINGS: dict[str, Any] = {"cells": 264, "heights": [0.1, 2.0], "version": 1}
+MAP_SETTINGS: dict[str, Any] = {
+    "cells": map_geometry.CELLS, "heights": list(map_geometry.HEIGHTS), "version": 1
+}  # fmt: skip
+"""A part of the key of every map grid."""
 
 
 def frames_stages(store: Store, run: Run) -> list[Stage]:
@@ -144,7 +147,7 @@ def _of_kind(stage: Stage, kind: str) -> tuple[ArraySpec, ...]:
 
 def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[Stage]:
     """Back-projected grids of every heatmap of the given stages, one stage per kind and side."""
-    grid = map_geometry.MapGrid(store.dataset.bounds, MAP_SETTINGS["cells"])
+    grid = map_geometry.MapGrid(store.dataset.bounds)
     predictions = _of_kind(forward, "prediction")
     stages = []
     for stage in (forward, *others):

@@ -13,7 +13,6 @@ from s2rstore.geometry.floor_grid import MapGrid, Projector
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Side
 from s2rstore.run_inputs import run_move
-from s2rtools.precompute.stages import MAP_SETTINGS
 from s2rtools.synthetic_world.dataset import WorldData
 from s2rtools.synthetic_world.renderer import Camera
 
@@ -78,7 +77,7 @@ class Truth:
 
     def _look(self, side: Side, move: CameraMove) -> VisibleObjects:
         camera, dataset = moved(self.data.camera(side), move), self.store.dataset
-        fine = MapGrid(dataset.bounds, MAP_SETTINGS["cells"])
+        fine = MapGrid(dataset.bounds)
         grid = MapGrid(dataset.bounds, max(fine.rows, fine.cols) // REBIN)
         projector = Projector(self._true_domain(side, camera), camera.frame, dataset.y_down)
         cells = []

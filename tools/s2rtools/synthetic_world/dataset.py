@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_json
+from s2rstore.geometry import angles
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.synthetic_world.factors import severities
@@ -155,7 +155,7 @@ class WorldData:
         poses = self.poses[name]
         rng = np.random.default_rng([self.recipe.seed, 7, len(poses)])
         heading = poses[:, 2]
-        turn = (np.diff(heading) + math.pi) % (2 * math.pi) - math.pi
+        turn = angles.wrap(np.diff(heading))
         moved = np.diff(poses[:, :2], axis=0)
         cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
         local = np.stack([moved[:, 0] * cos + moved[:, 1] * sin,
@@ -167,7 +167,7 @@ class WorldData:
         steps = np.stack([local[:, 0] * cos - local[:, 1] * sin,
                           local[:, 0] * sin + local[:, 1] * cos], axis=1)  # fmt: skip
         at = poses[0, :2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-        return np.concatenate([at, ((angle + math.pi) % (2 * math.pi) - math.pi)[:, None]], axis=1)
+        return np.concatenate([at, angles.wrap(angle)[:, None]], axis=1)
 
     def notes(self) -> dict[str, Any]:
         """What a store keeps in its provenance: the recipe, and the labelled changes."""

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse import csgraph
 
+from s2rstore.geometry import angles
+
 Poses = NDArray[np.float64]
 Sees = Callable[[Poses], NDArray[np.bool_]]
 
@@ -125,7 +127,7 @@ def drive(line: NDArray[np.float64], rng: np.random.Generator, count: int, sees:
     heading = np.unwrap(np.arctan2(y[ahead] - y[back], x[ahead] - x[back]))
     heading = ndimage.gaussian_filter1d(heading, 8)
     sway = np.radians(9) * np.sin(dense * 1.3 + rng.uniform(0, 6.28))
-    poses = np.stack([x, y, _wrapped(heading + sway)], axis=1)[:-45]
+    poses = np.stack([x, y, angles.wrap(heading + sway)], axis=1)[:-45]
     turning = np.abs(np.diff(np.unwrap(poses[:, 2]), prepend=poses[0, 2])) / _TURN
     clock = np.cumsum(0.02 / 0.25 + turning)
     poses = poses[sees(poses)] if len(poses) < 2 else _thinned(poses, clock, sees, count)
@@ -138,7 +140,3 @@ def _thinned(poses: Poses, clock: NDArray[np.float64], sees: Sees, count: int) -
     at = np.interp(np.linspace(0, len(keep) - 1, count), np.arange(len(keep)), clock[keep])
     nearest = np.clip(np.searchsorted(clock[keep], at), 0, len(keep) - 1)
     return poses[np.unique(keep[nearest])]
-
-
-def _wrapped(heading: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray((heading + math.pi) % (2 * math.pi) - math.pi)

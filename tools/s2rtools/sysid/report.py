@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
+from s2rstore.files import atomic_writes
 from s2rtools.sysid.convergence_plot import convergence_figure
 from s2rtools.sysid.identify import Identification
 from s2rtools.sysid.residual_training import Residual
@@ -49,7 +49,7 @@ def write(folder: Path, found: Identification, residual: Residual | None) -> dic
         if NETWORK not in files:
             (folder / NETWORK).unlink(missing_ok=True)
         for name, content in files.items():
-            layout.write_atomic(folder / name, content)
+            atomic_writes.write_file(folder / name, content)
     except OSError as error:
         raise RequestError(f"{folder}: cannot be written ({error.strerror})") from error
     return told

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
+from s2rstore.files import atomic_writes
 from s2rstore.geometry.angles import wrap
 from s2rtools.motion_logs import Commands, Drive, Log, csv_reader
 from s2rtools.sysid.simulators.planar import Planar
@@ -70,7 +70,7 @@ def make_drives(
         rng = np.random.default_rng((seed, number))
         made.append(_drive(folder / f"drive-{number:02d}", rng, truth, recording, simulator))
     text = json.dumps({"seed": seed, "values": truth}, indent=1, sort_keys=True) + "\n"
-    layout.write_atomic(folder / "truth.json", text.encode())
+    atomic_writes.write_file(folder / "truth.json", text.encode())
     return tuple(made)
 
 

@@ -13,8 +13,8 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from s2rstore.errors import RequestError
+from s2rstore.files.atomic_writes import write_file
 from s2rstore.files.input_files import check_regular
-from s2rstore.files.layout import write_atomic
 
 
 @dataclass(slots=True)
@@ -41,7 +41,7 @@ def write_checkpoint(
     header = {"facts": json.dumps(facts, sort_keys=True), "progress": json.dumps(asdict(progress))}
     plain = {key: value.detach().cpu().contiguous() for key, value in tensors.items()}
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomic(path, save(plain, header))
+    write_file(path, save(plain, header))
 
 
 def read_checkpoint(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from s2rstore.errors import RequestError
+from s2rstore.metrics.pose_metrics import LOSS_GAMMA
 from s2rtools.models import build
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.pose_network import LoadedModel, PoseNetwork
@@ -26,7 +27,6 @@ from s2rtools.training.recipes import Augmentation, TrainingRecipe, recipe_named
 from s2rtools.training.training_frames import TrainingFrames
 
 BATCH = 32
-HEADING_WEIGHT = 0.3
 HEADING_LEVER = 4.0
 """Metres ahead of the robot at which a turn counts as the displacement that it causes."""
 
@@ -285,7 +285,7 @@ def pose_loss(predicted: Tensor, truth: Tensor) -> Tensor:
     """
     squares = (predicted - truth).square()
     place, turn = squares[:, :2].sum(dim=1), squares[:, 2:].sum(dim=1)
-    return ((1 - HEADING_WEIGHT) * place + HEADING_WEIGHT * HEADING_LEVER**2 * turn).mean()
+    return ((1 - LOSS_GAMMA) * place + LOSS_GAMMA * HEADING_LEVER**2 * turn).mean()
 
 
 def schedule(done: float) -> float:

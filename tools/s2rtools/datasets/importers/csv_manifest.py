@@ -17,6 +17,7 @@ from typing import Any
 
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
+from s2rstore.geometry import angles
 from s2rtools.datasets import dataset_config
 from s2rtools.datasets.csv_rows import read_rows
 from s2rtools.datasets.image_decoding import Images
@@ -187,7 +188,7 @@ def _pose(row: dict[str, Any]) -> tuple[float, float, float]:
 
 
 def _wrapped(degrees: float) -> float:
-    return math.radians((degrees + 180) % 360 - 180)
+    return math.radians(angles.wrap_degrees(degrees))
 
 
 def _float(text: str | None) -> float:

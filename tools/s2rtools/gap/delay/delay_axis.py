@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from s2rstore.errors import RequestError
-from s2rstore.metrics.pose_metrics import bounds
+from s2rstore.metrics.bootstrap import percentile_bounds
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.bootstrap_correction import widened
 from s2rtools.gap.delay import time_delay
@@ -67,7 +67,7 @@ class DelayAxis(Axis):
         found = self._delays(drives, lambda drive: drive.sim, settings)
         value, replicates = sizes(found, settings)
         signed, draws = _pooled(found, np.array([late.seconds for late in found]), settings)
-        low, high = bounds(draws, settings.level)
+        low, high = percentile_bounds(draws, settings.level)
         n = sum(int(delay.overlap // time_delay.BLOCK) for delay in found)
         return AxisResult(
             axis=self.name,

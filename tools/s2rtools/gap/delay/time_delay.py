@@ -17,7 +17,7 @@ from scipy import ndimage, optimize
 from scipy.interpolate import CubicSpline
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rstore.metrics.pose_metrics import bounds
+from s2rstore.metrics.bootstrap import percentile_bounds
 from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.bootstrap_correction import small_sample
 from s2rtools.motion_logs.motion_log import Floats, Log
@@ -104,7 +104,7 @@ def delay(
         spread = _bootstrap(matched, found, step, round(furthest * rate), settings) * step
     except InconclusiveError as error:
         raise InconclusiveError(f"{real.source} and {sim.source}: {error}") from error
-    low, high = bounds(spread, settings.level)
+    low, high = percentile_bounds(spread, settings.level)
     return TimeDelay(
         float(found) * step, low, high, spread,
         dict(zip(RATES, correlation.tolist(), strict=True)), overlap,

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.pose_metrics import LEVEL
+from s2rstore.metrics.bootstrap import LEVEL
 from s2rtools.gap.blocks import Blocks
 from s2rtools.gap.bootstrap_correction import widened
 from s2rtools.gap.visual.kid import polynomial_gram

@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry import floor_grid as map_geometry
-from s2rstore.geometry.reprojection import HeatSurface
 from s2rstore.reader import Store
 from s2rstore.records import Run, Side
 from s2rstore.run_inputs import run_domain
 from s2rtools.heatmaps import KINDS
 from s2rtools.precompute.frame_reader import RunFrames
-from s2rtools.precompute.stages import MAP_SETTINGS
 from s2rtools.precompute.work_units import ArraySpec, Unit
 
 _READ_ROWS = 64
@@ -30,36 +28,30 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
     side: Side = "sim" if stage.name.endswith(":sim") else "real"
     kind = stage.specs[0].kind.removeprefix("map:")
     valid = stage.valid(store.path)
-    frame = store.dataset.frame_height, store.dataset.frame_width
     other: Side = "real" if side == "sim" else "sim"
-    surface = HeatSurface(
-        run_domain(store, run, side), run_domain(store, run, other), frame, side == "real",
+    floor_heat = map_geometry.FloorHeat(
+        run_domain(store, run, side), run_domain(store, run, other), store.dataset, side,
         store.correction(run.sim_domain, run.real_domain),
         KINDS[kind].surface if KINDS[kind].aligned else None,
     )  # fmt: skip
     frames = RunFrames(store, run, stage.kept(store.path))
     poses = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
-    maps = {spec: map_geometry.MapGrid(store.dataset.bounds, MAP_SETTINGS["cells"])
-            for spec in unit.missing}  # fmt: skip
-    projector = map_geometry.Projector(
-        surface.domain, frame, store.dataset.y_down,
-        tuple(MAP_SETTINGS["heights"]),
-    )  # fmt: skip
+    maps = {spec: map_geometry.MapGrid(store.dataset.bounds) for spec in unit.missing}
     for start in range(0, valid.size, _READ_ROWS):
         stop = min(start + _READ_ROWS, valid.size)
         rows = np.flatnonzero(valid[start:stop])
         if not rows.size:
             continue
-        depth = _depth(frames, surface, side, other, slice(start, stop), rows)
+        depth = _depth(frames, floor_heat, side, other, slice(start, stop), rows)
         for spec, target in maps.items():
             heat = _heat(stage.source, store, kind, side, spec.mode, start, stop)[rows]
             ray = KINDS[kind].ray(spec.mode)
-            target.add(*projector.project(heat, depth, poses[start:stop][rows], ray, target))
+            floor_heat.add(target, heat, depth, poses[start:stop][rows], ray)
     return {spec: target.aggregates() for spec, target in maps.items()}
 
 
 def _depth(
-    frames: RunFrames, surface: HeatSurface, own: Side, other: Side, span: slice,
+    frames: RunFrames, floor_heat: map_geometry.FloorHeat, own: Side, other: Side, span: slice,
     rows: NDArray[np.intp],
 ) -> NDArray[Any]:  # fmt: skip
     """Raw depth (k, H, W) of some of the instances of `span`, where their heat lies."""
@@ -67,7 +59,7 @@ def _depth(
     def read(side: Side) -> NDArray[Any]:
         return frames.read(side, span.start, span.stop, ("depth",))["depth"][rows]
 
-    return surface.depth(read(own), read(other) if surface.needs_other else None)
+    return floor_heat.depth(read(own), read(other) if floor_heat.needs_other else None)
 
 
 def _heat(

@@ -1,4 +1,4 @@
-"""What is kept of costly values: the last ones, within bounds."""
+"""The cache holds the most recently used values, within its limit."""
 
 from __future__ import annotations
 
@@ -26,6 +26,14 @@ def test_the_last_used_stay() -> None:
     assert (kept.nbytes, len(kept)) == (300, 3)
     get("huge", 1000)
     assert (kept.nbytes, len(kept)) == (1000, 1)
+
+
+def test_a_cache_of_a_number_of_values_drops_the_least_recently_used() -> None:
+    computed: list[str] = []
+    cache = LruCache.of_count(2)
+    for key in "abacab":
+        cache.get(key, lambda key=key: computed.append(key))
+    assert computed == ["a", "b", "c", "b"]
 
 
 def test_many_threads_share_it() -> None:

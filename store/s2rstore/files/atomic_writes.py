@@ -1,0 +1,148 @@
+"""Write files so that readers see the old content or the new, never a part.
+
+Content goes to a file with a unique name that ends in `.partial`, and takes the place of the old
+file when it is complete and on the disk. A process that is killed meanwhile leaves that file:
+`partial_files` finds such files in a store, and `s2r prune` removes them.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import shutil
+from contextlib import suppress
+from io import FileIO
+from pathlib import Path
+
+from s2rstore.files import safe_files
+from s2rstore.files.safe_files import FILE_FLAGS, NO_FOLLOW, errors_of, parent_folder
+
+PARTIAL = ".partial"
+
+# The names that this version gives to unfinished files, and those that version 0.1.0 gave.
+_PARTIAL_NAME = re.compile(
+    r".*\.partial|\.building-.*|\.(CURRENT\.json|compacted\.jsonl|[0-9a-f]{64}\.\w+)\.\d+"
+    r"|\..*\.duckdb\.\d+\.new(\.wal)?",
+    re.DOTALL,
+)
+
+Content = bytes | bytearray | memoryview
+
+
+def write(root: Path, relative: str | Path, content: Content, durable: bool = True) -> None:
+    """Write a file below `root`; missing folders are made.
+
+    Without `durable` the content reaches the disk with a later `sync`. Raises OSError that names
+    the file.
+    """
+    path = root / relative
+    with parent_folder(root, relative, create=True) as (parent, name):
+        partial = _write_partial(path, parent, content, durable)
+        try:
+            with errors_of(path):
+                os.replace(partial, name, src_dir_fd=parent, dst_dir_fd=parent)
+                if durable:
+                    os.fsync(parent)
+        except BaseException:
+            with suppress(OSError):
+                os.unlink(partial, dir_fd=parent)
+            raise
+
+
+def write_file(path: Path, content: Content) -> None:
+    """Write a file outside a store, in a folder that exists and may be reached by links."""
+    write(path.parent, path.name, content)
+
+
+def write_partial(path: Path, content: Content) -> Path:
+    """Write content to the disk, into a hidden file that can replace `path` later."""
+    with parent_folder(path.parent, path.name) as (parent, _):
+        return path.with_name(_write_partial(path, parent, content, durable=True))
+
+
+def _write_partial(path: Path, parent: int, content: Content, durable: bool) -> str:
+    partial = f".{path.name[:64]}.{secrets.token_hex(8)}{PARTIAL}"
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | NO_FOLLOW
+    descriptor = safe_files.open_descriptor(path.with_name(partial), flags, parent)
+    try:
+        with errors_of(path), FileIO(descriptor, "wb") as file:
+            _write_all(file, content)
+            if durable:
+                os.fsync(file.fileno())
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(partial, dir_fd=parent)
+        raise
+    return partial
+
+
+def _write_all(file: FileIO, content: Content) -> None:
+    rest = memoryview(content).cast("B")
+    while rest:
+        rest = rest[file.write(rest) :]
+
+
+def append_lines(root: Path, relative: str | Path, lines: bytes) -> None:
+    """Append whole lines durably; a line that a killed process left unfinished is ended first."""
+    flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | FILE_FLAGS
+    descriptor = safe_files.open_regular(root, relative, flags)
+    with FileIO(descriptor, "ab") as file, errors_of(root / relative):
+        size = os.fstat(file.fileno()).st_size
+        if size and os.pread(file.fileno(), 1, size - 1) != b"\n":
+            lines = b"\n" + lines
+        _write_all(file, lines)
+        os.fsync(file.fileno())
+
+
+def make_folder(root: Path, relative: str | Path) -> None:
+    """Make a folder below `root`, and the folders above it, where they are missing."""
+    with safe_files.folder(root, relative, create=True):
+        pass
+
+
+def sync(root: Path, relative: str | Path) -> None:
+    """Flush a file below `root` and its name in its folder to the disk."""
+    with safe_files.open_read(root, relative) as file, errors_of(root / relative):
+        os.fsync(file.fileno())
+    with parent_folder(root, relative) as (parent, _):
+        os.fsync(parent)
+
+
+def sync_path(path: Path) -> None:
+    """Flush a file or a folder outside a store to the disk."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def rename(root: Path, old: str, new: str) -> None:
+    """Rename a file in its folder, durably."""
+    with parent_folder(root, old) as (parent, name), errors_of(root / new):
+        new_name = safe_files.parts_of(root, new)[-1]
+        os.replace(name, new_name, src_dir_fd=parent, dst_dir_fd=parent)
+        os.fsync(parent)
+
+
+def remove(root: Path, relative: str | Path) -> None:
+    """Remove a file or a folder with its content; a link is removed, not its target."""
+    with (
+        suppress(FileNotFoundError),
+        parent_folder(root, relative) as (parent, name),
+        errors_of(root / relative),
+    ):
+        if safe_files.kind_in(parent, name) == "folder":
+            shutil.rmtree(name, dir_fd=parent)
+        else:
+            os.unlink(name, dir_fd=parent)
+
+
+def partial_files(root: Path) -> list[safe_files.FolderEntry]:
+    """List the unfinished files that killed writes have left in a store."""
+    return [
+        entry
+        for entry in safe_files.walk(root)
+        if entry.kind == "file" and _PARTIAL_NAME.fullmatch(entry.name)
+    ]
