@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
 from s2rstore.language import Node, Vocabulary, base_population, evaluation, mask, parse
-from s2rstore.language.checking import expand, used_fields
 from s2rstore.language.fields import NUMERIC, TEXT
+from s2rstore.language.name_resolution import expand, used_fields
 from s2rstore.language.syntax_tree import Bend, Extreme, Field, Like, leaves
 from s2rstore.reader import Store
 from s2rstore.records import SIDES

@@ -15,7 +15,7 @@ class RequestError(S2RError):
     exit_code = 2
 
 
-class NotSoError(S2RError):
+class CheckFailedError(S2RError):
     """The thing asked for is not so: a gate failed, verification found damage."""
 
     exit_code = 1

@@ -47,7 +47,7 @@ class Frame:
 class Store(IndexCatalog):
     """A store at one generation; close it, or use `with`. Any thread may read it.
 
-    `in_use` names the runs whose columns `forget` leaves alone.
+    `in_use` names the runs whose columns `drop_run_columns` leaves alone.
     """
 
     def __init__(self, path: str | Path, memory: str = "", generation: int | None = None) -> None:
@@ -77,24 +77,24 @@ class Store(IndexCatalog):
             kept.clear()
 
     @cached_property
-    def _dense(self) -> column_loader.Index:
+    def _dense(self) -> column_loader.ColumnLoader:
         (row,) = self.execute("SELECT count(*) FROM instance")
-        return column_loader.Index(self.connection, self._columns, int(row[0]))
+        return column_loader.ColumnLoader(self.connection, self._columns, int(row[0]))
 
     @cached_property
     def instances(self) -> InstanceColumns:
         """Ground truth, aligned by iid; each column is read when it is first asked for."""
         names = tuple(trajectory.trajectory for trajectory in self.trajectories)
-        return column_loader.instances(self._dense, names, self.stored_rooms)
+        return column_loader.load_instances(self._dense, names, self.stored_rooms)
 
     def run_columns(self, run: str) -> RunColumns:
-        """Predictions of a computed run, aligned by iid; read and kept as `instances` are."""
+        """Predictions of a computed run, aligned by iid; read and kept as `load_instances` are."""
         with self._lock:
             if run not in self._runs_columns:
                 if self.run(run).key is None:
                     raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
                 lacking = self.lacking("prediction")
-                self._runs_columns[run] = column_loader.run_columns(
+                self._runs_columns[run] = column_loader.load_run_columns(
                     self._dense, run, self.instances, self.rooms, lacking
                 )
             return self._runs_columns[run]
@@ -102,15 +102,15 @@ class Store(IndexCatalog):
     def forget(self, run: str) -> None:
         """Give back the memory of a run's columns; they are read again when asked for."""
         if run not in self.in_use:
-            column_loader.forget(self._dense, run)
+            column_loader.drop_run_columns(self._dense, run)
 
     def has_read(self, run: str | None, side: Side | None, names: Iterable[str]) -> bool:
         """Whether columns are at hand; side None are those of both, run None the truth's."""
-        return column_loader.has_read(self._dense, run, side, names)
+        return column_loader.is_loaded(self._dense, run, side, names)
 
     def accuracies(self, run: str, side: Side) -> NDArray[np.float32]:
         """One side's accuracies of a run, (N,), NaN for none; without its other columns."""
-        return column_loader.accuracies(self._dense, run, side)
+        return column_loader.load_accuracies(self._dense, run, side)
 
     def frame(self, iid: int, domain: str) -> Frame:
         """Raises RequestError for an unknown instance or domain."""
@@ -193,7 +193,7 @@ class Store(IndexCatalog):
         relative = f"{layout.RUNS}/{record.path}"
         with self._lock:
             if relative not in self._arrays:
-                path = layout.inside(self.path, relative)
+                path = layout.path_inside(self.path, relative)
                 self._arrays[relative] = stored_array.open_read(path, self.path)
             found = self._arrays[relative]
         _agree(found, record.shape, (record.dtype,), record.metadata_sha256)

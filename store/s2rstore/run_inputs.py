@@ -20,7 +20,7 @@ FRAME_KINDS = {"rgb": "frames:rgb", "depth": "frames:depth"}
 """Kinds of the arrays that hold rendered frames."""
 
 
-def run_move(store: Store, run: Run, side: Side) -> CameraMove:
+def run_camera_move(store: Store, run: Run, side: Side) -> CameraMove:
     """How a run moves the cameras of a side."""
     domain = store.domain(run.domain(side))
     return camera_move(run.adjustments(side), domain, store.dataset.frame_width)
@@ -28,7 +28,7 @@ def run_move(store: Store, run: Run, side: Side) -> CameraMove:
 
 def run_domain(store: Store, run: Run, side: Side) -> Domain:
     """A side's domain with the cameras that the run's frames were taken with."""
-    return run_move(store, run, side).applied(store.domain(run.domain(side)))
+    return run_camera_move(store, run, side).applied(store.domain(run.domain(side)))
 
 
 def run_frame(store: Store, run: Run, side: Side, iid: int) -> Frame:
@@ -36,7 +36,7 @@ def run_frame(store: Store, run: Run, side: Side, iid: int) -> Frame:
 
     Raises RequestError for an unknown instance, and where rendered frames are not computed yet.
     """
-    if run_move(store, run, side) == UNMOVED:
+    if run_camera_move(store, run, side) == UNMOVED:
         return store.frame(iid, run.domain(side))
     if not 0 <= iid < len(store.instances):
         raise RequestError(f"instance {iid}: the store holds 0 .. {len(store.instances) - 1}")
@@ -55,7 +55,7 @@ def run_frames(
     images: tuple[str, ...] = ("rgb", "depth"),
 ) -> dict[str, NDArray[Any]]:
     """A side's images of iids [start, stop), as `Store.frames` gives them."""
-    if run_move(store, run, side) == UNMOVED:
+    if run_camera_move(store, run, side) == UNMOVED:
         return store.frames(run.domain(side), start, stop, images)
     found = {}
     for image in images:

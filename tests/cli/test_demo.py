@@ -78,4 +78,4 @@ def test_a_damaged_score_does_not_stop_the_findings(
     with edit(path) as draft:
         draft.note("score", {"report": report})
     with s2rstore.open(path) as store:
-        assert store_summary.lines(store)
+        assert store_summary.summary_lines(store)

@@ -155,7 +155,7 @@ def test_nothing_is_written_through_a_link(own_store: Path, tmp_path: Path) -> N
     before = sorted(outside.rglob("*"))
     with pytest.raises(RequestError, match="symbolic link"):
         stored_array.create(
-            own_store / "runs.zarr/vanilla/new/a", stored_array.plan(4, (2,), "float32", 4)
+            own_store / "runs.zarr/vanilla/new/a", stored_array.plan_layout(4, (2,), "float32", 4)
         )
     rows = np.zeros((16, 4, 4, 4), np.float32)
     with pytest.raises(RequestError, match="symbolic link"):

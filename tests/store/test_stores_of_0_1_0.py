@@ -118,7 +118,7 @@ def test_the_gap_is_judged_by_its_reference_and_golden_run(
 
 
 def test_its_history_holds_both_nights(folder: Path) -> None:
-    nights = reader.read(reader.path_in(folder / "demo.s2r")).nights
+    nights = reader.read(reader.history_path(folder / "demo.s2r")).nights
     assert [str(night.night) for night in nights] == ["2026-11-20", "2026-11-21"]
     assert {axis.axis for axis in nights[-1].axes} >= {"task", "delay"}
 

@@ -39,7 +39,7 @@ _PARALLEL_CHUNKS = 8
 _PARALLEL_BYTES = 64 * 1024
 
 
-def plan(rows: int, item: tuple[int, ...], dtype: str, shard_rows: int) -> Layout:
+def plan_layout(rows: int, item: tuple[int, ...], dtype: str, shard_rows: int) -> Layout:
     """The layout of an array of `rows` items, with chunks of about 256 kB."""
     size = int(np.dtype(dtype).itemsize * np.prod(item, dtype=np.int64))
     wanted = max(1, min(shard_rows, CHUNK_BYTES // max(size, 1)))
@@ -63,7 +63,7 @@ def create(
             raise RequestError(f"{path}: holds another array; run `s2r prune`, or remove it")
         return
     content = zarr_metadata.document(layout, attributes or {})
-    zarr_metadata.parsed(content, str(path))
+    zarr_metadata.parse_document(content, str(path))
     atomic_writes.write(root, document, content)
 
 
@@ -270,7 +270,7 @@ def _reading(where: Path) -> Iterator[None]:
         message = f"{where}: missing; open the store again, or run `s2r verify`"
         raise RequestError(message) from error
     except OSError as error:
-        reason = safe_files.explained(error)
+        reason = safe_files.error_text(error)
         raise RequestError(f"{where}: cannot be read ({reason}); run `s2r verify`") from error
 
 
@@ -348,9 +348,9 @@ def open_read(path: Path, root: Path | None = None) -> StoredArray:
         what = "an array of Zarr format 2, which is not read" if old else "no such array"
         raise RequestError(f"{path}: {what}; run `s2r verify`") from error
     except OSError as error:
-        reason = safe_files.explained(error)
+        reason = safe_files.error_text(error)
         raise RequestError(f"{path}: unreadable metadata ({reason}); run `s2r verify`") from error
-    layout, attributes = zarr_metadata.parsed(content, str(path))
+    layout, attributes = zarr_metadata.parse_document(content, str(path))
     return StoredArray(root, relative, layout, attributes, hashlib.sha256(content).hexdigest())
 
 

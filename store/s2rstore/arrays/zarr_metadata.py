@@ -106,7 +106,7 @@ def _document(layout: Layout, attributes: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def parsed(content: bytes, where: str) -> tuple[Layout, dict[str, str]]:
+def parse_document(content: bytes, where: str) -> tuple[Layout, dict[str, str]]:
     """Layout and attributes of a `zarr.json`. RequestError names the array and what is wrong."""
     try:
         found = parse_json(content, where)

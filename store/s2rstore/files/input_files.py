@@ -24,9 +24,9 @@ from s2rstore.errors import RequestError
 
 T = TypeVar("T")
 
-MOST_JSON = 8 << 20
+MAX_JSON_BYTES = 8 << 20
 """Bytes of a JSON document. Parsed, it takes up to 50 times as much memory."""
-MOST_TOML = 1 << 20
+MAX_TOML_BYTES = 1 << 20
 """Bytes of a TOML document: a thousand times what the configurations here need."""
 _MOST_KEY_PARTS = 32
 """Parts of a dotted TOML key; tomllib's memory grows with the square of their number."""
@@ -115,14 +115,14 @@ def digest(file: io.BufferedReader | io.FileIO) -> str:
     return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def read_json(path: Path, most: int = MOST_JSON) -> Any:
+def read_json(path: Path, most: int = MAX_JSON_BYTES) -> Any:
     """The value of a JSON file of at most `most` bytes; RequestError for anything else."""
     return parse_json(read_text(path, most), str(path))
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The table of a TOML file; RequestError for anything that is no TOML."""
-    text = read_text(path, MOST_TOML)
+    text = read_text(path, MAX_TOML_BYTES)
     try:
         _check_keys(text)
         return tomllib.loads(text)

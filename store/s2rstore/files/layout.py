@@ -60,7 +60,7 @@ def read_current(root: Path) -> Current:
         kind = "a file, no folder" if root.is_file() else kind
         raise RequestError(f"{root}: not a store ({kind}); make one with `s2r ingest`") from None
     except OSError as error:
-        where, reason = error.filename or path, safe_files.explained(error)
+        where, reason = error.filename or path, safe_files.error_text(error)
         raise RequestError(f"{where}: cannot be read ({reason}); check its permissions") from error
     current = decode_json(content, Current, str(path))
     if current.index != index_name(current.generation):
@@ -74,7 +74,7 @@ def write_current(root: Path, current: Current) -> None:
     atomic_writes.write(root, CURRENT, content)
 
 
-def inside(root: Path, relative: str | Path) -> Path:
+def path_inside(root: Path, relative: str | Path) -> Path:
     """A path that a store's content names; RequestError where it leads out of the store."""
     safe_files.parts_of(root, relative)
     return root / relative

@@ -39,14 +39,14 @@ def file_lock(path: Path, patience: float = 120.0) -> Iterator[None]:
     with suppress(OSError):
         path.parent.mkdir(exist_ok=True)
     lock = path.with_name(f".{path.name}.lock")
-    with _held(partial(safe_files.lock_beside, lock), path, "writing", patience):
+    with _held(partial(safe_files.open_lock, lock), path, "writing", patience):
         yield
 
 
 @contextmanager
 def _locked(root: Path, what: str, patience: float) -> Iterator[None]:
     lock = f"{layout.LEDGER}/{what}.lock"
-    with _held(partial(safe_files.lock_file, root, lock), root, what, patience):
+    with _held(partial(safe_files.open_store_lock, root, lock), root, what, patience):
         yield
 
 

@@ -6,22 +6,22 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any, Literal, get_args
 
-from s2rstore.errors import InconclusiveError, NotSoError, RequestError
+from s2rstore.errors import CheckFailedError, InconclusiveError, RequestError
 from s2rstore.metrics.bootstrap import Interval
 
 Outcome = Literal["PASS", "FAIL", "INCONCLUSIVE"]
-Word = Outcome | Literal["SKIPPED"]
-Told = Word | Literal["ERROR"]
+AxisStatus = Outcome | Literal["SKIPPED"]
+NightStatus = AxisStatus | Literal["ERROR"]
 
 EXIT_CODES: dict[str, int] = {
     "PASS": 0,
-    "FAIL": NotSoError.exit_code,
+    "FAIL": CheckFailedError.exit_code,
     "ERROR": RequestError.exit_code,
     "INCONCLUSIVE": InconclusiveError.exit_code,
 }
-CODES_TOLD = ", ".join(f"{code} {word}" for word, code in EXIT_CODES.items())
+EXIT_CODES_TEXT = ", ".join(f"{code} {word}" for word, code in EXIT_CODES.items())
 _FROM_WORST: tuple[Outcome, ...] = ("FAIL", "INCONCLUSIVE", "PASS")
-_WORDS: tuple[Word, ...] = (*get_args(Outcome), "SKIPPED")
+_WORDS: tuple[AxisStatus, ...] = (*get_args(Outcome), "SKIPPED")
 
 
 def outcome_of(gap: Interval, threshold: float) -> Outcome:
@@ -31,24 +31,24 @@ def outcome_of(gap: Interval, threshold: float) -> Outcome:
     return "FAIL" if gap.low > threshold else "INCONCLUSIVE"
 
 
-def word_of(gap: Interval, threshold: float) -> Word:
+def axis_status(gap: Interval, threshold: float) -> AxisStatus:
     """The word for one axis' G; SKIPPED where it was not judged."""
     return "SKIPPED" if math.isnan(gap.value) else outcome_of(gap, threshold)
 
 
-def worst(words: Iterable[Outcome]) -> Outcome:
+def worst_outcome(words: Iterable[Outcome]) -> Outcome:
     """The word that decides; of none PASS."""
     found = set(words)
     return next((word for word in _FROM_WORST if word in found), "PASS")
 
 
-def of_report(report: Mapping[str, Any]) -> Outcome | None:
+def report_outcome(report: Mapping[str, Any]) -> Outcome | None:
     """The worst of what a report of the gap was judged by: the scale and the golden run."""
     judged = [report["golden"]] if report["golden"] else []
     judged += [report["verdict"]] if report["reference"] else []
-    return worst(each["outcome"] for each in judged) if judged else None
+    return worst_outcome(each["outcome"] for each in judged) if judged else None
 
 
-def known_word(text: str) -> Word:
+def stored_status(text: str) -> AxisStatus:
     """A stored word; SKIPPED for what is none."""
     return next((word for word in _WORDS if word == text), "SKIPPED")

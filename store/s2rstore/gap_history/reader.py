@@ -127,22 +127,22 @@ class History:
         return tuple(dict.fromkeys(runs))
 
 
-def path_in(store: Path) -> Path:
+def history_path(store: Path) -> Path:
     """Where a store keeps its own history."""
     return store / layout.HISTORY / "gap.duckdb"
 
 
-def check_place(path: Path) -> None:
+def refuse_link(path: Path) -> None:
     """Raises RequestError where a store's own history is a link, a folder or a device.
 
     A history that lies elsewhere is the user's, who may link it.
     """
     store = path.parent.parent
-    if path == path_in(store) and safe_files.kind(store, layout.CURRENT) is not None:
+    if path == history_path(store) and safe_files.kind(store, layout.CURRENT) is not None:
         safe_files.checked_path(store, path.relative_to(store))
 
 
-def stamp(path: Path) -> Stamp | None:
+def file_stamp(path: Path) -> Stamp | None:
     """What changes whenever the file is replaced; None where there is none."""
     try:
         found = path.stat()
@@ -202,7 +202,7 @@ def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
     The file is attached to a database of its own each time: DuckDB would give a second connection
     to one path the content that the first one saw.
     """
-    check_place(path)
+    refuse_link(path)
     path = path.resolve()
     if not path.is_file():
         raise RequestError(f"{path}: no history; `s2r nightly CONFIG.toml` writes one")

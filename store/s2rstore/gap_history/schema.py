@@ -5,7 +5,7 @@ SQL NULL stands for what is missing, never NaN.
 
 from __future__ import annotations
 
-from s2rstore.gap_history.gate_status import CODES_TOLD
+from s2rstore.gap_history.gate_status import EXIT_CODES_TEXT
 from s2rstore.index.schema import Column, Table, statements_of
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 
@@ -46,7 +46,7 @@ _MEASURED: tuple[Table, ...] = (
                 "PASS, FAIL or INCONCLUSIVE: headline, golden run and age of the evidence; "
                 "ERROR = the request does not fit what is there",
             ),
-            Column("exit_code", "INTEGER", CODES_TOLD),
+            Column("exit_code", "INTEGER", EXIT_CODES_TEXT),
             Column("headline", "VARCHAR", "PASS, FAIL or INCONCLUSIVE: the worst axis"),
             *_bounds("gap", "G of the worst axis; 0 = no gap, 100 = the declared bad state"),
             Column("worst", "VARCHAR", "the worst axis; NULL = none was judged"),

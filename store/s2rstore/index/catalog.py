@@ -64,7 +64,7 @@ class IndexCatalog:
         """Raises RequestError where a small table holds what the program must not rely on."""
         filled = self.execute("SELECT count(*) FROM dataset") != [(0,)]
         tables = ["trajectories", "rooms", "domains", "models", "runs"]
-        for name, most in row_check.MOST_ROWS.items():
+        for name, most in row_check.MAX_ROWS.items():
             (count,) = self.execute(f'SELECT count(*) FROM "{name}"')[0]
             if count > most:
                 raise RequestError(f"{self._index}: table {name}: {count} rows, at most {most}")

@@ -22,7 +22,7 @@ _SELECT = "SELECT iid, {} AS value FROM {} WHERE run = ? AND side = ?"
 
 
 @dataclass(frozen=True)
-class Index:
+class ColumnLoader:
     """An open index: `connect` gives a connection of its own, `kept` holds the columns read last.
 
     `n` is the number of instances.
@@ -63,8 +63,8 @@ class Index:
         return column
 
 
-def instances(
-    index: Index, trajectories: tuple[str, ...], rooms: Mapping[str, str]
+def load_instances(
+    index: ColumnLoader, trajectories: tuple[str, ...], rooms: Mapping[str, str]
 ) -> InstanceColumns:
     """All instances in iid order; `rooms` are names as shown with those in the index."""
     stored = {"trajectory": trajectories, "room": tuple(rooms.values())}
@@ -75,7 +75,9 @@ def instances(
     return InstanceColumns(read, index.n, trajectories, tuple(rooms))
 
 
-def _of_instances(index: Index, name: str, names: dict[str, tuple[str, ...]]) -> NDArray[Any]:
+def _of_instances(
+    index: ColumnLoader, name: str, names: dict[str, tuple[str, ...]]
+) -> NDArray[Any]:
     if name not in names:
         sql = f'SELECT iid, "{name}" AS value FROM instance'
         return index.column(sql, (), -1 if name == "seq" else None)
@@ -84,8 +86,8 @@ def _of_instances(index: Index, name: str, names: dict[str, tuple[str, ...]]) ->
     return index.column(sql, (list(names[name]), len(names[name])), -1)
 
 
-def run_columns(
-    index: Index,
+def load_run_columns(
+    index: ColumnLoader,
     run: str,
     truth: InstanceColumns,
     rooms: Sequence[Room],
@@ -123,12 +125,14 @@ def run_columns(
     return RunColumns(kept(None, of_run), run, sim, real)
 
 
-def forget(index: Index, run: str) -> None:
+def drop_run_columns(index: ColumnLoader, run: str) -> None:
     """Drop what is kept of a run's columns."""
     index.kept.drop(lambda key: isinstance(key, tuple) and key[:2] == _key(run))
 
 
-def has_read(index: Index, run: str | None, side: Side | None, names: Iterable[str]) -> bool:
+def is_loaded(
+    index: ColumnLoader, run: str | None, side: Side | None, names: Iterable[str]
+) -> bool:
     """Whether columns of a run are kept; side None are those of both, run None the truth's."""
     of = ("instance",) if run is None else (*_key(run), side)
     return all((*of, name) in index.kept for name in names)
@@ -139,7 +143,7 @@ def _key(run: str) -> tuple[str, str]:
 
 
 def _predicted(
-    index: Index, run: str, side: Side, name: str, lacking: frozenset[str]
+    index: ColumnLoader, run: str, side: Side, name: str, lacking: frozenset[str]
 ) -> NDArray[Any]:
     if name == "split":
         sql = _SELECT.format("list_position(?, split) - 1", "prediction")
@@ -150,7 +154,7 @@ def _predicted(
 
 
 def _projected(
-    index: Index, run: str, side: Side, name: str, x: NDArray[np.float64]
+    index: ColumnLoader, run: str, side: Side, name: str, x: NDArray[np.float64]
 ) -> NDArray[Any]:
     """NaN where nothing is predicted, too: where an `x` is known something is."""
     column = index.column(_SELECT.format(f'"{name}"', "projection"), (run, side))
@@ -160,6 +164,6 @@ def _projected(
     return np.where(predicted, column, np.nan)
 
 
-def accuracies(index: Index, run: str, side: str) -> NDArray[np.float32]:
+def load_accuracies(index: ColumnLoader, run: str, side: str) -> NDArray[np.float32]:
     """One side of one run, (n,), NaN where there is no prediction."""
     return index.column(_SELECT.format("accuracy", "prediction"), (run, side)).astype(np.float32)

@@ -106,7 +106,7 @@ class RunColumns(Columns):
         return self.sim if side == "sim" else self.real
 
 
-def population(
+def valid_in_trajectories(
     valid: BoolColumn, truth: InstanceColumns, trajectories: tuple[str, ...] | None
 ) -> BoolColumn:
     """Those of `valid` (N,) in the named trajectories; None means all of them."""

@@ -6,7 +6,7 @@ import re
 
 from s2rstore.language import fields
 from s2rstore.language.canonical_text import quoted, string
-from s2rstore.language.checking import Vocabulary
+from s2rstore.language.name_resolution import Vocabulary
 
 Option = tuple[str, str]
 

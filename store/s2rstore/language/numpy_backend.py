@@ -11,9 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry import angles
-from s2rstore.index.columns import InstanceColumns, RunColumns, population
+from s2rstore.index.columns import InstanceColumns, RunColumns, valid_in_trajectories
 from s2rstore.language import fields, lasso
-from s2rstore.language.checking import Neighbours, Vocabulary, expand, resolved, used_fields
+from s2rstore.language.name_resolution import (
+    Neighbours,
+    Vocabulary,
+    expand,
+    similar_instances,
+    used_fields,
+)
 from s2rstore.language.syntax_tree import (
     And,
     Around,
@@ -36,7 +42,7 @@ from s2rstore.language.syntax_tree import (
     chain,
 )
 from s2rstore.lru_cache import LruCache
-from s2rstore.metrics.top_k import extremes
+from s2rstore.metrics.top_k import top_k
 
 Mask = NDArray[np.bool_]
 Values = NDArray[np.float64]
@@ -82,7 +88,9 @@ def base_population(context: MaskContext, run: str | None = None) -> Mask:
     valid = context.run_columns(name).valid
     if view is None:
         return valid
-    return _kept(context, ("base", name, view), lambda: population(valid, context.instances, view))
+    return _kept(
+        context, ("base", name, view), lambda: valid_in_trajectories(valid, context.instances, view)
+    )
 
 
 def _kept(context: MaskContext, key: Hashable, make: Callable[[], Mask]) -> Mask:
@@ -241,7 +249,7 @@ def _bands(x: Field, y: Field, context: MaskContext) -> lasso.Bands:
 
 def _like(node: Like, context: MaskContext) -> Mask:
     chosen = np.zeros(len(context.instances), dtype=np.bool_)
-    chosen[resolved(node, context.run, context.trajectories, context.neighbours)] = True
+    chosen[similar_instances(node, context.run, context.trajectories, context.neighbours)] = True
     return chosen
 
 
@@ -260,7 +268,7 @@ def _extreme(node: Extreme, context: MaskContext) -> Mask:
     base = base_population(context, node.field.run)
     total = np.count_nonzero(base)
     count = math.ceil(node.amount * total / 100) if node.percent else int(node.amount)
-    return extremes(_values(node.field, context), base, count, node.which == "worst")
+    return top_k(_values(node.field, context), base, count, node.which == "worst")
 
 
 def _scale(field: Field) -> float:

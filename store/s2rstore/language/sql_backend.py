@@ -9,7 +9,7 @@ from typing import Any
 
 from s2rstore.geometry import angles
 from s2rstore.language import fields, lasso
-from s2rstore.language.checking import Neighbours, Vocabulary, expand, resolved
+from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, similar_instances
 from s2rstore.language.syntax_tree import (
     And,
     Around,
@@ -163,7 +163,7 @@ def _leaf(node: Node, writer: _Writer) -> str:
             return _among(writer, x, lambda w: _lasso(node, w))
         case Like():
             context = writer.context
-            found = resolved(node, context.run, context.trajectories, context.neighbours)
+            found = similar_instances(node, context.run, context.trajectories, context.neighbours)
             return f"q.iid IN (SELECT unnest({writer.bind(found.tolist())}::INTEGER[]))"
         case Bend(straight):
             sign = "<" if straight else ">="

@@ -280,7 +280,7 @@ class _Verification:
                 self._check_file(path, expected, "its checksum is not the published one")
 
     def _check_history(self) -> None:
-        path = reader.path_in(self.root)
+        path = reader.history_path(self.root)
         relative = path.relative_to(self.root)
         if safe_files.kind(self.root, relative) is not None:
             try:

@@ -19,7 +19,7 @@ _KNOWN = (SPLITS.index("train"), SPLITS.index("validation"))
 
 
 @dataclass(frozen=True, slots=True)
-class Headline:
+class SideMetrics:
     """One side of a run over `n` instances; errors in metres, accuracy with its interval.
 
     `trained_on` counts the instances that were left out. Figures are NaN where n is 0.
@@ -39,16 +39,16 @@ def held_out(store: Store, run: str) -> NDArray[np.bool_]:
     return np.asarray(columns.valid & ~known)
 
 
-def headline(
+def side_metrics(
     store: Store, run: str, side: Side, members: NDArray[np.bool_] | None = None
-) -> Headline:
+) -> SideMetrics:
     """Figures of a computed run's side, over `members` (N,) where given."""
     columns = store.run_columns(run)
     chosen = columns.valid if members is None else columns.valid & members
     part = columns.side(side)
     keep = chosen & held_out(store, run)
     errors = part.error[keep]
-    return Headline(
+    return SideMetrics(
         n=int(keep.sum()),
         trained_on=int(chosen.sum() - keep.sum()),
         accuracy=bootstrap.mean_interval(
@@ -59,7 +59,7 @@ def headline(
     )
 
 
-def baseline(store: Store, run: str, members: NDArray[np.bool_] | None = None) -> float:
+def baseline_accuracy(store: Store, run: str, members: NDArray[np.bool_] | None = None) -> float:
     """Mean accuracy of predicting their mean position for the instances of a run's figures.
 
     With `members` (N,) over these alone; the position stays the mean of all.

@@ -25,7 +25,7 @@ class RoomSummary:
     sim_median: float
 
 
-def regions(store: Store, run: str) -> list[RoomSummary]:
+def worst_rooms(store: Store, run: str) -> list[RoomSummary]:
     """Rooms with at least five instances new to the model, the largest median real error first."""
     columns = store.run_columns(run)
     fresh = run_metrics.held_out(store, run)
@@ -41,7 +41,7 @@ def regions(store: Store, run: str) -> list[RoomSummary]:
     return sorted(found, key=lambda region: -region.real_median)
 
 
-def lines(store: Store) -> list[str]:
+def summary_lines(store: Store) -> list[str]:
     """The findings in a dozen lines, for the end of a demo or a log."""
     computed = [name for name, run in store.runs.items() if run.key]
     if not computed:
@@ -49,12 +49,12 @@ def lines(store: Store) -> list[str]:
     truth = store.instances
     told = [
         f"{len(truth)} instances, {len(computed)} runs; predicting the mean position scores "
-        f"{100 * run_metrics.baseline(store, computed[0]):.1f} % accuracy"
+        f"{100 * run_metrics.baseline_accuracy(store, computed[0]):.1f} % accuracy"
     ]
     told += [_run_line(store, name) for name in computed]
     best = max(computed, key=lambda name: _accuracy(store, name))
     told.append(f"best in reality: {best} ({100 * _accuracy(store, best):.1f} %)")
-    found = regions(store, computed[0])
+    found = worst_rooms(store, computed[0])
     if found:
         worst = found[0]
         told.append(
@@ -121,14 +121,14 @@ def _heatmap_lines(run: str, heatmaps: list[dict[str, Any]]) -> list[str]:
 
 
 def _accuracy(store: Store, run: str) -> float:
-    value = run_metrics.headline(store, run, "real").accuracy.value
+    value = run_metrics.side_metrics(store, run, "real").accuracy.value
     return value if np.isfinite(value) else -1.0
 
 
 def _run_line(store: Store, run: str) -> str:
     parts = []
     for side in ("sim", "real"):
-        found = run_metrics.headline(store, run, "sim" if side == "sim" else "real")
+        found = run_metrics.side_metrics(store, run, "sim" if side == "sim" else "real")
         if not found.n:
             parts.append(f"{side} n/a (all {found.trained_on} trained on)")
             continue

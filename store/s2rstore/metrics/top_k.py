@@ -13,7 +13,7 @@ _SAMPLE = 16_384
 _SMALL = 4 * _SAMPLE
 
 
-def extremes(
+def top_k(
     values: NDArray[Any], base: NDArray[np.bool_], count: int, largest: bool
 ) -> NDArray[np.bool_]:
     """The `count` most extreme known values among `base`, ties by index; shape (n,).
@@ -33,7 +33,7 @@ def extremes(
     return chosen
 
 
-def largest(values: NDArray[np.float64], rows: NDArray[np.intp]) -> int | None:
+def first_largest(values: NDArray[np.float64], rows: NDArray[np.intp]) -> int | None:
     """The first of `rows` (ascending) with the largest known value, all at least 0; or None."""
     found = values[rows]
     found = np.where(found >= 0, found, -1.0)

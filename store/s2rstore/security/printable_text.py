@@ -66,11 +66,11 @@ class PrintableStream:
         return getattr(self.stream, name)
 
 
-def escaping(stream: TextIO) -> TextIO:
+def printable_stream(stream: TextIO) -> TextIO:
     """`stream` as a `PrintableStream`; as it is where it is one already."""
     return stream if isinstance(stream, PrintableStream) else cast(TextIO, PrintableStream(stream))
 
 
-def unescaped(stream: TextIO) -> TextIO:
+def underlying_stream(stream: TextIO) -> TextIO:
     """The stream beneath a `PrintableStream`, for a library that moves the cursor."""
     return stream.stream if isinstance(stream, PrintableStream) else stream

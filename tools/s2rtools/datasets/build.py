@@ -204,7 +204,7 @@ def _write_frames(
         for image, rows in images.items():
             relative = folder / image
             if shard == 0:
-                plan = stored_array.plan(count, rows.shape[1:], str(rows.dtype), SHARD_ROWS)
+                plan = stored_array.plan_layout(count, rows.shape[1:], str(rows.dtype), SHARD_ROWS)
                 stored_array.create(root / relative, plan, root=root)
             file = stored_array.write_shard(root / relative, shard, rows, root)
             key = f"frames:{domain.domain}:{trajectory}:{image}:{shard}"

@@ -173,7 +173,7 @@ def _stored_weights(store: Store, sha256: str, most: int) -> tuple[Path, bytes]:
             raise RequestError(f"{store.path / start}*: missing; add the model again")
         return store.path / found, safe_files.read(store.path, found, most)
     except OSError as error:
-        reason = safe_files.explained(error)
+        reason = safe_files.error_text(error)
         where = error.filename or store.path / layout.MODELS
         raise RequestError(f"{where}: cannot be read ({reason})") from error
 

@@ -166,7 +166,7 @@ def move(path: Path, name: str, night: datetime.date, now: str) -> None:
 
 
 def _replace(path: Path, change: Change) -> None:
-    reader.check_place(path)
+    reader.refuse_link(path)
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
         for left in path.parent.glob(f".{path.name}.*.new*"):

@@ -62,7 +62,7 @@ def nightly(
     if not far:
         _check_near(config, night)
     tonight = _figures(config, night, measure, estimate)
-    stored.check_place(config.history)
+    stored.refuse_link(config.history)
     config.history.parent.mkdir(parents=True, exist_ok=True)
     with locks.file_lock(config.history):
         found = history_writer.known(config.history)

@@ -173,7 +173,7 @@ def _runs(leaf: Node) -> set[str]:
     return {run for run in named if run is not None}
 
 
-def resolved(
+def similar_instances(
     node: Like, run: str, trajectories: tuple[str, ...] | None, neighbours: Neighbours | None
 ) -> NDArray[np.int64]:
     """The instances that `like` means, where `run` is the current one.
