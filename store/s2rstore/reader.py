@@ -93,7 +93,7 @@ class Store(IndexCatalog):
             if run not in self._runs_columns:
                 if self.run(run).key is None:
                     raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
-                lacking = self.lacking("prediction")
+                lacking = self.missing_columns("prediction")
                 self._runs_columns[run] = column_loader.load_run_columns(
                     self._dense, run, self.instances, self.rooms, lacking
                 )
@@ -104,7 +104,7 @@ class Store(IndexCatalog):
         if run not in self.in_use:
             column_loader.drop_run_columns(self._dense, run)
 
-    def has_read(self, run: str | None, side: Side | None, names: Iterable[str]) -> bool:
+    def has_loaded(self, run: str | None, side: Side | None, names: Iterable[str]) -> bool:
         """Whether columns are at hand; side None are those of both, run None the truth's."""
         return column_loader.is_loaded(self._dense, run, side, names)
 

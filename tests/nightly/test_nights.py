@@ -135,7 +135,7 @@ def test_a_network_is_known_by_its_weights(week: Week, name: str, text: str) -> 
 def test_a_new_generation_is_measured_anew_but_is_no_new_evidence(week: Week) -> None:
     week.night(1)
     with edit(week.config.store) as draft:
-        draft.note("run:vanilla", {"remark": "published again"})
+        draft.set_provenance("run:vanilla", {"remark": "published again"})
     done = week.night(2, new_log=False)
     assert done.computed
     assert (done.night.evidence_since, done.night.evidence_age) == (day(1), 1)

@@ -110,7 +110,7 @@ class IndexCatalog:
 
     def _stored_rows(self, table: str) -> list[dict[str, Any]]:
         known = schema.BY_NAME[table]
-        lacking = self.lacking(table)
+        lacking = self.missing_columns(table)
         listed = ["NULL" if name in lacking else f'"{name}"' for name in known.column_names]
         query = f'SELECT {", ".join(listed)} FROM "{table}" ORDER BY {", ".join(known.order)}'
         try:
@@ -202,7 +202,7 @@ class IndexCatalog:
             raise RequestError(f"run {name!r}: not in {self.path} (runs: {known})")
         return self.runs[name]
 
-    def lacking(self, table: str) -> frozenset[str]:
+    def missing_columns(self, table: str) -> frozenset[str]:
         """The columns that this index, written by an earlier release, does not have."""
         optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
         if not optional:
@@ -227,7 +227,7 @@ class IndexCatalog:
         text = self.provenance(what).get(key, "{}")
         return parse_object(text, f"{self.path}: provenance of {what}: {key}")
 
-    def correction(self, sim: str, real: str) -> RigOffset | None:
+    def rig_offset(self, sim: str, real: str) -> RigOffset | None:
         """What the declared real rig was found to be off by; None where nobody has looked."""
         noted = self.provenance(f"alignment:{sim}|{real}")
         try:

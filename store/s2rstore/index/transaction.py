@@ -77,14 +77,14 @@ class IndexTransaction:
             [*values.values(), *where.values()],
         )
 
-    def note(self, what: str, facts: Mapping[str, Any]) -> None:
+    def set_provenance(self, what: str, facts: Mapping[str, Any]) -> None:
         """Set provenance facts of `what`, replacing those of the same key."""
         for key, value in facts.items():
             self.delete("provenance", what=what, key=key)
             text = value if isinstance(value, str) else _text(value)
             self.insert_row("provenance", {"what": what, "key": key, "value": text})
 
-    def note_checksums(self, checksums: Mapping[str, str]) -> None:
+    def record_checksums(self, checksums: Mapping[str, str]) -> None:
         """Record the SHA-256 of files, by their paths inside the store."""
         self._connection.execute(
             "DELETE FROM provenance WHERE what = ? AND key IN (SELECT unnest(?::VARCHAR[]))",

@@ -73,7 +73,9 @@ def sql(
 ) -> tuple[str, list[object]]:
     """The same selection as a DuckDB query with bound parameters."""
     names = None if trajectories is None else tuple(trajectories)
-    lacking = frozenset(f"{s}_{name}" for name in store.lacking("prediction") for s in SIDES)
+    lacking = frozenset(
+        f"{s}_{name}" for name in store.missing_columns("prediction") for s in SIDES
+    )
     words = vocabulary(store, saved)
     return to_sql(
         parse(expression),

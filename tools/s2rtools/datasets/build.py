@@ -80,7 +80,7 @@ def build(
             scan.drives(beside / layout.DRIVES)
         with edit(beside) as draft:
             write_index(draft, scan, kept, plan, command)
-            draft.note_checksums(_checksums(beside))
+            draft.record_checksums(_checksums(beside))
         beside.rename(target)
         atomic_writes.sync_path(target.parent)
     except OSError as error:

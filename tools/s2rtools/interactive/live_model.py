@@ -86,7 +86,7 @@ class LiveModel:
     @property
     def kinds(self) -> tuple[str, ...]:
         """The heatmap kinds that can be asked for, those that need many passes last."""
-        known = self._store.correction(self.run.sim_domain, self.run.real_domain) is not None
+        known = self._store.rig_offset(self.run.sim_domain, self.run.real_domain) is not None
         suited = [
             kind for kind in KINDS.values()
             if kind.suits(self._backend.model) and (known or not kind.aligned)
@@ -139,7 +139,7 @@ class LiveModel:
         own, other = result.side(side), result.side("real" if side == "sim" else "sim")
         floor_heat = FloorHeat(
             own.domain, other.domain, dataset, side,
-            self._store.correction(self.run.sim_domain, self.run.real_domain),
+            self._store.rig_offset(self.run.sim_domain, self.run.real_domain),
             KINDS[kind].surface if KINDS[kind].aligned else None,
         )  # fmt: skip
         grid = MapGrid(dataset.bounds)

@@ -129,7 +129,7 @@ def register(
     file = f"{layout.MODELS}/{weights.sha256}{weights.suffix}"
     atomic_writes.write(root, file, weights.content)
     Ledger(root).add(f"model:{weights.sha256}", [(file, 1)])
-    draft.note_checksums({file: hashlib.sha256(weights.content).hexdigest()})
+    draft.record_checksums({file: hashlib.sha256(weights.content).hexdigest()})
     draft.insert_row(
         "model",
         {

@@ -105,7 +105,7 @@ def _kind_specs(
 ) -> list[ArraySpec]:
     kind = KINDS[name]
     if kind.aligned:
-        correction = store.correction(run.sim_domain, run.real_domain)
+        correction = store.rig_offset(run.sim_domain, run.real_domain)
         facts = {**facts, "correction": correction and asdict(correction)}
     key = content_key({**facts, "kind": name, "version": kind.version, "params": kind.params})
     return [
