@@ -16,7 +16,7 @@ class RequestError(S2RError):
 
 
 class CheckFailedError(S2RError):
-    """The thing asked for is not so: a gate failed, verification found damage."""
+    """A check failed: a gate, or the verification of a store."""
 
     exit_code = 1
 

@@ -91,7 +91,7 @@ def test_a_damaged_history_is_told_and_the_screen_goes_on(tmp_path: Path, tiny_s
 def test_numbers_are_the_historys(store: Path, capsys) -> None:
     assert main(["show", str(store), "history", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
-    found = reader.read(reader.history_path(store)).counting("lab")
+    found = reader.read(reader.history_path(store)).of_configuration("lab")
     assert [row["outcome"] for row in rows if row["axis"] == "headline"] == (
         ["PASS"] * 4 + ["FAIL"] * 3
     )
@@ -168,5 +168,5 @@ def test_nights_on_what_was_recorded_anew_every_day_are_shown_together() -> None
     days = [replace(night, dataset_hash=f"{night.id:064d}") for night in gaps.week()]
     found = gaps.history(*days)
     assert found.of_run("vanilla", "tiny") == tuple(days)
-    assert found.shown_runs("tiny") == ("vanilla",)
-    assert found.of_run("vanilla", "other") == found.shown_runs("other") == ()
+    assert found.runs("tiny") == ("vanilla",)
+    assert found.of_run("vanilla", "other") == found.runs("other") == ()

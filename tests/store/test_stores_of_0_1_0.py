@@ -86,7 +86,10 @@ def test_queries_print_what_they_printed(
 ) -> None:
     text = "worst(25%, real.error)"
     assert _printed(capsys, "query", "demo.s2r", text, "--run", "tiny") == expected["query"]
-    sql = "SELECT side, count(*) AS n, avg(error) AS error FROM prediction GROUP BY side ORDER BY side"
+    sql = (
+        "SELECT side, count(*) AS n, avg(error) AS error FROM prediction "
+        "GROUP BY side ORDER BY side"
+    )
     assert _printed(capsys, "sql", "demo.s2r", sql) == expected["sql"]
     assert _printed(capsys, "show", "demo.s2r", "list", "--run", "tiny") == expected["list"]
 

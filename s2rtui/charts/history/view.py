@@ -62,7 +62,7 @@ class HistoryView(View):
             return ("the history cannot be read", failed)
         if file is not None and found is None:
             return ("the history is not read yet",)
-        runs = found.shown_runs(scene.store.dataset.name) if found is not None else ()
+        runs = found.runs(scene.store.dataset.name) if found is not None else ()
         if runs:
             return (f"no night of run {scene.state.run}", f"there are nights of {', '.join(runs)}")
         if found is not None and found.nights:

@@ -42,15 +42,15 @@ _PARALLEL_BYTES = 64 * 1024
 def plan_layout(rows: int, item: tuple[int, ...], dtype: str, shard_rows: int) -> Layout:
     """The layout of an array of `rows` items, with chunks of about 256 kB."""
     size = int(np.dtype(dtype).itemsize * np.prod(item, dtype=np.int64))
-    wanted = max(1, min(shard_rows, CHUNK_BYTES // max(size, 1)))
-    per_chunk = next(n for n in range(wanted, 0, -1) if shard_rows % n == 0)
+    requested = max(1, min(shard_rows, CHUNK_BYTES // max(size, 1)))
+    per_chunk = next(n for n in range(requested, 0, -1) if shard_rows % n == 0)
     return Layout((rows, *item), dtype, shard_rows, per_chunk)
 
 
 def create(
     path: Path, layout: Layout, attributes: dict[str, Any] | None = None, root: Path | None = None
 ) -> None:
-    """Make an empty array, or leave an equal one as it is.
+    """Create an empty array; an equal one is left unchanged.
 
     `root` is the store that `path` lies in; see `open_read`. Raises RequestError where another
     array lies there: stored arrays are never rewritten.
@@ -164,7 +164,7 @@ class StoredArray:
         return min(self.layout.shard_rows, self.shape[0] - shard * self.layout.shard_rows)
 
     def check(self, shard: int) -> None:
-        """Hold a shard's size, index and chunk headers against the metadata; decode nothing."""
+        """Check a shard's size, index and chunk headers against the metadata, without decoding."""
         name = self.file(shard)
         where = self._root / name
         chunks = -(-self.rows_in(shard) // self.layout.rows_per_chunk)
@@ -209,7 +209,7 @@ class StoredArray:
         if not length <= size <= most:
             raise _damaged(where, f"{size} bytes")
         content = os.pread(descriptor, length, size - length)
-        if len(content) != length or not _proves(content):
+        if len(content) != length or not _checksum_matches(content):
             raise _damaged(where, "the index does not fit its checksum")
         index = np.frombuffer(content, dtype="<u8", count=2 * layout.shard_chunks).reshape(-1, 2)
         known = index[(index != _ABSENT).all(axis=1)]
@@ -235,25 +235,27 @@ class StoredArray:
 
 
 class _Rows:
-    """Rows by their numbers or by a mask, each read once, in the order that is asked for."""
+    """Rows by their numbers or by a mask, in the requested order."""
 
     def __init__(self, array: StoredArray) -> None:
         self._array = array
 
     def __getitem__(self, rows: Any) -> NDArray[Any]:
         array = self._array
-        wanted = np.asarray(rows)
-        wanted = np.flatnonzero(wanted) if wanted.dtype == bool else wanted.astype(np.int64)
-        found = np.empty((wanted.size, *array.shape[1:]), dtype=array.dtype)
-        chunk = wanted // array.layout.rows_per_chunk
+        requested = np.asarray(rows)
+        requested = (
+            np.flatnonzero(requested) if requested.dtype == bool else requested.astype(np.int64)
+        )
+        found = np.empty((requested.size, *array.shape[1:]), dtype=array.dtype)
+        chunk = requested // array.layout.rows_per_chunk
         for number in np.unique(chunk):
             places = np.flatnonzero(chunk == number)
-            first, last = int(wanted[places].min()), int(wanted[places].max())
-            found[places] = array.rows(first, last + 1)[wanted[places] - first]
+            first, last = int(requested[places].min()), int(requested[places].max())
+            found[places] = array.rows(first, last + 1)[requested[places] - first]
         return found
 
 
-def _proves(content: bytes) -> bool:
+def _checksum_matches(content: bytes) -> bool:
     """Whether an index ends with its own CRC-32C."""
     import google_crc32c
 
@@ -313,7 +315,7 @@ def _check_header(header: memoryview | bytes, size: int, chunk_bytes: int, where
     if header[2] >> 5 != _BLOSC_ZSTD or packed != size:
         raise _damaged(where, "a chunk is not compressed as Blosc with zstd")
     if total != chunk_bytes:
-        raise _damaged(where, f"a chunk of {total} bytes in place of {chunk_bytes}")
+        raise _damaged(where, f"a chunk of {total} bytes instead of {chunk_bytes}")
 
 
 def _damaged(where: Path, why: str) -> RequestError:
@@ -338,7 +340,7 @@ def open_read(path: Path, root: Path | None = None) -> StoredArray:
     """Open an array; `root` is the store that it lies in, by default the closest one above it.
 
     Raises RequestError where the array is missing, where a link leads to it, and where its
-    metadata is not of the form that is written here.
+    metadata is not of the form that this module writes.
     """
     root, relative = _place(path, root)
     try:

@@ -1,4 +1,4 @@
-"""The `zarr.json` of an array: the one form that is written, and the only one that is read.
+"""Write and validate the `zarr.json` of an array, in the one form that a store holds.
 
 An array is Zarr format 3, cut along its first axis into shards and these into chunks, each chunk
 compressed by Blosc with zstd. A document is read by building the one that belongs to its shape,
@@ -113,9 +113,9 @@ def parse_document(content: bytes, where: str) -> tuple[Layout, dict[str, str]]:
         layout, attributes = _layout(found), _attributes(found["attributes"])
     except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
         raise _refused(where, f"{type(error).__name__}: {error}") from error
-    wanted = _document(layout, attributes)
-    for key in wanted.keys() | found.keys():
-        if _text(found.get(key)) != _text(wanted.get(key)):
+    expected = _document(layout, attributes)
+    for key in expected.keys() | found.keys():
+        if _text(found.get(key)) != _text(expected.get(key)):
             raise _refused(where, f"unexpected {key}")
     _check_sizes(layout, where)
     return layout, attributes

@@ -1,7 +1,7 @@
-"""What the rows of an index must satisfy before anything relies on them.
+"""Check the rows of an index before anything relies on them.
 
 An index can have been edited by hand, or made to do harm: numbers may be NULL, NaN or absurdly
-large, JSON may not parse, names may be paths. Checked when a store is opened.
+large, JSON may not parse, names may be paths. The checks run when a store is opened.
 """
 
 from __future__ import annotations

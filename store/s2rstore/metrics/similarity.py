@@ -1,6 +1,6 @@
-"""Which instances a run sees alike: nearest neighbours in the embeddings of one side.
+"""Find similar instances: nearest neighbours in the embeddings of one side of a run.
 
-By brute force: exact, and fast enough for one question at a time.
+By brute force: exact, and fast enough for one query at a time.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ def can_compare(store: Store, run: str) -> bool:
 
 
 def embedding(store: Store, run: str, side: Side) -> NDArray[np.float32]:
-    """What `neighbours` compares, (N, D): the principal components, NaN where there is none.
+    """The vectors that `neighbours` compares, (N, D): principal components, NaN where missing.
 
-    Stays in memory for the next question. Raises RequestError for a run without embeddings.
+    Cached for the next query. Raises RequestError for a run without embeddings.
     """
 
     def read() -> NDArray[np.float32]:

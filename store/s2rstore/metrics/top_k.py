@@ -18,8 +18,8 @@ def top_k(
 ) -> NDArray[np.bool_]:
     """The `count` most extreme known values among `base`, ties by index; shape (n,).
 
-    Values (n,) are floats; NaN is never chosen. A large column is not sorted: a sample tells two
-    bounds that the last chosen value lies between, and only what is between them is compared.
+    Values (n,) are floats; NaN is never chosen. A large column is not sorted: a sample gives two
+    bounds around the last chosen value, and only values between them are compared.
     """
     if count <= 0:
         return np.zeros_like(base)
@@ -58,7 +58,7 @@ def _bounds(
 ) -> tuple[float, float] | None:
     """Two values, the more extreme first, that likely enclose the last chosen one.
 
-    None where the sample knows too little.
+    None where the sample is too small.
     """
     step = values.size // _SAMPLE
     among = base[::step]

@@ -51,7 +51,7 @@ def known(path: Path) -> History:
 
 def last_of(found: History, name: str, night: datetime.date) -> Night | None:
     """The row that counts for a night."""
-    return next((each for each in found.counting(name) if each.night == night), None)
+    return next((each for each in found.of_configuration(name) if each.night == night), None)
 
 
 def measurement(found: History, key: str) -> int | None:

@@ -83,7 +83,7 @@ def _check_near(config: Config, night: datetime.date) -> None:
     Evidence is as old as the first night that saw it, so one such night would make the evidence of
     all others stale.
     """
-    nights = history_writer.known(config.history).counting(config.name)
+    nights = history_writer.known(config.history).of_configuration(config.name)
     if not nights or any(each.night == night for each in nights):
         return
     newest = nights[-1].night
