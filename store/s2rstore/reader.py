@@ -88,7 +88,7 @@ class Store(IndexCatalog):
         return column_loader.load_instances(self._column_loader, names, self.stored_rooms)
 
     def run_columns(self, run: str) -> RunColumns:
-        """Predictions of a computed run, aligned by iid; read and kept as `load_instances` are."""
+        """Predictions of a computed run, aligned by iid; each column is loaded at its first use."""
         with self._lock:
             if run not in self._runs_columns:
                 if self.run(run).key is None:

@@ -4,7 +4,7 @@ Chunks are small for random reads of one instance; a shard is one work unit's fi
 one process. zarr encodes what is written. What is read is only of that form (`zarr_metadata`), by a
 reader of its own on `safe_files`: no link is followed, a shard that is missing is an error and
 never zeros, and no chunk takes more memory than its array's metadata says, none of which zarr can
-be told. It needs no import of zarr, either, and reads one instance in a third of the time.
+be configured. It needs no import of zarr, either, and reads one instance in a third of the time.
 """
 
 from __future__ import annotations

@@ -260,7 +260,7 @@ def walk(root: Path, relative: str | Path = "") -> Iterator[FolderEntry]:
 
 
 def open_store_lock(root: Path, relative: str | Path) -> int:
-    """A descriptor of a file that is only locked; it is made where it is missing."""
+    """A descriptor of a lock file, which is created where it is missing."""
     return open_regular(root, relative, os.O_RDWR | os.O_CREAT | FILE_FLAGS)
 
 
@@ -277,5 +277,5 @@ def open_lock(path: Path) -> int:
 def error_text(error: OSError) -> str:
     """Why a file could not be read or written, in words."""
     if error.errno in (errno.ENOTDIR, errno.EISDIR):
-        return "a folder stands where a file belongs, or a file where a folder belongs"
+        return "a folder in place of a file, or a file in place of a folder"
     return error.strerror or type(error).__name__

@@ -19,7 +19,7 @@ BOUNDS = {
 
 def _bounds(name: str, comment: str) -> tuple[Column, ...]:
     return tuple(
-        Column(f"{name}{end}", "DOUBLE", f"{comment}{told}") for end, told in BOUNDS.items()
+        Column(f"{name}{end}", "DOUBLE", f"{comment}{suffix}") for end, suffix in BOUNDS.items()
     )
 
 
@@ -151,5 +151,5 @@ VIEWS: tuple[str, ...] = (_VIEW,)
 
 def statements() -> list[str]:
     """The SQL that makes an empty history, comments included."""
-    made = [statement for table in TABLES for statement in statements_of(table)]
-    return [*made, _VIEW, "COMMENT ON VIEW gap IS 'one row per night that counts and axis'"]
+    sql = [statement for table in TABLES for statement in statements_of(table)]
+    return [*sql, _VIEW, "COMMENT ON VIEW gap IS 'one row per night that counts and axis'"]

@@ -87,14 +87,14 @@ class NearerSurface:
 
     def _some(self, depth: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
         a, b = self._view, self._other
-        known = (depth >= a.depth_raw_min) & (depth <= a.depth_raw_max)
-        metres = np.where(known, depth * np.float64(a.depth_scale), np.nan)
+        valid = (depth >= a.depth_raw_min) & (depth <= a.depth_raw_max)
+        metres = np.where(valid, depth * np.float64(a.depth_scale), np.nan)
         u, v, expected, inside = self._crossing.targets(metres, b.depth)
         col, row = (np.where(inside, value, 0).astype(np.intp) for value in (u, v))
-        seen = other[np.arange(len(other))[:, None, None], row, col]
-        measured = inside & (seen >= b.depth_raw_min) & (seen <= b.depth_raw_max)
+        values = other[np.arange(len(other))[:, None, None], row, col]
+        measured = inside & (values >= b.depth_raw_min) & (values <= b.depth_raw_max)
         with np.errstate(invalid="ignore", divide="ignore"):
-            share = np.where(measured, seen * np.float64(b.depth_scale) / expected, 1.0)
+            share = np.where(measured, values * np.float64(b.depth_scale) / expected, 1.0)
         nearer = np.rint(depth * np.minimum(share, 1.0))
         least = np.maximum(nearer, a.depth_raw_min)
         return np.where(measured, least, depth).astype(depth.dtype)

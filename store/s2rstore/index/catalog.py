@@ -153,10 +153,10 @@ class IndexCatalog:
 
     @cached_property
     def stored_rooms(self) -> dict[str, str]:
-        """The names of rooms as they are shown and typed, with the index's own, by precedence.
+        """The displayed names of rooms, which users type, with those in the index, by precedence.
 
         They differ where a name holds characters that are not printable. Raises RequestError
-        where two names would be shown alike.
+        where two names are displayed alike.
         """
         names: dict[str, str] = {}
         for row in self._stored_rows("room"):

@@ -1,9 +1,9 @@
 """Connections to DuckDB files that came from outside.
 
-Such a file can hold views, macros and a write-ahead log made by anybody, and a connection that is
-only `read_only` still reads and writes other files. Every connection made here has external access
-off and its configuration locked before the first statement, and nothing is read from a file before
-its catalog is compared with the known tables (`catalog_check`).
+Such a file can hold views, macros and a write-ahead log of unknown origin, and a connection that is
+only `read_only` still reads and writes other files. Every connection of this module has external
+access off and its configuration locked before the first statement, and nothing is read from a file
+before its catalog is compared with the known tables (`catalog_check`).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Check the rows of an index before anything relies on them.
 
-An index can have been edited by hand, or made to do harm: numbers may be NULL, NaN or absurdly
+An index can have been edited by hand, or crafted to do harm: numbers may be NULL, NaN or absurdly
 large, JSON may not parse, names may be paths. The checks run when a store is opened.
 """
 
@@ -163,7 +163,7 @@ def check_models(index: Path, rows: Sequence[Row]) -> None:
 
 def check_runs(index: Path, rows: Sequence[Row]) -> list[Row]:
     """Rows whose adjustments are lists of `{"name", "value"}`."""
-    made = []
+    checked = []
     for row in rows:
         check = RowChecker(index, "run", row, row["run"])
         for column in ("run", "model", "sim_domain", "real_domain"):
@@ -179,14 +179,14 @@ def check_runs(index: Path, rows: Sequence[Row]) -> list[Row]:
             check.name("key")
         check.text("precision", optional=True)
         check.text("created_at")
-        made.append({**row, **adjustments})
+        checked.append({**row, **adjustments})
     _check_unique(index, "run", "run", rows)
-    return made
+    return checked
 
 
 def check_arrays(index: Path, rows: Sequence[Row]) -> list[Row]:
     """Rows with `shape` and `axes` as tuples."""
-    made = []
+    checked = []
     for row in rows:
         check = RowChecker(index, "zarr_array", row, row["path"])
         check.text("path")
@@ -209,8 +209,8 @@ def check_arrays(index: Path, rows: Sequence[Row]) -> list[Row]:
             layout.checked_hash(
                 row["metadata_sha256"], f"{index}: table zarr_array: metadata_sha256"
             )
-        made.append({**row, "shape": tuple(shape), "axes": tuple(axes)})
-    return made
+        checked.append({**row, "shape": tuple(shape), "axes": tuple(axes)})
+    return checked
 
 
 def _check_unique(index: Path, table: str, column: str, rows: Sequence[Mapping[str, Any]]) -> None:

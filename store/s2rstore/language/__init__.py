@@ -16,7 +16,7 @@ from s2rstore.language.syntax_tree import Node
 def parse(text: str) -> Node:
     """The tree of an expression; an empty text means `all`.
 
-    Raises ExpressionError with the column and what could stand there. The grammar is loaded on
+    Raises ExpressionError with the column and the valid alternatives. The grammar is loaded on
     first use, because the application's first screen needs none.
     """
     from s2rstore.language.parser import parse as parse_text

@@ -15,7 +15,7 @@ MAX_NEIGHBOURS = 100_000
 
 
 class Head:
-    """A dotted name with its run and where it stands."""
+    """A dotted name with its run and its column."""
 
     def __init__(self, name: str, column: int, run: str | None = None) -> None:
         self.name, self.column, self.run = name, column, run
@@ -30,7 +30,7 @@ class Call(Head):
 
 
 def apply(head: Head, arguments: list[Any]) -> Node:
-    """The node that a function call stands for. Raises ExpressionError."""
+    """The node of a function call. Raises ExpressionError."""
     prefix, dot, last = head.name.rpartition(".")
     if head.name in _PLAIN and not (head.name == "ids" and head.run):
         return _PLAIN[head.name](head, arguments)
