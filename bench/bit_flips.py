@@ -193,7 +193,7 @@ def _folder(root: Path, folder: str) -> bytes:
 
 
 def _history(root: Path) -> list[Any]:
-    path = reader.path_in(root)
+    path = reader.history_path(root)
     if not path.exists():
         return []
     found = reader.read(path)

@@ -60,7 +60,7 @@ def frames_store(path: Path, n: int, size: int, network: PoseNetwork) -> Path:
         for image, rows in block.items():
             relative = Path(layout.FRAMES, domain, "t", image)
             stored_array.create(
-                path / relative, stored_array.plan(n, rows.shape[1:], "uint8", SHARD)
+                path / relative, stored_array.plan_layout(n, rows.shape[1:], "uint8", SHARD)
             )
             for shard in range(-(-n // SHARD)):
                 count = min(SHARD, n - shard * SHARD)

@@ -205,7 +205,7 @@ def look(folder: Path) -> None:
 
 def _kept(folder: Path) -> bool:
     """Whether the history has a row a day, in order, red on the days that were."""
-    found = reader.read(folder / "lab.s2r/history/gap.duckdb").counting("week")
+    found = reader.read(folder / "lab.s2r/history/gap.duckdb").of_configuration("week")
     wanted = [1 if BROKEN <= day < MENDED else 0 for day in range(1, DAYS + 1)]
     nights = [FIRST + datetime.timedelta(days=day) for day in range(DAYS)]
     good = [each.exit_code for each in found] == wanted and [each.night for each in found] == nights

@@ -63,12 +63,12 @@ def _escaped_streams() -> Iterator[None]:
     """Control characters in what is printed are shown escaped: all of standard error, and standard
     output on a terminal. In a pipe standard output holds names as they are.
     """
-    from s2rstore.security.printable_text import escaping
+    from s2rstore.security.printable_text import printable_stream
 
     with contextlib.ExitStack() as stack:
-        stack.enter_context(contextlib.redirect_stderr(escaping(sys.stderr)))
+        stack.enter_context(contextlib.redirect_stderr(printable_stream(sys.stderr)))
         if sys.stdout.isatty():
-            stack.enter_context(contextlib.redirect_stdout(escaping(sys.stdout)))
+            stack.enter_context(contextlib.redirect_stdout(printable_stream(sys.stdout)))
         yield
 
 

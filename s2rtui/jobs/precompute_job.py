@@ -23,7 +23,7 @@ import s2rstore
 from s2rstore.files import locks
 from s2rstore.geometry.camera_offset import UNMOVED
 from s2rstore.records import SIDES, Side
-from s2rstore.run_inputs import run_move
+from s2rstore.run_inputs import run_camera_move
 from s2rstore.security import working_folder
 
 _NICE = 10
@@ -66,7 +66,7 @@ def save_run(
         sim, real = ([*chains.get(side, run.adjustments(side))] for side in SIDES)
         add_run(root, name, run.model, run.sim_domain, run.real_domain, {"sim": sim, "real": real})
         made = replace(run, sim_adjustments=sim, real_adjustments=real)
-        moves = any(run_move(store, made, side) != UNMOVED for side in SIDES)
+        moves = any(run_camera_move(store, made, side) != UNMOVED for side in SIDES)
     try:
         return PrecomputeJob(root, name, _GROUPS + moves, trust)
     except OSError:

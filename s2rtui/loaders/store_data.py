@@ -74,7 +74,7 @@ def read_rows(store: Store, state: State, caller: LoadContext) -> Fields:
     for run in state.runs:
         found.append(view_inputs.overview_rows(store, [run]))
         if run != state.run:
-            store.forget(run)
+            store.drop_run_columns(run)
     baseline = found[0][1] if found else math.nan
     return {"rows": tuple(row for rows, _ in found for row in rows), "baseline": baseline}
 

@@ -154,7 +154,7 @@ def _project(
     truth = store.instances
     own, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
     noted = store.provenance_object(f"run:{run.run}", "surfaces")
-    rig_offset = store.correction(run.sim_domain, run.real_domain)
+    rig_offset = store.rig_offset(run.sim_domain, run.real_domain)
     floor_heat = FloorHeat(own, other, store.dataset, heat.side, rig_offset, noted.get(heat.kind))
 
     def depth(side: Side) -> NDArray[Any]:

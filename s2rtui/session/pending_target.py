@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
 from s2rstore.language import Node, Vocabulary, base_population, evaluation, mask, parse
-from s2rstore.language.checking import expand, used_fields
 from s2rstore.language.fields import NUMERIC, TEXT
+from s2rstore.language.name_resolution import expand, used_fields
 from s2rstore.language.syntax_tree import Bend, Extreme, Field, Like, leaves
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
@@ -33,8 +33,8 @@ def is_ready(store: Store, run: str) -> bool:
     """Whether views can be drawn of a run at once."""
     if len(store.instances) <= AT_ONCE:
         return True
-    sides = all(store.has_read(run, side, _OF_SIDE) for side in SIDES)
-    return sides and store.has_read(run, None, _OF_BOTH)
+    sides = all(store.has_loaded(run, side, _OF_SIDE) for side in SIDES)
+    return sides and store.has_loaded(run, None, _OF_BOTH)
 
 
 def is_at_hand(store: Store, run: str, node: Node) -> bool:
@@ -48,8 +48,8 @@ def _has_read(store: Store, run: str, leaf: Node) -> bool:
     if isinstance(leaf, Like):
         return False  # compares embeddings
     if isinstance(leaf, Bend):
-        return store.has_read(None, None, ["curvature"])
-    if isinstance(leaf, Extreme) and not store.has_read(leaf.field.run or run, None, ["valid"]):
+        return store.has_loaded(None, None, ["curvature"])
+    if isinstance(leaf, Extreme) and not store.has_loaded(leaf.field.run or run, None, ["valid"]):
         return False  # looks for it in the base population
     return all(_has_read_field(store, run, used) for used in used_fields(leaf))
 
@@ -59,7 +59,7 @@ def _has_read_field(store: Store, run: str, used: Field) -> bool:
     owner, _, name = path.rpartition(".")
     side = next((side for side in SIDES if side == owner), None)
     of = None if owner == "instances" else used.run or run
-    return path == "iid" or store.has_read(of, side, [name])
+    return path == "iid" or store.has_loaded(of, side, [name])
 
 
 def here(state: State) -> PendingTarget:

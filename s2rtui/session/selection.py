@@ -17,7 +17,7 @@ from s2rstore.language import (
     parse,
     to_text,
 )
-from s2rstore.metrics.top_k import extremes, largest
+from s2rstore.metrics.top_k import first_largest, top_k
 from s2rstore.reader import Store
 from s2rtui.analysis.bins import choose
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
@@ -94,7 +94,7 @@ def _kept_cursor(
     inside = pool[worst]
     if inside.any():
         return int(worst[inside.argmax()])
-    return largest(errors, choose(pool, base).members)
+    return first_largest(errors, choose(pool, base).members)
 
 
 @cached_by_identity(4)
@@ -102,5 +102,5 @@ def _worst(errors: ArrayKey) -> NDArray[np.intp]:
     """The iids of the largest known errors, the first the largest, ties by iid."""
     column = np.asarray(errors.array)
     known = ~np.isnan(column)
-    chosen = np.flatnonzero(extremes(column, known, min(_WORST, column.size), largest=True))
+    chosen = np.flatnonzero(top_k(column, known, min(_WORST, column.size), largest=True))
     return chosen[np.argsort(-column[chosen], kind="stable")]

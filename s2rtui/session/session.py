@@ -52,7 +52,7 @@ class Session:
         self._told = ""
         self._retired: list[Store] = []
         self._selecting = Selecting()
-        self._nights = nights.resolve() if nights else reader.path_in(self.store.path)
+        self._nights = nights.resolve() if nights else reader.history_path(self.store.path)
         self.state = start.empty(self.store, run, self._history())
         first, told = start.finding(self.store, self.state.run)
         begun = with_heat(self.store, self.selected(self.state, first))
@@ -216,7 +216,7 @@ class Session:
         return True
 
     def _history(self) -> HistoryFile | None:
-        stamp = reader.stamp(self._nights)
+        stamp = reader.file_stamp(self._nights)
         return None if stamp is None else HistoryFile(self._nights, stamp)
 
     def move_on(self) -> State:

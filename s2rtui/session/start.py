@@ -39,7 +39,7 @@ def empty(store: Store, run: str | None, nights: HistoryFile | None) -> State:
 
 def finding(store: Store, run: str) -> tuple[Node, str]:
     """The first screen's selection, the room where reality is worst, and what it says."""
-    rooms = store_summary.regions(store, run)
+    rooms = store_summary.worst_rooms(store, run)
     if not rooms:
         return Extreme("worst", 15, True, Field("real.error")), "the worst 15 % in reality"
     worst = rooms[0]

@@ -14,8 +14,9 @@ __all__ = ["open"]
 def open(path: str | Path, memory: str = "", generation: int | None = None) -> Store:
     """Open the store at `path` for reading; it stays at one generation until closed.
 
-    That is today's, or an earlier one that `s2r prune` has kept. `memory` (such as 128MB) bounds
-    what the index may take. Raises `s2rstore.errors.RequestError` where there is no readable store.
+    By default the published one; `generation` opens an earlier one that `s2r prune` has kept.
+    `memory` (such as 128MB) limits the memory of the index. Raises
+    `s2rstore.errors.RequestError` where there is no readable store.
     """
     from s2rstore.reader import Store
 

@@ -15,8 +15,8 @@ class RequestError(S2RError):
     exit_code = 2
 
 
-class NotSoError(S2RError):
-    """The thing asked for is not so: a gate failed, verification found damage."""
+class CheckFailedError(S2RError):
+    """A check failed: a gate, or the verification of a store."""
 
     exit_code = 1
 

@@ -37,8 +37,8 @@ class LruCache:
     def get(self, key: Hashable, compute: Callable[[], V]) -> V:
         """The cached value of `key`, or else the computed one, which is cached.
 
-        A key stands for one value of one type, which nobody may change. It is computed once: other
-        threads wait for it, and compute it themselves where that failed.
+        A key identifies one value of one type, which callers must not change. The value is computed
+        once: other threads wait for it, and compute it themselves where that failed.
         """
         while True:
             with self._lock:

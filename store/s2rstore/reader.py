@@ -1,4 +1,4 @@
-"""Reading a store: one open generation, its columns, frames and arrays."""
+"""Read a store: the columns, frames and arrays of one generation."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from s2rstore.records import ArrayRecord, Side
 # Which plane of a heatmap's leading axis each mode shows.
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
 DEFAULT_MODES = {"activation": "loss", "occlusion": "rgbd", "pixel_difference": "rgb"}
-"""The mode of a heatmap kind that is meant where none is named."""
+"""The default mode of each heatmap kind that has modes."""
 
 _COLUMN_BYTES = 384 * 2**20
 _EVALUATED_BYTES = 128 * 2**20
@@ -47,7 +47,7 @@ class Frame:
 class Store(IndexCatalog):
     """A store at one generation; close it, or use `with`. Any thread may read it.
 
-    `in_use` names the runs whose columns `forget` leaves alone.
+    `in_use` names the runs whose columns `drop_run_columns` keeps.
     """
 
     def __init__(self, path: str | Path, memory: str = "", generation: int | None = None) -> None:
@@ -71,46 +71,49 @@ class Store(IndexCatalog):
         self.close()
 
     def close(self) -> None:
-        """Let the index go and what is kept of it; arrays that somebody holds stay."""
+        """Close the index and empty the caches; arrays that callers hold stay valid."""
         super().close()
-        for kept in (self._columns, self.evaluated, self.embeddings):
-            kept.clear()
+        for cache in (self._columns, self.evaluated, self.embeddings):
+            cache.clear()
 
     @cached_property
-    def _dense(self) -> column_loader.Index:
+    def _column_loader(self) -> column_loader.ColumnLoader:
         (row,) = self.execute("SELECT count(*) FROM instance")
-        return column_loader.Index(self.connection, self._columns, int(row[0]))
+        return column_loader.ColumnLoader(self.connection, self._columns, int(row[0]))
 
     @cached_property
     def instances(self) -> InstanceColumns:
-        """Ground truth, aligned by iid; each column is read when it is first asked for."""
+        """Ground truth, aligned by iid; each column is loaded at its first use."""
         names = tuple(trajectory.trajectory for trajectory in self.trajectories)
-        return column_loader.instances(self._dense, names, self.stored_rooms)
+        return column_loader.load_instances(self._column_loader, names, self.stored_rooms)
 
     def run_columns(self, run: str) -> RunColumns:
-        """Predictions of a computed run, aligned by iid; read and kept as `instances` are."""
+        """Predictions of a computed run, aligned by iid; each column is loaded at its first use."""
         with self._lock:
             if run not in self._runs_columns:
                 if self.run(run).key is None:
                     raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
-                lacking = self.lacking("prediction")
-                self._runs_columns[run] = column_loader.run_columns(
-                    self._dense, run, self.instances, self.rooms, lacking
+                missing = self.missing_columns("prediction")
+                self._runs_columns[run] = column_loader.load_run_columns(
+                    self._column_loader, run, self.instances, self.rooms, missing
                 )
             return self._runs_columns[run]
 
-    def forget(self, run: str) -> None:
-        """Give back the memory of a run's columns; they are read again when asked for."""
+    def drop_run_columns(self, run: str) -> None:
+        """Free the memory of a run's columns; the next use loads them again."""
         if run not in self.in_use:
-            column_loader.forget(self._dense, run)
+            column_loader.drop_run_columns(self._column_loader, run)
 
-    def has_read(self, run: str | None, side: Side | None, names: Iterable[str]) -> bool:
-        """Whether columns are at hand; side None are those of both, run None the truth's."""
-        return column_loader.has_read(self._dense, run, side, names)
+    def has_loaded(self, run: str | None, side: Side | None, names: Iterable[str]) -> bool:
+        """Whether columns are in memory.
+
+        Side None are the columns of both sides, run None those of the ground truth.
+        """
+        return column_loader.is_loaded(self._column_loader, run, side, names)
 
     def accuracies(self, run: str, side: Side) -> NDArray[np.float32]:
-        """One side's accuracies of a run, (N,), NaN for none; without its other columns."""
-        return column_loader.accuracies(self._dense, run, side)
+        """Accuracies of one side of a run, (N,), NaN without a prediction; loads nothing else."""
+        return column_loader.load_accuracies(self._column_loader, run, side)
 
     def frame(self, iid: int, domain: str) -> Frame:
         """Raises RequestError for an unknown instance or domain."""
@@ -183,8 +186,8 @@ class Store(IndexCatalog):
                 size = self._counts[trajectory], self.dataset.frame_height, self.dataset.frame_width
                 shape = (*size, 3) if image == "rgb" else size
                 types = ("uint8",) if image == "rgb" else ("uint8", "uint16")
-                stated = self.checksums.get(f"{relative}/{stored_array.METADATA}")
-                _agree(found, shape, types, stated)
+                expected = self.checksums.get(f"{relative}/{stored_array.METADATA}")
+                _check_metadata(found, shape, types, expected)
                 self._arrays[relative] = found
             return self._arrays[relative]
 
@@ -193,10 +196,10 @@ class Store(IndexCatalog):
         relative = f"{layout.RUNS}/{record.path}"
         with self._lock:
             if relative not in self._arrays:
-                path = layout.inside(self.path, relative)
+                path = layout.path_inside(self.path, relative)
                 self._arrays[relative] = stored_array.open_read(path, self.path)
             found = self._arrays[relative]
-        _agree(found, record.shape, (record.dtype,), record.metadata_sha256)
+        _check_metadata(found, record.shape, (record.dtype,), record.metadata_sha256)
         return found
 
     def array(
@@ -208,8 +211,8 @@ class Store(IndexCatalog):
             if record.kind == kind and record.side in (side, None) and record.mode == mode:
                 return record, self.stored(record)
         known = ", ".join(sorted({record.kind for record in candidates})) or "nothing"
-        asked = " ".join(part for part in (kind, side, mode) if part)
-        raise RequestError(f"run {run!r} has no {asked} (has: {known}); run `s2r precompute`")
+        requested = " ".join(part for part in (kind, side, mode) if part)
+        raise RequestError(f"run {run!r} has no {requested} (has: {known}); run `s2r precompute`")
 
     def heatmap(
         self, run: str, kind: str, side: Side, iid: int, mode: str | None = None
@@ -263,22 +266,22 @@ class Store(IndexCatalog):
         return np.asarray(stored_array.read_rows(array, row, row + 1)[0], dtype=np.float32)
 
     def floor_plan_path(self) -> Path | None:
-        """The picture of the floor plan; None where the data set has none.
+        """The image of the floor plan; None where the data set has none.
 
-        Raises RequestError where a link leads to it, and where it is no file.
+        Raises RequestError where it is a link or no regular file.
         """
         name = self.dataset.floor_plan
         return safe_files.checked_path(self.path, name) if name else None
 
 
-def _agree(
+def _check_metadata(
     array: StoredArray, shape: tuple[int, ...], types: tuple[str, ...], sha256: str | None
 ) -> None:
-    """Raises RequestError where an array's metadata is not what the index says."""
+    """Raise RequestError where an array's metadata differs from the index."""
     if array.shape != shape or array.layout.dtype not in types:
         raise RequestError(
-            f"{array.path}: {array.layout.dtype} {array.shape} in place of {' or '.join(types)} "
-            f"{shape}, as the index says; run `s2r verify`"
+            f"{array.path}: {array.layout.dtype} {array.shape} instead of {' or '.join(types)} "
+            f"{shape}, which the index states; run `s2r verify`"
         )
     if sha256 is not None and array.metadata_sha256 != sha256:
         raise RequestError(

@@ -1,4 +1,4 @@
-"""What the index says, as frozen records: one class per table that is read whole."""
+"""Records of the index: one class per table that is read as a whole."""
 
 from __future__ import annotations
 
@@ -84,11 +84,11 @@ class Intrinsics:
 
 @dataclass(frozen=True, slots=True)
 class Domain:
-    """One way of seeing every instance, with its cameras.
+    """One source of images of every instance, with its cameras.
 
     `camera_height` (metres above the floor) and `forward_offset` (metres ahead of the pose,
     negative behind it) hold for both cameras. Metres = raw depth value * `depth_scale`; a raw
-    value is valid within `depth_raw_min` .. `depth_raw_max`, both included. `sources` tells for
+    value is valid within `depth_raw_min` .. `depth_raw_max`, both included. `sources` states for
     each group of figures whether it was `declared` or `estimated`.
     """
 
@@ -117,7 +117,7 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One model looking at one sim and one real domain, each through its adjustments.
+    """One model applied to one sim and one real domain, each with its adjustments.
 
     An adjustment chain is a list of `{"name": ..., "value": ...}`; empty means untouched. `key`
     is None until the run has been computed.

@@ -1,6 +1,6 @@
-"""What a side of a run looks at: its cameras, and its frames before adjustments of the images.
+"""The inputs of one side of a run: its cameras, and its frames before image adjustments.
 
-A side whose cameras are moved keeps rendered frames of its own, as arrays of the run.
+A side with moved cameras has rendered frames, which are stored as arrays of the run.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ FRAME_KINDS = {"rgb": "frames:rgb", "depth": "frames:depth"}
 """Kinds of the arrays that hold rendered frames."""
 
 
-def run_move(store: Store, run: Run, side: Side) -> CameraMove:
-    """How a run moves the cameras of a side."""
+def run_camera_move(store: Store, run: Run, side: Side) -> CameraMove:
+    """The camera offset of one side of a run."""
     domain = store.domain(run.domain(side))
     return camera_move(run.adjustments(side), domain, store.dataset.frame_width)
 
 
 def run_domain(store: Store, run: Run, side: Side) -> Domain:
-    """A side's domain with the cameras that the run's frames were taken with."""
-    return run_move(store, run, side).applied(store.domain(run.domain(side)))
+    """A side's domain with the cameras of the run's frames."""
+    return run_camera_move(store, run, side).applied(store.domain(run.domain(side)))
 
 
 def run_frame(store: Store, run: Run, side: Side, iid: int) -> Frame:
-    """A side's view of one instance.
+    """The frame of one instance on a side.
 
     Raises RequestError for an unknown instance, and where rendered frames are not computed yet.
     """
-    if run_move(store, run, side) == UNMOVED:
+    if run_camera_move(store, run, side) == UNMOVED:
         return store.frame(iid, run.domain(side))
     if not 0 <= iid < len(store.instances):
         raise RequestError(f"instance {iid}: the store holds 0 .. {len(store.instances) - 1}")
@@ -54,11 +54,11 @@ def run_frames(
     stop: int,
     images: tuple[str, ...] = ("rgb", "depth"),
 ) -> dict[str, NDArray[Any]]:
-    """A side's images of iids [start, stop), as `Store.frames` gives them."""
-    if run_move(store, run, side) == UNMOVED:
+    """A side's images of iids [start, stop), in the form of `Store.frames`."""
+    if run_camera_move(store, run, side) == UNMOVED:
         return store.frames(run.domain(side), start, stop, images)
-    found = {}
+    frames = {}
     for image in images:
         _, array = store.array(run.run, FRAME_KINDS[image], side)
-        found[image] = np.asarray(stored_array.read_rows(array, start, min(stop, array.shape[0])))
-    return found
+        frames[image] = np.asarray(stored_array.read_rows(array, start, min(stop, array.shape[0])))
+    return frames

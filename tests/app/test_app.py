@@ -190,7 +190,7 @@ def test_numbers_on_the_screen_are_the_stores(tiny_store: Path) -> None:
     with s2rstore.open(tiny_store) as store:
         for run in store.runs:
             for side in ("sim", "real"):
-                accuracy = run_metrics.headline(store, run, side).accuracy.value
+                accuracy = run_metrics.side_metrics(store, run, side).accuracy.value
                 line = next(row for row in text.splitlines()[1:] if f" {run} " in row)
                 assert f"{100 * accuracy:.1f}" in line
 

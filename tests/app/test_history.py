@@ -76,7 +76,7 @@ def test_a_night_that_is_added_is_seen(tmp_path: Path, tiny_store: Path) -> None
 
 def test_a_damaged_history_is_told_and_the_screen_goes_on(tmp_path: Path, tiny_store: Path) -> None:
     shutil.copytree(tiny_store, tmp_path / "s.s2r")
-    path = reader.path_in(tmp_path / "s.s2r")
+    path = reader.history_path(tmp_path / "s.s2r")
     path.parent.mkdir()
     path.write_bytes(b"no database")
     text = snapshot(tmp_path / "s.s2r", (250, 40)).text
@@ -91,7 +91,7 @@ def test_a_damaged_history_is_told_and_the_screen_goes_on(tmp_path: Path, tiny_s
 def test_numbers_are_the_historys(store: Path, capsys) -> None:
     assert main(["show", str(store), "history", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
-    found = reader.read(reader.path_in(store)).counting("lab")
+    found = reader.read(reader.history_path(store)).of_configuration("lab")
     assert [row["outcome"] for row in rows if row["axis"] == "headline"] == (
         ["PASS"] * 4 + ["FAIL"] * 3
     )
@@ -122,7 +122,7 @@ def test_the_figure_is_drawn_and_an_empty_history_is_refused(
 
 def test_another_history_is_named(store: Path, tiny_store: Path, capsys) -> None:
     words = ["show", str(tiny_store), "history", "--words", "--history"]
-    assert main([*words, str(reader.path_in(store))]) == 0
+    assert main([*words, str(reader.history_path(store))]) == 0
     assert "Night 2026-11-22" in capsys.readouterr().out
     assert main([*words, "none.duckdb"]) == 2
     assert "--history none.duckdb: no such file" in capsys.readouterr().err
@@ -131,7 +131,7 @@ def test_another_history_is_named(store: Path, tiny_store: Path, capsys) -> None
 def test_a_restricted_session_knows_only_the_stores_own(store: Path, tiny_store: Path, capsys,
                                                         monkeypatch) -> None:  # fmt: skip
     monkeypatch.setattr("s2rtui.terminal.capabilities.refuse_unusable", lambda **told: None)
-    other = str(reader.path_in(store))
+    other = str(reader.history_path(store))
     assert main(["tui", str(tiny_store), "--restricted", "--history", other]) == 2
     assert "a restricted session shows the store's own history only" in capsys.readouterr().err
 
@@ -168,5 +168,5 @@ def test_nights_on_what_was_recorded_anew_every_day_are_shown_together() -> None
     days = [replace(night, dataset_hash=f"{night.id:064d}") for night in gaps.week()]
     found = gaps.history(*days)
     assert found.of_run("vanilla", "tiny") == tuple(days)
-    assert found.shown_runs("tiny") == ("vanilla",)
-    assert found.of_run("vanilla", "other") == found.shown_runs("other") == ()
+    assert found.runs("tiny") == ("vanilla",)
+    assert found.of_run("vanilla", "other") == found.runs("other") == ()

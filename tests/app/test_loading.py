@@ -143,8 +143,8 @@ async def test_columns_of_an_expression_are_read_elsewhere(
         await settle(app, pilot)
         for column in ("real.outlier", "sim.outlier"):
             side, _, name = column.partition(".")
-            assert app.session.store.has_read("vanilla", side, [name])
-        assert app.session.store.has_read(None, None, ["curvature"])
+            assert app.session.store.has_loaded("vanilla", side, [name])
+        assert app.session.store.has_loaded(None, None, ["curvature"])
         monkeypatch.setattr(column_loader, "_predicted", watched)
         await press(app, pilot, "slash", "ctrl+u")
         await press(app, pilot, *["real.loss > 0"[i] for i in range(13)], "enter")

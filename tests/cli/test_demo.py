@@ -62,7 +62,7 @@ def test_a_damaged_recipe_is_told(tiny_store: Path, tmp_path: Path, recipe: str)
 
     path = copied(tiny_store, tmp_path / "x.s2r")
     with edit(path) as draft:
-        draft.note("world", {"recipe": recipe})
+        draft.set_provenance("world", {"recipe": recipe})
     with s2rstore.open(path) as store, pytest.raises(RequestError, match="makes no sense"):
         WorldData.of_store(store)
 
@@ -76,6 +76,6 @@ def test_a_damaged_score_does_not_stop_the_findings(
 
     path = copied(tiny_store, tmp_path / "x.s2r")
     with edit(path) as draft:
-        draft.note("score", {"report": report})
+        draft.set_provenance("score", {"report": report})
     with s2rstore.open(path) as store:
-        assert store_summary.lines(store)
+        assert store_summary.summary_lines(store)

@@ -130,7 +130,7 @@ def test_all_runs_are_compared_on_the_same_instances(tiny_store: Path, page: Pag
         chosen = evaluation.select(store, "worst15", "dataaug")
         rows = page.tables["The instances that it selects in dataaug, in every run"]
         for row in rows[1:]:
-            real = run_metrics.headline(store, row[0], "real", chosen)
+            real = run_metrics.side_metrics(store, row[0], "real", chosen)
             assert row[2].startswith(f"{100 * real.accuracy.value:.1f} %")
             assert row[6] == f"{real.median_error:.2f} m"
     assert [row[0] for row in rows[1:]] == list(tiny.RUNS)

@@ -24,9 +24,9 @@ from s2rstore.gap_history import reader
 from s2rstore.language import complete, evaluation
 from s2rstore.language.canonical_text import string
 from s2rstore.security.printable_text import (
-    escaping,
     printable,
     printable_lines,
+    printable_stream,
     printable_values,
 )
 from s2rtui.app.actions import ACTIONS
@@ -85,9 +85,9 @@ def test_every_character_is_printable_or_escaped() -> None:
 
 def test_a_stream_escapes_what_is_written() -> None:
     beneath = io.StringIO()
-    stream = escaping(beneath)
+    stream = printable_stream(beneath)
     print("a\x1b[31m\n\tb\u202e", file=stream)
-    assert escaping(stream) is stream
+    assert printable_stream(stream) is stream
     assert beneath.getvalue() == "a\\x1b[31m\n\tb\\u202e\n"
 
 
@@ -111,7 +111,7 @@ def test_records_hold_no_control_characters(poisoned_store: Path) -> None:
 
 
 def test_nights_hold_no_control_characters(poisoned_store: Path) -> None:
-    found = reader.read(reader.path_in(poisoned_store))
+    found = reader.read(reader.history_path(poisoned_store))
     night = found.nights[0]
     texts = [night.dataset, night.reason, night.axes[0].axis, str(night.worst), night.name]
     assert all("CLICK" in text for text in texts)

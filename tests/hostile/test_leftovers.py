@@ -75,7 +75,7 @@ from s2rtui import cli
 
 root = Path(sys.argv[1])
 path = root / "runs.zarr/vanilla/key9/large"
-stored_array.create(path, stored_array.plan(64, (64, 64), "float32", 64))
+stored_array.create(path, stored_array.plan_layout(64, (64, 64), "float32", 64))
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 rows = np.random.default_rng(0).random((64, 64, 64)).astype(np.float32)

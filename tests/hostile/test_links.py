@@ -64,7 +64,7 @@ def test_the_published_index_may_not_be_a_link(own_store: Path, tmp_path: Path) 
     _moved_out(own_store, _index(own_store), tmp_path / "outside")
     assert verify(own_store)
     with pytest.raises(RequestError, match="symbolic link"), edit(own_store) as draft:
-        draft.note("a", {"b": 1})
+        draft.set_provenance("a", {"b": 1})
 
 
 def test_a_store_that_is_reached_by_a_link_is_read(own_store: Path, tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_prune_removes_nothing_outside(
     (outside / "file.safetensors").write_text("kept")
     for number in range(3):
         with edit(own_store) as draft:
-            draft.note("n", {"number": number})
+            draft.set_provenance("n", {"number": number})
     harm(own_store, outside)
     prune(own_store, keep=1)
     for folder in (inner, inner.parent):
@@ -159,7 +159,7 @@ def test_nothing_is_written_through_a_link(own_store: Path, tmp_path: Path) -> N
     before = sorted(outside.rglob("*"))
     with pytest.raises(RequestError, match="symbolic link"):
         stored_array.create(
-            own_store / "runs.zarr/vanilla/new/a", stored_array.plan(4, (2,), "float32", 4)
+            own_store / "runs.zarr/vanilla/new/a", stored_array.plan_layout(4, (2,), "float32", 4)
         )
     rows = np.zeros((16, 4, 4, 4), np.float32)
     with pytest.raises(RequestError, match="symbolic link"):

@@ -28,7 +28,7 @@ def embedded(own_store: Path) -> Path:
         for side in ("sim", "real"):
             relative = f"vanilla/key0/embedding.{side}"
             path = own_store / "runs.zarr" / relative
-            stored_array.create(path, stored_array.plan(N, (WIDTH,), "float32", 16))
+            stored_array.create(path, stored_array.plan_layout(N, (WIDTH,), "float32", 16))
             rows = rng.normal(size=(N, WIDTH)).astype(np.float32)
             for shard in range(3):
                 block = rows[16 * shard : 16 * shard + 16]

@@ -74,7 +74,10 @@ def test_a_withdrawn_night_dates_no_evidence(
     assert again.new
     assert (again.night.outcome, again.night.evidence_since) == ("PASS", nights.day(1))
     found = stored.read(week.config.history)
-    assert [night.night for night in found.counting("lab")] == [nights.day(1), nights.day(2)]
+    assert [night.night for night in found.of_configuration("lab")] == [
+        nights.day(1),
+        nights.day(2),
+    ]
     assert len({night.id for night in found.nights}) == len(found.nights)
     assert not week.night(2, new_log=False).new
 

@@ -16,7 +16,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.language import ExpressionError, Node, evaluation, parse, to_text
-from s2rstore.language.checking import MAX_TERMS, expand
+from s2rstore.language.name_resolution import MAX_TERMS, expand
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions

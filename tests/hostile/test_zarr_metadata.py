@@ -238,7 +238,7 @@ def test_any_zarr_reader_reads_what_is_written(
     dtype: str, seed: int,
 ) -> None:  # fmt: skip
     path = tmp_path_factory.mktemp("array") / "a"
-    plan = stored_array.plan(rows, item, dtype, shard)
+    plan = stored_array.plan_layout(rows, item, dtype, shard)
     stored_array.create(path, plan, {"method": "as tested"})
     rng = np.random.default_rng(seed)
     data = (rng.integers(0, 2, (rows, *item)) * rng.random((rows, *item)) * 200).astype(dtype)

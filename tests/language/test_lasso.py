@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rstore.language import ExpressionError, parse
-from s2rstore.language.lasso import MOST_CORNERS, Corners, bands, edges, inside
+from s2rstore.language.lasso import MAX_CORNERS, Corners, bands, edges, inside
 
 WHOLE = st.integers(-4, 4).map(float)
 GRID = np.array([(x, y) for x in range(-5, 6) for y in range(-5, 6)], dtype=float)
@@ -79,7 +79,7 @@ def test_points_of_one_height_are_one_band(n: int) -> None:
 
 
 def test_a_lasso_has_3_to_64_corners() -> None:
-    assert parse("lasso(" + ", ".join(["1"] * 2 * MOST_CORNERS) + ")")
-    for count, problem in ((4, "not 2"), (2 * MOST_CORNERS + 2, "not 65"), (7, "no y")):
+    assert parse("lasso(" + ", ".join(["1"] * 2 * MAX_CORNERS) + ")")
+    for count, problem in ((4, "not 2"), (2 * MAX_CORNERS + 2, "not 65"), (7, "no y")):
         with pytest.raises(ExpressionError, match=problem):
             parse("lasso(" + ", ".join(["1"] * count) + ")")

@@ -118,7 +118,7 @@ def test_drives_that_are_too_few_for_an_identification_are_told(
     with config.source.open("a") as file:
         file.write('[sysid]\ndrives = "few"\n')
     assert command(config) == 0
-    (row,) = stored.read(config.history).counting("lab")[0].estimates
+    (row,) = stored.read(config.history).of_configuration("lab")[0].estimates
     assert row.parameter == "planar"
     assert "not identified: 2 drives" in str(row.note)
     assert "planar" in (config.reports / "2026-11-21" / "report.md").read_text()

@@ -54,7 +54,7 @@ def expressions() -> list[str]:
 
 
 def test_every_metric_of_the_dashboard_exists(told_week: Week) -> None:
-    night = reader.read(told_week.config.history).counting("lab")[-1]
+    night = reader.read(told_week.config.history).of_configuration("lab")[-1]
     text = metrics(night).decode()
     known = {name for name, _ in samples(text)}
     board = dashboard()
@@ -113,7 +113,9 @@ def evaluated(expression: str, found: Samples, now: float, axis: str = "task") -
 def test_the_dashboard_turns_red_on_day_five(told_week: Week) -> None:
     by_title = {panel["title"]: [t["expr"] for t in panel["targets"]]
                 for panel in dashboard()["panels"]}  # fmt: skip
-    for number, night in enumerate(reader.read(told_week.config.history).counting("lab"), 1):
+    for number, night in enumerate(
+        reader.read(told_week.config.history).of_configuration("lab"), 1
+    ):
         read, red = samples(metrics(night).decode()), number >= 5
         now = night.night.toordinal() * 86400.0 - 719163 * 86400.0 + 3 * 3600
 

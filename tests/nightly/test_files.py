@@ -110,7 +110,7 @@ def test_junit_skips_what_decides_nothing_and_what_is_stale(config: Config) -> N
 
 
 def test_metrics_are_what_the_history_holds(told_week: Week) -> None:
-    found = reader.read(told_week.config.history).counting("lab")
+    found = reader.read(told_week.config.history).of_configuration("lab")
     for night in found:
         read = samples(metrics(night).decode())
         for axis, gap in {"headline": night.gap, **{a.axis: a.gap for a in night.axes[:3]}}.items():
@@ -138,7 +138,7 @@ def test_metrics_are_read_by_collectors_of_the_older_format(told_week: Week) -> 
     text = told_week.config.metrics.read_text()
     assert text.endswith("# EOF\n")
     assert {family.type for family in text_string_to_metric_families(text)} == {"gauge"}
-    newest = reader.read(told_week.config.history).counting("lab")[-1]
+    newest = reader.read(told_week.config.history).of_configuration("lab")[-1]
     assert text == metrics(newest).decode()
 
 

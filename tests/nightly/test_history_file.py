@@ -48,7 +48,7 @@ def test_what_is_missing_is_null_and_every_column_has_a_comment(told_week: Week)
 
 def test_the_report_is_kept_whole(told_week: Week) -> None:
     found = history.read(told_week.config.history)
-    last = found.counting("lab")[-1]
+    last = found.of_configuration("lab")[-1]
     report = json.loads(history.report_text(told_week.config.history, last.measured))
     assert report["verdict"]["gap"] == last.gap.value
     assert [each["gap"] for each in report["axes"]] == [axis.gap.value for axis in last.axes[:3]]
@@ -115,9 +115,9 @@ def test_a_kill_loses_at_most_the_night(week: Week, patch: str, kept: int) -> No
                           cwd=Path(__file__).parents[2], env={**os.environ, "PYTHONPATH":
                           os.pathsep.join(sys.path)}, capture_output=True)  # fmt: skip
     assert done.returncode == -signal.SIGKILL, done.stderr.decode()
-    assert len(history.read(week.config.history).counting("lab")) == kept
+    assert len(history.read(week.config.history).of_configuration("lab")) == kept
     assert week.night(2, new_log=False).night.night == day(2)
-    assert len(history.read(week.config.history).counting("lab")) == 2
+    assert len(history.read(week.config.history).of_configuration("lab")) == 2
     assert {path.name for path in week.config.history.parent.iterdir()} == {
         "gap.duckdb", ".gap.duckdb.lock",
     }  # fmt: skip
@@ -130,7 +130,7 @@ def test_readers_see_whole_histories_while_it_grows(week: Week) -> None:
     def read() -> None:
         while not stop.is_set():
             try:
-                found = history.read(week.config.history).counting("lab")
+                found = history.read(week.config.history).of_configuration("lab")
                 counts.append(len(found))
                 assert all(len(night.axes) == 4 for night in found)
             except Exception as error:

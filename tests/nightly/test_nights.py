@@ -21,7 +21,7 @@ from tests.support.nights import Week, day
 
 
 def test_a_regression_on_day_five_turns_the_gate_red(told_week: Week) -> None:
-    found = reader.read(told_week.config.history).counting("lab")
+    found = reader.read(told_week.config.history).of_configuration("lab")
     assert [night.night for night in found] == [day(number) for number in range(1, 8)]
     assert [night.exit_code for night in found] == [0, 0, 0, 0, 1, 1, 1]
     assert [night.outcome for night in found] == ["PASS"] * 4 + ["FAIL"] * 3
@@ -82,13 +82,13 @@ def test_what_changes_in_a_night_adds_a_row_that_counts(week: Week) -> None:
     second = week.night(1, new_log=False)
     found = reader.read(week.config.history)
     assert [night.id for night in found.nights] == [1, 2]
-    assert found.counting("lab")[0].key == second.night.key != first.night.key
+    assert found.of_configuration("lab")[0].key == second.night.key != first.night.key
     (week.config.source.parent / "drives" / "day1" / "real.csv").write_text(
         "time,x,y,heading\n0,1,0,0\n"
     )
     back = week.night(1, new_log=False)
     assert (back.new, back.computed, back.night.measured) == (True, False, 1)
-    assert reader.read(week.config.history).counting("lab")[0].id == 3
+    assert reader.read(week.config.history).of_configuration("lab")[0].id == 3
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_a_network_is_known_by_its_weights(week: Week, name: str, text: str) -> 
 def test_a_new_generation_is_measured_anew_but_is_no_new_evidence(week: Week) -> None:
     week.night(1)
     with edit(week.config.store) as draft:
-        draft.note("run:vanilla", {"remark": "published again"})
+        draft.set_provenance("run:vanilla", {"remark": "published again"})
     done = week.night(2, new_log=False)
     assert done.computed
     assert (done.night.evidence_since, done.night.evidence_age) == (day(1), 1)
@@ -165,7 +165,7 @@ def test_two_gates_share_a_history(week: Week) -> None:
     )
     assert week.night(1, new_log=False).new
     found = reader.read(week.config.history)
-    assert [len(found.counting(name)) for name in ("lab", "other")] == [1, 1]
+    assert [len(found.of_configuration(name)) for name in ("lab", "other")] == [1, 1]
 
 
 @pytest.mark.parametrize(

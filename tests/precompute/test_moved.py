@@ -178,7 +178,7 @@ def test_a_world_that_is_rendered_otherwise_is_refused(moved_world: Path, tmp_pa
         assert reason_against(opened) is None
         recipe = json.loads(opened.provenance("world")["recipe"])
     with edit(path) as draft:
-        draft.note("world", {"recipe": recipe | {"seed": 3}})
+        draft.set_provenance("world", {"recipe": recipe | {"seed": 3}})
     with pytest.raises(RequestError, match="not what this version renders"):
         add_run(path, "more", "vanilla", None, None, parse("sim:camera_height=0.1"))
     twice = parse("sim:camera_height=-0.4,camera_height=-0.3")

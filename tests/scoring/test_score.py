@@ -140,8 +140,10 @@ def test_trained_on_instances_are_left_out(everything: Path, tmp_path: Path) -> 
 def test_the_shipped_models_keep_the_order_of_the_story(everything: Path) -> None:
     """Finetuning on real images closes most of the gap; simulation is easy for all."""
     with s2rstore.open(everything) as store:
-        real = {name: run_metrics.headline(store, name, "real") for name in ("vanilla", "finetune")}
-        sim = run_metrics.headline(store, "vanilla", "sim")
+        real = {
+            name: run_metrics.side_metrics(store, name, "real") for name in ("vanilla", "finetune")
+        }
+        sim = run_metrics.side_metrics(store, "vanilla", "sim")
     assert real["finetune"].mean_error < 0.8 * real["vanilla"].mean_error
     assert sim.mean_error < 0.4 * real["vanilla"].mean_error
 
@@ -188,7 +190,7 @@ def test_a_score_is_kept_once_and_told(objects_only: Path, objects_scored: repor
     assert report.keep(objects_only, objects_scored)
     assert not report.keep(objects_only, objects_scored)
     with s2rstore.open(objects_only) as store:
-        told = "\n".join(store_summary.lines(store))
+        told = "\n".join(store_summary.summary_lines(store))
     assert "costliest factor of vanilla: objects" in told
     assert "best heatmap of vanilla: harmonised" in told
 

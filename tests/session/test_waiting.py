@@ -120,7 +120,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
     predicted, neighbours, own = column_loader._predicted, similarity.neighbours, made.waiting.store
 
     def read(index, *rest):
-        assert index is not own._dense or made.worker or not made.waiting.waits, rest
+        assert index is not own._column_loader or made.worker or not made.waiting.waits, rest
         return predicted(index, *rest)
 
     def near(store, *rest):

@@ -103,4 +103,4 @@ def test_screen_and_gate_give_the_same_interval(tmp_path: Path) -> None:
         expected = bootstrap.percentile_interval(
             float(accuracy.mean()), bootstrap.mean_replicates(accuracy, blocks)
         )
-        assert run_metrics.headline(store, "vanilla", "real").accuracy == expected.clipped(0, 1)
+        assert run_metrics.side_metrics(store, "vanilla", "real").accuracy == expected.clipped(0, 1)

@@ -95,7 +95,7 @@ def test_a_folder_that_is_not_the_users_alone_is_not_used(
 
 def test_the_folder_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    names = [f"{number:064x}" for number in range(checked_files.MOST_ENTRIES + 1)]
+    names = [f"{number:064x}" for number in range(checked_files.MAX_ENTRIES + 1)]
     for name in names:
         checked_files.add(name)
     assert [name for name in names if checked_files.contains(name)] == names[-1:]

@@ -50,7 +50,7 @@ def test_prune_refuses_what_it_does_not_know(own_store: Path) -> None:
 
 def _publish_slowly(root: Path, started) -> None:
     with edit(root) as draft:
-        draft.note("late", {"a": 1})
+        draft.set_provenance("late", {"a": 1})
         started.set()
         time.sleep(0.7)
 

@@ -6,7 +6,13 @@ from typing import Any
 
 import pytest
 
-from s2rstore.gap_history.gate_status import EXIT_CODES, known_word, of_report, word_of, worst
+from s2rstore.gap_history.gate_status import (
+    EXIT_CODES,
+    axis_status,
+    report_outcome,
+    stored_status,
+    worst_outcome,
+)
 from s2rstore.metrics.bootstrap import Interval
 
 
@@ -33,13 +39,13 @@ def report(headline: str, golden: str | None, judged: bool = True) -> dict[str, 
 def test_the_worst_of_what_was_judged_decides(
     headline: str, golden: str | None, judged: bool, word: str | None
 ) -> None:
-    assert of_report(report(headline, golden, judged)) == word
+    assert report_outcome(report(headline, golden, judged)) == word
 
 
 def test_words_and_codes() -> None:
     assert EXIT_CODES == {"PASS": 0, "FAIL": 1, "ERROR": 2, "INCONCLUSIVE": 3}
-    assert worst([]) == "PASS"
-    assert known_word("FAIL") == "FAIL"
-    assert known_word("nonsense") == "SKIPPED"
-    assert word_of(Interval.unknown(), 15) == "SKIPPED"
-    assert word_of(Interval.unknown(3), 15) == "INCONCLUSIVE"
+    assert worst_outcome([]) == "PASS"
+    assert stored_status("FAIL") == "FAIL"
+    assert stored_status("nonsense") == "SKIPPED"
+    assert axis_status(Interval.unknown(), 15) == "SKIPPED"
+    assert axis_status(Interval.unknown(3), 15) == "INCONCLUSIVE"

@@ -72,7 +72,7 @@ def test_shards_hold_what_was_written(
     dtype: str, seed: int,
 ) -> None:  # fmt: skip
     path = tmp_path_factory.mktemp("array") / "a"
-    plan = stored_array.plan(rows, item, dtype, shard)
+    plan = stored_array.plan_layout(rows, item, dtype, shard)
     stored_array.create(path, plan)
     rng = np.random.default_rng(seed)
     data = (rng.integers(0, 2, (rows, *item)) * rng.integers(0, 200)).astype(dtype)
@@ -83,13 +83,13 @@ def test_shards_hold_what_was_written(
 
 
 def test_an_array_of_another_shape_is_never_overwritten(tmp_path: Path) -> None:
-    stored_array.create(tmp_path / "a", stored_array.plan(4, (2,), "float32", 2))
-    stored_array.create(tmp_path / "a", stored_array.plan(4, (2,), "float32", 2))
+    stored_array.create(tmp_path / "a", stored_array.plan_layout(4, (2,), "float32", 2))
+    stored_array.create(tmp_path / "a", stored_array.plan_layout(4, (2,), "float32", 2))
     with pytest.raises(RequestError, match="another array"):
-        stored_array.create(tmp_path / "a", stored_array.plan(5, (2,), "float32", 2))
+        stored_array.create(tmp_path / "a", stored_array.plan_layout(5, (2,), "float32", 2))
 
 
 def test_a_part_of_a_shard_is_refused(tmp_path: Path) -> None:
-    stored_array.create(tmp_path / "a", stored_array.plan(4, (2,), "float32", 4))
+    stored_array.create(tmp_path / "a", stored_array.plan_layout(4, (2,), "float32", 4))
     with pytest.raises(ValueError, match="holds 4 rows"):
         stored_array.write_shard(tmp_path / "a", 0, np.zeros((3, 2), np.float32))

@@ -70,23 +70,23 @@ def test_neighbouring_values_that_repeat_widen_the_interval() -> None:
 def test_headlines_leave_out_what_the_model_was_trained_on(tiny_store) -> None:
     with s2rstore.open(tiny_store) as store:
         columns = store.run_columns("vanilla")
-        found = run_metrics.headline(store, "vanilla", "sim")
+        found = run_metrics.side_metrics(store, "vanilla", "sim")
         keep = np.arange(40) % 5 == 4
         assert (found.n, found.trained_on) == (8, 32)
         assert np.isclose(found.accuracy.value, columns.sim.accuracy[keep].mean())
-        real = run_metrics.headline(store, "vanilla", "real")
+        real = run_metrics.side_metrics(store, "vanilla", "real")
         assert (real.n, real.trained_on) == (8, 32)
         assert np.isclose(real.median_error, np.median(columns.real.error[keep]))
         x, y = store.instances.x[keep], store.instances.y[keep]
         off = np.hypot(x - x.mean(), y - y.mean())
         assert np.isclose(
-            run_metrics.baseline(store, "vanilla"), np.maximum(0, 1 - off / 12).mean()
+            run_metrics.baseline_accuracy(store, "vanilla"), np.maximum(0, 1 - off / 12).mean()
         )
 
 
 def test_findings_name_the_worst_room(tmp_path) -> None:
     with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=120)) as store:
-        found = store_summary.regions(store, "vanilla")
+        found = store_summary.worst_rooms(store, "vanilla")
         medians = store.execute(
             """SELECT room, median(real_error), count(*) FROM pair
                WHERE run = 'vanilla' AND sim_split = 'test' AND room IS NOT NULL GROUP BY room
@@ -94,4 +94,4 @@ def test_findings_name_the_worst_room(tmp_path) -> None:
         )
         assert [(r.room, r.n) for r in found] == [(room, n) for room, _, n in medians]
         assert np.isclose(found[0].real_median, medians[0][1])
-        assert any(found[0].room in line for line in store_summary.lines(store))
+        assert any(found[0].room in line for line in store_summary.summary_lines(store))

@@ -29,7 +29,7 @@ def older(own_store: Path) -> Path:
 
 def test_it_opens_and_what_it_lacks_is_missing(older: Path) -> None:
     with s2rstore.open(older) as store:
-        assert store.lacking("prediction") == {"outlier"}
+        assert store.missing_columns("prediction") == {"outlier"}
         assert np.isnan(store.run_columns("vanilla").real.outlier).all()
         for text in (
             "sim.outlier > 1",
@@ -47,7 +47,7 @@ def test_the_next_generation_has_the_column(older: Path) -> None:
     with edit(older) as draft:
         draft._connection.execute("UPDATE prediction SET outlier = 2 WHERE iid < 3")
     with s2rstore.open(older) as store:
-        assert not store.lacking("prediction")
+        assert not store.missing_columns("prediction")
         assert np.flatnonzero(evaluation.select(store, "sim.outlier = 2")).tolist() == [0, 1, 2]
         assert store.execute("SELECT count(*) FROM pair WHERE real_outlier = 2") == [(6,)]
     assert verify(older) == []

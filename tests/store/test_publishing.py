@@ -34,7 +34,7 @@ def test_readers_keep_their_generation(own_store: Path) -> None:
     with s2rstore.open(own_store) as store:
         first = store.generation
         with edit(own_store) as draft:
-            draft.note("test", {"told": "new"})
+            draft.set_provenance("test", {"told": "new"})
             draft.delete("run", run="dataaug")
         assert store.provenance("test") == {}
         assert "dataaug" in store.runs
@@ -46,11 +46,11 @@ def test_readers_keep_their_generation(own_store: Path) -> None:
 
 def test_an_index_name_is_never_used_again(own_store: Path) -> None:
     with edit(own_store) as draft:
-        draft.note("a", {"b": 1})
+        draft.set_provenance("a", {"b": 1})
     newest = layout.read_current(own_store).generation
     (own_store / layout.index_name(newest + 5)).touch()
     with edit(own_store) as draft:
-        draft.note("a", {"b": 2})
+        draft.set_provenance("a", {"b": 2})
     assert layout.read_current(own_store).generation == newest + 6
 
 
@@ -85,7 +85,7 @@ def test_nan_becomes_null(own_store: Path) -> None:
 def _publish_many(path: str, count: int) -> None:
     for number in range(count):
         with edit(Path(path)) as draft:
-            draft.note("many", {f"n{number}": number})
+            draft.set_provenance("many", {f"n{number}": number})
 
 
 def test_readers_never_meet_a_torn_state(own_store: Path) -> None:
@@ -150,7 +150,7 @@ def test_a_store_of_another_schema_is_refused(own_store: Path) -> None:
 def test_prune_keeps_what_kept_generations_reference(own_store: Path) -> None:
     for number in range(4):
         with edit(own_store) as draft:
-            draft.note("n", {"number": number})
+            draft.set_provenance("n", {"number": number})
     with edit(own_store) as draft:
         draft.delete("zarr_array", run="dataaug")
     orphan = own_store / "runs.zarr" / "vanilla" / "orphan"

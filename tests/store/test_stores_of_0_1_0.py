@@ -86,7 +86,10 @@ def test_queries_print_what_they_printed(
 ) -> None:
     text = "worst(25%, real.error)"
     assert _printed(capsys, "query", "demo.s2r", text, "--run", "tiny") == expected["query"]
-    sql = "SELECT side, count(*) AS n, avg(error) AS error FROM prediction GROUP BY side ORDER BY side"
+    sql = (
+        "SELECT side, count(*) AS n, avg(error) AS error FROM prediction "
+        "GROUP BY side ORDER BY side"
+    )
     assert _printed(capsys, "sql", "demo.s2r", sql) == expected["sql"]
     assert _printed(capsys, "show", "demo.s2r", "list", "--run", "tiny") == expected["list"]
 
@@ -118,7 +121,7 @@ def test_the_gap_is_judged_by_its_reference_and_golden_run(
 
 
 def test_its_history_holds_both_nights(folder: Path) -> None:
-    nights = reader.read(reader.path_in(folder / "demo.s2r")).nights
+    nights = reader.read(reader.history_path(folder / "demo.s2r")).nights
     assert [str(night.night) for night in nights] == ["2026-11-20", "2026-11-21"]
     assert {axis.axis for axis in nights[-1].axes} >= {"task", "delay"}
 

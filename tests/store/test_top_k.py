@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rstore.metrics.top_k import extremes, largest
+from s2rstore.metrics.top_k import first_largest, top_k
 
 
 def sorted_extremes(values: np.ndarray, base: np.ndarray, count: int, largest: bool) -> list[int]:
     rows = [i for i in range(values.size) if base[i] and not np.isnan(values[i])]
-    rows.sort(key=lambda i: (-values[i] if largest else values[i], i))
+    rows.sort(key=lambda i: (-values[i] if first_largest else values[i], i))
     return sorted(rows[:count])
 
 
@@ -23,8 +23,8 @@ def sorted_extremes(values: np.ndarray, base: np.ndarray, count: int, largest: b
 def test_small_columns(values: list[float], seed: int, count: int, largest: bool) -> None:
     column = np.array(values, dtype=np.float64)
     base = np.random.default_rng(seed).random(column.size) < 0.8
-    found = np.flatnonzero(extremes(column, base, count, largest))
-    assert found.tolist() == sorted_extremes(column, base, count, largest)
+    found = np.flatnonzero(top_k(column, base, count, first_largest))
+    assert found.tolist() == sorted_extremes(column, base, count, first_largest)
 
 
 @settings(max_examples=40, deadline=None)
@@ -45,8 +45,8 @@ def test_large_columns(
     values[rng.integers(0, n, 5)] = np.inf
     base = rng.random(n) < known
     count = int(share * base.sum())
-    found = np.flatnonzero(extremes(values, base, count, largest))
-    keys = -values if largest else values
+    found = np.flatnonzero(top_k(values, base, count, first_largest))
+    keys = -values if first_largest else values
     rows = np.flatnonzero(base & ~np.isnan(values))
     wanted = rows[np.argsort(keys[rows], kind="stable")][:count]
     assert found.tolist() == np.sort(wanted).tolist()
@@ -58,15 +58,15 @@ def test_a_sample_that_misleads_does_no_harm(largest: bool) -> None:
     values[1::2] = np.arange(100_000)  # every sampled row is a zero or rises with its place
     base = np.ones(values.size, dtype=bool)
     for count in (1, 777, 150_000):
-        found = np.flatnonzero(extremes(values, base, count, largest))
-        wanted = np.argsort(-values if largest else values, kind="stable")[:count]
+        found = np.flatnonzero(top_k(values, base, count, first_largest))
+        wanted = np.argsort(-values if first_largest else values, kind="stable")[:count]
         assert found.tolist() == np.sort(wanted).tolist()
 
 
 def test_the_largest_of_some_rows_is_their_first_known_one() -> None:
     values = np.array([0.0, 2.0, 0.0, 5.0, 5.0, np.nan])
-    assert largest(values, np.arange(6)) == 3
-    assert largest(values, np.arange(3)) == 1
-    assert largest(values, np.array([5])) is None
-    assert largest(values, np.array([2, 5])) == 2
-    assert largest(values, np.arange(0)) is None
+    assert first_largest(values, np.arange(6)) == 3
+    assert first_largest(values, np.arange(3)) == 1
+    assert first_largest(values, np.array([5])) is None
+    assert first_largest(values, np.array([2, 5])) == 2
+    assert first_largest(values, np.arange(0)) is None

@@ -18,7 +18,7 @@ def add(path: Path, run: str, points: dict[str, np.ndarray], kind: str = "pca") 
     with edit(path) as draft:
         for side, rows in points.items():
             relative = f"{run}/made/{kind}.{side}"
-            plan = stored_array.plan(len(rows), rows.shape[1:], "float32", len(rows))
+            plan = stored_array.plan_layout(len(rows), rows.shape[1:], "float32", len(rows))
             stored_array.create(path / layout.RUNS / relative, plan)
             file = stored_array.write_shard(
                 path / layout.RUNS / relative, 0, rows.astype(np.float32)

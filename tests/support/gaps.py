@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from s2rstore.gap_history.gate_status import EXIT_CODES, word_of
+from s2rstore.gap_history.gate_status import EXIT_CODES, axis_status
 from s2rstore.gap_history.reader import AxisFigures, History, Night
 from s2rstore.metrics.bootstrap import Interval
 
@@ -25,7 +25,7 @@ def night(number: int, gaps: Mapping[str, float], half: float = 2.0, **changes: 
     judged = [axis for axis in axes if not math.isnan(axis.gap.value)]
     worst = max(judged, key=lambda axis: axis.gap.value) if judged else None
     gap = worst.gap if worst else NOTHING
-    word = word_of(gap, 15.0) if worst else "INCONCLUSIVE"
+    word = axis_status(gap, 15.0) if worst else "INCONCLUSIVE"
     fields: dict[str, Any] = {
         "id": number, "name": "lab", "night": FIRST + datetime.timedelta(days=number - 1),
         "key": f"{number:064d}", "evidence": f"{number:064d}", "measured": number,

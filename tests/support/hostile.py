@@ -63,7 +63,7 @@ def poisoned(source: Path, target: Path, text: str = HOSTILE) -> Path:
 
 def with_nights(store: Path, text: str = HOSTILE) -> Path:
     """Give a store a history of two nights whose texts are `text`."""
-    path = reader.path_in(store)
+    path = reader.history_path(store)
     path.parent.mkdir(exist_ok=True)
     told = {"worst", "reason", "headline", "golden", "expression", "model", "name", "evidence",
             "run_key", "written_at", "outcome"}  # fmt: skip

@@ -142,7 +142,9 @@ def _frames(path: Path, n: int, first: int, rng) -> None:
         for name, count in (("a", first), ("b", n - first)):
             for image, item, top in (("rgb", (SIZE, SIZE, 3), 256), ("depth", (SIZE, SIZE), 256)):
                 relative = Path(layout.FRAMES, domain, name, image)
-                stored_array.create(path / relative, stored_array.plan(count, item, "uint8", 16))
+                stored_array.create(
+                    path / relative, stored_array.plan_layout(count, item, "uint8", 16)
+                )
                 rows = rng.integers(0, top, (count, *item)).astype(np.uint8)
                 _write(path, ledger, relative, rows, 16)
 
@@ -164,7 +166,7 @@ def _heatmaps(path: Path, n: int, runs: tuple[str, ...], rng) -> None:
             for kind, side, mode, item, axes in specs:
                 name = ".".join(part for part in (kind, mode, side) if part)
                 relative = f"{run}/key{number}/{name}"
-                plan = stored_array.plan(n, item, "float32", 16)
+                plan = stored_array.plan_layout(n, item, "float32", 16)
                 stored_array.create(path / layout.RUNS / relative, plan)
                 rows = rng.normal(0, 1, (n, *item)).astype(np.float32)
                 _write(path, ledger, Path(layout.RUNS, relative), rows, 16)

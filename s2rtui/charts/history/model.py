@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.gap_history.gate_status import Word, known_word, word_of
+from s2rstore.gap_history.gate_status import AxisStatus, axis_status, stored_status
 from s2rstore.gap_history.reader import AxisFigures, Night
 from s2rstore.metrics.bootstrap import Interval
 
@@ -37,7 +37,7 @@ class Track:
     value: Floats
     low: Floats
     high: Floats
-    words: tuple[Word, ...]
+    words: tuple[AxisStatus, ...]
 
     @property
     def last(self) -> Interval:
@@ -70,7 +70,7 @@ def history_model(view: HistoryInput, most_days: int) -> HistoryModel:
     first = newest - datetime.timedelta(days=max(1, most_days) - 1)
     nights = view.nights[bisect_left(view.nights, first, key=lambda night: night.night) :]
     thresholds = np.array([night.threshold for night in nights])
-    headline = _track(HEADLINE, [(night.gap, known_word(night.headline)) for night in nights])
+    headline = _track(HEADLINE, [(night.gap, stored_status(night.headline)) for night in nights])
     axes = [axis_of(nights, name) for name in axis_names(nights)]
     tracks = (headline, *axes)
     days = np.array([night.night.toordinal() for night in nights], dtype=np.intp)
@@ -95,11 +95,11 @@ def axis_of(nights: Sequence[Night], name: str) -> Track:
     for night in nights:
         figures = figures_of(night, name)
         gap = figures.gap if figures else _NOTHING
-        found.append((gap, word_of(gap, night.threshold)))
+        found.append((gap, axis_status(gap, night.threshold)))
     return _track(name, found)
 
 
-def _track(name: str, found: list[tuple[Interval, Word]]) -> Track:
+def _track(name: str, found: list[tuple[Interval, AxisStatus]]) -> Track:
     columns = np.array([(gap.value, gap.low, gap.high) for gap, _ in found]).reshape(-1, 3)
     words = tuple(word for _, word in found)
     return Track(name, columns[:, 0], columns[:, 1], columns[:, 2], words)

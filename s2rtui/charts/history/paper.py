@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from s2rstore.gap_history.gate_status import Word
+from s2rstore.gap_history.gate_status import AxisStatus
 from s2rtui.canvas.colour import LIGHT, Theme
 from s2rtui.charts.history.model import (
     HEADLINE,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_DAYS = 120
-_MARKERS: dict[Word, str] = {"PASS": "o", "FAIL": "^", "INCONCLUSIVE": "s", "SKIPPED": "."}
+_MARKERS: dict[AxisStatus, str] = {"PASS": "o", "FAIL": "^", "INCONCLUSIVE": "s", "SKIPPED": "."}
 _LEFT, _BOTTOM, _BETWEEN = 0.7, 0.65, 0.32
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rstore.gap_history.gate_status import Word
+from s2rstore.gap_history.gate_status import AxisStatus
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb, Theme
 from s2rtui.canvas.render_options import RenderOptions
@@ -24,7 +24,7 @@ from s2rtui.charts.shared.axis_scale import short
 LABELS = 5
 """Columns at the left that numbers take."""
 _FEWEST_ROWS, _WIDEST = 4, 8
-_SIGNS: dict[Word, tuple[str, str]] = {
+_SIGNS: dict[AxisStatus, tuple[str, str]] = {
     "PASS": ("●", "o"),
     "FAIL": ("▲", "X"),
     "INCONCLUSIVE": ("○", "?"),
@@ -50,12 +50,12 @@ class HistoryLayout:
         return self.left + (day - int(model.days[0])) * self.pitch + self.pitch // 2
 
 
-def sign(word: Word, look: RenderOptions) -> str:
+def sign(word: AxisStatus, look: RenderOptions) -> str:
     """The glyph of a word, so that colour is never needed."""
     return _SIGNS[word][look.ascii]
 
 
-def ink(word: Word, theme: Theme) -> Rgb:
+def ink(word: AxisStatus, theme: Theme) -> Rgb:
     """The colour of a word."""
     return {"PASS": theme.sim, "FAIL": theme.real, "INCONCLUSIVE": theme.truth,
             "SKIPPED": theme.muted}[word]  # fmt: skip
@@ -209,7 +209,7 @@ def _legend(
     canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: RenderOptions
 ) -> None:
     theme, row, free = look.theme, canvas.height - 1, 0
-    words: tuple[Word, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
+    words: tuple[AxisStatus, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
     for word in words:
         free = canvas.text(free, row, f"{sign(word, look)} {word.lower()}", ink(word, theme)) + 2
     free = canvas.text(free, row, f"{look.glyphs.horizontal * 2} threshold", theme.truth) + 2

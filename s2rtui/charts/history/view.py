@@ -8,7 +8,7 @@ from functools import lru_cache
 from textwrap import wrap
 
 from s2rstore.errors import RequestError
-from s2rstore.gap_history.gate_status import known_word, word_of
+from s2rstore.gap_history.gate_status import axis_status, stored_status
 from s2rstore.gap_history.reader import History, Night
 from s2rstore.metrics.bootstrap import Interval
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
@@ -62,7 +62,7 @@ class HistoryView(View):
             return ("the history cannot be read", failed)
         if file is not None and found is None:
             return ("the history is not read yet",)
-        runs = found.shown_runs(scene.store.dataset.name) if found is not None else ()
+        runs = found.runs(scene.store.dataset.name) if found is not None else ()
         if runs:
             return (f"no night of run {scene.state.run}", f"there are nights of {', '.join(runs)}")
         if found is not None and found.nights:
@@ -111,9 +111,9 @@ def _count(nights: Sequence[Night]) -> str:
 
 def _rows(night: Night) -> Iterator[tuple[object, ...]]:
     """The headline, then every axis of a night."""
-    yield _row(night, "headline", night.gap, known_word(night.headline), None, None, None)
+    yield _row(night, "headline", night.gap, stored_status(night.headline), None, None, None)
     for axis in night.axes:
-        word = word_of(axis.gap, night.threshold)
+        word = axis_status(axis.gap, night.threshold)
         value = None if math.isnan(axis.value.value) else axis.value.value
         shown = axis.state if axis.state != "measured" else word
         yield _row(night, axis.axis, axis.gap, shown, value, axis.unit, axis.n)

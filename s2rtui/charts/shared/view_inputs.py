@@ -46,7 +46,7 @@ def overview_rows(
     """
     rows = []
     for name in runs or [name for name, run in store.runs.items() if run.key]:
-        sim, real = (run_metrics.headline(store, name, side) for side in ("sim", "real"))
+        sim, real = (run_metrics.side_metrics(store, name, side) for side in ("sim", "real"))
         rows.append(
             OverviewRow(
                 run=name,
@@ -58,7 +58,7 @@ def overview_rows(
                 note="" if real.n else "the model was trained on every instance",
             )
         )
-    return rows, run_metrics.baseline(store, rows[0].run) if rows else math.nan
+    return rows, run_metrics.baseline_accuracy(store, rows[0].run) if rows else math.nan
 
 
 def truth_points(store: Store) -> NDArray[np.float64]:

@@ -70,7 +70,7 @@ def execute(options: argparse.Namespace) -> int:
             return code
         timings.append((" ".join(stage.words[:3]), time.monotonic() - began))
     with s2rstore.open(store) as opened:
-        print("\n".join(store_summary.lines(opened)))
+        print("\n".join(store_summary.summary_lines(opened)))
         if QUICK in opened.runs:
             print(_worth(opened))
     opens = not options.no_open and sys.stdin.isatty() and sys.stdout.isatty()
@@ -201,15 +201,15 @@ def _is_complete(store: Store) -> bool:
 
 def _worth(store: Store) -> str:
     """What the live training is worth, in a line."""
-    from s2rstore.metrics.run_metrics import headline
+    from s2rstore.metrics.run_metrics import side_metrics
 
-    real, sim = (headline(store, QUICK, side) for side in ("real", "sim"))
+    real, sim = (side_metrics(store, QUICK, side) for side in ("real", "sim"))
     told = (
         f"trained live: median error {sim.median_error:.2f} m in simulation, "
         f"{real.median_error:.2f} m in reality"
     )
     if "vanilla" in store.runs:
-        shipped = headline(store, "vanilla", "sim")
+        shipped = side_metrics(store, "vanilla", "sim")
         told += f"; the shipped vanilla, trained longer, {shipped.median_error:.2f} m in simulation"
     return told
 

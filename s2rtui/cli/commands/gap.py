@@ -80,7 +80,7 @@ def _add_judges(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     import s2rstore
-    from s2rstore.gap_history.gate_status import EXIT_CODES, of_report
+    from s2rstore.gap_history.gate_status import EXIT_CODES, report_outcome
     from s2rtools.common import result_files
     from s2rtools.gap.gate import gate, golden_run
     from s2rtools.gap.report import report
@@ -109,7 +109,7 @@ def execute(options: argparse.Namespace) -> int:
         print(tables(found, options.details, bool(froze)))
     for path in froze:
         print(f"wrote {path}", file=sys.stderr)
-    return EXIT_CODES[of_report(found) or ("PASS" if froze else "INCONCLUSIVE")]
+    return EXIT_CODES[report_outcome(found) or ("PASS" if froze else "INCONCLUSIVE")]
 
 
 def _check_places(options: argparse.Namespace) -> None:

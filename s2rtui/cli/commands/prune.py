@@ -33,5 +33,7 @@ def execute(options: argparse.Namespace) -> int:
     verb = "would remove" if options.dry_run else "removed"
     for path in pruned.paths:
         print(f"{verb} {printable(path)}")
-    print(f"{verb} {len(pruned.paths)} entries, {pruned.bytes / 1e6:.1f} MB")
+    count = len(pruned.paths)
+    entries = "1 entry" if count == 1 else f"{count} entries"
+    print(f"{verb} {entries}, {pruned.bytes / 1e6:.1f} MB")
     return 0

@@ -9,7 +9,7 @@ from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rtui.cli.formatting import rows as output
 
 if TYPE_CHECKING:
-    from s2rstore.metrics.run_metrics import Headline
+    from s2rstore.metrics.run_metrics import SideMetrics
 
 _NAMES = (
     "run", "model", "sim", "real", "n", "trained on", "sim accuracy %", f"sim {LEVEL_TEXT}",
@@ -35,8 +35,8 @@ def execute(options: argparse.Namespace) -> int:
                 figures: list[object] = [None] * 9
                 note = "not computed: s2r precompute"
             else:
-                sides = [run_metrics.headline(store, run.run, side) for side in SIDES]
-                baseline = round(100 * run_metrics.baseline(store, run.run), 1)
+                sides = [run_metrics.side_metrics(store, run.run, side) for side in SIDES]
+                baseline = round(100 * run_metrics.baseline_accuracy(store, run.run), 1)
                 figures = [sides[0].n, sides[0].trained_on, *_side(sides[0]), *_side(sides[1]),
                            baseline if sides[0].n else None]  # fmt: skip
                 note = "" if sides[0].n else "trained on every instance"
@@ -45,7 +45,7 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-def _side(found: Headline) -> list[object]:
+def _side(found: SideMetrics) -> list[object]:
     """Accuracy in percent, its interval, and the median error in metres."""
     if found.n < 2:
         return [None, None, None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from s2rstore.gap_history.gate_status import of_report
+from s2rstore.gap_history.gate_status import report_outcome
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rtui.cli.formatting import rows as output
 from s2rtui.cli.formatting.gap_details import bounds, details
@@ -90,7 +90,7 @@ def _golden(golden: dict[str, Any]) -> str:
 
 
 def _decided(found: dict[str, Any], froze: bool) -> str:
-    word = of_report(found)
+    word = report_outcome(found)
     if word is None and froze:
         return "\nnothing is judged yet: `--reference` and `--golden` judge by what was frozen"
     if word is not None and not found["reference"]:

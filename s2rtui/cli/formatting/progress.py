@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Literal, Protocol
 
-from s2rstore.security.printable_text import printable, unescaped
+from s2rstore.security.printable_text import printable, underlying_stream
 
 Style = Literal["auto", "json"]
 STYLES: tuple[Style, ...] = ("auto", "json")
@@ -127,5 +127,5 @@ def reporter(style: Style = "auto") -> Iterator[Reporter]:
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
                TimeRemainingColumn())  # fmt: skip
-    with Progress(*columns, console=Console(file=unescaped(sys.stderr))) as progress:
+    with Progress(*columns, console=Console(file=underlying_stream(sys.stderr))) as progress:
         yield BarReporter(progress)

@@ -58,7 +58,9 @@ def _findings(session: Session) -> list[str]:
     """Without the figures of single runs, which have a table."""
     runs = tuple(f"  {run}: " for run in session.store.runs)
     return [
-        line.strip() for line in store_summary.lines(session.store) if not line.startswith(runs)
+        line.strip()
+        for line in store_summary.summary_lines(session.store)
+        if not line.startswith(runs)
     ]
 
 
@@ -128,7 +130,7 @@ def _front(session: Session, request: ReportRequest) -> list[ReportImage]:
 
 
 def _real(session: Session, run: str) -> float:
-    value = run_metrics.headline(session.store, run, "real").accuracy.value
+    value = run_metrics.side_metrics(session.store, run, "real").accuracy.value
     return value if value == value else -1.0
 
 

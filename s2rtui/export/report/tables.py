@@ -47,11 +47,11 @@ def compared(
              "sim median error", "real median error", "n")  # fmt: skip
     rows = []
     for run in runs:
-        sim, real = (run_metrics.headline(store, run, side, members) for side in SIDES)
+        sim, real = (run_metrics.side_metrics(store, run, side, members) for side in SIDES)
         rows.append(
             (run, interval(sim.accuracy), interval(real.accuracy),
              number(100 * (sim.accuracy.value - real.accuracy.value), 1),
-             percent(run_metrics.baseline(store, run, members)),
+             percent(run_metrics.baseline_accuracy(store, run, members)),
              number(sim.median_error, 2, "m"), number(real.median_error, 2, "m"), str(sim.n))
         )  # fmt: skip
     level = bootstrap.LEVEL_TEXT
@@ -68,10 +68,10 @@ def sides(store: Store, run: str, members: Members) -> ReportTable:
     names = ("", "accuracy", "baseline", "median error", "mean error", "largest error",
              "median heading error", "n")  # fmt: skip
     fresh = run_metrics.held_out(store, run) & members
-    chance = percent(run_metrics.baseline(store, run, members))
+    chance = percent(run_metrics.baseline_accuracy(store, run, members))
     rows = []
     for side in SIDES:
-        found = run_metrics.headline(store, run, side, members)
+        found = run_metrics.side_metrics(store, run, side, members)
         rows.append(
             (side, interval(found.accuracy), chance, number(found.median_error, 2, "m"),
              number(found.mean_error, 2, "m"), number(_largest(store, run, side, fresh), 2, "m"),

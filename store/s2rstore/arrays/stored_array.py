@@ -4,7 +4,7 @@ Chunks are small for random reads of one instance; a shard is one work unit's fi
 one process. zarr encodes what is written. What is read is only of that form (`zarr_metadata`), by a
 reader of its own on `safe_files`: no link is followed, a shard that is missing is an error and
 never zeros, and no chunk takes more memory than its array's metadata says, none of which zarr can
-be told. It needs no import of zarr, either, and reads one instance in a third of the time.
+be configured. It needs no import of zarr, either, and reads one instance in a third of the time.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ _PARALLEL_CHUNKS = 8
 _PARALLEL_BYTES = 64 * 1024
 
 
-def plan(rows: int, item: tuple[int, ...], dtype: str, shard_rows: int) -> Layout:
+def plan_layout(rows: int, item: tuple[int, ...], dtype: str, shard_rows: int) -> Layout:
     """The layout of an array of `rows` items, with chunks of about 256 kB."""
     size = int(np.dtype(dtype).itemsize * np.prod(item, dtype=np.int64))
-    wanted = max(1, min(shard_rows, CHUNK_BYTES // max(size, 1)))
-    per_chunk = next(n for n in range(wanted, 0, -1) if shard_rows % n == 0)
+    requested = max(1, min(shard_rows, CHUNK_BYTES // max(size, 1)))
+    per_chunk = next(n for n in range(requested, 0, -1) if shard_rows % n == 0)
     return Layout((rows, *item), dtype, shard_rows, per_chunk)
 
 
 def create(
     path: Path, layout: Layout, attributes: dict[str, Any] | None = None, root: Path | None = None
 ) -> None:
-    """Make an empty array, or leave an equal one as it is.
+    """Create an empty array; an equal one is left unchanged.
 
     `root` is the store that `path` lies in; see `open_read`. Raises RequestError where another
     array lies there: stored arrays are never rewritten.
@@ -63,7 +63,7 @@ def create(
             raise RequestError(f"{path}: holds another array; run `s2r prune`, or remove it")
         return
     content = zarr_metadata.document(layout, attributes or {})
-    zarr_metadata.parsed(content, str(path))
+    zarr_metadata.parse_document(content, str(path))
     atomic_writes.write(root, document, content)
 
 
@@ -164,7 +164,7 @@ class StoredArray:
         return min(self.layout.shard_rows, self.shape[0] - shard * self.layout.shard_rows)
 
     def check(self, shard: int) -> None:
-        """Hold a shard's size, index and chunk headers against the metadata; decode nothing."""
+        """Check a shard's size, index and chunk headers against the metadata, without decoding."""
         name = self.file(shard)
         where = self._root / name
         chunks = -(-self.rows_in(shard) // self.layout.rows_per_chunk)
@@ -209,7 +209,7 @@ class StoredArray:
         if not length <= size <= most:
             raise _damaged(where, f"{size} bytes")
         content = os.pread(descriptor, length, size - length)
-        if len(content) != length or not _proves(content):
+        if len(content) != length or not _checksum_matches(content):
             raise _damaged(where, "the index does not fit its checksum")
         index = np.frombuffer(content, dtype="<u8", count=2 * layout.shard_chunks).reshape(-1, 2)
         known = index[(index != _ABSENT).all(axis=1)]
@@ -235,25 +235,27 @@ class StoredArray:
 
 
 class _Rows:
-    """Rows by their numbers or by a mask, each read once, in the order that is asked for."""
+    """Rows by their numbers or by a mask, in the requested order."""
 
     def __init__(self, array: StoredArray) -> None:
         self._array = array
 
     def __getitem__(self, rows: Any) -> NDArray[Any]:
         array = self._array
-        wanted = np.asarray(rows)
-        wanted = np.flatnonzero(wanted) if wanted.dtype == bool else wanted.astype(np.int64)
-        found = np.empty((wanted.size, *array.shape[1:]), dtype=array.dtype)
-        chunk = wanted // array.layout.rows_per_chunk
+        requested = np.asarray(rows)
+        requested = (
+            np.flatnonzero(requested) if requested.dtype == bool else requested.astype(np.int64)
+        )
+        found = np.empty((requested.size, *array.shape[1:]), dtype=array.dtype)
+        chunk = requested // array.layout.rows_per_chunk
         for number in np.unique(chunk):
             places = np.flatnonzero(chunk == number)
-            first, last = int(wanted[places].min()), int(wanted[places].max())
-            found[places] = array.rows(first, last + 1)[wanted[places] - first]
+            first, last = int(requested[places].min()), int(requested[places].max())
+            found[places] = array.rows(first, last + 1)[requested[places] - first]
         return found
 
 
-def _proves(content: bytes) -> bool:
+def _checksum_matches(content: bytes) -> bool:
     """Whether an index ends with its own CRC-32C."""
     import google_crc32c
 
@@ -270,7 +272,7 @@ def _reading(where: Path) -> Iterator[None]:
         message = f"{where}: missing; open the store again, or run `s2r verify`"
         raise RequestError(message) from error
     except OSError as error:
-        reason = safe_files.explained(error)
+        reason = safe_files.error_text(error)
         raise RequestError(f"{where}: cannot be read ({reason}); run `s2r verify`") from error
 
 
@@ -313,7 +315,7 @@ def _check_header(header: memoryview | bytes, size: int, chunk_bytes: int, where
     if header[2] >> 5 != _BLOSC_ZSTD or packed != size:
         raise _damaged(where, "a chunk is not compressed as Blosc with zstd")
     if total != chunk_bytes:
-        raise _damaged(where, f"a chunk of {total} bytes in place of {chunk_bytes}")
+        raise _damaged(where, f"a chunk of {total} bytes instead of {chunk_bytes}")
 
 
 def _damaged(where: Path, why: str) -> RequestError:
@@ -338,7 +340,7 @@ def open_read(path: Path, root: Path | None = None) -> StoredArray:
     """Open an array; `root` is the store that it lies in, by default the closest one above it.
 
     Raises RequestError where the array is missing, where a link leads to it, and where its
-    metadata is not of the form that is written here.
+    metadata is not of the form that this module writes.
     """
     root, relative = _place(path, root)
     try:
@@ -348,9 +350,9 @@ def open_read(path: Path, root: Path | None = None) -> StoredArray:
         what = "an array of Zarr format 2, which is not read" if old else "no such array"
         raise RequestError(f"{path}: {what}; run `s2r verify`") from error
     except OSError as error:
-        reason = safe_files.explained(error)
+        reason = safe_files.error_text(error)
         raise RequestError(f"{path}: unreadable metadata ({reason}); run `s2r verify`") from error
-    layout, attributes = zarr_metadata.parsed(content, str(path))
+    layout, attributes = zarr_metadata.parse_document(content, str(path))
     return StoredArray(root, relative, layout, attributes, hashlib.sha256(content).hexdigest())
 
 

@@ -1,4 +1,4 @@
-"""The `zarr.json` of an array: the one form that is written, and the only one that is read.
+"""Write and validate the `zarr.json` of an array, in the one form that a store holds.
 
 An array is Zarr format 3, cut along its first axis into shards and these into chunks, each chunk
 compressed by Blosc with zstd. A document is read by building the one that belongs to its shape,
@@ -106,16 +106,16 @@ def _document(layout: Layout, attributes: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def parsed(content: bytes, where: str) -> tuple[Layout, dict[str, str]]:
+def parse_document(content: bytes, where: str) -> tuple[Layout, dict[str, str]]:
     """Layout and attributes of a `zarr.json`. RequestError names the array and what is wrong."""
     try:
         found = parse_json(content, where)
         layout, attributes = _layout(found), _attributes(found["attributes"])
     except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
         raise _refused(where, f"{type(error).__name__}: {error}") from error
-    wanted = _document(layout, attributes)
-    for key in wanted.keys() | found.keys():
-        if _text(found.get(key)) != _text(wanted.get(key)):
+    expected = _document(layout, attributes)
+    for key in expected.keys() | found.keys():
+        if _text(found.get(key)) != _text(expected.get(key)):
             raise _refused(where, f"unexpected {key}")
     _check_sizes(layout, where)
     return layout, attributes

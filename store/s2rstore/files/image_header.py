@@ -1,7 +1,7 @@
 """What an image file declares about itself, read from its first bytes without decoding it.
 
 Decoders allocate what a header declares, so sizes are judged before a decoder sees the file.
-Formats are told by their content, never by a file's name. Sources: PNG specification, ITU-T T.81,
+Formats are recognised by content, never by file name. Sources: PNG specification, ITU-T T.81,
 TIFF 6.0, RFC 9649 (WebP), netpbm.
 """
 
@@ -68,7 +68,7 @@ def read_header(content: bytes) -> ImageHeader:
 
 
 def floor_plan_bytes(path: Path) -> bytes:
-    """The content of a store's floor plan, a whole PNG of a size that can be shown.
+    """The content of a store's floor plan, a whole PNG of a size that can be displayed.
 
     Raises RequestError, before anything is decoded.
     """

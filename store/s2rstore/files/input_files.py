@@ -1,4 +1,4 @@
-"""Reading files that somebody else wrote: regular files only, of bounded size, parsed safely.
+"""Read files of unknown origin: regular files only, of bounded size, parsed safely.
 
 A pipe or a device would block or never end, and a huge or deeply nested document would exhaust
 memory; each of them is a RequestError that names the file.
@@ -13,6 +13,7 @@ import os
 import re
 import stat
 import tomllib
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,11 +25,11 @@ from s2rstore.errors import RequestError
 
 T = TypeVar("T")
 
-MOST_JSON = 8 << 20
+MAX_JSON_BYTES = 8 << 20
 """Bytes of a JSON document. Parsed, it takes up to 50 times as much memory."""
-MOST_TOML = 1 << 20
+MAX_TOML_BYTES = 1 << 20
 """Bytes of a TOML document: a thousand times what the configurations here need."""
-_MOST_KEY_PARTS = 32
+_MAX_KEY_PARTS = 32
 """Parts of a dotted TOML key; tomllib's memory grows with the square of their number."""
 _SPECIAL_KINDS = (
     (stat.S_ISDIR, "a folder"),
@@ -82,24 +83,24 @@ def open_regular(path: Path) -> Iterator[io.BufferedReader]:
             raise RequestError(f"{path}: cannot be read ({_reason(error)})") from error
 
 
-def read_bytes(path: Path, most: int) -> bytes:
-    """The content of a regular file of at most `most` bytes, else RequestError."""
+def read_bytes(path: Path, limit: int) -> bytes:
+    """The content of a regular file of at most `limit` bytes, else RequestError."""
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
-        if size > most:
-            raise RequestError(f"{path}: {size:,} bytes; at most {most:,} are read")
+        if size > limit:
+            raise RequestError(f"{path}: {size:,} bytes; at most {limit:,} are read")
         content = bytearray()
-        while block := file.read(min(1 << 24, most + 1 - len(content))):
+        while block := file.read(min(1 << 24, limit + 1 - len(content))):
             content += block
-            if len(content) > most:
-                raise RequestError(f"{path}: more than {most:,} bytes, which is the most read")
+            if len(content) > limit:
+                raise RequestError(f"{path}: more than {limit:,} bytes, the limit")
     return bytes(content)
 
 
-def read_text(path: Path, most: int) -> str:
+def read_text(path: Path, limit: int) -> str:
     """The text of a UTF-8 file; a byte order mark is dropped."""
     try:
-        return read_bytes(path, most).decode("utf-8-sig")
+        return read_bytes(path, limit).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise RequestError(f"{path}: not UTF-8 at byte {error.start}; save it as UTF-8") from error
 
@@ -115,19 +116,19 @@ def digest(file: io.BufferedReader | io.FileIO) -> str:
     return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def read_json(path: Path, most: int = MOST_JSON) -> Any:
-    """The value of a JSON file of at most `most` bytes; RequestError for anything else."""
-    return parse_json(read_text(path, most), str(path))
+def read_json(path: Path, limit: int = MAX_JSON_BYTES) -> Any:
+    """The value of a JSON file of at most `limit` bytes; RequestError for anything else."""
+    return parse_json(read_text(path, limit), str(path))
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The table of a TOML file; RequestError for anything that is no TOML."""
-    text = read_text(path, MOST_TOML)
+    """The table of a TOML file; RequestError for any other content."""
+    text = read_text(path, MAX_TOML_BYTES)
     try:
         _check_keys(text)
         return tomllib.loads(text)
     except RecursionError:
-        raise RequestError(f"{path}: no TOML that can be read (nested too deeply)") from None
+        raise RequestError(f"{path}: not readable as TOML (nested too deeply)") from None
     except ValueError as error:
         raise RequestError(f"{path}: no TOML ({_reason(error)})") from error
 
@@ -145,7 +146,7 @@ def parse_json(text: str | bytes, where: str) -> Any:
     try:
         return json.loads(text, object_pairs_hook=_unique)
     except RecursionError:
-        raise RequestError(f"{where}: no JSON that can be read (nested too deeply)") from None
+        raise RequestError(f"{where}: not readable as JSON (nested too deeply)") from None
     except ValueError as error:
         raise RequestError(f"{where}: no JSON ({_reason(error)})") from error
 
@@ -172,12 +173,11 @@ def parse_object(text: str | bytes, where: str) -> dict[str, Any]:
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    made = dict(pairs)
-    if len(made) < len(pairs):
-        seen: set[str] = set()
-        twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
-        raise ValueError(f"key {twice[:80]!r} stands twice")
-    return made
+    counts = Counter(key for key, _ in pairs)
+    for key, count in counts.items():
+        if count > 1:
+            raise ValueError(f"key {key[:80]!r} stands twice")
+    return dict(pairs)
 
 
 def _check_keys(text: str) -> None:
@@ -188,9 +188,9 @@ def _check_keys(text: str) -> None:
             parts = parts + 1 if dotted else 1
         elif token["dot"] is None and token["blank"] is None:
             parts = 0
-        if parts > _MOST_KEY_PARTS:
+        if parts > _MAX_KEY_PARTS:
             line = text.count("\n", 0, token.start()) + 1
-            raise ValueError(f"line {line}: a key of more than {_MOST_KEY_PARTS} parts")
+            raise ValueError(f"line {line}: a key of more than {_MAX_KEY_PARTS} parts")
         if token["blank"] is None:
             dotted = token["dot"] is not None and parts > 0
 

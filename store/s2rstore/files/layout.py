@@ -1,4 +1,4 @@
-"""Where things lie in a store folder, and the file that names the published generation."""
+"""The layout of a store folder, and the file that names the published generation."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def read_current(root: Path) -> Current:
         kind = "a file, no folder" if root.is_file() else kind
         raise RequestError(f"{root}: not a store ({kind}); make one with `s2r ingest`") from None
     except OSError as error:
-        where, reason = error.filename or path, safe_files.explained(error)
+        where, reason = error.filename or path, safe_files.error_text(error)
         raise RequestError(f"{where}: cannot be read ({reason}); check its permissions") from error
     current = decode_json(content, Current, str(path))
     if current.index != index_name(current.generation):
@@ -74,21 +74,21 @@ def write_current(root: Path, current: Current) -> None:
     atomic_writes.write(root, CURRENT, content)
 
 
-def inside(root: Path, relative: str | Path) -> Path:
-    """A path that a store's content names; RequestError where it leads out of the store."""
+def path_inside(root: Path, relative: str | Path) -> Path:
+    """A path that the index of a store names; RequestError where it leads out of the store."""
     safe_files.parts_of(root, relative)
     return root / relative
 
 
 def checked_hash(text: object, what: str) -> str:
-    """`text` where it is 16 to 64 lowercase hexadecimal digits, else RequestError."""
+    """Return `text`; raise RequestError unless it is 16 to 64 lowercase hexadecimal digits."""
     if not isinstance(text, str) or not _HASH.match(text):
         raise RequestError(f"{what} {repr(text)[:80]}: not 16 to 64 hexadecimal digits (0-9, a-f)")
     return text
 
 
 def checked_name(name: str, what: str) -> str:
-    """`name` where it can be a folder's name and a word of the language, else RequestError."""
+    """Return `name`; raise RequestError unless it can name a folder and stand in an expression."""
     if not _NAME.match(name) or ".." in name:
         raise RequestError(
             f"{what} {name!r}: use letters, digits and _ . + - (at most 80, the first no sign)"

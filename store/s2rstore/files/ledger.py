@@ -19,8 +19,8 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 
 _COMPACTED = f"{layout.LEDGER}/compacted.jsonl"
-_LONGEST_LINE = 65_536
-_LARGEST_FILE = 2 << 30
+_MAX_LINE = 65_536
+_MAX_FILE = 2 << 30
 """Bytes of one process' file: some 8 million entries."""
 
 
@@ -38,7 +38,7 @@ _DECODER = msgspec.json.Decoder(LedgerEntry)
 
 
 class Ledger:
-    """All entries of a store, and the door through which this process adds its own."""
+    """The ledger of a store: reads all entries, adds those of this process."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
@@ -51,14 +51,14 @@ class Ledger:
                 yield entry
 
     def unreadable_lines(self) -> int:
-        """How many lines are no entry: unfinished by a killed process, or damaged."""
+        """The number of lines without an entry: unfinished by a killed process, or damaged."""
         return sum(_parsed(line) is None for line in self._lines())
 
     def _lines(self) -> Iterator[bytes]:
         for name in self._files():
             with io.BufferedReader(safe_files.open_read(self._root, name)) as file:
                 size = os.fstat(file.fileno()).st_size
-                if size > _LARGEST_FILE:
+                if size > _MAX_FILE:
                     raise RequestError(f"{self._root / name}: {size} bytes; restore the ledger")
                 yield from _lines_of(file)
 
@@ -82,21 +82,21 @@ class Ledger:
         atomic_writes.sync(self._root, own)
 
     def by_path(self) -> dict[str, list[LedgerEntry]]:
-        """Entries grouped by file: a file that was made again has several."""
+        """Entries grouped by file; a file that was written several times has several."""
         grouped: dict[str, list[LedgerEntry]] = {}
         for entry in self.entries():
             grouped.setdefault(entry.path, []).append(entry)
         return grouped
 
     def proves(self, entries: list[LedgerEntry]) -> bool:
-        """Whether one of the entries of a file states its size and checksum.
+        """Whether one of a file's entries states its size and checksum.
 
         Raises LinkError where the path leads through a symbolic link.
         """
         return self.proof(entries) is not None
 
     def proof(self, entries: list[LedgerEntry]) -> LedgerEntry | None:
-        """The entry that states the size and checksum of the file that lies there."""
+        """The entry that states the present size and checksum of its file; None without one."""
         if not entries:
             return None
         path = entries[0].path
@@ -110,12 +110,12 @@ class Ledger:
         known = (each for each in entries if (each.bytes, each.checksum) == (size, checksum))
         return next(known, None)
 
-    def forget(self, gone: set[str]) -> None:
-        """Drop the entries of files that were removed, by their paths inside the store.
+    def remove_entries(self, removed: set[str]) -> None:
+        """Remove the entries of removed files, given by their paths inside the store.
 
         Only for the holder of the store's compute lock: other processes must not be adding.
         """
-        lines = "".join(_line(entry) for entry in self.entries() if entry.path not in gone)
+        lines = "".join(_line(entry) for entry in self.entries() if entry.path not in removed)
         old = self._files()
         atomic_writes.write(self._root, _COMPACTED, lines.encode())
         for path in old:
@@ -124,8 +124,8 @@ class Ledger:
 
 
 def _lines_of(file: BinaryIO) -> Iterator[bytes]:
-    """Lines that are not empty; of one that is far too long, pieces, which are no entries."""
-    while line := file.readline(_LONGEST_LINE):
+    """Lines that are not empty; a line that is far too long comes in pieces, which do not parse."""
+    while line := file.readline(_MAX_LINE):
         if line != b"\n":
             yield line.rstrip(b"\n")
 

@@ -20,46 +20,46 @@ from s2rstore.files import layout, safe_files
 
 
 @contextmanager
-def publish_lock(root: Path, patience: float = 120.0) -> Iterator[None]:
-    """Wait up to `patience` seconds for other publishers; StoreBusyError after that."""
-    with _locked(root, "publish", patience):
+def publish_lock(root: Path, timeout: float = 120.0) -> Iterator[None]:
+    """Wait up to `timeout` seconds for other publishers; StoreBusyError after that."""
+    with _locked(root, "publish", timeout):
         yield
 
 
 @contextmanager
-def compute_lock(root: Path, patience: float = 0.0) -> Iterator[None]:
-    """Hold the store's computation; StoreBusyError names the process that has it."""
-    with _locked(root, "compute", patience):
+def compute_lock(root: Path, timeout: float = 0.0) -> Iterator[None]:
+    """Hold the compute lock; StoreBusyError names the process that holds it already."""
+    with _locked(root, "compute", timeout):
         yield
 
 
 @contextmanager
-def file_lock(path: Path, patience: float = 120.0) -> Iterator[None]:
-    """Wait up to `patience` seconds for others that replace this file; StoreBusyError after it."""
+def file_lock(path: Path, timeout: float = 120.0) -> Iterator[None]:
+    """Wait up to `timeout` seconds for other writers of this file; StoreBusyError after that."""
     with suppress(OSError):
         path.parent.mkdir(exist_ok=True)
     lock = path.with_name(f".{path.name}.lock")
-    with _held(partial(safe_files.lock_beside, lock), path, "writing", patience):
+    with _held(partial(safe_files.open_lock, lock), path, "writing", timeout):
         yield
 
 
 @contextmanager
-def _locked(root: Path, what: str, patience: float) -> Iterator[None]:
+def _locked(root: Path, what: str, timeout: float) -> Iterator[None]:
     lock = f"{layout.LEDGER}/{what}.lock"
-    with _held(partial(safe_files.lock_file, root, lock), root, what, patience):
+    with _held(partial(safe_files.open_store_lock, root, lock), root, what, timeout):
         yield
 
 
 @contextmanager
-def _held(opened: Callable[[], int], named: Path, what: str, patience: float) -> Iterator[None]:
+def _held(open_lock: Callable[[], int], path: Path, name: str, timeout: float) -> Iterator[None]:
     try:
-        descriptor = opened()
+        descriptor = open_lock()
     except OSError as error:
         raise RequestError(
-            f"{named}: the {what} lock cannot be opened ({error.strerror})"
+            f"{path}: the {name} lock cannot be opened ({error.strerror})"
         ) from error
     try:
-        _wait(descriptor, named, what, patience)
+        _wait(descriptor, path, name, timeout)
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
         yield
@@ -67,8 +67,8 @@ def _held(opened: Callable[[], int], named: Path, what: str, patience: float) ->
         os.close(descriptor)
 
 
-def _wait(descriptor: int, root: Path, what: str, patience: float) -> None:
-    deadline = time.monotonic() + patience
+def _wait(descriptor: int, path: Path, name: str, timeout: float) -> None:
+    deadline = time.monotonic() + timeout
     while True:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -77,8 +77,8 @@ def _wait(descriptor: int, root: Path, what: str, patience: float) -> None:
             if time.monotonic() >= deadline:
                 holder = os.pread(descriptor, 200, 0).decode(errors="replace") or "another process"
                 raise StoreBusyError(
-                    f"{root}: {holder} holds the {what} lock; wait for it, or stop it"
+                    f"{path}: {holder} holds the {name} lock; wait for it, or stop it"
                 ) from None
             time.sleep(0.05)
         except OSError as error:  # a file system without locks
-            raise RequestError(f"{root}: cannot be locked ({error.strerror})") from error
+            raise RequestError(f"{path}: cannot be locked ({error.strerror})") from error

@@ -259,13 +259,13 @@ def walk(root: Path, relative: str | Path = "") -> Iterator[FolderEntry]:
                 waiting.append(entry.path)
 
 
-def lock_file(root: Path, relative: str | Path) -> int:
-    """A descriptor of a file that is only locked; it is made where it is missing."""
+def open_store_lock(root: Path, relative: str | Path) -> int:
+    """A descriptor of a lock file, which is created where it is missing."""
     return open_regular(root, relative, os.O_RDWR | os.O_CREAT | FILE_FLAGS)
 
 
-def lock_beside(path: Path) -> int:
-    """As `lock_file`, for a file outside of a store: its folder may be reached by links."""
+def open_lock(path: Path) -> int:
+    """As `open_store_lock`, for a file outside of a store: its folder may be reached by links."""
     try:
         return _checked_descriptor(os.open(path, os.O_RDWR | os.O_CREAT | FILE_FLAGS, 0o666), path)
     except OSError as error:
@@ -274,8 +274,8 @@ def lock_beside(path: Path) -> int:
         raise
 
 
-def explained(error: OSError) -> str:
+def error_text(error: OSError) -> str:
     """Why a file could not be read or written, in words."""
     if error.errno in (errno.ENOTDIR, errno.EISDIR):
-        return "a folder stands where a file belongs, or a file where a folder belongs"
+        return "a folder in place of a file, or a file in place of a folder"
     return error.strerror or type(error).__name__

@@ -52,7 +52,7 @@ class NightlyEstimate:
 
 @dataclass(frozen=True, slots=True)
 class Night:
-    """One row of `night` with the figures that it shares; what is unknown is NaN or None."""
+    """One row of `night` with the figures that it shares; unknown figures are NaN or None."""
 
     id: int
     name: str
@@ -85,7 +85,7 @@ class Night:
 
     @property
     def stale(self) -> bool:
-        """Whether nothing new was recorded for too long."""
+        """Whether the newest evidence is too old."""
         return self.evidence_age > self.stale_after
 
     @property
@@ -98,7 +98,7 @@ class Night:
 class History:
     """All rows of a history, by night and order of writing; equal only to itself.
 
-    `recorded` is the first night that saw a part of the evidence, by configuration and part;
+    `recorded` is the first night that used a part of the evidence, by configuration and part;
     `last_id` is the largest id that was ever used, withdrawn nights included.
     """
 
@@ -106,44 +106,44 @@ class History:
     recorded: Mapping[tuple[str, str], datetime.date] = field(default_factory=dict)
     last_id: int = 0
 
-    def counting(self, name: str) -> tuple[Night, ...]:
-        """The nights of one configuration, each once."""
+    def of_configuration(self, name: str) -> tuple[Night, ...]:
+        """The nights of one configuration; the last record of each counts."""
         return tuple({n.night: n for n in self.nights if n.name == name}.values())
 
     def of_run(self, run: str, dataset: str) -> tuple[Night, ...]:
-        """The nights of a run, each once; of several configurations those that ran last.
+        """The nights of a run, from the configuration that ran last.
 
-        A data set is known by its name: what is recorded anew every day has another hash.
+        A data set is identified by its name: recordings of another day have another hash.
         """
         mine = [n for n in self.nights if (n.run, n.dataset) == (run, dataset)]
         if not mine:
             return ()
         name = max(mine, key=lambda night: (night.night, night.id)).name
-        return tuple(night for night in self.counting(name) if night in mine)
+        return tuple(night for night in self.of_configuration(name) if night in mine)
 
-    def shown_runs(self, dataset: str) -> tuple[str, ...]:
+    def runs(self, dataset: str) -> tuple[str, ...]:
         """The runs of a data set that have nights."""
         runs = (n.run for n in self.nights if n.dataset == dataset)
         return tuple(dict.fromkeys(runs))
 
 
-def path_in(store: Path) -> Path:
-    """Where a store keeps its own history."""
+def history_path(store: Path) -> Path:
+    """The path of the history inside a store."""
     return store / layout.HISTORY / "gap.duckdb"
 
 
-def check_place(path: Path) -> None:
-    """Raises RequestError where a store's own history is a link, a folder or a device.
+def refuse_link(path: Path) -> None:
+    """Raise RequestError where the history inside a store is a link, a folder or a device.
 
-    A history that lies elsewhere is the user's, who may link it.
+    A history elsewhere belongs to the user, who may link it.
     """
     store = path.parent.parent
-    if path == path_in(store) and safe_files.kind(store, layout.CURRENT) is not None:
+    if path == history_path(store) and safe_files.kind(store, layout.CURRENT) is not None:
         safe_files.checked_path(store, path.relative_to(store))
 
 
-def stamp(path: Path) -> Stamp | None:
-    """What changes whenever the file is replaced; None where there is none."""
+def file_stamp(path: Path) -> Stamp | None:
+    """A value that changes when the file is replaced; None where it is missing."""
     try:
         found = path.stat()
     except OSError:
@@ -202,7 +202,7 @@ def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
     The file is attached to a database of its own each time: DuckDB would give a second connection
     to one path the content that the first one saw.
     """
-    check_place(path)
+    refuse_link(path)
     path = path.resolve()
     if not path.is_file():
         raise RequestError(f"{path}: no history; `s2r nightly CONFIG.toml` writes one")
@@ -220,8 +220,8 @@ def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
 def tables_of(connection: duckdb.DuckDBPyConnection, database: str) -> tuple[Table, ...]:
     """The known tables that an attached history has; old ones lack those of withdrawn nights."""
     query = "SELECT table_name FROM duckdb_tables() WHERE database_name = ?"
-    there = {row[0] for row in connection.execute(query, [database]).fetchall()}
-    return tuple(table for table in schema.TABLES if table.name in there)
+    present = {row[0] for row in connection.execute(query, [database]).fetchall()}
+    return tuple(table for table in schema.TABLES if table.name in present)
 
 
 def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:
@@ -229,18 +229,18 @@ def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:
     names = ", ".join(f'"{name}"' for name in known.column_names)
     query = f'SELECT {names} FROM history."{table}" ORDER BY {", ".join(known.order)}'
     found = connection.execute(query).fetchall()
-    shown = (tuple(_shown(value) for value in row) for row in found)
-    return [dict(zip(known.column_names, row, strict=True)) for row in shown]
+    printed = (tuple(_printable(value) for value in row) for row in found)
+    return [dict(zip(known.column_names, row, strict=True)) for row in printed]
 
 
-def _shown(value: Any) -> Any:
+def _printable(value: Any) -> Any:
     return printable(value) if isinstance(value, str) else value
 
 
-def _grouped(rows: Sequence[Row], made: Any) -> dict[int, tuple[Any, ...]]:
+def _grouped(rows: Sequence[Row], parse: Any) -> dict[int, tuple[Any, ...]]:
     grouped: dict[int, list[Any]] = {}
     for row in rows:
-        grouped.setdefault(row["measured"], []).append(made(row))
+        grouped.setdefault(row["measured"], []).append(parse(row))
     return {measured: tuple(parts) for measured, parts in grouped.items()}
 
 

@@ -5,7 +5,7 @@ SQL NULL stands for what is missing, never NaN.
 
 from __future__ import annotations
 
-from s2rstore.gap_history.gate_status import CODES_TOLD
+from s2rstore.gap_history.gate_status import EXIT_CODES_TEXT
 from s2rstore.index.schema import Column, Table, statements_of
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 
@@ -19,7 +19,7 @@ BOUNDS = {
 
 def _bounds(name: str, comment: str) -> tuple[Column, ...]:
     return tuple(
-        Column(f"{name}{end}", "DOUBLE", f"{comment}{told}") for end, told in BOUNDS.items()
+        Column(f"{name}{end}", "DOUBLE", f"{comment}{suffix}") for end, suffix in BOUNDS.items()
     )
 
 
@@ -46,7 +46,7 @@ _MEASURED: tuple[Table, ...] = (
                 "PASS, FAIL or INCONCLUSIVE: headline, golden run and age of the evidence; "
                 "ERROR = the request does not fit what is there",
             ),
-            Column("exit_code", "INTEGER", CODES_TOLD),
+            Column("exit_code", "INTEGER", EXIT_CODES_TEXT),
             Column("headline", "VARCHAR", "PASS, FAIL or INCONCLUSIVE: the worst axis"),
             *_bounds("gap", "G of the worst axis; 0 = no gap, 100 = the declared bad state"),
             Column("worst", "VARCHAR", "the worst axis; NULL = none was judged"),
@@ -151,5 +151,5 @@ VIEWS: tuple[str, ...] = (_VIEW,)
 
 def statements() -> list[str]:
     """The SQL that makes an empty history, comments included."""
-    made = [statement for table in TABLES for statement in statements_of(table)]
-    return [*made, _VIEW, "COMMENT ON VIEW gap IS 'one row per night that counts and axis'"]
+    sql = [statement for table in TABLES for statement in statements_of(table)]
+    return [*sql, _VIEW, "COMMENT ON VIEW gap IS 'one row per night that counts and axis'"]

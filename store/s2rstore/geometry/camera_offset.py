@@ -61,14 +61,14 @@ def camera_move(chain: Sequence[Mapping[str, Any]], domain: Domain, width: int) 
         if step["name"] in total:
             total[str(step["name"])] += float(step["value"])
     zoom, now = 1.0, hfov(domain.rgb, width)
-    wanted = now + total[FOV]
+    target = now + total[FOV]
     if total[FOV]:
-        if not _FOVS[0] <= wanted <= _FOVS[1]:
+        if not _FOVS[0] <= target <= _FOVS[1]:
             span = f"{_FOVS[0] - now:+.0f} .. {_FOVS[1] - now:+.0f}"
             raise RequestError(
                 f"{FOV}={total[FOV]:g}: domain {domain.domain} allows {span} degrees"
             )
-        zoom = math.tan(math.radians(now) / 2) / math.tan(math.radians(wanted) / 2)
+        zoom = math.tan(math.radians(now) / 2) / math.tan(math.radians(target) / 2)
     if total[HEIGHT] and domain.camera_height + total[HEIGHT] < _LEAST_HEIGHT:
         raise RequestError(
             f"{HEIGHT}={total[HEIGHT]:g}: the camera of domain {domain.domain} is only "

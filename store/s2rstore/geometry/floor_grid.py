@@ -58,12 +58,12 @@ class MapGrid:
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = self._sum / self._count
         planes = [mean, self._max, self._sum, self._count]
-        made = np.stack([np.where(empty, np.nan, plane) for plane in planes[:3]] + [self._count])
-        return made.reshape(4, self.rows, self.cols).astype(np.float32)
+        stacked = np.stack([np.where(empty, np.nan, plane) for plane in planes[:3]] + [self._count])
+        return stacked.reshape(4, self.rows, self.cols).astype(np.float32)
 
 
 class Projector:
-    """Back-projects heat of one domain's frames; ray tables are made once.
+    """Back-projects heat of one domain's frames; ray tables are computed once.
 
     Sampling is SAMPLES x SAMPLES depth pixels per frame, each along the ray through its centre.
     Heat of RGB origin is looked up where each depth ray falls in the RGB image; what that image
@@ -86,18 +86,18 @@ class Projector:
         self._rays = camera.rays(domain.depth, v, u)
         self._low, self._high = _raw_range(self._rays.up.ravel(), domain, heights)
         self._shares = v / frame[0], u / frame[1]
-        u, v, self._seen = camera.into_rgb(self._rays, domain.rgb, frame)
+        u, v, self._visible = camera.into_rgb(self._rays, domain.rgb, frame)
         self._u, self._v = u / frame[1], v / frame[0]
         self._lookups: dict[tuple[int, int, Ray], _Lookup] = {}
 
     def lookup(self, shape: tuple[int, int], ray: Ray) -> NDArray[np.int64]:
-        """Flat index into a heatmap of (rows, cols) for each depth sample; -1 where unseen."""
+        """Flat index into a heatmap of (rows, cols) for each depth sample; -1 where not visible."""
         if ray == "depth":
             across = (self._shares[1] * shape[1]).astype(np.int64)
             return (self._shares[0] * shape[0]).astype(np.int64)[:, None] * shape[1] + across
         rows = np.clip(np.floor(self._v * shape[0]), 0, shape[0] - 1)
         cols = np.clip(np.floor(self._u * shape[1]), 0, shape[1] - 1)
-        return np.where(self._seen, rows * shape[1] + cols, -1).astype(np.int64)
+        return np.where(self._visible, rows * shape[1] + cols, -1).astype(np.int64)
 
     def points(
         self, depth: NDArray[np.uint8] | NDArray[np.uint16], poses: NDArray[np.float64]
@@ -126,7 +126,7 @@ class Projector:
         `heat` (n, h, w) of any size over the whole image, NaN = no value; `depth` (n, H, W);
         `poses` (n, 3). One image at a time stays in the processor's cache.
         """
-        lookup = self._seen_lookup((heat.shape[1], heat.shape[2]), ray)
+        lookup = self._visible_lookup((heat.shape[1], heat.shape[2]), ray)
         flat = heat.reshape(len(heat), heat.shape[1] * heat.shape[2])
         parts = [self._one(*item, lookup, grid) for item in zip(flat, depth, poses, strict=True)]
         if not parts:
@@ -156,15 +156,15 @@ class Projector:
         keep = (cells >= 0) & np.isfinite(values)
         return cells[keep], values[keep]
 
-    def _seen_lookup(self, shape: tuple[int, int], ray: Ray) -> _Lookup:
+    def _visible_lookup(self, shape: tuple[int, int], ray: Ray) -> _Lookup:
         """The samples that can carry heat of this shape, with all that is known beforehand."""
         key = *shape, ray
         if key not in self._lookups:
             cells = self.lookup(shape, ray).ravel()
-            seen = np.flatnonzero((cells >= 0) & (self._low <= self._high))
+            visible = np.flatnonzero((cells >= 0) & (self._low <= self._high))
             self._lookups[key] = _Lookup(
-                self._pixels[seen], self._low[seen], self._high[seen], cells[seen],
-                self._rays.right.ravel()[seen], self._rays.forward.ravel()[seen],
+                self._pixels[visible], self._low[visible], self._high[visible], cells[visible],
+                self._rays.right.ravel()[visible], self._rays.forward.ravel()[visible],
             )  # fmt: skip
         return self._lookups[key]
 
@@ -214,7 +214,7 @@ class FloorHeat:
         poses: NDArray[np.float64],
         ray: Ray,
     ) -> None:
-        """Add heat (n, h, w) at `depth` (n, H, W), seen from `poses` (n, 3), to a grid."""
+        """Add heat (n, h, w) at `depth` (n, H, W), taken at `poses` (n, 3), to a grid."""
         grid.add(*self._projector.project(heat, depth, poses, ray, grid))
 
 

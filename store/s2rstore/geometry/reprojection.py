@@ -1,4 +1,4 @@
-"""Two camera rigs at one pose: where a pixel of one falls in the other, and the nearer surface."""
+"""Reproject pixels of one camera rig into another at the same pose, and find the nearer surface."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _ROWS = 8
 
 @dataclass(frozen=True, slots=True)
 class RigOffset:
-    """What a declared rig is off by: metres of height, a factor of the focal lengths."""
+    """Offset of a declared rig: metres of height, and a factor of the focal lengths."""
 
     height: float = 0.0
     zoom: float = 1.0
 
     def applied(self, domain: Domain) -> Domain:
-        """The domain as it really is."""
+        """The domain with the offset applied."""
         return replace(
             domain, rgb=_zoomed(domain.rgb, self.zoom), depth=_zoomed(domain.depth, self.zoom),
             camera_height=domain.camera_height + self.height,
@@ -35,7 +35,7 @@ def _zoomed(lens: Intrinsics, zoom: float) -> Intrinsics:
 
 
 class Reprojection:
-    """What the pixels of one camera (`lens` of the rig `view`) see, in another rig's cameras."""
+    """Maps pixels of one camera (`lens` of the rig `view`) to the cameras of another rig."""
 
     def __init__(
         self, view: Domain, lens: Intrinsics, other: Domain, frame: tuple[int, int]
@@ -68,7 +68,7 @@ class Reprojection:
 
 
 class NearerSurface:
-    """For each depth pixel of one rig, the nearer of what the two rigs see along its ray."""
+    """Depth of one rig, shortened to the nearer of the surfaces that both rigs measure."""
 
     def __init__(self, view: Domain, other: Domain, frame: tuple[int, int]) -> None:
         self._view, self._other = view, other
@@ -87,14 +87,14 @@ class NearerSurface:
 
     def _some(self, depth: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
         a, b = self._view, self._other
-        known = (depth >= a.depth_raw_min) & (depth <= a.depth_raw_max)
-        metres = np.where(known, depth * np.float64(a.depth_scale), np.nan)
+        valid = (depth >= a.depth_raw_min) & (depth <= a.depth_raw_max)
+        metres = np.where(valid, depth * np.float64(a.depth_scale), np.nan)
         u, v, expected, inside = self._crossing.targets(metres, b.depth)
         col, row = (np.where(inside, value, 0).astype(np.intp) for value in (u, v))
-        seen = other[np.arange(len(other))[:, None, None], row, col]
-        measured = inside & (seen >= b.depth_raw_min) & (seen <= b.depth_raw_max)
+        values = other[np.arange(len(other))[:, None, None], row, col]
+        measured = inside & (values >= b.depth_raw_min) & (values <= b.depth_raw_max)
         with np.errstate(invalid="ignore", divide="ignore"):
-            share = np.where(measured, seen * np.float64(b.depth_scale) / expected, 1.0)
+            share = np.where(measured, values * np.float64(b.depth_scale) / expected, 1.0)
         nearer = np.rint(depth * np.minimum(share, 1.0))
         least = np.maximum(nearer, a.depth_raw_min)
         return np.where(measured, least, depth).astype(depth.dtype)
@@ -123,7 +123,7 @@ class HeatSurface:
 
     @property
     def needs_other(self) -> bool:
-        """Whether `depth` wants the other rig's images too."""
+        """Whether `depth` needs the images of the other rig."""
         return self._nearer is not None
 
     def depth(self, own: NDArray[Any], other: NDArray[Any] | None) -> NDArray[Any]:

@@ -1,4 +1,4 @@
-"""The index of a store at one generation: its tables as records."""
+"""Read the tables of a store's index, at one generation, as records."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ class IndexCatalog:
     """The tables of an open index; any thread may read them."""
 
     def __init__(self, path: str | Path, memory: str = "", generation: int | None = None) -> None:
-        """At the published generation, or at an earlier one; `memory`: see `locked_connection.connect`.
+        """Open the published generation, or an earlier one.
+
+        `memory` limits DuckDB, see `locked_connection.connect`.
 
         Raises RequestError where `path` holds no store that this version can read.
         """
@@ -61,10 +63,10 @@ class IndexCatalog:
             raise
 
     def _check_rows(self) -> None:
-        """Raises RequestError where a small table holds what the program must not rely on."""
+        """Raise RequestError where a row of a small table is invalid."""
         filled = self.execute("SELECT count(*) FROM dataset") != [(0,)]
         tables = ["trajectories", "rooms", "domains", "models", "runs"]
-        for name, most in row_check.MOST_ROWS.items():
+        for name, most in row_check.MAX_ROWS.items():
             (count,) = self.execute(f'SELECT count(*) FROM "{name}"')[0]
             if count > most:
                 raise RequestError(f"{self._index}: table {name}: {count} rows, at most {most}")
@@ -72,7 +74,7 @@ class IndexCatalog:
             getattr(self, table)  # checks what it reads
 
     def close(self) -> None:
-        """Let the index go."""
+        """Close the index."""
         with self._lock:
             opened, self._opened = self._opened, None
         if opened is not None:
@@ -104,14 +106,14 @@ class IndexCatalog:
         Columns that an earlier release did not write are None.
         """
         return [
-            {name: _shown(name, value) for name, value in row.items()}
+            {name: _printable(name, value) for name, value in row.items()}
             for row in self._stored_rows(table)
         ]
 
     def _stored_rows(self, table: str) -> list[dict[str, Any]]:
         known = schema.BY_NAME[table]
-        lacking = self.lacking(table)
-        listed = ["NULL" if name in lacking else f'"{name}"' for name in known.column_names]
+        missing = self.missing_columns(table)
+        listed = ["NULL" if name in missing else f'"{name}"' for name in known.column_names]
         query = f'SELECT {", ".join(listed)} FROM "{table}" ORDER BY {", ".join(known.order)}'
         try:
             found = self.execute(query)
@@ -146,23 +148,23 @@ class IndexCatalog:
         """Rectangles in order of precedence."""
         rows = self._stored_rows("room")
         row_check.check_rooms(self._index, rows)
-        shown = {stored: name for name, stored in self.stored_rooms.items()}
-        return tuple(Room(**row | {"room": shown[row["room"]]}) for row in rows)
+        displayed = {stored: name for name, stored in self.stored_rooms.items()}
+        return tuple(Room(**row | {"room": displayed[row["room"]]}) for row in rows)
 
     @cached_property
     def stored_rooms(self) -> dict[str, str]:
-        """The names of rooms as they are shown and typed, with the index's own, by precedence.
+        """The displayed names of rooms, which users type, with those in the index, by precedence.
 
         They differ where a name holds characters that are not printable. Raises RequestError
-        where two names would be shown alike.
+        where two names are displayed alike.
         """
         names: dict[str, str] = {}
         for row in self._stored_rows("room"):
-            shown = printable(row["room"])
-            if names.setdefault(shown, row["room"]) != row["room"]:
+            displayed = printable(row["room"])
+            if names.setdefault(displayed, row["room"]) != row["room"]:
                 raise RequestError(
-                    f'{self.path}: two rooms are both shown as "{shown}", because one name holds '
-                    "control characters; rename it in the source and ingest again"
+                    f'{self.path}: two rooms are both displayed as "{displayed}", because one name '
+                    "holds control characters; rename it in the source and ingest again"
                 )
         return names
 
@@ -202,8 +204,8 @@ class IndexCatalog:
             raise RequestError(f"run {name!r}: not in {self.path} (runs: {known})")
         return self.runs[name]
 
-    def lacking(self, table: str) -> frozenset[str]:
-        """The columns that this index, written by an earlier release, does not have."""
+    def missing_columns(self, table: str) -> frozenset[str]:
+        """The columns that an index of an earlier release does not have."""
         optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
         if not optional:
             return frozenset()
@@ -223,12 +225,12 @@ class IndexCatalog:
         return self.provenance(schema.CHECKSUMS)
 
     def provenance_object(self, what: str, key: str) -> dict[str, Any]:
-        """One fact that is a JSON object; empty where it was not noted. Raises RequestError."""
+        """A fact that is a JSON object; empty where it was not recorded. Raises RequestError."""
         text = self.provenance(what).get(key, "{}")
         return parse_object(text, f"{self.path}: provenance of {what}: {key}")
 
-    def correction(self, sim: str, real: str) -> RigOffset | None:
-        """What the declared real rig was found to be off by; None where nobody has looked."""
+    def rig_offset(self, sim: str, real: str) -> RigOffset | None:
+        """Offset of the declared real rig, as calibrated; None where it was not calibrated."""
         noted = self.provenance(f"alignment:{sim}|{real}")
         try:
             if not noted:
@@ -238,8 +240,10 @@ class IndexCatalog:
                 raise ValueError("out of range")
             return found
         except (KeyError, ValueError) as error:
-            message = f"{self.path}: the alignment of {sim} and {real} makes no sense"
-            raise RequestError(message) from error
+            raise RequestError(
+                f"{self.path}: the calibration of {sim} and {real} is invalid; "
+                "run `s2r precompute` again"
+            ) from error
 
     @cached_property
     def _array_records(self) -> dict[str, list[ArrayRecord]]:
@@ -253,7 +257,7 @@ class IndexCatalog:
         return list(self._array_records.get(self.run(run).run, ()))
 
 
-def _shown(column: str, value: Any) -> Any:
+def _printable(column: str, value: Any) -> Any:
     if not isinstance(value, str):
         return value
     return printable_lines(value) if column in _JSON else printable(value)

@@ -20,7 +20,7 @@ _MOST_ROWS_PER_BYTE = 1.0
 """Rows of a table per byte of its file: real poses take more than a byte, repetitions do not."""
 
 # Objects of a database that can hold code or change what names mean. Macros come first: nothing
-# else may be asked before it is known that no function was replaced.
+# else may be queried before it is known that no function was replaced.
 _MACROS = "SELECT function_name FROM system.main.duckdb_functions() WHERE NOT internal"
 _OTHERS = """
     SELECT 'type', type_name FROM duckdb_types() WHERE NOT internal
@@ -46,7 +46,7 @@ def check(
     path: Path,
     database: str | None = None,
 ) -> None:
-    """Raises RequestError where the catalog of `database` differs from what `path` should hold.
+    """Raise RequestError where the catalog of `database` differs from what `path` should hold.
 
     `views` are the statements that may have made its views. The database is the connection's own
     unless another one, which was attached, is named.
@@ -106,15 +106,15 @@ def _check_tables(
             continue
         if known.name not in found:
             raise RequestError(f"{path}: no table {known.name}; run `s2r verify`")
-        for wanted in known.columns:
-            kind, default = found[known.name].get(wanted.name, ("", None))
-            if not kind and wanted.optional:
+        for expected in known.columns:
+            kind, default = found[known.name].get(expected.name, ("", None))
+            if not kind and expected.optional:
                 continue
-            if kind != wanted.type or default is not None:
+            if kind != expected.type or default is not None:
                 has = f"{kind} {default or ''}".strip() or "missing"
                 raise RequestError(
-                    f"{path}: table {known.name}: column {wanted.name} is {has}, "
-                    f"expected {wanted.type}; run `s2r verify`"
+                    f"{path}: table {known.name}: column {expected.name} is {has}, "
+                    f"expected {expected.type}; run `s2r verify`"
                 )
     _check_counts(connection, path, database)
 

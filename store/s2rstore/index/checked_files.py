@@ -1,4 +1,4 @@
-"""Remembering, in the user's cache folder, the contents of files that were found right.
+"""Remember, in the user's cache folder, which index files passed the catalog check.
 
 Comparing the catalog of an index with the known tables takes 60 ms in a new process, more than
 all else that opening an index does; hashing it takes 2 ms. So a file is compared once per content.
@@ -14,17 +14,17 @@ import stat
 from contextlib import suppress
 from pathlib import Path
 
-LARGEST = 16 << 20
-"""Bytes; larger files are not hashed, because opening them takes far longer than comparing."""
+MAX_BYTES = 16 << 20
+"""Bytes; larger files are not hashed, because opening them takes far longer than the comparison."""
 
-MOST_ENTRIES = 256
-"""Entries that are kept; with one more, all are forgotten."""
+MAX_ENTRIES = 256
+"""Entries in the folder; one more removes all others."""
 
 
 def key(path: Path, expected: str) -> str | None:
     """SHA-256 over the content of `path` and what it was compared with; None for a large file."""
     with suppress(OSError):
-        if path.stat().st_size <= LARGEST:
+        if path.stat().st_size <= MAX_BYTES:
             content = hashlib.sha256(expected.encode())
             content.update(path.read_bytes())
             return content.hexdigest()
@@ -32,7 +32,7 @@ def key(path: Path, expected: str) -> str | None:
 
 
 def contains(key: str) -> bool:
-    """True if a file of this key was found right before."""
+    """Whether a file with this key has passed the check before."""
     folder = _folder()
     try:
         return _private(folder) and stat.S_ISREG((folder / key).lstat().st_mode)
@@ -41,14 +41,14 @@ def contains(key: str) -> bool:
 
 
 def add(key: str) -> None:
-    """Remember the key; where the folder cannot be written, nothing happens."""
+    """Remember a key; do nothing where the folder cannot be written."""
     folder = _folder()
     with suppress(OSError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not _private(folder):
             return
         entries = list(folder.iterdir())
-        if len(entries) >= MOST_ENTRIES:
+        if len(entries) >= MAX_ENTRIES:
             for entry in entries:
                 entry.unlink(missing_ok=True)
         (folder / key).touch(mode=0o600)
@@ -61,7 +61,7 @@ def _folder() -> Path:
 
 
 def _private(folder: Path) -> bool:
-    """True if nobody but the user can add entries."""
+    """Whether nobody but the user can add entries."""
     found = folder.lstat()
     return (
         stat.S_ISDIR(found.st_mode)

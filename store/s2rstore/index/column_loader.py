@@ -1,4 +1,4 @@
-"""From index rows to dense columns aligned by iid, each read when it is first asked for."""
+"""Load index rows as dense columns aligned by iid, each at its first use."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _SELECT = "SELECT iid, {} AS value FROM {} WHERE run = ? AND side = ?"
 
 
 @dataclass(frozen=True)
-class Index:
-    """An open index: `connect` gives a connection of its own, `kept` holds the columns read last.
+class ColumnLoader:
+    """Loads columns of an open index: `connect` opens a connection, `cache` holds loaded columns.
 
     `n` is the number of instances.
     """
 
     connect: Callable[[], duckdb.DuckDBPyConnection]
-    kept: LruCache
+    cache: LruCache
     n: int
 
     @cached_property
@@ -44,11 +44,11 @@ class Index:
         Raises RequestError where the index cannot be read or holds other instances.
         """
         try:
-            found = self.connect().execute(sql, list(parameters)).fetchnumpy()
+            rows = self.connect().execute(sql, list(parameters)).fetchnumpy()
         except duckdb.Error as error:
             reason = str(error).splitlines()[0]
             raise RequestError(f"the index cannot be read ({reason}); run `s2r verify`") from error
-        iid, values = found["iid"], found["value"]
+        iid, values = rows["iid"], rows["value"]
         kind = np.float64 if missing is None else np.int32
         blank = np.nan if missing is None else missing
         if type(values) is not np.ndarray:  # masked; to ask for numpy.ma would import it
@@ -63,52 +63,54 @@ class Index:
         return column
 
 
-def instances(
-    index: Index, trajectories: tuple[str, ...], rooms: Mapping[str, str]
+def load_instances(
+    loader: ColumnLoader, trajectories: tuple[str, ...], rooms: Mapping[str, str]
 ) -> InstanceColumns:
-    """All instances in iid order; `rooms` are names as shown with those in the index."""
+    """All instances in iid order; `rooms` maps displayed names to those in the index."""
     stored = {"trajectory": trajectories, "room": tuple(rooms.values())}
 
     def read(name: str) -> NDArray[Any]:
-        return index.kept.get(("instance", name), partial(_of_instances, index, name, stored))
+        return loader.cache.get(("instance", name), partial(_instance_column, loader, name, stored))
 
-    return InstanceColumns(read, index.n, trajectories, tuple(rooms))
+    return InstanceColumns(read, loader.n, trajectories, tuple(rooms))
 
 
-def _of_instances(index: Index, name: str, names: dict[str, tuple[str, ...]]) -> NDArray[Any]:
+def _instance_column(
+    loader: ColumnLoader, name: str, names: dict[str, tuple[str, ...]]
+) -> NDArray[Any]:
     if name not in names:
         sql = f'SELECT iid, "{name}" AS value FROM instance'
-        return index.column(sql, (), -1 if name == "seq" else None)
+        return loader.column(sql, (), -1 if name == "seq" else None)
     sql = f"""SELECT iid, code AS value FROM instance LEFT JOIN
               (SELECT unnest(?) AS name, unnest(range(?)) AS code) ON name = "{name}" """
-    return index.column(sql, (list(names[name]), len(names[name])), -1)
+    return loader.column(sql, (list(names[name]), len(names[name])), -1)
 
 
-def run_columns(
-    index: Index,
+def load_run_columns(
+    loader: ColumnLoader,
     run: str,
     truth: InstanceColumns,
     rooms: Sequence[Room],
-    lacking: frozenset[str] = frozenset(),
+    missing: frozenset[str] = frozenset(),
 ) -> RunColumns:
     """Both sides of one run; instances without a prediction are NaN and not valid.
 
-    `lacking` are columns of table `prediction` that the index does not have.
+    `missing` are columns of table `prediction` that the index does not have.
     """
 
-    def kept(side: Side | None, make: Callable[[str], NDArray[Any]]) -> Callable[[str], Any]:
-        return lambda name: index.kept.get((*_key(run), side, name), partial(make, name))
+    def cached(side: Side | None, load: Callable[[str], NDArray[Any]]) -> Callable[[str], Any]:
+        return lambda name: loader.cache.get((*_key(run), side, name), partial(load, name))
 
     def of_side(side: Side, name: str) -> NDArray[Any]:
         part = sides[side]
         if name == "room":
             return room_geometry.room_codes(part.x, part.y, rooms, truth.room_names)
         if name in _PROJECTED:
-            return _projected(index, run, side, name, part.x)
-        return _predicted(index, run, side, name, lacking)
+            return _projected(loader, run, side, name, part.x)
+        return _predicted(loader, run, side, name, missing)
 
     sides: dict[Side, SideColumns] = {
-        side: SideColumns(kept(side, partial(of_side, side))) for side in SIDES
+        side: SideColumns(cached(side, partial(of_side, side))) for side in SIDES
     }
     sim, real = sides["sim"], sides["real"]
 
@@ -120,18 +122,23 @@ def run_columns(
         dx, dy = real.x - sim.x, real.y - sim.y
         return np.asarray(np.sqrt(dx * dx + dy * dy))
 
-    return RunColumns(kept(None, of_run), run, sim, real)
+    return RunColumns(cached(None, of_run), run, sim, real)
 
 
-def forget(index: Index, run: str) -> None:
-    """Drop what is kept of a run's columns."""
-    index.kept.drop(lambda key: isinstance(key, tuple) and key[:2] == _key(run))
+def drop_run_columns(loader: ColumnLoader, run: str) -> None:
+    """Drop the loaded columns of a run."""
+    loader.cache.drop(lambda key: isinstance(key, tuple) and key[:2] == _key(run))
 
 
-def has_read(index: Index, run: str | None, side: Side | None, names: Iterable[str]) -> bool:
-    """Whether columns of a run are kept; side None are those of both, run None the truth's."""
+def is_loaded(
+    loader: ColumnLoader, run: str | None, side: Side | None, names: Iterable[str]
+) -> bool:
+    """Whether columns of a run are loaded.
+
+    Side None are the columns of both sides, run None those of the ground truth.
+    """
     of = ("instance",) if run is None else (*_key(run), side)
-    return all((*of, name) in index.kept for name in names)
+    return all((*of, name) in loader.cache for name in names)
 
 
 def _key(run: str) -> tuple[str, str]:
@@ -139,27 +146,27 @@ def _key(run: str) -> tuple[str, str]:
 
 
 def _predicted(
-    index: Index, run: str, side: Side, name: str, lacking: frozenset[str]
+    loader: ColumnLoader, run: str, side: Side, name: str, missing: frozenset[str]
 ) -> NDArray[Any]:
     if name == "split":
         sql = _SELECT.format("list_position(?, split) - 1", "prediction")
-        return index.column(sql, (list(SPLITS), run, side), -1)
-    value = "NULL::DOUBLE" if name in lacking else f'"{name}"'
+        return loader.column(sql, (list(SPLITS), run, side), -1)
+    value = "NULL::DOUBLE" if name in missing else f'"{name}"'
     sql = _SELECT.format(value, "prediction")
-    return index.column(sql, (run, side), 0 if name == "rank" else None)
+    return loader.column(sql, (run, side), 0 if name == "rank" else None)
 
 
 def _projected(
-    index: Index, run: str, side: Side, name: str, x: NDArray[np.float64]
+    loader: ColumnLoader, run: str, side: Side, name: str, x: NDArray[np.float64]
 ) -> NDArray[Any]:
-    """NaN where nothing is predicted, too: where an `x` is known something is."""
-    column = index.column(_SELECT.format(f'"{name}"', "projection"), (run, side))
+    """A projection column, NaN where the side has no prediction."""
+    column = loader.column(_SELECT.format(f'"{name}"', "projection"), (run, side))
     if not np.isnan(x).any():
         return column
-    predicted = index.column(_SELECT.format("1", "prediction"), (run, side), 0)
+    predicted = loader.column(_SELECT.format("1", "prediction"), (run, side), 0)
     return np.where(predicted, column, np.nan)
 
 
-def accuracies(index: Index, run: str, side: str) -> NDArray[np.float32]:
-    """One side of one run, (n,), NaN where there is no prediction."""
-    return index.column(_SELECT.format("accuracy", "prediction"), (run, side)).astype(np.float32)
+def load_accuracies(loader: ColumnLoader, run: str, side: str) -> NDArray[np.float32]:
+    """Accuracies of one side of a run, (n,), NaN where there is no prediction."""
+    return loader.column(_SELECT.format("accuracy", "prediction"), (run, side)).astype(np.float32)

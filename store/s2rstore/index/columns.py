@@ -1,4 +1,4 @@
-"""Dense numpy columns aligned by iid: what views and masks are computed from."""
+"""Dense numpy columns aligned by iid, from which views and masks are computed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Read = Callable[[str], NDArray[Any]]
 
 
 class Columns:
-    """Columns as attributes; `read` brings the one that is asked for, and may keep it."""
+    """Columns as attributes, which `read` loads by name."""
 
     def __init__(self, read: Read) -> None:
         self._read = read
@@ -106,13 +106,13 @@ class RunColumns(Columns):
         return self.sim if side == "sim" else self.real
 
 
-def population(
+def valid_in_trajectories(
     valid: BoolColumn, truth: InstanceColumns, trajectories: tuple[str, ...] | None
 ) -> BoolColumn:
-    """Those of `valid` (N,) in the named trajectories; None means all of them."""
+    """The instances of `valid` (N,) in the named trajectories, or in all where None."""
     if trajectories is None:
         return valid
     codes = [truth.trajectory_names.index(n) for n in trajectories if n in truth.trajectory_names]
-    seen = np.zeros(len(truth.trajectory_names) + 1, dtype=np.bool_)  # the last for code -1
-    seen[codes] = True
-    return valid & seen[truth.trajectory]
+    is_named = np.zeros(len(truth.trajectory_names) + 1, dtype=np.bool_)  # the last for code -1
+    is_named[codes] = True
+    return valid & is_named[truth.trajectory]

@@ -1,9 +1,9 @@
 """Connections to DuckDB files that came from outside.
 
-Such a file can hold views, macros and a write-ahead log made by anybody, and a connection that is
-only `read_only` still reads and writes other files. Every connection made here has external access
-off and its configuration locked before the first statement, and nothing is read from a file before
-its catalog was compared with the known tables (`catalog_check`).
+Such a file can hold views, macros and a write-ahead log of unknown origin, and a connection that is
+only `read_only` still reads and writes other files. Every connection of this module has external
+access off and its configuration locked before the first statement, and nothing is read from a file
+before its catalog is compared with the known tables (`catalog_check`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from s2rstore.files import safe_files
 from s2rstore.index import catalog_check, checked_files, schema
 
 DEFAULT_MEMORY = "2GB"
-"""What DuckDB may hold of one file and take for queries, unless a caller says otherwise."""
+"""Memory limit of DuckDB for one file and its queries."""
 
 _CLOSED: dict[str, str | bool | int | float | list[str]] = {
     "enable_external_access": "false",
@@ -34,7 +34,7 @@ _SETTINGS = {
 _opening = threading.Lock()
 """Connections of one process to one file share a configuration, which is locked once."""
 _checked: dict[tuple[int, ...], None] = {}
-"""Identities of the files whose catalog was found right; a published file never changes."""
+"""Identities of the files whose catalog passed the check; a published file never changes."""
 
 
 def connect(
@@ -106,9 +106,9 @@ def _lock(connection: duckdb.DuckDBPyConnection, memory: str) -> None:
 
 
 def require_regular(path: Path) -> None:
-    """Raises RequestError where `path` is no regular file, or a write-ahead log lies beside it.
+    """Raise RequestError where `path` is no regular file, or a write-ahead log lies beside it.
 
-    DuckDB would replay the log, so that a published file said something else than its checksum.
+    DuckDB would replay the log: the content would no longer match the published checksum.
     """
     safe_files.checked_path(path.parent, path.name)
     if not path.exists():
@@ -121,7 +121,7 @@ def require_regular(path: Path) -> None:
 def literal_path(path: Path) -> str:
     """The absolute path, which DuckDB takes literally; a relative one could name an extension.
 
-    Raises RequestError for characters that DuckDB gives a meaning of its own.
+    Raises RequestError for characters that DuckDB treats as patterns.
     """
     absolute = str(path.absolute())
     for character in "?\\":
@@ -131,12 +131,12 @@ def literal_path(path: Path) -> str:
 
 
 def escaped(text: str) -> str:
-    """Text between single quotes of SQL."""
+    """Escape text for an SQL string literal."""
     return text.replace("'", "''")
 
 
 def first_line(error: BaseException) -> str:
-    """What an error says first; DuckDB adds the statement below it."""
+    """The first line of an error message; DuckDB adds the statement below it."""
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
@@ -146,7 +146,7 @@ def _check(
     views: Sequence[str],
     path: Path,
 ) -> None:
-    """Compare the catalog, unless this file, or one of the same content, was found right before."""
+    """Check the catalog, unless this file, or one of the same content, has passed before."""
     identity = _identity(path)
     if identity in _checked:
         return

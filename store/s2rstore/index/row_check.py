@@ -1,7 +1,7 @@
-"""What the rows of an index must satisfy before anything relies on them.
+"""Check the rows of an index before anything relies on them.
 
-An index can have been edited by hand, or made to do harm: numbers may be NULL, NaN or absurdly
-large, JSON may not parse, names may be paths. Checked when a store is opened.
+An index can have been edited by hand, or crafted to do harm: numbers may be NULL, NaN or absurdly
+large, JSON may not parse, names may be paths. The checks run when a store is opened.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from s2rstore.security.printable_text import printable_values
 
 Row = dict[str, Any]
 
-LARGEST_COORDINATE = 1e6
+MAX_COORDINATE = 1e6
 """Metres from the origin that bounds and rooms may reach."""
-LARGEST_IMAGE = 16_384
+MAX_IMAGE_SIZE = 16_384
 """Rows or columns of a stored frame, or of the input of a model."""
-LONGEST_TEXT = 1_000
-LONGEST_JSON = 100_000
-MOST_ROWS = {"trajectory": 100_000, "room": 4_096, "domain": 1_024, "model": 10_000, "run": 10_000}
+MAX_TEXT = 1_000
+MAX_JSON = 100_000
+MAX_ROWS = {"trajectory": 100_000, "room": 4_096, "domain": 1_024, "model": 10_000, "run": 10_000}
 """Rows that a table which is read whole may have."""
 _DTYPES = frozenset({"uint8", "uint16", "int8", "int16", "int32", "float16", "float32", "float64"})
 _KIND = re.compile(r"[a-z][a-z0-9_:]{0,79}\Z")
@@ -53,7 +53,7 @@ class RowChecker:
             self.refuse(column, f"{value} is not a number from {low:g} to {high:g}")
         return value
 
-    def text(self, column: str, optional: bool = False, longest: int = LONGEST_TEXT) -> None:
+    def text(self, column: str, optional: bool = False, longest: int = MAX_TEXT) -> None:
         value = self._row[column]
         if value is None and optional:
             return
@@ -77,7 +77,7 @@ class RowChecker:
     def parsed(self, column: str, kind: type) -> Any:
         """The JSON value of a column, which must be of this type; its texts are printable."""
         text = self._row[column]
-        if not isinstance(text, str) or len(text) > LONGEST_JSON:
+        if not isinstance(text, str) or len(text) > MAX_JSON:
             self.refuse(column, "not a JSON text")
         value = parse_json(text, f"{self._index}: table {self._table}: {column}{self._label}")
         if not isinstance(value, kind):
@@ -91,14 +91,14 @@ def check_dataset(index: Path, row: Row) -> None:
     check.text("floor_plan", optional=True)
     layout.checked_hash(row["hash"], f"{index}: table dataset: hash")
     x0, y0, x1, y1 = (
-        check.number(f"bounds_{edge}", -LARGEST_COORDINATE, LARGEST_COORDINATE) for edge in _EDGES
+        check.number(f"bounds_{edge}", -MAX_COORDINATE, MAX_COORDINATE) for edge in _EDGES
     )
     if not (x1 > x0 and y1 > y0):
         check.refuse("bounds", "x1 and y1 must be larger than x0 and y0")
-    check.number("accuracy_scale", 1e-6, 2 * LARGEST_COORDINATE)
+    check.number("accuracy_scale", 1e-6, 2 * MAX_COORDINATE)
     check.choice("y_down", (True, False))  # type: ignore[arg-type]
     for column in ("frame_height", "frame_width"):
-        check.number(column, 1, LARGEST_IMAGE)
+        check.number(column, 1, MAX_IMAGE_SIZE)
 
 
 def check_trajectories(index: Path, rows: Sequence[Row]) -> None:
@@ -116,9 +116,7 @@ def check_rooms(index: Path, rows: Sequence[Row]) -> None:
         check = RowChecker(index, "room", row, row["room"])
         check.text("room")
         check.number("position", 0, 2**31 - 1)
-        x0, y0, x1, y1 = (
-            check.number(edge, -LARGEST_COORDINATE, LARGEST_COORDINATE) for edge in _EDGES
-        )
+        x0, y0, x1, y1 = (check.number(edge, -MAX_COORDINATE, MAX_COORDINATE) for edge in _EDGES)
         if x1 < x0 or y1 < y0:
             check.refuse("x1", "x1 and y1 must not be smaller than x0 and y0")
     _check_unique(index, "room", "position", rows)
@@ -138,7 +136,7 @@ def check_domains(index: Path, rows: Sequence[Row]) -> list[Row]:
                 check.number(f"{image}_{figure}", -1e7, 1e7)
             check.number(f"{image}_pitch", -math.pi, math.pi)
         for column in ("camera_height", "forward_offset"):
-            check.number(column, -LARGEST_COORDINATE, LARGEST_COORDINATE)
+            check.number(column, -MAX_COORDINATE, MAX_COORDINATE)
         check.number("depth_scale", 1e-12, 1e6)
         for column in ("depth_raw_min", "depth_raw_max"):
             check.number(column, 0, 2**31 - 1)
@@ -157,15 +155,15 @@ def check_models(index: Path, rows: Sequence[Row]) -> None:
         check.text("architecture")
         layout.checked_hash(row["sha256"], f"{index}: table model: sha256 of {row['model']!r}")
         for column in ("input_height", "input_width"):
-            check.number(column, 1, LARGEST_IMAGE)
+            check.number(column, 1, MAX_IMAGE_SIZE)
         check.parsed("convention", dict)
-        check.text("trained_by", optional=True, longest=LONGEST_JSON)
+        check.text("trained_by", optional=True, longest=MAX_JSON)
     _check_unique(index, "model", "model", rows)
 
 
 def check_runs(index: Path, rows: Sequence[Row]) -> list[Row]:
     """Rows whose adjustments are lists of `{"name", "value"}`."""
-    made = []
+    checked = []
     for row in rows:
         check = RowChecker(index, "run", row, row["run"])
         for column in ("run", "model", "sim_domain", "real_domain"):
@@ -181,14 +179,14 @@ def check_runs(index: Path, rows: Sequence[Row]) -> list[Row]:
             check.name("key")
         check.text("precision", optional=True)
         check.text("created_at")
-        made.append({**row, **adjustments})
+        checked.append({**row, **adjustments})
     _check_unique(index, "run", "run", rows)
-    return made
+    return checked
 
 
 def check_arrays(index: Path, rows: Sequence[Row]) -> list[Row]:
     """Rows with `shape` and `axes` as tuples."""
-    made = []
+    checked = []
     for row in rows:
         check = RowChecker(index, "zarr_array", row, row["path"])
         check.text("path")
@@ -211,8 +209,8 @@ def check_arrays(index: Path, rows: Sequence[Row]) -> list[Row]:
             layout.checked_hash(
                 row["metadata_sha256"], f"{index}: table zarr_array: metadata_sha256"
             )
-        made.append({**row, "shape": tuple(shape), "axes": tuple(axes)})
-    return made
+        checked.append({**row, "shape": tuple(shape), "axes": tuple(axes)})
+    return checked
 
 
 def _check_unique(index: Path, table: str, column: str, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -242,13 +242,13 @@ _SIDE_COLUMNS = (
 )
 
 
-def _pair_view(lacking: frozenset[str] = frozenset()) -> str:
-    """The statement that makes the view; `lacking` are columns of the predictions to leave out."""
+def _pair_view(missing: frozenset[str] = frozenset()) -> str:
+    """The statement that makes the view; `missing` are columns of the predictions to leave out."""
     truth = [name for name in BY_NAME["instance"].column_names if name != "iid"]
     parts = ["s.run", "s.iid", *(f"i.{name}" for name in truth)]
     for side, alias in (("sim", "s"), ("real", "r")):
         parts += [
-            f"{alias}.{name} AS {side}_{name}" for name, _ in _SIDE_COLUMNS if name not in lacking
+            f"{alias}.{name} AS {side}_{name}" for name, _ in _SIDE_COLUMNS if name not in missing
         ]
         parts += [f"{alias}p.u AS {side}_u", f"{alias}p.v AS {side}_v"]
     parts.append("r.error - s.error AS gap")
@@ -283,14 +283,14 @@ def _pair_comments() -> list[tuple[str, str]]:
 
 def statements() -> list[str]:
     """The SQL that makes an empty index, comments included."""
-    made = [statement for table in TABLES for statement in statements_of(table)]
-    made.append(VIEWS[0])
-    made.append("COMMENT ON VIEW pair IS 'one row per run and instance: truth and both sides'")
-    made += [
+    sql = [statement for table in TABLES for statement in statements_of(table)]
+    sql.append(VIEWS[0])
+    sql.append("COMMENT ON VIEW pair IS 'one row per run and instance: truth and both sides'")
+    sql += [
         f"COMMENT ON COLUMN pair.{name} IS '{_quoted(comment)}'"
         for name, comment in _pair_comments()
     ]
-    return made
+    return sql
 
 
 def statements_of(table: Table) -> list[str]:

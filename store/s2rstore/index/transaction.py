@@ -1,4 +1,4 @@
-"""Writing a store: the next generation's index is built beside and published in one step."""
+"""Write a store: build the index of the next generation, then publish it in one step."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
 
 
 class IndexTransaction:
-    """The index of a generation that is not published yet.
+    """The index of the next generation, before it is published.
 
     Starts as a copy of the current one. Everything written here becomes visible at once when
     the `edit` block ends, or never.
@@ -33,7 +33,7 @@ class IndexTransaction:
     def insert(self, table: str, columns: ColumnData) -> None:
         """Append rows given as equally long columns; NaN and None become NULL.
 
-        Columns that are not given become NULL. Raises KeyError for unknown names.
+        Missing columns become NULL. Raises KeyError for unknown names.
         """
         known = schema.BY_NAME[table]
         unknown = set(columns) - set(known.column_names)
@@ -42,7 +42,7 @@ class IndexTransaction:
         arrays = {name: _column(values) for name, values in columns.items()}
         if not arrays or len(next(iter(arrays.values()))) == 0:
             return
-        picked = [_selected(name, array) for name, array in arrays.items()]
+        picked = [_select_item(name, array) for name, array in arrays.items()]
         names = ", ".join(f'"{name}"' for name in arrays)
         self._connection.register("incoming", arrays)
         self._connection.execute(
@@ -52,7 +52,9 @@ class IndexTransaction:
 
     def insert_row(self, table: str, row: Mapping[str, Any]) -> None:
         """Append one row; dicts, lists and tuples are stored as JSON text."""
-        values = {k: _text(v) if isinstance(v, dict | list | tuple) else v for k, v in row.items()}
+        values = {
+            k: _json_text(v) if isinstance(v, dict | list | tuple) else v for k, v in row.items()
+        }
         self.insert(table, {name: [value] for name, value in values.items()})
 
     def delete(self, table: str, **where: str) -> None:
@@ -77,14 +79,14 @@ class IndexTransaction:
             [*values.values(), *where.values()],
         )
 
-    def note(self, what: str, facts: Mapping[str, Any]) -> None:
+    def set_provenance(self, what: str, facts: Mapping[str, Any]) -> None:
         """Set provenance facts of `what`, replacing those of the same key."""
         for key, value in facts.items():
             self.delete("provenance", what=what, key=key)
-            text = value if isinstance(value, str) else _text(value)
+            text = value if isinstance(value, str) else _json_text(value)
             self.insert_row("provenance", {"what": what, "key": key, "value": text})
 
-    def note_checksums(self, checksums: Mapping[str, str]) -> None:
+    def record_checksums(self, checksums: Mapping[str, str]) -> None:
         """Record the SHA-256 of files, by their paths inside the store."""
         self._connection.execute(
             "DELETE FROM provenance WHERE what = ? AND key IN (SELECT unnest(?::VARCHAR[]))",
@@ -94,7 +96,7 @@ class IndexTransaction:
         self.insert("provenance", {**rows, "value": list(checksums.values())})
 
     def rows(self, query: str, parameters: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
-        """Read from the draft."""
+        """The rows of a query on the unpublished index."""
         return self._connection.execute(query, list(parameters)).fetchall()
 
 
@@ -130,7 +132,7 @@ def edit(root: Path) -> Iterator[IndexTransaction]:
 
 
 def check_writable(root: Path) -> None:
-    """Raises RequestError where no generation can be published."""
+    """Raise RequestError where no generation can be published."""
     folder = root / layout.INDEX
     try:
         root.mkdir(parents=True, exist_ok=True)
@@ -151,14 +153,14 @@ def _begin(connection: duckdb.DuckDBPyConnection, beside: Path, base: Path | Non
     if base is not None:
         locked_connection.attach_read_only(connection, base, "base")
         for table in schema.TABLES:
-            names = ", ".join(f'"{name}"' for name in _shared(connection, table))
+            names = ", ".join(f'"{name}"' for name in _common_columns(connection, table))
             rows = f'SELECT {names} FROM base."{table.name}"'
             connection.execute(f'INSERT INTO draft."{table.name}" ({names}) {rows}')
         connection.execute("DETACH base")
 
 
-def _shared(connection: duckdb.DuckDBPyConnection, table: schema.Table) -> list[str]:
-    """The table's columns, without the optional ones that the base lacks."""
+def _common_columns(connection: duckdb.DuckDBPyConnection, table: schema.Table) -> list[str]:
+    """The table's columns, without optional ones that the base does not have."""
     described = connection.execute(f'SELECT * FROM base."{table.name}" LIMIT 0').description
     found = {column[0] for column in described}
     return [c.name for c in table.columns if c.name in found or not c.optional]
@@ -216,15 +218,15 @@ def _column(values: NDArray[Any] | Sequence[Any]) -> NDArray[Any]:
     return np.array(listed, dtype=object)
 
 
-def _selected(name: str, array: NDArray[Any]) -> str:
+def _select_item(name: str, array: NDArray[Any]) -> str:
     return f"nullif(\"{name}\", 'NaN'::DOUBLE)" if array.dtype.kind == "f" else f'"{name}"'
 
 
-def _text(value: Any) -> str:
-    return json.dumps(value, separators=(",", ":"), sort_keys=True, default=_plain)
+def _json_text(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"), sort_keys=True, default=_json_value)
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
-    raise TypeError(f"{type(value).__name__} is no JSON value")
+    raise TypeError(f"{type(value).__name__} is not a JSON value")

@@ -5,9 +5,9 @@
 """
 
 from s2rstore.language.canonical_text import quoted, to_text
-from s2rstore.language.checking import Neighbours, Vocabulary, expand, used_runs
 from s2rstore.language.completion import complete
 from s2rstore.language.errors import ExpressionError
+from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, used_runs
 from s2rstore.language.numpy_backend import MaskContext, base_population, mask
 from s2rstore.language.sql_backend import SqlContext, to_sql
 from s2rstore.language.syntax_tree import Node
@@ -16,7 +16,7 @@ from s2rstore.language.syntax_tree import Node
 def parse(text: str) -> Node:
     """The tree of an expression; an empty text means `all`.
 
-    Raises ExpressionError with the column and what could stand there. The grammar is loaded on
+    Raises ExpressionError with the column and the valid alternatives. The grammar is loaded on
     first use, because the application's first screen needs none.
     """
     from s2rstore.language.parser import parse as parse_text

@@ -1,4 +1,4 @@
-"""From nodes to canonical text; `parse(to_text(node)) == node`."""
+"""Write syntax trees as canonical text; `parse(to_text(node)) == node`."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def to_text(node: Node) -> str:
 
 
 def _written(node: Node) -> tuple[str, int]:
-    """The text, and how tightly its operator binds."""
+    """The text, and the precedence of its operator."""
     first, links = chain(node)
     text, level = _operand(first)
     if not links:
@@ -98,7 +98,7 @@ def _leaf(node: Node) -> str:
         case Saved(name):
             return f"@{quoted(name)}"
         case _:
-            raise TypeError(f"{type(node).__name__} is no leaf")
+            raise TypeError(f"{type(node).__name__} is not a leaf")
 
 
 def _extreme(node: Extreme) -> str:
@@ -125,7 +125,7 @@ def _field(field: Field) -> str:
 
 
 def quoted(name: str) -> str:
-    """A name as it can stand in an expression."""
+    """A name in the form of an expression, quoted where necessary."""
     return name if _PLAIN.match(name) else string(name)
 
 

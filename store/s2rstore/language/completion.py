@@ -6,7 +6,7 @@ import re
 
 from s2rstore.language import fields
 from s2rstore.language.canonical_text import quoted, string
-from s2rstore.language.checking import Vocabulary
+from s2rstore.language.name_resolution import Vocabulary
 
 Option = tuple[str, str]
 
@@ -55,11 +55,11 @@ def complete(text: str, words: Vocabulary) -> list[Option]:
 
 def _completed(text: str, tail: str, options: list[Option]) -> list[Option]:
     """The options that begin as the tail does, without regard to quotes and capitals."""
-    head, wanted = text[: len(text) - len(tail)], _bare(tail)
+    head, prefix = text[: len(text) - len(tail)], _bare(tail)
     return [
         (head + option, what)
         for option, what in options
-        if _bare(option).startswith(wanted) and option != tail
+        if _bare(option).startswith(prefix) and option != tail
     ]
 
 
@@ -100,7 +100,7 @@ def _words(words: Vocabulary) -> list[Option]:
 
 
 def _of_run() -> list[Option]:
-    """What another run can be asked."""
+    """The fields and functions of another run."""
     words = [(word, fields.WORDS[word]) for word in ("worst15", "best15")]
     return (
         words + [option for option in _functions() if option[0] != "ids("] + _texts() + _numbers()

@@ -1,4 +1,4 @@
-"""Expressions on an open store."""
+"""Evaluate expressions on an open store."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def context(
     trajectories: Sequence[str] | None = None,
     saved: Saved | None = None,
 ) -> MaskContext:
-    """What masks of a run (by default the first computed one) are evaluated on."""
+    """The context to evaluate masks of a run, by default of the first computed one."""
     names = None if trajectories is None else tuple(trajectories)
     return MaskContext(
         store.instances,
@@ -59,7 +59,7 @@ def select(
 ) -> NDArray[np.bool_]:
     """The instances that an expression selects, shape (N,).
 
-    Raises ExpressionError, a RequestError that tells the column.
+    Raises ExpressionError, a RequestError that names the column.
     """
     return mask(parse(expression), context(store, run, trajectories, saved))
 
@@ -73,12 +73,14 @@ def sql(
 ) -> tuple[str, list[object]]:
     """The same selection as a DuckDB query with bound parameters."""
     names = None if trajectories is None else tuple(trajectories)
-    lacking = frozenset(f"{s}_{name}" for name in store.lacking("prediction") for s in SIDES)
+    missing = frozenset(
+        f"{s}_{name}" for name in store.missing_columns("prediction") for s in SIDES
+    )
     words = vocabulary(store, saved)
     return to_sql(
         parse(expression),
         SqlContext(
-            store.run(run).run, words, names, _neighbours(store), lacking, store.stored_rooms
+            store.run(run).run, words, names, _neighbours(store), missing, store.stored_rooms
         ),
     )
 

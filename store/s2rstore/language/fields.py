@@ -97,7 +97,7 @@ _SHAPES = (
     ("near", "near({0}, {1}, radius): {2} in a circle{3}"),
     ("lasso", "lasso({0}0, {1}0, {0}1, {1}1, {0}2, {1}2, ...): {2} in a polygon{3}"),
 )
-_SHOWN = {
+_PLANE_TEXTS = {
     "": ("x", "y", "ground truth", ", m"),
     "sim.": ("x", "y", "sim predictions", ", m"),
     "real.": ("x", "y", "real predictions", ", m"),
@@ -113,9 +113,9 @@ FUNCTIONS: dict[str, str] = {
     "sim.like": "sim.like(iid, k): the k nearest by embedding, sim side, and itself",
     "real.like": "the same as like",
     **{
-        f"{prefix}{name}": prefix + text.format(*shown)
+        f"{prefix}{name}": prefix + text.format(*texts)
         for name, text in _SHAPES
-        for prefix, shown in _SHOWN.items()
+        for prefix, texts in _PLANE_TEXTS.items()
     },
     "umap.sim": "the same as umap.sim.box",
     "umap.real": "the same as umap.real.box",

@@ -7,15 +7,15 @@ from typing import Any, cast
 
 from s2rstore.language import fields
 from s2rstore.language.errors import ExpressionError, unknown
-from s2rstore.language.lasso import MOST_CORNERS
+from s2rstore.language.lasso import MAX_CORNERS
 from s2rstore.language.syntax_tree import Box, Extreme, Field, Ids, Lasso, Like, Near, Node
 from s2rstore.records import Side
 
-MOST_NEIGHBOURS = 100_000
+MAX_NEIGHBOURS = 100_000
 
 
 class Head:
-    """A dotted name with its run and where it stands."""
+    """A dotted name with its run and its column."""
 
     def __init__(self, name: str, column: int, run: str | None = None) -> None:
         self.name, self.column, self.run = name, column, run
@@ -30,7 +30,7 @@ class Call(Head):
 
 
 def apply(head: Head, arguments: list[Any]) -> Node:
-    """The node that a function call stands for. Raises ExpressionError."""
+    """The node of a function call. Raises ExpressionError."""
     prefix, dot, last = head.name.rpartition(".")
     if head.name in _PLAIN and not (head.name == "ids" and head.run):
         return _PLAIN[head.name](head, arguments)
@@ -91,8 +91,8 @@ def _like(head: Head, arguments: list[Any], side: Side) -> Node:
     if len(arguments) != 2 or not all(has_kind(argument, "number") for argument in arguments):
         raise ExpressionError(head.column, f"{head.name} takes iid, k", usage)
     iid, count = (argument[1][0] for argument in arguments)
-    if iid != int(iid) or count != int(count) or iid < 0 or not 1 <= count <= MOST_NEIGHBOURS:
-        problem = f"{head.name} takes an instance and 1 .. {MOST_NEIGHBOURS} neighbours"
+    if iid != int(iid) or count != int(count) or iid < 0 or not 1 <= count <= MAX_NEIGHBOURS:
+        problem = f"{head.name} takes an instance and 1 .. {MAX_NEIGHBOURS} neighbours"
         raise ExpressionError(head.column, problem, usage)
     return Like(side, int(iid), int(count), head.run, head.column)
 
@@ -117,8 +117,8 @@ def _lasso(head: Head, arguments: list[Any], plane: tuple[str, str]) -> Node:
     numbers = [argument[1][0] for argument in arguments]
     if len(numbers) % 2:
         raise ExpressionError(head.column, f"{head.name} takes {usage}; the last corner has no y")
-    if not 3 <= len(numbers) // 2 <= MOST_CORNERS:
-        problem = f"{head.name} takes {usage}: 3 .. {MOST_CORNERS} corners"
+    if not 3 <= len(numbers) // 2 <= MAX_CORNERS:
+        problem = f"{head.name} takes {usage}: 3 .. {MAX_CORNERS} corners"
         raise ExpressionError(head.column, f"{problem}, not {len(numbers) // 2}")
     corners = tuple(zip(numbers[::2], numbers[1::2], strict=True))
     return Lasso(Field(plane[0], head.run), Field(plane[1], head.run), corners)

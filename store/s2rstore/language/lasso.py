@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-MOST_CORNERS = 64
+MAX_CORNERS = 64
 _ROWS_PER_BAND = 16_384
 _MOST_BANDS = 64
 

@@ -1,4 +1,4 @@
-"""From nodes to boolean masks over dense columns: the application's back end."""
+"""Evaluate syntax trees to boolean masks over dense columns: the back end of the application."""
 
 from __future__ import annotations
 
@@ -11,9 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry import angles
-from s2rstore.index.columns import InstanceColumns, RunColumns, population
+from s2rstore.index.columns import InstanceColumns, RunColumns, valid_in_trajectories
 from s2rstore.language import fields, lasso
-from s2rstore.language.checking import Neighbours, Vocabulary, expand, resolved, used_fields
+from s2rstore.language.name_resolution import (
+    Neighbours,
+    Vocabulary,
+    expand,
+    similar_instances,
+    used_fields,
+)
 from s2rstore.language.syntax_tree import (
     And,
     Around,
@@ -36,14 +42,14 @@ from s2rstore.language.syntax_tree import (
     chain,
 )
 from s2rstore.lru_cache import LruCache
-from s2rstore.metrics.top_k import extremes
+from s2rstore.metrics.top_k import top_k
 
 Mask = NDArray[np.bool_]
 Values = NDArray[np.float64]
 _STRAIGHT_BELOW = 10.0
 _CURVATURE = Field("curvature")
 _BLOCK = 32_768
-_KEPT_BYTES = 64 * 2**20
+_CACHE_BYTES = 64 * 2**20
 _OPERATORS = {
     "<": np.less,
     "<=": np.less_equal,
@@ -55,10 +61,10 @@ _OPERATORS = {
 
 @dataclass(frozen=True, slots=True)
 class MaskContext:
-    """Columns to evaluate on: `run_columns` gives those of a named run.
+    """Columns to evaluate on: `run_columns` returns those of a named run.
 
-    `trajectories` are those in view; None means all of them. `neighbours` finds what `like` means.
-    `evaluated` keeps the masks of leaves: share it between contexts of the same columns.
+    `trajectories` are those in view; None means all of them. `neighbours` resolves `like`.
+    `evaluated` caches the masks of leaves: share it between contexts of the same columns.
     """
 
     instances: InstanceColumns
@@ -67,7 +73,7 @@ class MaskContext:
     words: Vocabulary
     trajectories: tuple[str, ...] | None = None
     neighbours: Neighbours | None = None
-    evaluated: LruCache = field(default_factory=lambda: LruCache(_KEPT_BYTES))
+    evaluated: LruCache = field(default_factory=lambda: LruCache(_CACHE_BYTES))
 
 
 def mask(node: Node, context: MaskContext) -> Mask:
@@ -77,37 +83,39 @@ def mask(node: Node, context: MaskContext) -> Mask:
 
 
 def base_population(context: MaskContext, run: str | None = None) -> Mask:
-    """The valid instances of the run in the trajectories in view; not to be changed."""
+    """The valid instances of the run in the trajectories in view; read-only."""
     name, view = run or context.run, context.trajectories
     valid = context.run_columns(name).valid
     if view is None:
         return valid
-    return _kept(context, ("base", name, view), lambda: population(valid, context.instances, view))
+    return _cached(
+        context, ("base", name, view), lambda: valid_in_trajectories(valid, context.instances, view)
+    )
 
 
-def _kept(context: MaskContext, key: Hashable, make: Callable[[], Mask]) -> Mask:
-    """A mask that is made once."""
+def _cached(context: MaskContext, key: Hashable, compute: Callable[[], Mask]) -> Mask:
+    """A mask from the cache, or else the computed one."""
 
-    def made() -> Mask:
-        fresh = make()
-        fresh.flags.writeable = False
-        return fresh
+    def read_only() -> Mask:
+        computed = compute()
+        computed.flags.writeable = False
+        return computed
 
-    return context.evaluated.get(key, made)
+    return context.evaluated.get(key, read_only)
 
 
 def _evaluate(node: Node, context: MaskContext, base: Mask) -> Mask:
     first, links = chain(node)
-    found = _operand(first, context, base)
+    result = _operand(first, context, base)
     for link in links:
         right = _evaluate(link.right, context, base)
         if isinstance(link, And):
-            found = found & right
+            result = result & right
         elif isinstance(link, Minus):
-            found = found & ~right
+            result = result & ~right
         else:
-            found = found | right
-    return found
+            result = result | right
+    return result
 
 
 def _operand(node: Node, context: MaskContext, base: Mask) -> Mask:
@@ -117,15 +125,15 @@ def _operand(node: Node, context: MaskContext, base: Mask) -> Mask:
         return base
     if isinstance(node, Nothing):
         return np.zeros_like(base)
-    return _kept(context, _key(node, context), lambda: _leaf(node, context))
+    return _cached(context, _key(node, context), lambda: _leaf(node, context))
 
 
 def _key(node: Node, context: MaskContext) -> Hashable:
-    """All that a leaf's mask depends on."""
+    """Everything that a leaf's mask depends on."""
     if isinstance(node, Extreme | Like):
         return node, context.run, context.trajectories
-    of_a_run = not all(fields.is_truth(used.name) for used in used_fields(node))
-    return node, context.run if of_a_run else None
+    needs_run = not all(fields.is_truth(used.name) for used in used_fields(node))
+    return node, context.run if needs_run else None
 
 
 def _leaf(node: Node, context: MaskContext) -> Mask:
@@ -158,18 +166,20 @@ def _leaf(node: Node, context: MaskContext) -> Mask:
                     lambda v: compare(np.abs(v), _STRAIGHT_BELOW), context, _CURVATURE
                 )
             case _:
-                raise TypeError(f"{type(node).__name__} is no leaf")
+                raise TypeError(f"{type(node).__name__} is not a leaf")
 
 
 def _blockwise(condition: Callable[..., Mask], context: MaskContext, *used: Field) -> Mask:
     """A condition over fields, evaluated in blocks that stay in the processor's cache."""
     columns = [_column(fields.NUMERIC[field.name].path, field.run, context) for field in used]
-    found = np.empty(len(context.instances), dtype=np.bool_)
-    for start in range(0, found.size, _BLOCK):
+    result = np.empty(len(context.instances), dtype=np.bool_)
+    for start in range(0, result.size, _BLOCK):
         block = slice(start, start + _BLOCK)
-        parts = (_known(field, column[block]) for field, column in zip(used, columns, strict=True))
-        found[block] = condition(*parts)
-    return found
+        parts = (
+            _nan_for_null(field, column[block]) for field, column in zip(used, columns, strict=True)
+        )
+        result[block] = condition(*parts)
+    return result
 
 
 def _ids(ranges: tuple[tuple[int, int], ...], n: int) -> Mask:
@@ -241,7 +251,7 @@ def _bands(x: Field, y: Field, context: MaskContext) -> lasso.Bands:
 
 def _like(node: Like, context: MaskContext) -> Mask:
     chosen = np.zeros(len(context.instances), dtype=np.bool_)
-    chosen[resolved(node, context.run, context.trajectories, context.neighbours)] = True
+    chosen[similar_instances(node, context.run, context.trajectories, context.neighbours)] = True
     return chosen
 
 
@@ -260,7 +270,7 @@ def _extreme(node: Extreme, context: MaskContext) -> Mask:
     base = base_population(context, node.field.run)
     total = np.count_nonzero(base)
     count = math.ceil(node.amount * total / 100) if node.percent else int(node.amount)
-    return extremes(_values(node.field, context), base, count, node.which == "worst")
+    return top_k(_values(node.field, context), base, count, node.which == "worst")
 
 
 def _scale(field: Field) -> float:
@@ -268,11 +278,11 @@ def _scale(field: Field) -> float:
 
 
 def _values(field: Field, context: MaskContext) -> Values:
-    return _known(field, _column(fields.NUMERIC[field.name].path, field.run, context))
+    return _nan_for_null(field, _column(fields.NUMERIC[field.name].path, field.run, context))
 
 
-def _known(field: Field, column: NDArray[Any]) -> Values:
-    """A field's column or some of it, NaN for NULL."""
+def _nan_for_null(field: Field, column: NDArray[Any]) -> Values:
+    """A field's column, or a part of it, with NaN for NULL."""
     if field.name.endswith(".rank"):
         return np.where(column > 0, column, np.nan)
     if field.name == "seq":

@@ -66,7 +66,7 @@ _WHICH: dict[str, Literal["worst", "best"]] = {
 
 @lru_cache(64)
 def parse(text: str) -> Node:
-    """The tree of an expression. Raises ExpressionError with the column and what could stand there.
+    """The tree of an expression. Raises ExpressionError with the column and the valid alternatives.
 
     An empty text means `all`.
     """

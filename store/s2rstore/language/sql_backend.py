@@ -9,7 +9,7 @@ from typing import Any
 
 from s2rstore.geometry import angles
 from s2rstore.language import fields, lasso
-from s2rstore.language.checking import Neighbours, Vocabulary, expand, resolved
+from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, similar_instances
 from s2rstore.language.syntax_tree import (
     And,
     Around,
@@ -40,7 +40,7 @@ _STRAIGHT_BELOW = 10.0
 class SqlContext:
     """The current run and the trajectories in view (None = all).
 
-    `neighbours` finds what `like` means; `lacking` are columns of view `pair` that the index,
+    `neighbours` resolves `like`; `missing` are columns of view `pair` that the index,
     written by an earlier release, does not have. `stored_rooms` gives the index's own name of a
     room for the one that is shown, where they differ.
     """
@@ -49,7 +49,7 @@ class SqlContext:
     words: Vocabulary
     trajectories: tuple[str, ...] | None = None
     neighbours: Neighbours | None = None
-    lacking: frozenset[str] = frozenset()
+    missing: frozenset[str] = frozenset()
     stored_rooms: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -65,9 +65,9 @@ class _Writer:
         return "?"
 
     def column(self, field: Field) -> str:
-        """A numeric column on alias q, NULL where the index lacks it."""
+        """A numeric column on alias q, NULL where the index does not have it."""
         name = fields.NUMERIC[field.name].column
-        return "NULL::DOUBLE" if name in self.context.lacking else f"q.{name}"
+        return "NULL::DOUBLE" if name in self.context.missing else f"q.{name}"
 
 
 def to_sql(node: Node, context: SqlContext) -> tuple[str, list[Any]]:
@@ -163,7 +163,7 @@ def _leaf(node: Node, writer: _Writer) -> str:
             return _among(writer, x, lambda w: _lasso(node, w))
         case Like():
             context = writer.context
-            found = resolved(node, context.run, context.trajectories, context.neighbours)
+            found = similar_instances(node, context.run, context.trajectories, context.neighbours)
             return f"q.iid IN (SELECT unnest({writer.bind(found.tolist())}::INTEGER[]))"
         case Bend(straight):
             sign = "<" if straight else ">="
@@ -177,7 +177,7 @@ def _leaf(node: Node, writer: _Writer) -> str:
 def _among(writer: _Writer, field: Field, condition: Any) -> str:
     """The instances whose row of the field's run satisfies a condition on alias q.
 
-    Ground truth is the instance's own, whatever the run. The row of the current run is at hand;
+    Ground truth does not depend on the run. The row of the current run is at hand;
     that of another one takes a subquery, whose q hides the outer one.
     """
     if fields.is_truth(field.name):

@@ -145,7 +145,7 @@ def _files_below(root: Path, path: str) -> list[FolderEntry]:
 def _remove(root: Path, files: dict[str, list[FolderEntry]]) -> None:
     for path in files:
         atomic_writes.remove(root, path)
-    Ledger(root).forget({entry.path for entries in files.values() for entry in entries})
+    Ledger(root).remove_entries({entry.path for entries in files.values() for entry in entries})
     for run in _entries(root, layout.RUNS, "folder"):
         if not safe_files.names(root, run.path):
             atomic_writes.remove(root, run.path)

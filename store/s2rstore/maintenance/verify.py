@@ -280,7 +280,7 @@ class _Verification:
                 self._check_file(path, expected, "its checksum is not the published one")
 
     def _check_history(self) -> None:
-        path = reader.path_in(self.root)
+        path = reader.history_path(self.root)
         relative = path.relative_to(self.root)
         if safe_files.kind(self.root, relative) is not None:
             try:
@@ -373,7 +373,7 @@ _FIGURES = """WITH figures AS (
 
 def _table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
     rules = list(_RULES)
-    if "outlier" not in store.lacking("prediction"):
+    if "outlier" not in store.missing_columns("prediction"):
         rules.append(_OUTLIER_RULE)
     for table, what, condition in rules:
         count = store.execute(f'SELECT count(*) FROM "{table}" WHERE {condition}')[0][0]
@@ -403,7 +403,9 @@ def _table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
     if store.dataset.hash != current.dataset_hash:
         yield Damage(layout.CURRENT, "names another data set than the index")
     for known in schema.TABLES:
-        names = [name for name in known.column_names if name not in store.lacking(known.name)]
+        names = [
+            name for name in known.column_names if name not in store.missing_columns(known.name)
+        ]
         store.execute(f'SELECT {", ".join(names)} FROM "{known.name}" LIMIT 0')
 
 

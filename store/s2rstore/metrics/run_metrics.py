@@ -1,7 +1,7 @@
-"""The figures that stand for a run: over the instances that its model was not trained on.
+"""Metrics of a run, over the instances that its model was not trained on.
 
-An instance is a pose: where the model learned from one of its images, the pose is known to it and
-leaves the figures of both sides, so that sim and real are compared on the same instances.
+An instance is a pose: where the model was trained on one of its images, the instance is left out
+on both sides, so that sim and real are compared on the same instances.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ _KNOWN = (SPLITS.index("train"), SPLITS.index("validation"))
 
 
 @dataclass(frozen=True, slots=True)
-class Headline:
+class SideMetrics:
     """One side of a run over `n` instances; errors in metres, accuracy with its interval.
 
-    `trained_on` counts the instances that were left out. Figures are NaN where n is 0.
+    `trained_on` counts the instances that are left out. Metrics are NaN where n is 0.
     """
 
     n: int
@@ -39,16 +39,16 @@ def held_out(store: Store, run: str) -> NDArray[np.bool_]:
     return np.asarray(columns.valid & ~known)
 
 
-def headline(
+def side_metrics(
     store: Store, run: str, side: Side, members: NDArray[np.bool_] | None = None
-) -> Headline:
-    """Figures of a computed run's side, over `members` (N,) where given."""
+) -> SideMetrics:
+    """Metrics of one side of a computed run, over `members` (N,) or all instances."""
     columns = store.run_columns(run)
     chosen = columns.valid if members is None else columns.valid & members
     part = columns.side(side)
     keep = chosen & held_out(store, run)
     errors = part.error[keep]
-    return Headline(
+    return SideMetrics(
         n=int(keep.sum()),
         trained_on=int(chosen.sum() - keep.sum()),
         accuracy=bootstrap.mean_interval(
@@ -59,10 +59,10 @@ def headline(
     )
 
 
-def baseline(store: Store, run: str, members: NDArray[np.bool_] | None = None) -> float:
-    """Mean accuracy of predicting their mean position for the instances of a run's figures.
+def baseline_accuracy(store: Store, run: str, members: NDArray[np.bool_] | None = None) -> float:
+    """Mean accuracy of predicting the mean position of a run's held-out instances.
 
-    With `members` (N,) over these alone; the position stays the mean of all.
+    With `members` (N,) the accuracy is over these alone; the position stays the mean of all.
     """
     truth, keep = store.instances, held_out(store, run)
     values = pose_metrics.baseline_accuracy(

@@ -1,6 +1,6 @@
-"""Which instances a run sees alike: nearest neighbours in the embeddings of one side.
+"""Find similar instances: nearest neighbours in the embeddings of one side of a run.
 
-By brute force: exact, and fast enough for one question at a time.
+By brute force: exact, and fast enough for one query at a time.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
-from s2rstore.index.columns import population
-from s2rstore.metrics.top_k import extremes
+from s2rstore.index.columns import valid_in_trajectories
+from s2rstore.metrics.top_k import top_k
 from s2rstore.reader import Store
 from s2rstore.records import Side
 
@@ -38,7 +38,7 @@ def neighbours(
         raise RequestError(f"no instance {iid}: the store holds 0 .. {len(truth) - 1}")
     points = embedding(store, run, side)
     return nearest(
-        points, iid, count, population(store.run_columns(run).valid, truth, trajectories)
+        points, iid, count, valid_in_trajectories(store.run_columns(run).valid, truth, trajectories)
     )
 
 
@@ -48,9 +48,9 @@ def can_compare(store: Store, run: str) -> bool:
 
 
 def embedding(store: Store, run: str, side: Side) -> NDArray[np.float32]:
-    """What `neighbours` compares, (N, D): the principal components, NaN where there is none.
+    """The vectors that `neighbours` compares, (N, D): principal components, NaN where missing.
 
-    Stays in memory for the next question. Raises RequestError for a run without embeddings.
+    Cached for the next query. Raises RequestError for a run without embeddings.
     """
 
     def read() -> NDArray[np.float32]:
@@ -80,7 +80,7 @@ def nearest(
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.float32)
     others = base & np.isfinite(found)
     others[row] = False
-    rows = np.flatnonzero(extremes(found, others, count, largest=False))
+    rows = np.flatnonzero(top_k(found, others, count, largest=False))
     rows = rows[np.argsort(found[rows], kind="stable")]
     chosen = np.concatenate([[row], rows]).astype(np.int64)
     return chosen, np.sqrt(found[chosen])

@@ -1,4 +1,4 @@
-"""What a store shows at first glance: the room where reality is worst, the costliest gap."""
+"""Summarise a store in a few lines: runs, worst room, costliest factor, best heatmap."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class RoomSummary:
     sim_median: float
 
 
-def regions(store: Store, run: str) -> list[RoomSummary]:
+def worst_rooms(store: Store, run: str) -> list[RoomSummary]:
     """Rooms with at least five instances new to the model, the largest median real error first."""
     columns = store.run_columns(run)
-    fresh = run_metrics.held_out(store, run)
+    held_out = run_metrics.held_out(store, run)
     truth = store.instances
     found = []
     for code, name in enumerate(truth.room_names):
-        members = fresh & (truth.room == code)
+        members = held_out & (truth.room == code)
         n = int(members.sum())
         if n >= MIN_INSTANCES:
             real = float(np.median(columns.real.error[members]))
@@ -41,41 +41,41 @@ def regions(store: Store, run: str) -> list[RoomSummary]:
     return sorted(found, key=lambda region: -region.real_median)
 
 
-def lines(store: Store) -> list[str]:
-    """The findings in a dozen lines, for the end of a demo or a log."""
+def summary_lines(store: Store) -> list[str]:
+    """The summary in a dozen lines, for the end of a demo or a log."""
     computed = [name for name, run in store.runs.items() if run.key]
     if not computed:
         return ["no run is computed yet"]
     truth = store.instances
-    told = [
+    summary = [
         f"{len(truth)} instances, {len(computed)} runs; predicting the mean position scores "
-        f"{100 * run_metrics.baseline(store, computed[0]):.1f} % accuracy"
+        f"{100 * run_metrics.baseline_accuracy(store, computed[0]):.1f} % accuracy"
     ]
-    told += [_run_line(store, name) for name in computed]
+    summary += [_run_line(store, name) for name in computed]
     best = max(computed, key=lambda name: _accuracy(store, name))
-    told.append(f"best in reality: {best} ({100 * _accuracy(store, best):.1f} %)")
-    found = regions(store, computed[0])
+    summary.append(f"best in reality: {best} ({100 * _accuracy(store, best):.1f} %)")
+    found = worst_rooms(store, computed[0])
     if found:
         worst = found[0]
-        told.append(
+        summary.append(
             f"worst region of {computed[0]}: {worst.room} (median real error "
             f"{worst.real_median:.2f} m, sim {worst.sim_median:.2f} m; {worst.n} new instances)"
         )
-    return [printable(line) for line in [*told, *_score_lines(store)]]
+    return [printable(line) for line in [*summary, *_score_lines(store)]]
 
 
 def _score_lines(store: Store) -> list[str]:
-    """Why, and which heatmap to trust: what `s2r score` noted of the first run that it fits."""
-    noted = store.provenance("score").get("report")
-    if noted is None:
+    """Why, and which heatmap to trust: what `s2r score` stored of the first run that it fits."""
+    stored = store.provenance("score").get("report")
+    if stored is None:
         return []
     try:
-        return _told(store, store.provenance_object("score", "report"))
+        return _report_lines(store, store.provenance_object("score", "report"))
     except (RequestError, ValueError, TypeError, KeyError, AttributeError):
-        return ["the noted score makes no sense; run `s2r score` again"]
+        return ["the stored score makes no sense; run `s2r score` again"]
 
 
-def _told(store: Store, report: dict[str, Any]) -> list[str]:
+def _report_lines(store: Store, report: dict[str, Any]) -> list[str]:
     known = report["runs"]
     runs = [name for name, run in store.runs.items() if run.key and run.key == known.get(name)]
     if not runs:
@@ -109,26 +109,26 @@ def _heatmap_lines(run: str, heatmaps: list[dict[str, Any]]) -> list[str]:
     for row in known[1:]:
         if row["kind"] != best["kind"]:
             others.setdefault(row["kind"], row["auroc"])
-    told = [
+    summary = [
         f"best heatmap of {run}: {best['kind']} finds the changed objects on the floor at AUROC "
         f"{best['auroc']:.2f} ({best['auroc_low']:.2f} .. {best['auroc_high']:.2f}); "
         f"{100 * best['precision']:.0f} % of its top cells are right (chance "
         f"{100 * best['base_rate']:.0f} %)"
     ]
     if others:
-        told.append("  beside it: " + ", ".join(f"{k} {v:.2f}" for k, v in others.items()))
-    return told
+        summary.append("  beside it: " + ", ".join(f"{k} {v:.2f}" for k, v in others.items()))
+    return summary
 
 
 def _accuracy(store: Store, run: str) -> float:
-    value = run_metrics.headline(store, run, "real").accuracy.value
+    value = run_metrics.side_metrics(store, run, "real").accuracy.value
     return value if np.isfinite(value) else -1.0
 
 
 def _run_line(store: Store, run: str) -> str:
     parts = []
     for side in ("sim", "real"):
-        found = run_metrics.headline(store, run, "sim" if side == "sim" else "real")
+        found = run_metrics.side_metrics(store, run, "sim" if side == "sim" else "real")
         if not found.n:
             parts.append(f"{side} n/a (all {found.trained_on} trained on)")
             continue

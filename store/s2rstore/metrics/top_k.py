@@ -13,13 +13,13 @@ _SAMPLE = 16_384
 _SMALL = 4 * _SAMPLE
 
 
-def extremes(
+def top_k(
     values: NDArray[Any], base: NDArray[np.bool_], count: int, largest: bool
 ) -> NDArray[np.bool_]:
     """The `count` most extreme known values among `base`, ties by index; shape (n,).
 
-    Values (n,) are floats; NaN is never chosen. A large column is not sorted: a sample tells two
-    bounds that the last chosen value lies between, and only what is between them is compared.
+    Values (n,) are floats; NaN is never chosen. A large column is not sorted: a sample gives two
+    bounds around the last chosen value, and only values between them are compared.
     """
     if count <= 0:
         return np.zeros_like(base)
@@ -33,7 +33,7 @@ def extremes(
     return chosen
 
 
-def largest(values: NDArray[np.float64], rows: NDArray[np.intp]) -> int | None:
+def first_largest(values: NDArray[np.float64], rows: NDArray[np.intp]) -> int | None:
     """The first of `rows` (ascending) with the largest known value, all at least 0; or None."""
     found = values[rows]
     found = np.where(found >= 0, found, -1.0)
@@ -58,7 +58,7 @@ def _bounds(
 ) -> tuple[float, float] | None:
     """Two values, the more extreme first, that likely enclose the last chosen one.
 
-    None where the sample knows too little.
+    None where the sample is too small.
     """
     step = values.size // _SAMPLE
     among = base[::step]

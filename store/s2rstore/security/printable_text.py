@@ -1,8 +1,8 @@
-"""Text from outside (a store, a file, a user) made safe to show.
+"""Make text from outside (a store, a file, a user) safe to print.
 
 Characters that are not printable (`str.isprintable`: control characters, escape sequences,
 bidirectional overrides, line separators, invisible spaces) become a visible escape such as `\\x1b`
-or `\\u202e`, as Python's `repr` writes them. Printable text is given back as it is.
+or `\\u202e`, as Python's `repr` writes them. Printable text is returned unchanged.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ from __future__ import annotations
 import re
 from typing import Any, TextIO, cast
 
-_ODD = re.compile(r"[^\x20-\x7e]")
+_NOT_PLAIN = re.compile(r"[^\x20-\x7e]")
 
 
 def printable(text: str) -> str:
     """One line without control characters; a line break becomes `\\n`, a tab `\\t`."""
-    return text if text.isprintable() else _ODD.sub(_escape, text)
+    return text if text.isprintable() else _NOT_PLAIN.sub(_escape, text)
 
 
 def printable_lines(text: str) -> str:
     """The same for text of several lines: line feeds and tabs stay."""
     if text.isprintable():
         return text
-    return _ODD.sub(lambda found: found[0] if found[0] in "\n\t" else _escape(found), text)
+    return _NOT_PLAIN.sub(lambda found: found[0] if found[0] in "\n\t" else _escape(found), text)
 
 
 def printable_values(value: Any) -> Any:
@@ -66,11 +66,11 @@ class PrintableStream:
         return getattr(self.stream, name)
 
 
-def escaping(stream: TextIO) -> TextIO:
-    """`stream` as a `PrintableStream`; as it is where it is one already."""
+def printable_stream(stream: TextIO) -> TextIO:
+    """Wrap a stream as a `PrintableStream`, unless it is one already."""
     return stream if isinstance(stream, PrintableStream) else cast(TextIO, PrintableStream(stream))
 
 
-def unescaped(stream: TextIO) -> TextIO:
+def underlying_stream(stream: TextIO) -> TextIO:
     """The stream beneath a `PrintableStream`, for a library that moves the cursor."""
     return stream.stream if isinstance(stream, PrintableStream) else stream

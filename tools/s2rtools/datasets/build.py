@@ -80,7 +80,7 @@ def build(
             scan.drives(beside / layout.DRIVES)
         with edit(beside) as draft:
             write_index(draft, scan, kept, plan, command)
-            draft.note_checksums(_checksums(beside))
+            draft.record_checksums(_checksums(beside))
         beside.rename(target)
         atomic_writes.sync_path(target.parent)
     except OSError as error:
@@ -204,7 +204,7 @@ def _write_frames(
         for image, rows in images.items():
             relative = folder / image
             if shard == 0:
-                plan = stored_array.plan(count, rows.shape[1:], str(rows.dtype), SHARD_ROWS)
+                plan = stored_array.plan_layout(count, rows.shape[1:], str(rows.dtype), SHARD_ROWS)
                 stored_array.create(root / relative, plan, root=root)
             file = stored_array.write_shard(root / relative, shard, rows, root)
             key = f"frames:{domain.domain}:{trajectory}:{image}:{shard}"

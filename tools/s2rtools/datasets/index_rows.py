@@ -55,15 +55,17 @@ def write_index(
     problems: dict[str, int] = {}
     for problem in scan.problems:
         problems[problem.kind] = problems.get(problem.kind, 0) + 1
-    draft.note(
+    draft.set_provenance(
         "dataset",
         {"command": command, "ingested_at": datetime.now(UTC).isoformat(timespec="seconds"),
          "problems": problems},
     )  # fmt: skip
     for what, facts in scan.notes.items():
-        draft.note(what, facts)
+        draft.set_provenance(what, facts)
     rule = "block_length 0: the rounded-up square root of n, in recording order"
-    draft.note("statistics", {"bootstrap": {**asdict(bootstrap.DEFAULT_SETTINGS), "rule": rule}})
+    draft.set_provenance(
+        "statistics", {"bootstrap": {**asdict(bootstrap.DEFAULT_SETTINGS), "rule": rule}}
+    )
 
 
 def _dataset_row(scan: Scan, rows: list[Row], plan: str | None) -> dict[str, Any]:

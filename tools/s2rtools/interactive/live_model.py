@@ -17,7 +17,7 @@ from s2rstore.lru_cache import LruCache
 from s2rstore.metrics import pose_metrics
 from s2rstore.reader import DEFAULT_MODES, Store
 from s2rstore.records import SIDES, Run, Side
-from s2rstore.run_inputs import run_domain, run_move
+from s2rstore.run_inputs import run_camera_move, run_domain
 from s2rtools.adjustments import Chain
 from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
 from s2rtools.inference import Backend
@@ -86,7 +86,7 @@ class LiveModel:
     @property
     def kinds(self) -> tuple[str, ...]:
         """The heatmap kinds that can be asked for, those that need many passes last."""
-        known = self._store.correction(self.run.sim_domain, self.run.real_domain) is not None
+        known = self._store.rig_offset(self.run.sim_domain, self.run.real_domain) is not None
         suited = [
             kind for kind in KINDS.values()
             if kind.suits(self._backend.model) and (known or not kind.aligned)
@@ -139,7 +139,7 @@ class LiveModel:
         own, other = result.side(side), result.side("real" if side == "sim" else "sim")
         floor_heat = FloorHeat(
             own.domain, other.domain, dataset, side,
-            self._store.correction(self.run.sim_domain, self.run.real_domain),
+            self._store.rig_offset(self.run.sim_domain, self.run.real_domain),
             KINDS[kind].surface if KINDS[kind].aligned else None,
         )  # fmt: skip
         grid = MapGrid(dataset.bounds)
@@ -171,7 +171,7 @@ class LiveModel:
         return self._answers.get(key, lambda: self._compute_side(run, side, iid))
 
     def _compute_side(self, run: Run, side: Side, iid: int) -> _Answer:
-        domain, move = run_domain(self._store, run, side), run_move(self._store, run, side)
+        domain, move = run_domain(self._store, run, side), run_camera_move(self._store, run, side)
         source = RunFrames(self._store, run, renderers=self._renderers)
         images = self._frames.get(
             (iid, domain.domain, move), lambda: source.read(side, iid, iid + 1)
@@ -191,7 +191,7 @@ class LiveModel:
         return _Answer(shown, batch)
 
     def _pair(self, run: Run, answers: Mapping[Side, _Answer]) -> PairBatch:
-        moves = tuple(run_move(self._store, run, side) for side in SIDES)
+        moves = tuple(run_camera_move(self._store, run, side) for side in SIDES)
         aligned = self._alignments.get(moves, lambda: rig_calibration.alignment(self._store, run))
         sim, real = (answers[side].batch for side in SIDES)
         return PairBatch(self._backend.model, self._backend, sim, real, aligned)

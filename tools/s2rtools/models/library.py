@@ -129,7 +129,7 @@ def register(
     file = f"{layout.MODELS}/{weights.sha256}{weights.suffix}"
     atomic_writes.write(root, file, weights.content)
     Ledger(root).add(f"model:{weights.sha256}", [(file, 1)])
-    draft.note_checksums({file: hashlib.sha256(weights.content).hexdigest()})
+    draft.record_checksums({file: hashlib.sha256(weights.content).hexdigest()})
     draft.insert_row(
         "model",
         {
@@ -173,7 +173,7 @@ def _stored_weights(store: Store, sha256: str, most: int) -> tuple[Path, bytes]:
             raise RequestError(f"{store.path / start}*: missing; add the model again")
         return store.path / found, safe_files.read(store.path, found, most)
     except OSError as error:
-        reason = safe_files.explained(error)
+        reason = safe_files.error_text(error)
         where = error.filename or store.path / layout.MODELS
         raise RequestError(f"{where}: cannot be read ({reason})") from error
 

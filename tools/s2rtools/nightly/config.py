@@ -105,7 +105,7 @@ def read(path: Path) -> Config:
         topic=given.get("topic", "drives"),
         dynamics=_dynamics(given),
         sysid=_sysid(given, store) if "sysid" in content else None,
-        history=given.place(kept) if kept else history.path_in(store),
+        history=given.place(kept) if kept else history.history_path(store),
         reports=given.place(given.get("reports", "output", f"reports/{name}")),
         metrics=given.place(told) if told else None,
         stale_after=float(given.number("after_days", 7.0, 0, math.inf, "stale")),

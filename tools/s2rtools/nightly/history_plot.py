@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from io import BytesIO
 from typing import TYPE_CHECKING
 
-from s2rstore.gap_history.gate_status import word_of
+from s2rstore.gap_history.gate_status import axis_status
 from s2rstore.gap_history.reader import Night
 from s2rstore.metrics.bootstrap import Interval
 from s2rtools.nightly.report_model import Content, axes_of, figures_of
@@ -54,20 +54,20 @@ def _panels(told: Content) -> list[Drawn]:
             found = figures_of(night, axis)
             return found.gap if found else Interval.unknown()
 
-        return axis, gap, lambda night: word_of(gap(night), night.threshold)
+        return axis, gap, lambda night: axis_status(gap(night), night.threshold)
 
     headline: Drawn = ("headline", lambda night: night.gap, lambda night: night.headline)
     return [headline, *map(of, axes_of(told.past))]
 
 
 def _draw(axes: Axes, past: tuple[Night, ...], panel: Drawn) -> None:
-    name, gap_of, word_of = panel
+    name, gap_of, axis_status = panel
     days = [night.night.toordinal() for night in past]
     steps = [night.threshold for night in past]
     axes.plot([days[0] - 0.5, *days, days[-1] + 0.5], [steps[0], *steps, steps[-1]], color=LIMIT,
               linewidth=1.1, linestyle=(0, (4, 3)), drawstyle="steps-mid")  # fmt: skip
     for day, night in zip(days, past, strict=True):
-        gap, (marker, ink) = gap_of(night), MARKS.get(word_of(night), ("o", MUTED))
+        gap, (marker, ink) = gap_of(night), MARKS.get(axis_status(night), ("o", MUTED))
         value, low, high = (min(max(x, _LOWEST), _HIGHEST) for x in (gap.value, gap.low, gap.high))
         if math.isfinite(gap.value):
             axes.plot([day, day], [low, high], color=ink, linewidth=1.6, solid_capstyle="butt")

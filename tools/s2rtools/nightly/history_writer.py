@@ -51,7 +51,7 @@ def known(path: Path) -> History:
 
 def last_of(found: History, name: str, night: datetime.date) -> Night | None:
     """The row that counts for a night."""
-    return next((each for each in found.counting(name) if each.night == night), None)
+    return next((each for each in found.of_configuration(name) if each.night == night), None)
 
 
 def measurement(found: History, key: str) -> int | None:
@@ -166,7 +166,7 @@ def move(path: Path, name: str, night: datetime.date, now: str) -> None:
 
 
 def _replace(path: Path, change: Change) -> None:
-    reader.check_place(path)
+    reader.refuse_link(path)
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
         for left in path.parent.glob(f".{path.name}.*.new*"):

@@ -16,7 +16,7 @@ from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.openmetrics.exposition import generate_latest
 from prometheus_client.registry import Collector
 
-from s2rstore.gap_history.gate_status import CODES_TOLD, EXIT_CODES
+from s2rstore.gap_history.gate_status import EXIT_CODES, EXIT_CODES_TEXT
 from s2rstore.gap_history.reader import Night
 from s2rstore.gap_history.schema import BOUNDS
 from s2rstore.metrics.bootstrap import Interval
@@ -89,7 +89,7 @@ class _Families(Collector):
         return family
 
     def _codes(self, words: dict[str, str]) -> GaugeMetricFamily:
-        family = GaugeMetricFamily("s2r_gap_exit_code", CODES_TOLD,
+        family = GaugeMetricFamily("s2r_gap_exit_code", EXIT_CODES_TEXT,
                                    labels=(*_OF, "axis"))  # fmt: skip
         for axis, word in words.items():
             if word in EXIT_CODES:

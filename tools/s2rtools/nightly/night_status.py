@@ -6,7 +6,14 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from s2rstore.gap_history.gate_status import Told, Word, known_word, of_report, word_of, worst
+from s2rstore.gap_history.gate_status import (
+    AxisStatus,
+    NightStatus,
+    axis_status,
+    report_outcome,
+    stored_status,
+    worst_outcome,
+)
 from s2rstore.gap_history.reader import AxisFigures, Night
 from s2rstore.metrics.bootstrap import Interval
 
@@ -16,7 +23,7 @@ class Check:
     """One thing that was checked; SKIPPED where it is not asked, ERROR where it cannot be told."""
 
     name: str
-    word: Told
+    word: NightStatus
     told: str
 
 
@@ -24,20 +31,20 @@ def outcome(report: dict[str, Any], stale: bool) -> str:
     """The report's; what was not judged and stale evidence pass nothing."""
     if report.get("refused"):
         return str(report["refused"]["outcome"])
-    judged = of_report(report) or "INCONCLUSIVE"
-    return worst([judged, "INCONCLUSIVE"]) if stale else judged
+    judged = report_outcome(report) or "INCONCLUSIVE"
+    return worst_outcome([judged, "INCONCLUSIVE"]) if stale else judged
 
 
 def checks(night: Night) -> list[Check]:
     """The headline, every axis, the golden run, and whether the evidence is fresh."""
     if night.refused:
-        word: Told = "ERROR" if night.outcome == "ERROR" else "INCONCLUSIVE"
+        word: NightStatus = "ERROR" if night.outcome == "ERROR" else "INCONCLUSIVE"
         return [Check("headline", word, f"nothing was measured: {night.reason}"), _fresh(night)]
     told = night.reason
     if night.worst is not None:
         told = f"G {bounds(night.gap)}, worst axis {night.worst}; {night.reason}"
     return [
-        Check("headline", known_word(night.headline), told),
+        Check("headline", stored_status(night.headline), told),
         *(axis_check(axis, night.threshold) for axis in night.axes),
         _golden(night),
         _fresh(night),
@@ -56,11 +63,11 @@ def bounds(found: Interval, digits: int = 1, sign: str = "") -> str:
 def axis_check(axis: AxisFigures, threshold: float) -> Check:
     """One axis against the threshold."""
     if axis.state != "measured":
-        word: Word = "INCONCLUSIVE" if axis.state == "inconclusive" else "SKIPPED"
+        word: AxisStatus = "INCONCLUSIVE" if axis.state == "inconclusive" else "SKIPPED"
         return Check(axis.axis, word, f"{axis.state}: {axis.note}")
     value = f"{axis.measure} {bounds(axis.value, 3)} {axis.unit}, n {axis.n}"
     value += f"; {axis.note}" if axis.note else ""
-    word = word_of(axis.gap, threshold)
+    word = axis_status(axis.gap, threshold)
     if word == "SKIPPED":
         return Check(axis.axis, word, f"not judged: {value}")
     return Check(axis.axis, word, f"G {bounds(axis.gap)}, threshold {threshold:g}; {value}")
@@ -71,7 +78,7 @@ def _golden(night: Night) -> Check:
         return Check("golden", "SKIPPED", "no golden run in the configuration")
     change = bounds(night.golden_change, 3, "+")
     told = f"mean real error changed by {change} m, margin {night.golden_margin:g} m"
-    return Check("golden", known_word(night.golden), told)
+    return Check("golden", stored_status(night.golden), told)
 
 
 def _fresh(night: Night) -> Check:

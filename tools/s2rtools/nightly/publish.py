@@ -29,7 +29,7 @@ def publish(config: Config, found: History, night: Night) -> list[Path]:
     All files or none, and those that differ only.
     """
     folder = config.reports / str(night.night)
-    newest = found.counting(config.name)[-1]
+    newest = found.of_configuration(config.name)[-1]
     files = _files(config, found, night, folder)
     if config.metrics is not None:
         _folder(config.metrics.parent)

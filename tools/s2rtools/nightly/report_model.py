@@ -29,7 +29,7 @@ class Content:
 def content(found: History, night: Night) -> Content:
     """Later rows do not change what was told before them."""
     rows = [each for each in found.nights if each.id <= night.id and each.night <= night.night]
-    past = History(tuple(rows)).counting(night.name)[-MOST_NIGHTS:]
+    past = History(tuple(rows)).of_configuration(night.name)[-MOST_NIGHTS:]
     return Content(night, tuple(checks(night)), past)
 
 

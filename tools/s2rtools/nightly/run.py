@@ -62,7 +62,7 @@ def nightly(
     if not far:
         _check_near(config, night)
     tonight = _figures(config, night, measure, estimate)
-    stored.check_place(config.history)
+    stored.refuse_link(config.history)
     config.history.parent.mkdir(parents=True, exist_ok=True)
     with locks.file_lock(config.history):
         found = history_writer.known(config.history)
@@ -83,7 +83,7 @@ def _check_near(config: Config, night: datetime.date) -> None:
     Evidence is as old as the first night that saw it, so one such night would make the evidence of
     all others stale.
     """
-    nights = history_writer.known(config.history).counting(config.name)
+    nights = history_writer.known(config.history).of_configuration(config.name)
     if not nights or any(each.night == night for each in nights):
         return
     newest = nights[-1].night

@@ -29,13 +29,13 @@ def withdraw(config: Config, night: datetime.date, clock: Clock = utc_now) -> tu
         found = reader.read(config.history)
         gone = tuple(n for n in found.nights if (n.name, n.night) == (config.name, night))
         if not gone:
-            newest = found.counting(config.name)
+            newest = found.of_configuration(config.name)
             known = f"the newest is {newest[-1].night}" if newest else "it has none"
             raise RequestError(f"{config.history}: no night {night} of {config.name!r}; {known}")
         now = clock().astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
         writing.move(config.history, config.name, night, now)
         left = reader.read(config.history)
-        nights = left.counting(config.name)
+        nights = left.of_configuration(config.name)
         if nights:
             publish(config, left, nights[-1])
         elif (config.reports / LATEST).is_symlink():

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from s2rstore.geometry.camera_offset import UNMOVED
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Run, Side
-from s2rstore.run_inputs import FRAME_KINDS, run_move
+from s2rstore.run_inputs import FRAME_KINDS, run_camera_move
 from s2rtools.adjustments import Chain, apply_chain
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.rendering import FrameRenderer, open_renderer
@@ -53,7 +53,7 @@ class RunFrames:
         `renderers` are those that are open, by domain; it may be shared between runs of a store.
         """
         self._store, self._run, self._kept = store, run, kept
-        self._moves = {side: run_move(store, run, side) for side in SIDES}
+        self._moves = {side: run_camera_move(store, run, side) for side in SIDES}
         self._renderers = {} if renderers is None else renderers
 
     def read(

@@ -39,7 +39,7 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
         same = store.run(run).key == key
         listed = store.arrays(run) if same else []
         complete = {spec.path(run) for spec in specs} <= {record.path for record in listed}
-        if complete and not store.lacking("prediction"):
+        if complete and not store.missing_columns("prediction"):
             return False
         columns = [*_predictions(store, run, specs), *_projections(store, run, specs)]
         ranges = _heat_ranges(store, run, specs)
@@ -55,7 +55,7 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
         for spec in specs:
             draft.insert_row("zarr_array", _array_row(root, run, spec))
         draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
-        draft.note(f"run:{run}", _provenance(specs, backend, ranges, noted))
+        draft.set_provenance(f"run:{run}", _provenance(specs, backend, ranges, noted))
     return True
 
 

@@ -35,7 +35,7 @@ def add_model(
     with edit(root) as draft:
         refuse_taken(draft, "model", name)
         register(root, draft, name, weights, read)
-        draft.note(f"model:{name}", {"file": file.name, "file_sha256": weights.sha256})
+        draft.set_provenance(f"model:{name}", {"file": file.name, "file_sha256": weights.sha256})
 
 
 def add_run(

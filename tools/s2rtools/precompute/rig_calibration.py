@@ -35,7 +35,7 @@ def alignment(store: Store, run: Run) -> ImageAlignment | None:
 
     The correction is that of the domains' declarations, so it stays where the run moves a camera.
     """
-    correction = store.correction(run.sim_domain, run.real_domain)
+    correction = store.rig_offset(run.sim_domain, run.real_domain)
     if correction is None:
         return None
     frame = store.dataset.frame_height, store.dataset.frame_width
@@ -53,7 +53,7 @@ def ensure(root: Path, run: Run) -> bool:
         size = store.dataset.frame_height, store.dataset.frame_width
         found = calibrate(_shrunk(sim, frame, size), _shrunk(real, frame, size), frame, pairs)
     with edit(root) as draft:
-        draft.note(
+        draft.set_provenance(
             _noted(run),
             {"height": found.height, "zoom": found.zoom, "frames": len(pairs), "version": VERSION},
         )

@@ -10,7 +10,7 @@ from s2rstore.geometry import floor_grid as map_geometry
 from s2rstore.geometry.camera_offset import UNMOVED
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
-from s2rstore.run_inputs import FRAME_KINDS, run_move
+from s2rstore.run_inputs import FRAME_KINDS, run_camera_move
 from s2rtools.heatmaps import KINDS
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.tasks import outliers
@@ -32,7 +32,7 @@ def frames_stages(store: Store, run: Run) -> list[Stage]:
     """One stage for the sides whose cameras are moved; none where no side's are."""
     specs = []
     for side in SIDES:
-        domain, move = store.domain(run.domain(side)), run_move(store, run, side)
+        domain, move = store.domain(run.domain(side)), run_camera_move(store, run, side)
         if move == UNMOVED:
             continue
         depth = store.frames(domain.domain, 0, 1, ("depth",))["depth"].dtype.name
@@ -105,7 +105,7 @@ def _kind_specs(
 ) -> list[ArraySpec]:
     kind = KINDS[name]
     if kind.aligned:
-        correction = store.correction(run.sim_domain, run.real_domain)
+        correction = store.rig_offset(run.sim_domain, run.real_domain)
         facts = {**facts, "correction": correction and asdict(correction)}
     key = content_key({**facts, "kind": name, "version": kind.version, "params": kind.params})
     return [

@@ -96,7 +96,7 @@ class Stage:
     def create(self, root: Path) -> None:
         """Make the stage's empty arrays, or leave those that are there."""
         for spec in self.specs:
-            plan = stored_array.plan(spec.rows, spec.item, spec.dtype, self.shard_rows)
+            plan = stored_array.plan_layout(spec.rows, spec.item, spec.dtype, self.shard_rows)
             path = root / layout.RUNS / spec.path(self.run)
             stored_array.create(path, plan, dict(spec.attributes), root)
 

@@ -12,7 +12,7 @@ from s2rstore.geometry.camera_offset import UNMOVED, CameraMove
 from s2rstore.geometry.floor_grid import MapGrid, Projector
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Side
-from s2rstore.run_inputs import run_move
+from s2rstore.run_inputs import run_camera_move
 from s2rtools.synthetic_world.dataset import WorldData
 from s2rtools.synthetic_world.renderer import Camera
 
@@ -67,7 +67,7 @@ class Truth:
     def moves(self, run: str) -> Moves:
         """How a run moves the cameras of either side."""
         record = self.store.run(run)
-        return {side: run_move(self.store, record, side) for side in SIDES}
+        return {side: run_camera_move(self.store, record, side) for side in SIDES}
 
     def seen(self, side: Side, move: CameraMove = UNMOVED) -> VisibleObjects:
         """What a side's true camera sees, moved as a run moves it."""

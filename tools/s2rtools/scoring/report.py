@@ -85,7 +85,7 @@ def keep(root: Path, report: Report) -> bool:
         if store.provenance("score").get("report") == text:
             return False
     with edit(root) as draft:
-        draft.note("score", {"report": text})
+        draft.set_provenance("score", {"report": text})
     return True
 
 

@@ -68,7 +68,7 @@ def add(root: Path) -> list[str]:
             if name not in models:
                 convention = DEFAULT_CONVENTIONS[told["architecture"]]
                 register(root, draft, name, weights, convention, f"{name}: {told['command']}")
-                draft.note(f"model:{name}", told)
+                draft.set_provenance(f"model:{name}", told)
             if name not in runs:
                 insert_run(draft, name, name, domains)
         added.append(name)

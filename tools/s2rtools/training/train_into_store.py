@@ -129,4 +129,4 @@ def _publish(
         register(root, draft, name, weights, result.convention, trained_by)
         insert_run(draft, name, name, domains)
         splits = {f"split:{d}": encode_split(codes) for d, codes in result.splits.items()}
-        draft.note(f"model:{name}", {**result.provenance, **splits, "command": command})
+        draft.set_provenance(f"model:{name}", {**result.provenance, **splits, "command": command})

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import MOST_JSON, parse_json, read_bytes
+from s2rstore.files.input_files import MAX_JSON_BYTES, parse_json, read_bytes
 from s2rstore.metrics.bootstrap import percentile_bounds
 from s2rtools.gap.axis_result import Anchor, AxisResult, GapSettings
 
@@ -80,7 +80,7 @@ def text(axes: Mapping[str, Frozen], made_from: Mapping[str, Any]) -> str:
 
 def read(path: Path) -> Reference:
     """Raises RequestError where the file is missing, no reference, or of another format."""
-    raw = read_bytes(path, MOST_JSON)
+    raw = read_bytes(path, MAX_JSON_BYTES)
     content = parse_json(raw, str(path))
     if not isinstance(content, dict) or not isinstance(content.get("axes"), dict):
         raise RequestError(f"{path}: no reference of a gap; `s2r gap --freeze` writes one")

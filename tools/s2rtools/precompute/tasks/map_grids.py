@@ -31,7 +31,7 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
     other: Side = "real" if side == "sim" else "sim"
     floor_heat = map_geometry.FloorHeat(
         run_domain(store, run, side), run_domain(store, run, other), store.dataset, side,
-        store.correction(run.sim_domain, run.real_domain),
+        store.rig_offset(run.sim_domain, run.real_domain),
         KINDS[kind].surface if KINDS[kind].aligned else None,
     )  # fmt: skip
     frames = RunFrames(store, run, stage.kept(store.path))

@@ -1,4 +1,4 @@
-"""What an expression is checked against, and saved selections put in their places."""
+"""Check the names of an expression and expand its saved selections."""
 
 from __future__ import annotations
 
@@ -38,12 +38,15 @@ MAX_LEVELS = 200
 
 
 class Neighbours(Protocol):
-    """Who is near whom in the embeddings of a run's side."""
+    """Finds similar instances in the embeddings of one side of a run."""
 
     def __call__(
         self, run: str, side: Side, iid: int, count: int, trajectories: tuple[str, ...] | None
     ) -> NDArray[np.int64]:
-        """The instance and its `count` nearest of the base population; RequestError if unknown."""
+        """The instance and its `count` nearest neighbours in the base population.
+
+        Raises RequestError for an unknown instance.
+        """
         ...
 
 
@@ -58,16 +61,16 @@ class Vocabulary:
     splits: tuple[str, ...] = SPLITS
 
     def of(self, name: str) -> tuple[str, ...]:
-        """The known values of a text field's vocabulary."""
+        """The values that a text field can have, by the name of its vocabulary."""
         return {"rooms": self.rooms, "trajectories": self.trajectories, "splits": self.splits}[name]
 
 
 def expand(node: Node, words: Vocabulary) -> Node:
-    """Check every name and replace saved selections by what they stand for.
+    """Check every name and replace saved selections by their expressions.
 
     A saved selection is expanded once, however often it is named. Raises ExpressionError for
-    unknown names, for saved selections that contain themselves, and where the whole has more than
-    `MAX_TERMS` terms or is nested deeper than `MAX_LEVELS`.
+    unknown names, for saved selections that contain themselves, and where the result has more
+    than `MAX_TERMS` terms or is nested deeper than `MAX_LEVELS`.
     """
     return _Expansion(words).expanded(node, 0).node
 
@@ -86,7 +89,7 @@ class _Expanded:
 
 
 class _Expansion:
-    """One expression's expansion: `_saved` keeps what each name stands for."""
+    """The expansion of one expression; `_saved` holds the expanded selection of each name."""
 
     def __init__(self, words: Vocabulary) -> None:
         self._words = words
@@ -130,19 +133,21 @@ class _Expansion:
         self._open.pop()
         return found
 
-    def _checked(self, found: _Expanded, level: int) -> _Expanded:
-        """`found`, or ExpressionError where the expression becomes too large by it."""
-        if level + found.height > MAX_LEVELS:
+    def _checked(self, expanded: _Expanded, level: int) -> _Expanded:
+        """Return `expanded`; raise ExpressionError where it makes the expression too large."""
+        if level + expanded.height > MAX_LEVELS:
             raise self._too_large(f"nested over {MAX_LEVELS} levels deep")
-        if found.terms > MAX_TERMS:
+        if expanded.terms > MAX_TERMS:
             raise self._too_large(f"over {MAX_TERMS} terms long")
-        return found
+        return expanded
 
     def _too_large(self, what: str) -> ExpressionError:
         if not self._open:
-            return ExpressionError(1, f"with its saved selections it is {what}; write it with less")
+            return ExpressionError(
+                1, f"the expression with its saved selections is {what}; shorten it"
+            )
         first = self._open[0]
-        problem = f"@{first.name}, with what it is made of, is {what}"
+        problem = f"@{first.name} with the selections in it is {what}"
         return ExpressionError(first.column, f"{problem}; save a simpler selection under this name")
 
 
@@ -157,7 +162,7 @@ def _check_names(leaf: Node, words: Vocabulary) -> None:
 
 
 def used_fields(node: Node) -> tuple[Field, ...]:
-    """The fields that a leaf looks at."""
+    """The fields that a leaf reads."""
     if isinstance(node, Compare | Between | Around | Named | Extreme):
         return (node.field,)
     return (node.x, node.y) if isinstance(node, Box | Near | Lasso) else ()
@@ -173,10 +178,10 @@ def _runs(leaf: Node) -> set[str]:
     return {run for run in named if run is not None}
 
 
-def resolved(
+def similar_instances(
     node: Like, run: str, trajectories: tuple[str, ...] | None, neighbours: Neighbours | None
 ) -> NDArray[np.int64]:
-    """The instances that `like` means, where `run` is the current one.
+    """The instances that `like` selects, where `run` is the current run.
 
     Raises ExpressionError where the run has no embeddings or the instance does not exist.
     """
