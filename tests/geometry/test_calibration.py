@@ -25,7 +25,7 @@ pytestmark = pytest.mark.real
 
 
 def declared(name: str) -> Domain:
-    packaged = resources.files("s2rtools.datasets") / "sim2realviz.toml"
+    packaged = resources.files("s2rtools.datasets.importers") / "sim2realviz.toml"
     with resources.as_file(packaged) as path:
         return dataset_config.domain(dataset_config.read(path), name, FRAME, path)
 

@@ -100,7 +100,7 @@ def _trajectories(root: Path, wanted: tuple[str, ...]) -> list[Path]:
 def _calibration(given: Path | None) -> tuple[dict[str, Any], Path]:
     if given is not None:
         return dataset_config.read(given), given
-    packaged = resources.files("s2rtools.datasets") / "sim2realviz.toml"
+    packaged = resources.files("s2rtools.datasets.importers") / "sim2realviz.toml"
     with resources.as_file(packaged) as path:
         return dataset_config.read(path), Path(path.name)
 
