@@ -15,7 +15,7 @@ from s2rstore.records import Domain, Intrinsics
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.precompute.rig_calibration import calibrate
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
-from s2rtools.synthetic_world.world import raw_depth
+from s2rtools.synthetic_world.world import to_raw_depth
 
 FRAME = (96, 96)
 LENS = Intrinsics(66.0, 66.0, 48.0, 48.0, 0.0)
@@ -31,7 +31,7 @@ def data() -> WorldData:
 def images(data: WorldData, side: str, rows: slice = slice(None)) -> list:
     poses = data.poses["traj1"][rows]
     views = data.views(side, poses, np.arange(len(poses)))
-    depth = raw_depth(views.depth)
+    depth = to_raw_depth(views.depth)
     return [(rgb, raw, raw > 0) for rgb, raw in zip(views.rgb, depth, strict=True)]
 
 

@@ -11,12 +11,12 @@ import pytest
 import s2rstore
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
-from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import outliers
 from s2rtui.session.heatmaps import choices
 from tests.precompute.test_pipeline import Quiet
 
-FEW = Options(kinds=("feature_distance",))
+FEW = PrecomputeOptions(kinds=("feature_distance",))
 
 
 def brute(points: np.ndarray, sample: np.ndarray, count: int = 10) -> np.ndarray:

@@ -24,8 +24,8 @@ __all__ = [
     "ImageAdjustment",
     "RenderedAdjustment",
     "apply_chain",
-    "chain_of",
-    "parse",
+    "make_chain",
+    "parse_adjustment",
 ]
 
 ADJUSTMENTS: dict[str, Adjustment] = {
@@ -56,7 +56,7 @@ def apply_chain(
     over: the images are those that it took.
     """
     for step in chain:
-        adjustment = _known(str(step["name"]))
+        adjustment = _find_adjustment(str(step["name"]))
         if not isinstance(adjustment, ImageAdjustment):
             continue
         if float(step["value"]) != adjustment.neutral:
@@ -64,13 +64,13 @@ def apply_chain(
     return rgb, depth_raw
 
 
-def chain_of(side: Side, values: Mapping[str, float]) -> list[dict[str, Any]]:
+def make_chain(side: Side, values: Mapping[str, float]) -> list[dict[str, Any]]:
     """The chain that a side's values make, in the order of `ADJUSTMENTS`, neutral ones left out.
 
     Raises RequestError for unknown names and values out of range.
     """
     for name, value in values.items():
-        _check(side, _known(name), float(value), f"{name}={value:g}")
+        _check_value(side, _find_adjustment(name), float(value), f"{name}={value:g}")
     return [
         {"name": name, "value": round(float(values[name]), 6)}
         for name, adjustment in ADJUSTMENTS.items()
@@ -78,7 +78,7 @@ def chain_of(side: Side, values: Mapping[str, float]) -> list[dict[str, Any]]:
     ]
 
 
-def parse(text: str) -> dict[str, list[dict[str, Any]]]:
+def parse_adjustment(text: str) -> dict[str, list[dict[str, Any]]]:
     """`real:brightness=1.15,contrast=1.1` -> {"real": [{"name": ..., "value": ...}, ...]}.
 
     One side per text; `black` alone means `black=1`. Raises RequestError naming
@@ -91,7 +91,7 @@ def parse(text: str) -> dict[str, list[dict[str, Any]]]:
         raise RequestError(f"--adjust {text!r}: begins with sim: or real:")
     for step in rest.split(","):
         name, equals, number = step.strip().partition("=")
-        adjustment = _known(name.strip())
+        adjustment = _find_adjustment(name.strip())
         if not equals and adjustment is not erase.BLACK:
             such = adjustment.neutral + adjustment.step
             raise RequestError(f"--adjust {text}: {name} needs a value, such as {name}={such:g}")
@@ -99,12 +99,12 @@ def parse(text: str) -> dict[str, list[dict[str, Any]]]:
             value = float(number) if equals else adjustment.highest
         except ValueError:
             raise RequestError(f"--adjust {name}={number}: not a number") from None
-        _check(side, adjustment, value, f"--adjust {name}={number}")
+        _check_value(side, adjustment, value, f"--adjust {name}={number}")
         sides[side].append({"name": adjustment.name, "value": value})
     return {str(side): steps for side, steps in sides.items()}
 
 
-def _check(side: Side, adjustment: Adjustment, value: float, asked: str) -> None:
+def _check_value(side: Side, adjustment: Adjustment, value: float, asked: str) -> None:
     if side not in adjustment.sides:
         raise RequestError(f"{asked}: not on the {side} side ({', '.join(adjustment.sides)})")
     if not math.isfinite(value) or not adjustment.lowest <= value <= adjustment.highest:
@@ -112,7 +112,7 @@ def _check(side: Side, adjustment: Adjustment, value: float, asked: str) -> None
         raise RequestError(f"{asked}: {span} ({adjustment.unit})")
 
 
-def _known(name: str) -> Adjustment:
+def _find_adjustment(name: str) -> Adjustment:
     if name not in ADJUSTMENTS:
         raise RequestError(f"adjustment {name!r}: one of {', '.join(ADJUSTMENTS)}")
     return ADJUSTMENTS[name]

@@ -1,4 +1,4 @@
-"""Heatmaps: `KINDS` lists the methods. Adding one is a file and a line here."""
+"""Heatmaps: `HEATMAP_KINDS` lists the methods. Adding one is a file and a line here."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch,
 from s2rtools.heatmaps.occlusion import Occlusion
 from s2rtools.heatmaps.pixel_difference import PixelDifference
 
-__all__ = ["KINDS", "HeatmapKind", "OutputSpec", "PairBatch", "SideBatch"]
+__all__ = ["HEATMAP_KINDS", "HeatmapKind", "OutputSpec", "PairBatch", "SideBatch"]
 
-KINDS: dict[str, HeatmapKind] = {
+HEATMAP_KINDS: dict[str, HeatmapKind] = {
     kind.name: kind
     for kind in (
         Activation(),

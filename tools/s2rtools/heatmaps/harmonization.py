@@ -21,12 +21,12 @@ from s2rstore.records import Domain, Side
 COLOUR_FLOOR = 5.0
 """Added to both deviations, in grey levels, so that flat images are not blown up."""
 
-Images = tuple[NDArray[np.uint8], NDArray[Any], NDArray[np.bool_]]
+ViewImages = tuple[NDArray[np.uint8], NDArray[Any], NDArray[np.bool_]]
 """RGB (H, W, 3), raw depth (H, W) and its validity (H, W) of one view."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Harmonised:
+class HarmonisedPair:
     """One pair in the view of the sim RGB camera.
 
     `sim` and `real` (h, w, 3) float32 0 .. 255, the real colours matched; `sim_depth` and
@@ -61,26 +61,26 @@ class CameraView:
         return np.where(self._inside, picked / self._axis, np.nan)
 
     def coloured(
-        self, own: Images, real: Images, metres: NDArray[np.float64]
+        self, own: ViewImages, real: ViewImages, metres: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """RGB (h, w, 3) of the other rig in this view, `metres` deep, and where it was seen."""
         u, v, _, seen = self._crossing.targets(metres, self.other.rgb)
-        warped = _sampled(real[0], u, v, cv2.INTER_LINEAR).astype(np.float32)
+        warped = _sample_image(real[0], u, v, cv2.INTER_LINEAR).astype(np.float32)
         sim = own[0].astype(np.float32)
-        return np.where(seen[..., None], _colours_matched(warped, sim, seen), sim), seen
+        return np.where(seen[..., None], _match_colours(warped, sim, seen), sim), seen
 
-    def harmonised(self, own: Images, real: Images) -> Harmonised:
+    def harmonised(self, own: ViewImages, real: ViewImages) -> HarmonisedPair:
         """A pair where this is the sim view and the other rig the real one."""
         metres = self.metres(own[1], own[2])
         rgb, seen = self.coloured(own, real, metres)
         u, v, expected, inside = self._crossing.targets(metres, self.other.depth)
-        raw = _sampled(real[1], u, v, cv2.INTER_NEAREST)
-        valid = _sampled(real[2].astype(np.uint8), u, v, cv2.INTER_NEAREST) > 0
+        raw = _sample_image(real[1], u, v, cv2.INTER_NEAREST)
+        valid = _sample_image(real[2].astype(np.uint8), u, v, cv2.INTER_NEAREST) > 0
         measured = inside & valid
         along = np.nan_to_num(metres, nan=0.0)
         with np.errstate(invalid="ignore", divide="ignore"):
             depth = np.where(measured, raw * self.other.depth_scale * along / expected, along)
-        return Harmonised(
+        return HarmonisedPair(
             own[0].astype(np.float32), rgb,
             along.astype(np.float32), depth.astype(np.float32), seen, measured,
         )  # fmt: skip
@@ -93,7 +93,7 @@ class CameraView:
         """
         u, v, _, inside = self._crossing.targets(self.metres(depth, valid), self.other.rgb)
         rows, cols = heat.shape[0] / depth.shape[0], heat.shape[1] / depth.shape[1]
-        picked = _sampled(heat, u * cols, v * rows, cv2.INTER_LINEAR)
+        picked = _sample_image(heat, u * cols, v * rows, cv2.INTER_LINEAR)
         return np.where(inside, picked, np.float32(np.nan)).astype(np.float32)
 
 
@@ -118,7 +118,7 @@ class ImageAlignment:
         return CameraView(self.domain("real"), self.domain("sim"), self._frame)
 
 
-def _sampled(
+def _sample_image(
     image: NDArray[Any], u: NDArray[np.float64], v: NDArray[np.float64], method: int
 ) -> NDArray[Any]:
     """The image at continuous coordinates whose pixel i covers [i, i + 1)."""
@@ -126,7 +126,7 @@ def _sampled(
     return np.asarray(cv2.remap(image, x, y, method, borderMode=cv2.BORDER_REPLICATE))
 
 
-def _colours_matched(
+def _match_colours(
     real: NDArray[np.float32], sim: NDArray[np.float32], where: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
     """R <- (R - mean R) / (std R + c) * (std S + c) + mean S per channel, over `where`."""

@@ -23,7 +23,7 @@ _SHARE = 0.25
 """Of a cell's pixels that must have a value."""
 
 
-class _Harmonised(HeatmapKind):
+class _HarmonisedKind(HeatmapKind):
     """A comparison in the view of the sim RGB camera, NaN where the real one did not look; the
     real side gets it through its own depth, NaN where that is unknown. On the floor it lies at
     the nearer of both surfaces.
@@ -50,20 +50,20 @@ class _Harmonised(HeatmapKind):
 
     def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
         sim = [
-            _within(heat, made.measured if self.needs_depth else made.seen)
+            _mask_unknown(heat, made.measured if self.needs_depth else made.seen)
             for heat, made in zip(self.distance(pair), pair.harmonised, strict=True)
         ]
         size = self.size(pair.model)
         view = pair.aligned().real_view
         real = np.stack(
-            [_shrunk(view.fetched(heat, depth, valid), size)
+            [_shrink(view.fetched(heat, depth, valid), size)
              for heat, depth, valid in zip(sim, pair.real.depth, pair.real.valid, strict=True)]
         )  # fmt: skip
-        return {("sim", None): np.stack([_shrunk(heat, size) for heat in sim]),
+        return {("sim", None): np.stack([_shrink(heat, size) for heat in sim]),
                 ("real", None): real}  # fmt: skip
 
 
-class HarmonisedDistance(_Harmonised):
+class HarmonisedDistance(_HarmonisedKind):
     """(1 - cosine) * mean |A_sim - A_real| of the features that the network's first convolution
     gives, real harmonised to sim: warped through the sim depth by both calibrated rigs, holes
     filled, and per image and channel R <- (R - mean_R) / (std_R + c) * (std_S + c) + mean_S.
@@ -81,7 +81,7 @@ class HarmonisedDistance(_Harmonised):
     def size(self, model: LoadedModel) -> tuple[int, int]:
         height, width = model.network.input_size
         with torch.inference_mode():
-            shape = _early(model, torch.zeros(1, 4, height, width)).shape[-2:]
+            shape = _early_features(model, torch.zeros(1, 4, height, width)).shape[-2:]
         return min(int(shape[0]), MAX_SIDE), min(int(shape[1]), MAX_SIDE)
 
     def distance(self, pair: PairBatch) -> NDArray[np.float32]:
@@ -94,13 +94,13 @@ class HarmonisedDistance(_Harmonised):
             _stack(v.real for v in views), _stack(v.real_depth for v in views), 1.0, size
         )
         with torch.inference_mode():
-            a, b = (_early(pair.model, torch.from_numpy(x)) for x in (sim, real))
+            a, b = (_early_features(pair.model, torch.from_numpy(x)) for x in (sim, real))
             cosine = functional.cosine_similarity(a, b, dim=1, eps=1e-8).clamp(-1, 1)
             made = (1 - cosine) * (a - b).abs().mean(dim=1)
         return np.asarray(made.cpu().numpy(), dtype=np.float32)
 
 
-class HarmonisedDifference(_Harmonised):
+class HarmonisedDifference(_HarmonisedKind):
     """The model-free rival: sqrt(c d), c the mean |RGB difference| over channels in deviations of
     the sim image, d the depth difference relative to the sim depth; both are means of 3 x 3
     pixels. NaN where either depth is unknown.
@@ -120,18 +120,18 @@ class HarmonisedDifference(_Harmonised):
             spread = np.maximum(view.sim.std(axis=(0, 1)), 1.0)
             colour = (np.abs(view.sim - view.real) / spread).mean(axis=2)
             depth = np.abs(view.real_depth - view.sim_depth) / np.maximum(view.sim_depth, 0.1)
-            made.append(np.sqrt(_soft(colour) * _soft(np.where(view.measured, depth, 0.0))))
+            made.append(np.sqrt(_blur(colour) * _blur(np.where(view.measured, depth, 0.0))))
         return np.stack(made).astype(np.float32)
 
 
-def _within(heat: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _mask_unknown(heat: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Heat (fh, fw), NaN where most of what a cell covers is not known (h, w)."""
     flat = heat.shape[1], heat.shape[0]
     share = cv2.resize(known.astype(np.float32), flat, interpolation=cv2.INTER_AREA)
     return np.where(share > _SHARE, heat, np.float32(np.nan))
 
 
-def _early(model: LoadedModel, x: Tensor) -> Tensor:
+def _early_features(model: LoadedModel, x: Tensor) -> Tensor:
     assert model.network.early is not None
     device = next(model.network.parameters()).device
     made: Tensor = model.network.early(x.to(device))
@@ -142,12 +142,12 @@ def _stack(images: Any) -> NDArray[np.float32]:
     return np.stack(list(images)).astype(np.float32)
 
 
-def _soft(image: NDArray[Any]) -> NDArray[np.float32]:
+def _blur(image: NDArray[Any]) -> NDArray[np.float32]:
     """The mean over 3 x 3 pixels, so that one noisy pixel is no change."""
     return np.asarray(cv2.blur(image.astype(np.float32), (3, 3)))
 
 
-def _shrunk(heat: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+def _shrink(heat: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
     """Area means of the pixels that have a value; NaN where a cell has none."""
     if heat.shape == size:
         return heat

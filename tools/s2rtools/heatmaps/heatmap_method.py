@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from s2rstore.errors import RequestError
-from s2rtools.heatmaps.harmonization import Harmonised, ImageAlignment
+from s2rtools.heatmaps.harmonization import HarmonisedPair, ImageAlignment
 from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 
@@ -56,7 +56,7 @@ class PairBatch:
         return self.alignment
 
     @cached_property
-    def harmonised(self) -> list[Harmonised]:
+    def harmonised(self) -> list[HarmonisedPair]:
         """Each pair in the sim view; made once for all kinds."""
         view = self.aligned().sim_view
         sides = (zip(s.rgb, s.depth, s.valid, strict=True) for s in (self.sim, self.real))

@@ -17,11 +17,11 @@ from s2rtools.incremental_inference import (
     LocalGraph,
     Patch,
     PixelRegion,
-    analyse,
     cut_patches,
+    non_local_reason,
 )
 from s2rtools.inference import Backend
-from s2rtools.inference.batch_norm_folding import folded
+from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
 
 MODES = ("rgb", "depth", "rgbd")
@@ -46,7 +46,7 @@ class Occlusion(HeatmapKind):
 
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         count = self.params["patches"]
-        reason = analyse(folded(model.network.trunk))
+        reason = non_local_reason(fold_batch_norm(model.network.trunk))
         method = "by locality" if reason is None else f"in full: {reason}"
         return [
             OutputSpec(side, mode, (2, count, count), ("unit", "row", "column"), "m degrees",
@@ -57,7 +57,7 @@ class Occlusion(HeatmapKind):
 
     def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
         height, width = pair.model.network.input_size
-        backend = _reference(pair.backend)
+        backend = _float32_backend(pair.backend)
         at_once = max(1, _PIXELS_AT_ONCE // (height * width))
         parts = [
             self._chunk(pair, backend, slice(start, start + at_once))
@@ -75,11 +75,13 @@ class Occlusion(HeatmapKind):
         graph = _graph_of(backend.trunk)
         with torch.inference_mode():
             if graph is None:
-                before, after = _in_full(backend, inputs, others, patches)
+                before, after = _recompute_fully(backend, inputs, others, patches)
             else:
-                before, after = _by_locality(backend, graph, inputs, others, patches)
+                before, after = _recompute_locally(backend, graph, inputs, others, patches)
         truth = np.concatenate([pair.sim.truth[rows], pair.real.truth[rows]])
-        change = _errors(after, truth[:, None, None]) - _errors(before, truth)[:, None, None]
+        change = (
+            _pose_errors(after, truth[:, None, None]) - _pose_errors(before, truth)[:, None, None]
+        )
         change[len(change) // 2 :] *= -1
         change = change.reshape(len(change), count, count, len(MODES), 2)
         half = len(change) // 2
@@ -96,23 +98,23 @@ class Occlusion(HeatmapKind):
 
 @lru_cache(maxsize=2)
 def _graph_of(trunk: torch.nn.Module) -> LocalGraph | None:
-    return LocalGraph(trunk) if analyse(trunk) is None else None
+    return LocalGraph(trunk) if non_local_reason(trunk) is None else None
 
 
 @lru_cache(maxsize=2)
-def _reference(backend: Backend) -> Backend:
+def _float32_backend(backend: Backend) -> Backend:
     """The float32 backend of the same model: effects are as small as reduced precision's error."""
     return backend if type(backend) is Backend else Backend(backend.model)
 
 
-def _errors(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
+def _pose_errors(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
     """Position error in metres and heading error in degrees, in the last axis."""
     off = np.hypot(poses[..., 0] - truth[..., 0], poses[..., 1] - truth[..., 1])
     turn = np.degrees(angles.distance(poses[..., 2], truth[..., 2]))
     return np.stack([off, turn], axis=-1)
 
 
-def _content(inputs: Tensor, others: Tensor, region: PixelRegion) -> Tensor:
+def _patch_content(inputs: Tensor, others: Tensor, region: PixelRegion) -> Tensor:
     """The patch as each mode changes it: (N, M, 4, h, w)."""
     rows, cols = slice(region.r0, region.r1), slice(region.c0, region.c1)
     own, other = inputs[..., rows, cols], others[..., rows, cols]
@@ -128,7 +130,7 @@ def _poses(backend: Backend, features: Tensor) -> NDArray[np.float64]:
     return backend.pose(network.head(network.embed(features)))
 
 
-def _by_locality(
+def _recompute_locally(
     backend: Backend, graph: LocalGraph, inputs: Tensor, others: Tensor, patches: list[Patch]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Poses (N, 3) of the unchanged inputs and (N, P, M, 3) of the changed ones."""
@@ -140,7 +142,7 @@ def _by_locality(
         regions = graph.regions(patch.region, base)
         groups.setdefault(graph.signature(regions), []).append((patch, regions))
     for members in groups.values():
-        content = torch.stack([_content(inputs, others, p.region) for p, _ in members], dim=1)
+        content = torch.stack([_patch_content(inputs, others, p.region) for p, _ in members], dim=1)
         changed = graph.recompute(base, content, [regions for _, regions in members])
         for position, (patch, regions) in enumerate(members):
             at = regions[graph.output]
@@ -151,7 +153,7 @@ def _by_locality(
     return _poses(backend, features), poses
 
 
-def _in_full(
+def _recompute_fully(
     backend: Backend, inputs: Tensor, others: Tensor, patches: list[Patch]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The same by computing the whole network for every changed input."""
@@ -159,7 +161,7 @@ def _in_full(
     for patch in patches:
         region = patch.region
         changed = inputs[:, None].repeat(1, len(MODES), 1, 1, 1)
-        changed[..., region.r0 : region.r1, region.c0 : region.c1] = _content(
+        changed[..., region.r0 : region.r1, region.c0 : region.c1] = _patch_content(
             inputs, others, region
         )
         made = [_poses(backend, backend.features(b)) for b in changed.flatten(0, 1).split(_BATCH)]

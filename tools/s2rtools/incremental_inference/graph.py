@@ -19,7 +19,7 @@ from torch import Tensor, fx, nn
 from torch.fx.proxy import TraceError
 from torch.nn import functional
 
-from s2rtools.incremental_inference.regions import PixelRegion, Window, reach
+from s2rtools.incremental_inference.regions import PixelRegion, SlidingWindow, affected_region
 
 _POINTWISE = (
     nn.ReLU, nn.ReLU6, nn.LeakyReLU, nn.ELU, nn.SiLU, nn.GELU, nn.Hardswish, nn.Sigmoid, nn.Tanh,
@@ -36,7 +36,7 @@ _WINDOWS = (nn.Conv2d, nn.MaxPool2d, nn.AvgPool2d)
 Pair = tuple[int, int]
 
 
-def analyse(trunk: nn.Module) -> str | None:
+def non_local_reason(trunk: nn.Module) -> str | None:
     """Why a trunk cannot be recomputed by locality; None where it can."""
     try:
         LocalGraph(trunk)
@@ -50,20 +50,20 @@ class NotLocalError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class _Step:
+class _Operation:
     """One operation: the names of its inputs, and how it is computed."""
 
     name: str
     inputs: tuple[str, ...]
     kind: str
     call: Any
-    rows: Window | None = None
-    cols: Window | None = None
+    rows: SlidingWindow | None = None
+    cols: SlidingWindow | None = None
     fill: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Base:
+class BaseOutputs:
     """Every operation's output for the unchanged images (N, C, h, w), and padded copies."""
 
     outputs: dict[str, Tensor]
@@ -82,7 +82,7 @@ class LocalGraph:
         if trunk.training:
             raise NotLocalError("it is in training mode")
         modules = dict(traced.named_modules())
-        self._steps: list[_Step] = []
+        self._steps: list[_Operation] = []
         self._input = last = ""
         for node in traced.graph.nodes:
             if node.op == "placeholder":
@@ -90,12 +90,12 @@ class LocalGraph:
                     raise NotLocalError("it has more than one input")
                 self._input = node.name
             elif node.op == "output":
-                last = _single(node)
+                last = _output_name(node)
             else:
-                self._steps.append(_step(node, modules))
-        self._steps, self.output = _fused(self._steps, last)
+                self._steps.append(_operation(node, modules))
+        self._steps, self.output = _fuse_operations(self._steps, last)
 
-    def base(self, x: Tensor) -> Base:
+    def base(self, x: Tensor) -> BaseOutputs:
         """The pass over unchanged images that later calls start from."""
         outputs = {self._input: x}
         padded: dict[str, Tensor] = {}
@@ -106,9 +106,9 @@ class LocalGraph:
             else:
                 padded[step.name] = _pad(values[0], step)
                 outputs[step.name] = step.call(padded[step.name])
-        return Base(outputs, padded)
+        return BaseOutputs(outputs, padded)
 
-    def regions(self, region: PixelRegion, base: Base) -> dict[str, PixelRegion]:
+    def regions(self, region: PixelRegion, base: BaseOutputs) -> dict[str, PixelRegion]:
         """For every operation, the part of its output that a changed input region can reach."""
         found = {self._input: region}
         for step in self._steps:
@@ -117,7 +117,7 @@ class LocalGraph:
                 first = first.union(found[name])
             if step.rows is not None and step.cols is not None:
                 shape = base.outputs[step.inputs[0]].shape
-                first = reach(first, step.rows, step.cols, (shape[-2], shape[-1]))
+                first = affected_region(first, step.rows, step.cols, (shape[-2], shape[-1]))
             found[step.name] = first
         return found
 
@@ -129,7 +129,7 @@ class LocalGraph:
             parts.extend(self._offset(step, regions, name) for name in step.inputs)
         return tuple(parts)
 
-    def _offset(self, step: _Step, regions: dict[str, PixelRegion], name: str) -> Pair:
+    def _offset(self, step: _Operation, regions: dict[str, PixelRegion], name: str) -> Pair:
         """Where an input's changed part lies inside the crop that the step is computed from."""
         target, source = regions[step.name], regions[name]
         if step.rows is None or step.cols is None:
@@ -140,7 +140,7 @@ class LocalGraph:
         )
 
     def recompute(
-        self, base: Base, patches: Tensor, regions: Sequence[dict[str, PixelRegion]]
+        self, base: BaseOutputs, patches: Tensor, regions: Sequence[dict[str, PixelRegion]]
     ) -> Tensor:
         """The changed part of the output for several patches of equal signature.
 
@@ -162,9 +162,9 @@ class LocalGraph:
 
     def _pasted(
         self,
-        base: Base,
+        base: BaseOutputs,
         part: Tensor,
-        step: _Step,
+        step: _Operation,
         name: str,
         regions: Sequence[dict[str, PixelRegion]],
         lead: tuple[int, ...],
@@ -178,7 +178,7 @@ class LocalGraph:
             windows = [regions[p][step.name] for p in range(len(regions))]
         else:
             source = base.padded[step.name]
-            windows = [_window(step, regions[p][step.name]) for p in range(len(regions))]
+            windows = [_required_region(step, regions[p][step.name]) for p in range(len(regions))]
         size = (source.shape[1], *windows[0].shape)
         crop = torch.empty((math.prod(lead), *size), dtype=part.dtype, device=part.device,
                            memory_format=torch.channels_last)  # fmt: skip
@@ -191,7 +191,7 @@ class LocalGraph:
         return crop
 
 
-def _fused(steps: list[_Step], output: str) -> tuple[list[_Step], str]:
+def _fuse_operations(steps: list[_Operation], output: str) -> tuple[list[_Operation], str]:
     """Merge pointwise steps and unpadded pooling into the window that alone feeds them.
 
     What is merged is computed on the window's crop, so that no crop of its own is needed. Gives
@@ -201,27 +201,27 @@ def _fused(steps: list[_Step], output: str) -> tuple[list[_Step], str]:
     for step in steps:
         for name in step.inputs:
             users[name] = users.get(name, 0) + 1
-    made: dict[str, _Step] = {}
+    made: dict[str, _Operation] = {}
     renamed: dict[str, str] = {}
     for step in steps:
         inputs = tuple(renamed.get(name, name) for name in step.inputs)
         before = made.get(inputs[0])
         alone = users[step.inputs[0]] == 1 and step.inputs[0] != output
-        if before is not None and before.rows is not None and alone and _mergeable(step):
+        if before is not None and before.rows is not None and alone and _is_mergeable(step):
             renamed[step.name] = before.name
-            made[before.name] = _merged(before, step)
+            made[before.name] = _merge_operations(before, step)
         else:
             made[step.name] = replace(step, inputs=inputs)
     return list(made.values()), renamed.get(output, output)
 
 
-def _mergeable(step: _Step) -> bool:
+def _is_mergeable(step: _Operation) -> bool:
     if step.rows is None or step.cols is None:
         return step.kind == "pointwise"
     return step.kind == "pool" and not (step.rows.padding or step.cols.padding)
 
 
-def _merged(before: _Step, step: _Step) -> _Step:
+def _merge_operations(before: _Operation, step: _Operation) -> _Operation:
     first, then = before.call, step.call
     rows, cols = before.rows, before.cols
     if step.rows is not None and step.cols is not None and rows is not None and cols is not None:
@@ -229,43 +229,43 @@ def _merged(before: _Step, step: _Step) -> _Step:
     return replace(before, rows=rows, cols=cols, call=lambda x: then(first(x)))
 
 
-def _window(step: _Step, target: PixelRegion) -> PixelRegion:
+def _required_region(step: _Operation, target: PixelRegion) -> PixelRegion:
     if step.rows is None or step.cols is None:
         return target
     return PixelRegion(*step.rows.sees(target.r0, target.r1), *step.cols.sees(target.c0, target.c1))
 
 
-def _single(node: fx.Node) -> str:
+def _output_name(node: fx.Node) -> str:
     if len(node.args) != 1 or not isinstance(node.args[0], fx.Node):
         raise NotLocalError("it gives more than one tensor")
     return node.args[0].name
 
 
-def _step(node: fx.Node, modules: dict[str, nn.Module]) -> _Step:
+def _operation(node: fx.Node, modules: dict[str, nn.Module]) -> _Operation:
     if node.op == "call_module":
         module = modules[str(node.target)]
-        inputs = tuple(_inputs(node))
+        inputs = tuple(_input_names(node))
         if isinstance(module, nn.BatchNorm2d) and module.running_mean is None:
             raise NotLocalError(f"{node.target}: batch norm without running statistics")
         if isinstance(module, _POINTWISE):
-            return _Step(node.name, inputs, "pointwise", _out_of_place(module))
+            return _Operation(node.name, inputs, "pointwise", _out_of_place(module))
         if isinstance(module, _WINDOWS):
-            return _window_step(node.name, inputs, module)
+            return _window_operation(node.name, inputs, module)
         raise NotLocalError(f"{node.target} ({type(module).__name__}) is not local")
     if node.op == "call_function":
         if node.target in _POINTWISE_FUNCTIONS:
             options = {k: v for k, v in node.kwargs.items() if k != "inplace"}
             function = node.target
-            return _Step(node.name, tuple(_inputs(node)), "pointwise",
+            return _Operation(node.name, tuple(_input_names(node)), "pointwise",
                          lambda x, f=function, o=options: f(x, **o))  # fmt: skip
-        if node.target in _ADD and len(_inputs(node)) == 2 and not node.kwargs:
-            return _Step(node.name, tuple(_inputs(node)), "add", torch.add)
+        if node.target in _ADD and len(_input_names(node)) == 2 and not node.kwargs:
+            return _Operation(node.name, tuple(_input_names(node)), "add", torch.add)
         if node.target in _CAT and node.kwargs.get("dim", (*node.args, 0)[1]) == 1:
-            return _Step(node.name, tuple(_inputs(node)), "cat", torch.cat)
+            return _Operation(node.name, tuple(_input_names(node)), "cat", torch.cat)
     raise NotLocalError(f"{node.name} ({node.target}) is not local")
 
 
-def _inputs(node: fx.Node) -> list[str]:
+def _input_names(node: fx.Node) -> list[str]:
     """Names of all tensors that a step takes, in order, one as often as it is given."""
     names: list[str] = []
     for argument in (*node.args, *node.kwargs.values()):
@@ -284,7 +284,7 @@ def _pair(value: int | Pair) -> Pair:
     return (value, value) if isinstance(value, int) else (int(value[0]), int(value[1]))
 
 
-def _window_step(name: str, inputs: tuple[str, ...], module: nn.Module) -> _Step:
+def _window_operation(name: str, inputs: tuple[str, ...], module: nn.Module) -> _Operation:
     padding_value = getattr(module, "padding", 0)
     if isinstance(padding_value, str) or getattr(module, "padding_mode", "zeros") != "zeros":
         raise NotLocalError(f"{name}: padding {padding_value!r} is not supported")
@@ -296,7 +296,7 @@ def _window_step(name: str, inputs: tuple[str, ...], module: nn.Module) -> _Step
     stride = _pair(module.stride)  # type: ignore[arg-type]
     dilation = _pair(getattr(module, "dilation", 1))
     windows = [
-        Window(d * (k - 1) + 1, s, p)
+        SlidingWindow(d * (k - 1) + 1, s, p)
         for k, s, p, d in zip(kernel, stride, padding, dilation, strict=True)
     ]
     if isinstance(module, nn.Conv2d):
@@ -305,23 +305,23 @@ def _window_step(name: str, inputs: tuple[str, ...], module: nn.Module) -> _Step
         def convolve(x: Tensor) -> Tensor:
             return functional.conv2d(x, weight, bias, stride, 0, dilation, groups)
 
-        return _Step(name, inputs, "window", convolve, windows[0], windows[1])
+        return _Operation(name, inputs, "window", convolve, windows[0], windows[1])
     if isinstance(module, nn.MaxPool2d):
 
         def largest(x: Tensor) -> Tensor:
             return functional.max_pool2d(x, kernel, stride, 0, dilation)
 
-        return _Step(name, inputs, "pool", largest, windows[0], windows[1], -math.inf)
+        return _Operation(name, inputs, "pool", largest, windows[0], windows[1], -math.inf)
     if any(padding) and not module.count_include_pad:
         raise NotLocalError(f"{name}: average pooling that leaves its padding out")
 
     def average(x: Tensor) -> Tensor:
         return functional.avg_pool2d(x, kernel, stride)
 
-    return _Step(name, inputs, "pool", average, windows[0], windows[1])
+    return _Operation(name, inputs, "pool", average, windows[0], windows[1])
 
 
-def _pad(x: Tensor, step: _Step) -> Tensor:
+def _pad(x: Tensor, step: _Operation) -> Tensor:
     rows, cols = step.rows, step.cols
     if rows is None or cols is None or not (rows.padding or cols.padding):
         return x
@@ -329,7 +329,7 @@ def _pad(x: Tensor, step: _Step) -> Tensor:
     return functional.pad(x, edges, value=step.fill).contiguous(memory_format=torch.channels_last)
 
 
-def _join(step: _Step, values: list[Tensor]) -> Tensor:
+def _join(step: _Operation, values: list[Tensor]) -> Tensor:
     if step.kind == "cat":
         return torch.cat(values, dim=1)
     return step.call(*values)

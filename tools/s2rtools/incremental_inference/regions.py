@@ -33,7 +33,7 @@ class PixelRegion:
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class SlidingWindow:
     """A sliding window along one axis: extent (dilation included), stride and padding."""
 
     extent: int
@@ -43,7 +43,7 @@ class Window:
     def outputs(self, size: int) -> int:
         return (size + 2 * self.padding - self.extent) // self.stride + 1
 
-    def reach(self, start: int, stop: int, size: int) -> tuple[int, int]:
+    def affected_outputs(self, start: int, stop: int, size: int) -> tuple[int, int]:
         """Outputs [lo, hi) that see any of the inputs [start, stop) of `size`."""
         low = max(0, -((self.extent - 1 - start - self.padding) // self.stride))
         high = min(self.outputs(size), (stop - 1 + self.padding) // self.stride + 1)
@@ -53,16 +53,18 @@ class Window:
         """Padded inputs [start, stop) that the outputs [low, high) are computed from."""
         return low * self.stride, (high - 1) * self.stride + self.extent
 
-    def then(self, after: Window) -> Window:
+    def then(self, after: SlidingWindow) -> SlidingWindow:
         """This window followed by an unpadded one, as one window."""
         extent = self.extent + (after.extent - 1) * self.stride
-        return Window(extent, self.stride * after.stride, self.padding)
+        return SlidingWindow(extent, self.stride * after.stride, self.padding)
 
 
-def reach(region: PixelRegion, rows: Window, cols: Window, size: tuple[int, int]) -> PixelRegion:
+def affected_region(
+    region: PixelRegion, rows: SlidingWindow, cols: SlidingWindow, size: tuple[int, int]
+) -> PixelRegion:
     """The outputs that see any of a region of an input of `size` rows and columns."""
     if region.empty:
         return PixelRegion(0, 0, 0, 0)
-    r0, r1 = rows.reach(region.r0, region.r1, size[0])
-    c0, c1 = cols.reach(region.c0, region.c1, size[1])
+    r0, r1 = rows.affected_outputs(region.r0, region.r1, size[0])
+    c0, c1 = cols.affected_outputs(region.c0, region.c1, size[1])
     return PixelRegion(r0, r1, c0, c1)

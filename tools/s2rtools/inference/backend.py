@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
-from s2rtools.inference.batch_norm_folding import folded
+from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
 
 BATCH = 8
@@ -20,7 +20,7 @@ TOLERANCE_RADIANS = float(np.radians(0.5))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Forward:
+class ForwardOutput:
     """x (B, 4, h, w) and features (B, C, fh, fw) as tensors; embedding (B, D) and pose (B, 3).
 
     `features` is None for a network whose inside is closed.
@@ -51,7 +51,7 @@ class Backend:
             torch.backends.cuda.matmul.allow_tf32 = False
         self.trunk: nn.Module | None = None
         if model.network.has_features:
-            self.trunk = folded(model.network.trunk).to(self.device)
+            self.trunk = fold_batch_norm(model.network.trunk).to(self.device)
         model.network.to(self.device)
 
     def features(self, x: Tensor) -> Tensor:
@@ -65,20 +65,20 @@ class Backend:
         """Decoded poses (B, 3) in metres, metres, radians."""
         return self.model.convention.decode(raw.double()).cpu().numpy()
 
-    def forward_all(self, x: NDArray[np.float32]) -> Forward:
+    def forward_all(self, x: NDArray[np.float32]) -> ForwardOutput:
         """Everything that one forward pass gives, for a batch of inputs."""
         with torch.inference_mode():
             tensor = torch.from_numpy(x).to(self.device)
             if self.trunk is None:
                 raw = self._raw(tensor)
-                return Forward(tensor, None, raw, self.pose(raw))
+                return ForwardOutput(tensor, None, raw, self.pose(raw))
             features = self.features(tensor)
             embedding = self.model.network.embed(features)
             raw = self.model.network.head(embedding)
             for what, found in (("features", features), ("embeddings", embedding)):
                 if len(found) != len(tensor):
                     raise self._refuse(f"gives {len(found)} {what} for {len(tensor)} images")
-            return Forward(tensor, features, embedding, self.pose(self._checked(raw, tensor)))
+            return ForwardOutput(tensor, features, embedding, self.pose(self._checked(raw, tensor)))
 
     def _raw(self, x: Tensor) -> Tensor:
         """The checked output of a network whose inside is closed."""
@@ -147,18 +147,18 @@ class OpenVinoBackend(Backend):
         return torch.from_numpy(np.array(made, dtype=np.float32))
 
 
-_BACKENDS: dict[str, type[Backend]] = {
+BACKENDS: dict[str, type[Backend]] = {
     backend.name: backend for backend in (Backend, Bfloat16Backend, OpenVinoBackend)
 }
-NAMES = ("auto", *_BACKENDS)
+BACKEND_NAMES = ("auto", *BACKENDS)
 
 
 def open_backend(model: LoadedModel, name: str, threads: int = 0) -> Backend:
     """A backend by name. Raises RequestError for unknown names and missing packages."""
-    if name not in _BACKENDS:
-        raise RequestError(f"backend {name!r}: one of {', '.join(NAMES)}")
+    if name not in BACKENDS:
+        raise RequestError(f"backend {name!r}: one of {', '.join(BACKEND_NAMES)}")
     try:
-        return _BACKENDS[name](model, threads)
+        return BACKENDS[name](model, threads)
     except ImportError as error:
         raise RequestError(
             f"backend {name!r} needs {error.name}: pip install {error.name}"
@@ -186,7 +186,7 @@ def choose_backend(
             if name == "auto":
                 continue
             raise
-        off = _distance(backend.forward_all(sample).pose, wanted)
+        off = _largest_difference(backend.forward_all(sample).pose, wanted)
         if off[0] <= TOLERANCE_METRES and off[1] <= TOLERANCE_RADIANS:
             return backend
         if name != "auto":
@@ -197,6 +197,6 @@ def choose_backend(
     return Backend(model, threads)
 
 
-def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float]:
+def _largest_difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float]:
     turn = np.abs((a[:, 2] - b[:, 2] + np.pi) % (2 * np.pi) - np.pi)
     return float(np.hypot(*(a[:, :2] - b[:, :2]).T).max()), float(turn.max())

@@ -10,7 +10,7 @@ from torch.fx.proxy import TraceError
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 
-def folded(trunk: nn.Module) -> nn.Module:
+def fold_batch_norm(trunk: nn.Module) -> nn.Module:
     """A copy of the trunk in evaluation mode with every foldable batch norm folded.
 
     A trunk that torch.fx cannot trace comes back as an unfolded copy.

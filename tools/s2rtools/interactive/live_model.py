@@ -19,17 +19,17 @@ from s2rstore.reader import DEFAULT_MODES, Store
 from s2rstore.records import SIDES, Run, Side
 from s2rstore.run_inputs import run_domain, run_move
 from s2rtools.adjustments import Chain
-from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
+from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
 from s2rtools.interactive.live_result import HeatKey, LiveResult, LiveSide
 from s2rtools.interactive.recent import RecentValues
 from s2rtools.models.library import load_model
 from s2rtools.precompute import rig_calibration
-from s2rtools.precompute.frame_reader import Images, Renderers, RunFrames, side_frames
+from s2rtools.precompute.frame_reader import FrameImages, Renderers, RunFrames, side_frames
 from s2rtools.precompute.run_context import as_stored, side_batch
 from s2rtools.precompute.stages import MAP_SETTINGS
-from s2rtools.rendering import reason_against
+from s2rtools.rendering import no_renderer_reason
 
 _HELD = 8
 
@@ -73,7 +73,7 @@ class LiveModel:
             self._store.close()
             raise
         self._renderers: Renderers = {}
-        self._frames: RecentValues[Images] = RecentValues(2 * _HELD)
+        self._frames: RecentValues[FrameImages] = RecentValues(2 * _HELD)
         self._answers: RecentValues[_Answer] = RecentValues(2 * _HELD)
         self._alignments: RecentValues[ImageAlignment | None] = RecentValues(2)
         self._types: dict[str, dict[tuple[str | None, str | None], str]] = {}
@@ -84,14 +84,14 @@ class LiveModel:
     @property
     def reason_against_moving(self) -> str | None:
         """Why the adjustments that need a renderer cannot be had here; None where they can."""
-        return reason_against(self._store)
+        return no_renderer_reason(self._store)
 
     @property
     def kinds(self) -> tuple[str, ...]:
         """The heatmap kinds that can be asked for, those that need many passes last."""
         known = self._store.correction(self.run.sim_domain, self.run.real_domain) is not None
         suited = [
-            kind for kind in KINDS.values()
+            kind for kind in HEATMAP_KINDS.values()
             if kind.suits(self._backend.model) and (known or not kind.aligned)
         ]  # fmt: skip
         return tuple(kind.name for kind in sorted(suited, key=lambda kind: kind.cost != "forward"))
@@ -144,14 +144,14 @@ class LiveModel:
         surface = HeatSurface(
             own.domain, other.domain, frame, side == "real",
             self._store.correction(self.run.sim_domain, self.run.real_domain),
-            KINDS[kind].surface if KINDS[kind].aligned else None,
+            HEATMAP_KINDS[kind].surface if HEATMAP_KINDS[kind].aligned else None,
         )  # fmt: skip
         grid = MapGrid(dataset.bounds, MAP_SETTINGS["cells"])
         heights = tuple(MAP_SETTINGS["heights"])
         projector = Projector(surface.domain, frame, dataset.y_down, heights)
         away = other.surface[None] if surface.needs_other else None
         pose = np.array([[getattr(truth, name)[result.iid] for name in ("x", "y", "heading")]])
-        ray = KINDS[kind].ray(mode or DEFAULT_MODES.get(kind))
+        ray = HEATMAP_KINDS[kind].ray(mode or DEFAULT_MODES.get(kind))
         depth = surface.depth(own.surface[None], away)
         grid.add(*projector.project(heat[None], depth, pose, ray, grid))
         return np.asarray(grid.aggregates()[0])
@@ -198,13 +198,15 @@ class LiveModel:
 
     def _pair(self, run: Run, answers: Mapping[Side, _Answer]) -> PairBatch:
         moves = tuple(run_move(self._store, run, side) for side in SIDES)
-        aligned = self._alignments.get(moves, lambda: rig_calibration.alignment(self._store, run))
+        aligned = self._alignments.get(
+            moves, lambda: rig_calibration.load_alignment(self._store, run)
+        )
         sim, real = (answers[side].batch for side in SIDES)
         return PairBatch(self._backend.model, self._backend, sim, real, aligned)
 
     def _heat(self, name: str, pair: PairBatch) -> dict[HeatKey, NDArray[np.float32]]:
         """A kind's maps of both sides in the precision that precompute stores them in."""
-        kind = KINDS[name]
+        kind = HEATMAP_KINDS[name]
         if name not in self._types:
             outputs = kind.outputs(self._backend.model)
             self._types[name] = {(out.side, out.mode): out.dtype for out in outputs}

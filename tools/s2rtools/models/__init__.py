@@ -12,7 +12,7 @@ ARCHITECTURES: dict[str, type[PoseNetwork]] = {
 }
 
 
-def build(architecture: str) -> PoseNetwork:
+def build_network(architecture: str) -> PoseNetwork:
     """An untrained network; RequestError for unknown names."""
     if architecture not in ARCHITECTURES:
         raise RequestError(f"architecture {architecture!r}: one of {', '.join(ARCHITECTURES)}")

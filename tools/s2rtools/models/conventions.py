@@ -14,7 +14,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_json
 
 HeadingUnit = Literal["degrees", "radians", "cos_sin"]
-Frame = Literal["map", "habitat"]
+HeadingFrame = Literal["map", "habitat"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class OutputConvention:
     """
 
     heading: HeadingUnit
-    frame: Frame = "map"
+    frame: HeadingFrame = "map"
 
     @property
     def width(self) -> int:
@@ -83,11 +83,11 @@ def parse_convention(text: str) -> OutputConvention:
         heading, _, frame = (part.strip() for part in text.partition(","))
         frame = frame or "map"
     if heading not in get_args(HeadingUnit):
-        raise RequestError(_unknown(text, "heading", heading, get_args(HeadingUnit)))
-    if frame not in get_args(Frame):
-        raise RequestError(_unknown(text, "frame", frame, get_args(Frame)))
+        raise RequestError(_unknown_value(text, "heading", heading, get_args(HeadingUnit)))
+    if frame not in get_args(HeadingFrame):
+        raise RequestError(_unknown_value(text, "frame", frame, get_args(HeadingFrame)))
     return OutputConvention(heading, frame)
 
 
-def _unknown(text: str, what: str, value: str, allowed: tuple[str, ...]) -> str:
+def _unknown_value(text: str, what: str, value: str, allowed: tuple[str, ...]) -> str:
     return f"output convention {text!r}: {what} {value!r}; one of {', '.join(allowed)}"

@@ -26,24 +26,31 @@ from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import IndexTransaction
 from s2rstore.reader import Store
 from s2rstore.security.memory_limit import bounded_memory
-from s2rtools.models import ARCHITECTURES, build
+from s2rtools.models import ARCHITECTURES, build_network
 from s2rtools.models.pose_network import LoadedModel, OutputConvention, PoseNetwork
 from s2rtools.models.torchscript import TORCHSCRIPT, OpaqueNetwork
 from s2rtools.models.weights_file import (
-    MOST_OPAQUE,
+    MAX_TORCHSCRIPT_BYTES,
     check_archive,
     check_tensors,
-    most_bytes,
+    max_file_bytes,
     parameter_bytes,
     read_weights_file,
 )
 
 DEFAULT_CONVENTIONS = {name: network.convention for name, network in ARCHITECTURES.items()}
-_WRAPPERS = ("state_dict", "model", "model_state_dict", "net")
-_UNPICKLING = 64 << 20
+_WRAPPER_KEYS = ("state_dict", "model", "model_state_dict", "net")
+_UNPICKLING_BYTES = 64 << 20
 """Bytes that unpickling may take beside the tensors."""
 # What torch's reader raises, beside its own errors, on bytes that are no file of tensors.
-_JUNK = (ValueError, TypeError, LookupError, AttributeError, AssertionError, struct.error)
+_DECODING_ERRORS = (
+    ValueError,
+    TypeError,
+    LookupError,
+    AttributeError,
+    AssertionError,
+    struct.error,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,25 +76,25 @@ def read_weights(path: Path, architecture: str, trust: bool = False) -> Weights:
     RequestError naming the file where it does not fit.
     """
     if architecture == TORCHSCRIPT:
-        _need_trust(trust, "TorchScript")
-        content = read_bytes(path, MOST_OPAQUE)
+        _require_trust(trust, "TorchScript")
+        content = read_bytes(path, MAX_TORCHSCRIPT_BYTES)
         digest = hashlib.sha256(content).hexdigest()
         network: PoseNetwork = OpaqueNetwork.from_torchscript(content, str(path))
         outputs = network.embedding_size
         return Weights(architecture, digest, content, ".torchscript", network.input_size, outputs)
     check_regular(path)
-    network = _empty_network(architecture, trust)
-    content = read_weights_file(path, _most_bytes(network))
+    network = _untrained_network(architecture, trust)
+    content = read_weights_file(path, _max_bytes(network))
     digest = hashlib.sha256(content).hexdigest()
     state = read_state(path, content)
-    _load(network, state, str(path))
-    packed = pack(network)
+    _load_state(network, state, str(path))
+    packed = pack_weights(network)
     return replace(packed, architecture=architecture, sha256=digest)
 
 
-def pack(network: PoseNetwork) -> Weights:
+def pack_weights(network: PoseNetwork) -> Weights:
     """The weights of a network that was trained here."""
-    content = save_safetensors(_plain(_keeper(network).state_dict()))
+    content = save_safetensors(_cpu_tensors(_stored_module(network).state_dict()))
     digest = hashlib.sha256(content).hexdigest()
     return Weights(
         network.architecture,
@@ -99,17 +106,17 @@ def pack(network: PoseNetwork) -> Weights:
     )
 
 
-def _most_bytes(network: PoseNetwork) -> int:
+def _max_bytes(network: PoseNetwork) -> int:
     """The size that a weights file of the network may have."""
-    return most_bytes(parameter_bytes(_keeper(network).state_dict()))
+    return max_file_bytes(parameter_bytes(_stored_module(network).state_dict()))
 
 
-def _keeper(network: PoseNetwork) -> nn.Module:
+def _stored_module(network: PoseNetwork) -> nn.Module:
     """The module whose state dict a weights file holds."""
     return network.inner if isinstance(network, OpaqueNetwork) else network
 
 
-def register(
+def register_model(
     root: Path,
     draft: IndexTransaction,
     name: str,
@@ -150,14 +157,14 @@ def load_model(store: Store, name: str, trust: bool = False) -> LoadedModel:
         raise RequestError(f"model {name!r}: not in {store.path} (has: {', '.join(store.models)})")
     record = store.models[name]
     if record.architecture == TORCHSCRIPT:
-        _need_trust(trust, f"model {name!r} (TorchScript)")
-        path, content = _stored_weights(store, record.sha256, MOST_OPAQUE)
+        _require_trust(trust, f"model {name!r} (TorchScript)")
+        path, content = _stored_weights(store, record.sha256, MAX_TORCHSCRIPT_BYTES)
         network: PoseNetwork = OpaqueNetwork.from_torchscript(content, str(path))
     else:
-        network = _empty_network(record.architecture, trust)
-        path, content = _stored_weights(store, record.sha256, _most_bytes(network))
+        network = _untrained_network(record.architecture, trust)
+        path, content = _stored_weights(store, record.sha256, _max_bytes(network))
         check_archive(path, content)
-        _load(network, read_state(path, content), str(path))
+        _load_state(network, read_state(path, content), str(path))
     network.eval().requires_grad_(False)
     convention = OutputConvention.from_json(record.convention)
     return LoadedModel(name, record.architecture, network, convention, record.sha256)
@@ -178,10 +185,10 @@ def _stored_weights(store: Store, sha256: str, most: int) -> tuple[Path, bytes]:
         raise RequestError(f"{where}: cannot be read ({reason})") from error
 
 
-def _empty_network(architecture: str, trust: bool) -> PoseNetwork:
+def _untrained_network(architecture: str, trust: bool) -> PoseNetwork:
     if ":" not in architecture:
-        return build(architecture)
-    _need_trust(trust, architecture)
+        return build_network(architecture)
+    _require_trust(trust, architecture)
     module, _, factory = architecture.partition(":")
     try:
         made = getattr(importlib.import_module(module), factory)()
@@ -195,7 +202,7 @@ def _empty_network(architecture: str, trust: bool) -> PoseNetwork:
     raise RequestError(f"architecture {architecture}: gave {type(made).__name__}, not a module")
 
 
-def _need_trust(trust: bool, what: str) -> None:
+def _require_trust(trust: bool, what: str) -> None:
     if not trust:
         raise RequestError(f"{what} executes code when it is loaded; add --trust if you trust it")
 
@@ -206,14 +213,16 @@ def read_state(path: Path, content: bytes) -> dict[str, Tensor]:
         if path.suffix == ".safetensors":
             loaded: Any = load_safetensors(content)
         else:
-            with bounded_memory(2 * len(content) + _UNPICKLING):
+            with bounded_memory(2 * len(content) + _UNPICKLING_BYTES):
                 loaded = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
-        raise RequestError(f"{path}: {_refusal(str(error))}; save its state_dict()") from error
-    except (SafetensorError, RuntimeError, EOFError, MemoryError, *_JUNK) as error:
+        raise RequestError(
+            f"{path}: {_unpickling_reason(str(error))}; save its state_dict()"
+        ) from error
+    except (SafetensorError, RuntimeError, EOFError, MemoryError, *_DECODING_ERRORS) as error:
         reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
         raise RequestError(f"{path}: no plain state dict ({reason})") from error
-    for wrapper in _WRAPPERS:
+    for wrapper in _WRAPPER_KEYS:
         if isinstance(loaded, Mapping) and isinstance(loaded.get(wrapper), Mapping):
             loaded = loaded[wrapper]
     if not isinstance(loaded, Mapping) or not all(isinstance(v, Tensor) for v in loaded.values()):
@@ -221,7 +230,7 @@ def read_state(path: Path, content: bytes) -> dict[str, Tensor]:
     return {str(key).removeprefix("module."): value for key, value in loaded.items()}
 
 
-def _refusal(message: str) -> str:
+def _unpickling_reason(message: str) -> str:
     """What a pickle wanted, from the words of torch's restricted reader."""
     wanted = re.search(r"GLOBAL ([\w.]+)", message)
     if wanted:
@@ -229,8 +238,8 @@ def _refusal(message: str) -> str:
     return "no file of tensors that torch can read without running code"
 
 
-def _load(into: PoseNetwork, state: dict[str, Tensor], where: str) -> None:
-    network = _keeper(into)
+def _load_state(into: PoseNetwork, state: dict[str, Tensor], where: str) -> None:
+    network = _stored_module(into)
     wanted = network.state_dict()
     optional = {key for key in wanted if key.endswith("num_batches_tracked")}
     missing = [key for key in wanted if key not in state and key not in optional]
@@ -247,5 +256,5 @@ def _load(into: PoseNetwork, state: dict[str, Tensor], where: str) -> None:
     network.load_state_dict(state, strict=False)
 
 
-def _plain(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+def _cpu_tensors(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
     return {key: value.detach().cpu().contiguous().clone() for key, value in state.items()}

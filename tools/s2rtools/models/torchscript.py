@@ -14,7 +14,7 @@ from s2rtools.models.pose_network import PoseNetwork
 
 TORCHSCRIPT = "torchscript"
 DEFAULT_INPUT_SIZE = (256, 256)
-_MOST_SIDE = 2048
+_MAX_SIDE = 2048
 
 
 class OpaqueNetwork(PoseNetwork):
@@ -72,8 +72,8 @@ def _input_size(module: nn.Module) -> tuple[int, int]:
         size = int(height), int(width)
     except (TypeError, ValueError) as error:
         raise RequestError(f"network: input_size must be (height, width): {error}") from error
-    if not all(1 <= side <= _MOST_SIDE for side in size):
-        raise RequestError(f"network: input_size {size}: 1 .. {_MOST_SIDE} pixels a side")
+    if not all(1 <= side <= _MAX_SIDE for side in size):
+        raise RequestError(f"network: input_size {size}: 1 .. {_MAX_SIDE} pixels a side")
     return size
 
 

@@ -14,16 +14,16 @@ from torch import Tensor
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import open_regular, read_bytes
 
-MOST_OPAQUE = 1 << 31
+MAX_TORCHSCRIPT_BYTES = 1 << 31
 """Bytes of a TorchScript archive, which is only read where it is trusted."""
-_MOST_HEADER = 16 << 20
+_MAX_HEADER_BYTES = 16 << 20
 """Bytes of a safetensors header; a tensor takes about 100."""
 _COPIES, _BESIDE = 4, 16 << 20
 """A weights file may hold its parameters so many times (as float64, with an optimizer's moments),
 and so many bytes beside them."""
 
 
-def most_bytes(parameters: int) -> int:
+def max_file_bytes(parameters: int) -> int:
     """The size that a weights file of so many bytes of parameters may have."""
     return _COPIES * parameters + _BESIDE
 
@@ -37,7 +37,7 @@ def read_weights_file(path: Path, most: int) -> bytes:
     if path.suffix == ".safetensors":
         with open_regular(path) as file:
             declared = int.from_bytes(file.read(8), "little")
-            if declared > min(_MOST_HEADER, max(path.stat().st_size - 8, 0)):
+            if declared > min(_MAX_HEADER_BYTES, max(path.stat().st_size - 8, 0)):
                 raise RequestError(f"{path}: no safetensors (its header declares {declared} bytes)")
     content = read_bytes(path, most)
     check_archive(path, content)

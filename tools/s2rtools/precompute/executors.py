@@ -16,16 +16,18 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.security import working_folder
-from s2rtools.precompute.work_units import Unit
+from s2rtools.precompute.work_units import WorkUnit
 
-Compute = Callable[[Unit], None]
-Opener = Callable[[Path, int], Compute]
+ComputeUnit = Callable[[WorkUnit], None]
+OpenWorker = Callable[[Path, int], ComputeUnit]
 
 _PR_SET_PDEATHSIG = 1
-_compute: Compute | None = None
+_compute_unit: ComputeUnit | None = None
 
 
-def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -> Iterator[Unit]:
+def run_units(
+    root: Path, units: Iterable[WorkUnit], opener: OpenWorker, workers: int
+) -> Iterator[WorkUnit]:
     """Compute units and give each when it is done.
 
     `opener(root, threads)` is called once in each process and gives the function that computes
@@ -41,10 +43,10 @@ def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -
     working_folder.distrust()
     context = multiprocessing.get_context("spawn")
     _start_quiet_tracker()
-    with ProcessPoolExecutor(workers, context, _start, (root, opener, threads)) as pool:
+    with ProcessPoolExecutor(workers, context, _start_worker, (root, opener, threads)) as pool:
         try:
             with _interrupts_deferred():
-                futures = {pool.submit(_work, unit): unit for unit in units}
+                futures = {pool.submit(_run_in_worker, unit): unit for unit in units}
             for future in as_completed(futures):
                 future.result()
                 yield futures[future]
@@ -93,16 +95,16 @@ def _interrupts_deferred() -> Iterator[None]:
         raise KeyboardInterrupt
 
 
-def _start(root: Path, opener: Opener, threads: int) -> None:
+def _start_worker(root: Path, opener: OpenWorker, threads: int) -> None:
     global _compute
     _die_with_parent()
-    _compute = opener(root, threads)
+    _compute_unit = opener(root, threads)
 
 
-def _work(unit: Unit) -> None:
-    if _compute is None:
+def _run_in_worker(unit: WorkUnit) -> None:
+    if _compute_unit is None:
         raise RuntimeError("the worker was not started")
-    _compute(unit)
+    _compute_unit(unit)
 
 
 def _die_with_parent() -> None:

@@ -20,8 +20,8 @@ from s2rtools.rendering import FrameRenderer, open_renderer
 
 _READ_ROWS = 32
 
-Images = dict[str, NDArray[Any]]
-Kept = Callable[[str, str], Any]
+FrameImages = dict[str, NDArray[Any]]
+RenderedArrays = Callable[[str, str], Any]
 Renderers = dict[str, FrameRenderer]
 
 
@@ -46,7 +46,11 @@ class RunFrames:
     """
 
     def __init__(
-        self, store: Store, run: Run, kept: Kept | None = None, renderers: Renderers | None = None
+        self,
+        store: Store,
+        run: Run,
+        kept: RenderedArrays | None = None,
+        renderers: Renderers | None = None,
     ) -> None:
         """`kept(kind, side)` gives the arrays of rendered frames, where they are complete.
 
@@ -58,7 +62,7 @@ class RunFrames:
 
     def read(
         self, side: Side, start: int, stop: int, images: tuple[str, ...] = ("rgb", "depth")
-    ) -> Images:
+    ) -> FrameImages:
         """The images of iids [start, stop), as `Store.frames` gives them."""
         domain, move = self._run.domain(side), self._moves[side]
         if move == UNMOVED:
@@ -109,7 +113,7 @@ def read_pairs(
 
 
 def side_frames(
-    images: Images, domain: Domain, chain: Chain, input_size: tuple[int, int]
+    images: FrameImages, domain: Domain, chain: Chain, input_size: tuple[int, int]
 ) -> SideFrames:
     """What a network is given of one side: its images through the chain's image adjustments."""
     rgb, depth = images["rgb"], images["depth"]

@@ -15,7 +15,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import locks
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
-from s2rtools.heatmaps import KINDS
+from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.inference import Backend, choose_backend
 from s2rtools.models.library import load_model
 from s2rtools.precompute import rig_calibration
@@ -36,7 +36,7 @@ class ProgressReporter(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class PrecomputeOptions:
     """`kinds` are heatmap kinds, all by default; `backend` auto, torch or openvino."""
 
     kinds: tuple[str, ...] | None = None
@@ -46,15 +46,18 @@ class Options:
 
 
 def precompute(
-    root: Path, reporter: ProgressReporter, runs: Sequence[str] = (), options: Options | None = None
+    root: Path,
+    reporter: ProgressReporter,
+    runs: Sequence[str] = (),
+    options: PrecomputeOptions | None = None,
 ) -> list[str]:
     """Compute and publish the named runs (all by default); gives those that were published.
 
     Nothing that ledger and checksums prove is computed again. Raises StoreBusyError where another
     process computes, RequestError for unknown runs or kinds.
     """
-    options = options or Options()
-    kinds = _known_kinds(options.kinds)
+    options = options or PrecomputeOptions()
+    kinds = _check_kinds(options.kinds)
     with locks.compute_lock(root):
         with s2rstore.open(root) as store:
             names = [store.run(name).run for name in runs] or list(store.runs)
@@ -63,27 +66,31 @@ def precompute(
         return [name for name in names if _compute_run(root, name, kinds, options, reporter)]
 
 
-def _known_kinds(kinds: tuple[str, ...] | None) -> tuple[str, ...]:
+def _check_kinds(kinds: tuple[str, ...] | None) -> tuple[str, ...]:
     for kind in kinds or ():
-        if kind not in KINDS:
-            raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(KINDS)}")
-    return tuple(KINDS) if kinds is None else kinds
+        if kind not in HEATMAP_KINDS:
+            raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(HEATMAP_KINDS)}")
+    return tuple(HEATMAP_KINDS) if kinds is None else kinds
 
 
 def _compute_run(
-    root: Path, name: str, kinds: Sequence[str], options: Options, reporter: ProgressReporter
+    root: Path,
+    name: str,
+    kinds: Sequence[str],
+    options: PrecomputeOptions,
+    reporter: ProgressReporter,
 ) -> bool:
     """Bring one run up to date; whether that published a new generation."""
-    if any(KINDS[kind].aligned for kind in kinds):
+    if any(HEATMAP_KINDS[kind].aligned for kind in kinds):
         with s2rstore.open(root) as store:
             record = store.run(name)
-        if rig_calibration.ensure(root, record):
+        if rig_calibration.ensure_calibrated(root, record):
             reporter.say(f"{record.sim_domain} | {record.real_domain}: rigs aligned")
     with s2rstore.open(root) as store:
         run = store.run(name)
-        backend = _backend(store, run, options)
+        backend = _choose_backend(store, run, options)
         model = load_model(store, run.model, options.trust)
-        allowed = [kind for kind in kinds if KINDS[kind].suits(model)]
+        allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
         frames = run_stages.frames_stages(store, run)
         rendered = tuple(spec for stage in frames for spec in stage.specs)
         forward = run_stages.forward_stage(store, run, model, backend, allowed, rendered)
@@ -99,7 +106,7 @@ def _compute_run(
     return published
 
 
-def _backend(store: Store, run: Run, options: Options) -> dict[str, Any]:
+def _choose_backend(store: Store, run: Run, options: PrecomputeOptions) -> dict[str, Any]:
     """The backend's name and precision; any but plain torch is held against the first images."""
     model = load_model(store, run.model, options.trust)
     height, width = model.network.input_size
@@ -116,7 +123,7 @@ def _compute_stages(
     root: Path,
     stages: Sequence[Stage],
     backends: dict[str, str],
-    options: Options,
+    options: PrecomputeOptions,
     reporter: ProgressReporter,
 ) -> None:
     for stage in stages:

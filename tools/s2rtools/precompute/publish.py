@@ -17,7 +17,7 @@ from s2rstore.index.transaction import edit
 from s2rstore.metrics import pose_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rtools.heatmaps import KINDS
+from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
@@ -127,11 +127,11 @@ def _heat_ranges(store: Store, run: str, specs: Sequence[ArraySpec]) -> dict[str
     Over at most `_RANGE_ROWS` instances, evenly spread.
     """
     parts: dict[str, list[np.ndarray]] = {}
-    for spec in (s for s in specs if s.kind in KINDS):
+    for spec in (s for s in specs if s.kind in HEATMAP_KINDS):
         array = spec.opened(store.path, run)
         rows = np.unique(np.linspace(0, spec.rows - 1, min(spec.rows, _RANGE_ROWS)).astype(int))
         values = np.asarray(array.oindex[rows], dtype=np.float32)
-        planes = KINDS[spec.kind].planes
+        planes = HEATMAP_KINDS[spec.kind].planes
         for number, mode in enumerate(planes or (spec.mode,)):
             name = ":".join(part for part in (spec.kind, mode) if part)
             plane = values[:, number] if values.ndim == 4 else values
@@ -158,8 +158,12 @@ def _provenance(
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
     }
-    aligned = {spec.kind for spec in specs if spec.kind in KINDS and KINDS[spec.kind].aligned}
-    surfaces = {kind: KINDS[kind].surface for kind in sorted(aligned)}
+    aligned = {
+        spec.kind
+        for spec in specs
+        if spec.kind in HEATMAP_KINDS and HEATMAP_KINDS[spec.kind].aligned
+    }
+    surfaces = {kind: HEATMAP_KINDS[kind].surface for kind in sorted(aligned)}
     facts["surfaces"] = parse_object(noted.get("surfaces", "{}"), "surfaces") | surfaces
     for spec in specs:
         for name, value in spec.attributes:

@@ -16,7 +16,7 @@ from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Intrinsics, Run
 from s2rstore.run_inputs import run_domain
-from s2rtools.heatmaps.harmonization import CameraView, ImageAlignment, Images
+from s2rtools.heatmaps.harmonization import CameraView, ImageAlignment, ViewImages
 
 MAX_FRAMES = 24
 MAX_SIDE = 128
@@ -30,7 +30,7 @@ FINE_HEIGHT = (-0.04, -0.02, 0.0, 0.02, 0.04)
 FINE_ZOOM = (-0.02, 0.0, 0.02)
 
 
-def alignment(store: Store, run: Run) -> ImageAlignment | None:
+def load_alignment(store: Store, run: Run) -> ImageAlignment | None:
     """The rigs of a run with the correction that the store keeps; None before it is known.
 
     The correction is that of the domains' declarations, so it stays where the run moves a camera.
@@ -43,30 +43,32 @@ def alignment(store: Store, run: Run) -> ImageAlignment | None:
     return ImageAlignment(sim, real, frame, correction)
 
 
-def ensure(root: Path, run: Run) -> bool:
+def ensure_calibrated(root: Path, run: Run) -> bool:
     """Calibrate the run's pair of domains and publish it, where the store does not say it yet."""
     with s2rstore.open(root) as store:
-        if store.provenance(_noted(run)).get("version") == str(VERSION):
+        if store.provenance(_provenance_section(run)).get("version") == str(VERSION):
             return False
         sim, real = (store.domain(run.domain(side)) for side in SIDES)
         pairs, frame = _samples(store, sim, real)
         size = store.dataset.frame_height, store.dataset.frame_width
-        found = calibrate(_shrunk(sim, frame, size), _shrunk(real, frame, size), frame, pairs)
+        found = calibrate(
+            _scale_cameras(sim, frame, size), _scale_cameras(real, frame, size), frame, pairs
+        )
     with edit(root) as draft:
         draft.note(
-            _noted(run),
+            _provenance_section(run),
             {"height": found.height, "zoom": found.zoom, "frames": len(pairs), "version": VERSION},
         )
     return True
 
 
-def _noted(run: Run) -> str:
+def _provenance_section(run: Run) -> str:
     return f"alignment:{run.sim_domain}|{run.real_domain}"
 
 
 def _samples(
     store: Store, sim: Domain, real: Domain
-) -> tuple[list[tuple[Images, Images]], tuple[int, int]]:
+) -> tuple[list[tuple[ViewImages, ViewImages]], tuple[int, int]]:
     """Pairs spread over the data set, at most `MAX_SIDE` on their longer side."""
     height, width = store.dataset.frame_height, store.dataset.frame_width
     share = min(1.0, MAX_SIDE / max(height, width))
@@ -79,7 +81,7 @@ def _samples(
     ], frame
 
 
-def _images(store: Store, iid: int, domain: Domain, frame: tuple[int, int]) -> Images:
+def _images(store: Store, iid: int, domain: Domain, frame: tuple[int, int]) -> ViewImages:
     shot = store.frame(iid, domain.domain)
     size = frame[1], frame[0]
     rgb = cv2.resize(shot.rgb, size, interpolation=cv2.INTER_AREA)
@@ -87,7 +89,7 @@ def _images(store: Store, iid: int, domain: Domain, frame: tuple[int, int]) -> I
     return np.asarray(rgb), depth, (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
 
 
-def _shrunk(domain: Domain, frame: tuple[int, int], size: tuple[int, int]) -> Domain:
+def _scale_cameras(domain: Domain, frame: tuple[int, int], size: tuple[int, int]) -> Domain:
     rows, cols = frame[0] / size[0], frame[1] / size[1]
 
     def scaled(lens: Intrinsics) -> Intrinsics:
@@ -99,7 +101,7 @@ def _shrunk(domain: Domain, frame: tuple[int, int], size: tuple[int, int]) -> Do
 
 
 def calibrate(
-    sim: Domain, real: Domain, frame: tuple[int, int], pairs: list[tuple[Images, Images]]
+    sim: Domain, real: Domain, frame: tuple[int, int], pairs: list[tuple[ViewImages, ViewImages]]
 ) -> RigOffset:
     """The height and field of view of the real camera under which image gradients agree best.
 
@@ -112,7 +114,7 @@ def calibrate(
     kept = [_Pair(own, other, _gradient(own[0])) for own, other in pairs]
 
     def score(correction: RigOffset, some: list[_Pair]) -> float:
-        return _agreement(ImageAlignment(sim, real, frame, correction).sim_view, some)
+        return _mean_correlation(ImageAlignment(sim, real, frame, correction).sim_view, some)
 
     few = kept[:: max(1, len(kept) // 10)]
     coarse = [RigOffset(float(h), float(z)) for h in COARSE_HEIGHT for z in COARSE_ZOOM]
@@ -134,12 +136,12 @@ def calibrate(
 class _Pair:
     """Both images of an instance, and the gradients of the sim one."""
 
-    sim: Images
-    real: Images
+    sim: ViewImages
+    real: ViewImages
     gradient: NDArray[np.float32]
 
 
-def _agreement(view: CameraView, pairs: list[_Pair]) -> float:
+def _mean_correlation(view: CameraView, pairs: list[_Pair]) -> float:
     """0 for a pair that hardly overlaps, so that all corrections answer for the same pairs."""
     scores = []
     for pair in pairs:

@@ -14,7 +14,7 @@ import s2rstore
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rstore.run_inputs import FRAME_KINDS
-from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
+from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend, open_backend
 from s2rtools.models.library import load_model
@@ -27,7 +27,7 @@ from s2rtools.precompute.frame_reader import (
     read_pairs,
 )
 from s2rtools.precompute.tasks import map_grids, outliers, umap_projection
-from s2rtools.precompute.work_units import ArraySpec, Unit
+from s2rtools.precompute.work_units import ArraySpec, WorkUnit
 
 Values = dict[ArraySpec, NDArray[Any]]
 
@@ -45,12 +45,12 @@ class Computer:
         self._backends: dict[str, Backend] = {}
         self._renderers: Renderers = {}
 
-    def __call__(self, unit: Unit) -> None:
+    def __call__(self, unit: WorkUnit) -> None:
         """Compute and write what is missing of one shard."""
         run = self._store.run(unit.stage.run)
         unit.stage.write(self._root, unit.shard, self._compute(run, unit))
 
-    def _compute(self, run: Run, unit: Unit) -> Values:
+    def _compute(self, run: Run, unit: WorkUnit) -> Values:
         if unit.stage.name == "projection":
             return _projection(self._root, unit)
         if unit.stage.name == "outlier":
@@ -61,7 +61,7 @@ class Computer:
             return self._rendered(run, unit)
         return self._network(run, unit)
 
-    def _rendered(self, run: Run, unit: Unit) -> Values:
+    def _rendered(self, run: Run, unit: WorkUnit) -> Values:
         frames = RunFrames(self._store, run, renderers=self._renderers)
         found: Values = {}
         for side in SIDES:
@@ -78,12 +78,12 @@ class Computer:
             self._backends = {run.run: open_backend(model, name, self._threads)}
         return self._backends[run.run]
 
-    def _network(self, run: Run, unit: Unit) -> Values:
+    def _network(self, run: Run, unit: WorkUnit) -> Values:
         backend = self.backend(run)
         start, stop = unit.stage.span(unit.shard)
         parts: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
         size = backend.model.network.input_size
-        aligned = rig_calibration.alignment(self._store, run)
+        aligned = rig_calibration.load_alignment(self._store, run)
         source = RunFrames(self._store, run, unit.stage.kept(self._root))
         for iid, frames in read_pairs(self._store, run, size, start, stop, backend.batch, source):
             pair = pair_batch(self._store, backend, iid, frames, aligned)
@@ -142,7 +142,7 @@ def _pair_values(pair: PairBatch, specs: tuple[ArraySpec, ...]) -> Values:
             values[spec] = as_stored(np.asarray(pair.side(spec.side).embedding), spec.dtype)
         else:
             if spec.kind not in computed:
-                computed[spec.kind] = KINDS[spec.kind].compute(pair)
+                computed[spec.kind] = HEATMAP_KINDS[spec.kind].compute(pair)
             values[spec] = as_stored(computed[spec.kind][spec.side, spec.mode], spec.dtype)
     return values
 
@@ -155,7 +155,7 @@ def as_stored(values: NDArray[Any], dtype: str) -> NDArray[Any]:
     return np.clip(values, -limit, limit).astype(np.float16)
 
 
-def _projection(root: Path, unit: Unit) -> Values:
+def _projection(root: Path, unit: WorkUnit) -> Values:
     stage = unit.stage
     valid = stage.valid(root)
     embeddings = tuple(stage.source(root, "embedding", side) for side in SIDES)

@@ -11,11 +11,11 @@ from s2rstore.geometry.camera_offset import UNMOVED
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rstore.run_inputs import FRAME_KINDS, run_move
-from s2rtools.heatmaps import KINDS
+from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
-from s2rtools.precompute.work_units import ArraySpec, Stage, content_key, run_facts
+from s2rtools.precompute.work_units import ArraySpec, Stage, content_key, run_dependencies
 from s2rtools.rendering import renderer_version
 
 FRAME_ROWS = 32
@@ -62,7 +62,7 @@ def forward_stage(
 
     `frames` are the arrays of rendered frames that it reads.
     """
-    facts = run_facts(store, run, backend)
+    facts = run_dependencies(store, run, backend)
     key = content_key({**facts, "kind": "prediction"})
     n, size = len(store.instances), model.network.embedding_size
     specs = [
@@ -74,7 +74,7 @@ def forward_stage(
         for side in SIDES
     ]
     for kind in kinds:
-        if KINDS[kind].cost == "forward":
+        if HEATMAP_KINDS[kind].cost == "forward":
             specs += _kind_specs(store, run, facts, kind, model)
     return Stage("forward", run.run, tuple(specs), FORWARD_ROWS, frames)
 
@@ -88,19 +88,19 @@ def occlusion_stages(
     frames: tuple[ArraySpec, ...] = (),
 ) -> list[Stage]:
     """One stage per heatmap kind that recomputes the network many times."""
-    facts = run_facts(store, run, backend)
+    facts = run_dependencies(store, run, backend)
     return [
         Stage(kind, run.run, tuple(_kind_specs(store, run, facts, kind, model)), OCCLUSION_ROWS,
               frames)
         for kind in kinds
-        if KINDS[kind].cost != "forward"
+        if HEATMAP_KINDS[kind].cost != "forward"
     ]  # fmt: skip
 
 
 def _kind_specs(
     store: Store, run: Run, facts: dict[str, Any], name: str, model: LoadedModel
 ) -> list[ArraySpec]:
-    kind = KINDS[name]
+    kind = HEATMAP_KINDS[name]
     if kind.aligned:
         correction = store.correction(run.sim_domain, run.real_domain)
         facts = {**facts, "correction": correction and asdict(correction)}
@@ -148,14 +148,14 @@ def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[St
     predictions = _of_kind(forward, "prediction")
     stages = []
     for stage in (forward, *others):
-        for kind in dict.fromkeys(spec.kind for spec in stage.specs if spec.kind in KINDS):
+        for kind in dict.fromkeys(spec.kind for spec in stage.specs if spec.kind in HEATMAP_KINDS):
             heat = _of_kind(stage, kind)
             for side in SIDES:
                 specs = [
                     _map_spec(spec, side, mode, (grid.rows, grid.cols))
                     for spec in heat
                     if spec.side in (side, None)
-                    for mode in KINDS[kind].planes or (spec.mode,)
+                    for mode in HEATMAP_KINDS[kind].planes or (spec.mode,)
                 ]
                 stages.append(
                     Stage(f"map:{kind}:{side}", stage.run, tuple(specs),
@@ -165,7 +165,9 @@ def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[St
 
 
 def _map_spec(spec: ArraySpec, side: str, mode: str | None, shape: tuple[int, int]) -> ArraySpec:
-    surface = {"surface": KINDS[spec.kind].surface} if KINDS[spec.kind].aligned else {}
+    surface = (
+        {"surface": HEATMAP_KINDS[spec.kind].surface} if HEATMAP_KINDS[spec.kind].aligned else {}
+    )
     key = content_key({"heat": spec.key, **MAP_SETTINGS, **surface})
     names = ",".join(map_geometry.AGGREGATES)
     return ArraySpec(

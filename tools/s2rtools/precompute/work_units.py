@@ -135,7 +135,7 @@ class Stage:
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class WorkUnit:
     """One shard of the arrays that are still missing there."""
 
     stage: Stage
@@ -154,7 +154,7 @@ def content_key(facts: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def run_facts(store: Store, run: Run, backend: dict[str, Any]) -> dict[str, Any]:
+def run_dependencies(store: Store, run: Run, backend: dict[str, Any]) -> dict[str, Any]:
     """All that a run's predictions depend on."""
     model = store.models[run.model]
     return {
@@ -168,7 +168,7 @@ def run_facts(store: Store, run: Run, backend: dict[str, Any]) -> dict[str, Any]
     }
 
 
-def missing_units(root: Path, stages: Sequence[Stage]) -> Iterator[Unit]:
+def missing_units(root: Path, stages: Sequence[Stage]) -> Iterator[WorkUnit]:
     """The units that ledger and checksums do not prove done."""
     ledger = Ledger(root)
     entries = ledger.by_path()
@@ -179,4 +179,4 @@ def missing_units(root: Path, stages: Sequence[Stage]) -> Iterator[Unit]:
                 if not ledger.proves(entries.get(stage.file(spec, shard), []))
             )  # fmt: skip
             if missing:
-                yield Unit(stage, shard, missing)
+                yield WorkUnit(stage, shard, missing)

@@ -29,7 +29,7 @@ class WorldRenderer:
         truth = store.instances
         self._poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
         self._numbers = np.array([
-            data.number(t.trajectory, row) for t in store.trajectories for row in range(t.instances)
+            data.noise_number(t.trajectory, row) for t in store.trajectories for row in range(t.instances)
         ], dtype=np.intp)  # fmt: skip
 
     def frames(
@@ -39,7 +39,7 @@ class WorldRenderer:
         rows = slice(start, stop)
         camera = self._data.camera(side).moved(move.height, move.pitch, move.zoom)
         views = self._data.views(side, self._poses[rows], self._numbers[rows], camera)
-        return views.rgb, self._data.raw(views)
+        return views.rgb, self._data.raw_depth(views)
 
 
 def _claims(store: Store) -> bool:

@@ -14,23 +14,23 @@ from s2rstore.records import Run
 from s2rtools.adjustments import apply_chain
 from s2rtools.inference import Backend
 from s2rtools.models.preprocessing import preprocess
-from s2rtools.scoring.ground_truth import Truth, moved
+from s2rtools.scoring.ground_truth import GroundTruth, move_camera
 from s2rtools.synthetic_world.factors import FACTORS
-from s2rtools.synthetic_world.renderer import Renderer, Views
-from s2rtools.synthetic_world.world import facts, side_camera, through_sensor
+from s2rtools.synthetic_world.renderer import RenderedViews, SceneRenderer
+from s2rtools.synthetic_world.world import apply_sensor_factors, labelled_changes, side_camera
 
-DENSE = 240
+SEARCHED_POSES = 240
 """Poses along each route, among which views of an object are looked for."""
 MIN_SHARE = 0.004
 """Of a view's pixels, for an object to count as seen."""
 MIN_VIEWS = 5
 MAX_VIEWS = 12
-_LOOK = 32
+_SEARCH_FRAME = 32
 _BATCH = 32
-_APART = 100_000_000
+_SEED_OFFSET = 100_000_000
 
 Factors = Mapping[str, float]
-Judges = Sequence[tuple[Run, Backend]]
+EvaluatedRuns = Sequence[tuple[Run, Backend]]
 Errors = dict[str, NDArray[np.float64]]
 
 
@@ -72,15 +72,15 @@ class ObjectScore:
 class Counterfactuals:
     """Errors of models on views of the world as it is not; a rendering serves all of them."""
 
-    def __init__(self, truth: Truth, judges: Judges, instances: int) -> None:
+    def __init__(self, truth: GroundTruth, judges: EvaluatedRuns, instances: int) -> None:
         self._truth, self._judges = truth, judges
         n = len(truth.poses)
         self.iids = np.unique(np.linspace(0, n - 1, min(n, instances)).astype(int))
         self.active = {k: v for k, v in truth.data.severities("real").items() if v > 0}
-        self._renderers: dict[tuple[object, ...], Renderer] = {}
+        self._renderers: dict[tuple[object, ...], SceneRenderer] = {}
         self._by_move: dict[CameraMove, list[tuple[Run, Backend]]] = {}
         for run, backend in judges:
-            self._by_move.setdefault(truth.moves(run.run)["real"], []).append((run, backend))
+            self._by_move.setdefault(truth.camera_moves(run.run)["real"], []).append((run, backend))
 
     def factor_scores(self) -> list[FactorScore]:
         """Each active factor for each run that has instances it was not trained on."""
@@ -115,22 +115,22 @@ class Counterfactuals:
         parts: dict[str, list[Errors]] = {label: [] for label in conditions}
         for start in range(0, len(self.iids), _BATCH):
             iids = self.iids[start : start + _BATCH]
-            rendered: dict[tuple[object, ...], Views] = {}
+            rendered: dict[tuple[object, ...], RenderedViews] = {}
             for label, factors in conditions.items():
                 own = side_camera(truth.data.recipe.frame, factors)
                 scene = {k: v for k, v in factors.items() if FACTORS[k].shapes_scene}
                 found: Errors = {}
                 for move, judges in self._by_move.items():
-                    camera = moved(own, move)
+                    camera = move_camera(own, move)
                     key = (camera, *sorted(scene.items()))
                     if key not in rendered:
                         rendered[key] = self._renderer(scene).render(truth.poses[iids], camera)
                     poses, numbers = truth.poses[iids], truth.numbers[iids]
                     found |= self._errors(judges, rendered[key], poses, factors, numbers)
                 parts[label].append(found)
-        return {label: _joined(found) for label, found in parts.items()}
+        return {label: _concatenate(found) for label, found in parts.items()}
 
-    def _renderer(self, scene: Factors) -> Renderer:
+    def _renderer(self, scene: Factors) -> SceneRenderer:
         key = tuple(sorted(scene.items()))
         if key not in self._renderers:
             self._renderers[key] = self._truth.data.world.renderer(scene)
@@ -138,23 +138,23 @@ class Counterfactuals:
 
     def _errors(
         self,
-        judges: Judges,
-        views: Views,
+        judges: EvaluatedRuns,
+        views: RenderedViews,
         poses: NDArray[np.float64],
         factors: Factors,
         numbers: NDArray[np.intp],
     ) -> Errors:
         """Errors by run of rendered views, once the factors' sensors have had their part."""
-        made = through_sensor(views, factors, self._truth.data.recipe.seed, numbers)
+        made = apply_sensor_factors(views, factors, self._truth.data.recipe.seed, numbers)
         return {run.run: self._judged(run, backend, made, poses) for run, backend in judges}
 
     def _seen_by_all(
-        self, renderer: Renderer, rows: NDArray[np.intp], poses: NDArray[np.float64]
+        self, renderer: SceneRenderer, rows: NDArray[np.intp], poses: NDArray[np.float64]
     ) -> Errors:
         """Errors by run of real views of some poses, each run's through its own camera."""
-        numbers, found = _APART + rows, Errors()
+        numbers, found = _SEED_OFFSET + rows, Errors()
         for move, judges in self._by_move.items():
-            views = renderer.render(poses[rows], moved(self._truth.data.camera("real"), move))
+            views = renderer.render(poses[rows], move_camera(self._truth.data.camera("real"), move))
             found |= self._errors(judges, views, poses[rows], self.active, numbers)
         return found
 
@@ -164,7 +164,7 @@ class Counterfactuals:
         For runs whose model was trained on none of the store's instances: the views lie between
         them.
         """
-        known = {fact["object"]: fact for fact in facts(self._truth.data.world)}
+        known = {fact["object"]: fact for fact in labelled_changes(self._truth.data.world)}
         fresh = {
             run.run: run_metrics.held_out(self._truth.store, run.run).all()
             for run, _ in self._judges
@@ -176,7 +176,7 @@ class Counterfactuals:
                 if fresh[run.run]:
                     found.append(
                         ObjectScore(run.run, number, known[number]["name"],
-                                    known[number]["change"], _spread(gain), gain.size)
+                                    known[number]["change"], _mean_of_views(gain), gain.size)
                     )  # fmt: skip
         order = {run.run: place for place, (run, _) in enumerate(self._judges)}
         return sorted(found, key=lambda row: (order[row.run], row.object))
@@ -184,7 +184,7 @@ class Counterfactuals:
     def _restored(self) -> Iterator[tuple[int, Errors, Errors]]:
         """Per object that is seen at all: errors on the same views without and with it put back."""
         data = self._truth.data
-        poses = np.concatenate([data.world.poses(name, DENSE) for name in data.names])
+        poses = np.concatenate([data.world.poses(name, SEARCHED_POSES) for name in data.names])
         views = self._views_of_objects(poses)
         if not views:
             return
@@ -193,7 +193,7 @@ class Counterfactuals:
             self._seen_by_all(data.renderer("real"), rows, poses)
             for rows in np.split(used, range(_BATCH, len(used), _BATCH))
         ]
-        before = _joined(parts)
+        before = _concatenate(parts)
         for number, rows in views.items():
             places = np.searchsorted(used, rows)
             restored = data.world.renderer(self.active, restored=number)
@@ -203,7 +203,7 @@ class Counterfactuals:
     def _views_of_objects(self, poses: NDArray[np.float64]) -> dict[int, NDArray[np.intp]]:
         """Rows of `poses` that see each labelled object, in either scene, spread over them."""
         data = self._truth.data
-        camera = side_camera(_LOOK, self.active)
+        camera = side_camera(_SEARCH_FRAME, self.active)
         shares = np.zeros((len(self._truth.changed), len(poses)))
         for start in range(0, len(poses), 256):
             span = slice(start, start + 256)
@@ -221,11 +221,11 @@ class Counterfactuals:
         return found
 
     def _judged(
-        self, run: Run, backend: Backend, views: Views, poses: NDArray[np.float64]
+        self, run: Run, backend: Backend, views: RenderedViews, poses: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Position errors (n,) in metres on real views, through the run's adjustments."""
         domain = self._truth.store.domain(run.real_domain)
-        depth = self._truth.data.raw(views)
+        depth = self._truth.data.raw_depth(views)
         valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
         rgb, depth = apply_chain(views.rgb, depth, valid, run.real_adjustments)
         x = preprocess(rgb, depth, domain.depth_scale, backend.model.network.input_size)
@@ -237,11 +237,11 @@ class Counterfactuals:
         return np.asarray(np.hypot(away[:, 0], away[:, 1]), dtype=np.float64)
 
 
-def _joined(parts: list[Errors]) -> Errors:
+def _concatenate(parts: list[Errors]) -> Errors:
     return {run: np.concatenate([part[run] for part in parts]) for run in parts[0]}
 
 
-def _spread(values: NDArray[np.float64]) -> pose_metrics.Interval:
+def _mean_of_views(values: NDArray[np.float64]) -> pose_metrics.Interval:
     """The mean of views that are no neighbours; too few of them have no interval."""
     if values.size < MIN_VIEWS:
         return pose_metrics.Interval(float(values.mean()), float("nan"), float("nan"))

@@ -17,15 +17,15 @@ from s2rtools.precompute.stages import MAP_SETTINGS
 from s2rtools.synthetic_world.dataset import WorldData
 from s2rtools.synthetic_world.renderer import Camera
 
-CELLS = 32
-SHARE = 0.25
+IMAGE_CELLS = 32
+POSITIVE_SHARE = 0.25
 REBIN = 3
 """Published grid cells on each side of a scored floor cell."""
 _BATCH = 32
 
-Plane = NDArray[np.float32]
-Moves = dict[Side, CameraMove]
-NO_MOVES: Moves = dict.fromkeys(SIDES, UNMOVED)
+FloorPlane = NDArray[np.float32]
+CameraMoves = dict[Side, CameraMove]
+NO_CAMERA_MOVES: CameraMoves = dict.fromkeys(SIDES, UNMOVED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,11 +38,11 @@ class VisibleObjects:
     """
 
     cells: NDArray[np.bool_]
-    hits: Plane
-    samples: Plane
+    hits: FloorPlane
+    samples: FloorPlane
 
 
-class Truth:
+class GroundTruth:
     """The labelled changes of a store's world, as its instances see them.
 
     Raises RequestError for a store of no world, or of one that is rendered otherwise now.
@@ -60,24 +60,24 @@ class Truth:
         columns = store.instances
         self.poses = np.stack([columns.x, columns.y, columns.heading], axis=1)
         self.numbers = np.array([
-            data.number(t.trajectory, row) for t in store.trajectories for row in range(t.instances)
+            data.noise_number(t.trajectory, row) for t in store.trajectories for row in range(t.instances)
         ], dtype=np.intp)  # fmt: skip
-        self.changed = data.world.changed(data.severities("real"))
-        self._seen: dict[tuple[Side, CameraMove], VisibleObjects] = {}
+        self.changed = data.world.changed_objects(data.severities("real"))
+        self._visible: dict[tuple[Side, CameraMove], VisibleObjects] = {}
 
-    def moves(self, run: str) -> Moves:
+    def camera_moves(self, run: str) -> CameraMoves:
         """How a run moves the cameras of either side."""
         record = self.store.run(run)
         return {side: run_move(self.store, record, side) for side in SIDES}
 
-    def seen(self, side: Side, move: CameraMove = UNMOVED) -> VisibleObjects:
+    def visible_objects(self, side: Side, move: CameraMove = UNMOVED) -> VisibleObjects:
         """What a side's true camera sees, moved as a run moves it."""
-        if (side, move) not in self._seen:
-            self._seen[side, move] = self._look(side, move)
-        return self._seen[side, move]
+        if (side, move) not in self._visible:
+            self._visible[side, move] = self._find_visible_objects(side, move)
+        return self._visible[side, move]
 
-    def _look(self, side: Side, move: CameraMove) -> VisibleObjects:
-        camera, dataset = moved(self.data.camera(side), move), self.store.dataset
+    def _find_visible_objects(self, side: Side, move: CameraMove) -> VisibleObjects:
+        camera, dataset = move_camera(self.data.camera(side), move), self.store.dataset
         fine = MapGrid(dataset.bounds, MAP_SETTINGS["cells"])
         grid = MapGrid(dataset.bounds, max(fine.rows, fine.cols) // REBIN)
         projector = Projector(self._true_domain(side, camera), camera.frame, dataset.y_down)
@@ -90,9 +90,9 @@ class Truth:
                 labelled = np.isin(views.identity, self.changed)
                 mask |= labelled
                 if scene == side:
-                    heat, depth = labelled.astype(np.float32), self.data.raw(views)
+                    heat, depth = labelled.astype(np.float32), self.data.raw_depth(views)
                     grid.add(*projector.project(heat, depth, poses, "rgb", grid))
-            cells.append(to_cells(mask.astype(np.float32)) >= SHARE)
+            cells.append(to_cells(mask.astype(np.float32)) >= POSITIVE_SHARE)
         planes = grid.aggregates()
         return VisibleObjects(np.concatenate(cells), np.nan_to_num(planes[2]), planes[3])
 
@@ -104,7 +104,7 @@ class Truth:
         )  # fmt: skip
 
 
-def moved(camera: Camera, move: CameraMove) -> Camera:
+def move_camera(camera: Camera, move: CameraMove) -> Camera:
     """The world's camera, moved as an adjustment says."""
     return camera.moved(move.height, move.pitch, move.zoom)
 
@@ -115,7 +115,7 @@ def to_cells(heat: NDArray[np.float32]) -> NDArray[np.float32]:
     A coarser map's value counts for every cell that its own cell covers.
     """
     height, width = heat.shape[1:]
-    rows, cols = _overlaps(height), _overlaps(width)
+    rows, cols = _overlap_shares(height), _overlap_shares(width)
     known = np.isfinite(heat)
     values = np.where(known, heat, 0).astype(np.float64)
     made = [rows @ plane @ cols.T for plane in (values, known.astype(np.float64))]
@@ -123,10 +123,10 @@ def to_cells(heat: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.where(made[1] > 1e-9, made[0] / made[1], np.nan).astype(np.float32)
 
 
-def _overlaps(extent: int) -> NDArray[np.float64]:
+def _overlap_shares(extent: int) -> NDArray[np.float64]:
     """(CELLS, extent): the share of each common cell that each own cell covers."""
-    edges = np.linspace(0, extent, CELLS + 1)
+    edges = np.linspace(0, extent, IMAGE_CELLS + 1)
     own = np.arange(extent)
     low = np.maximum(edges[:-1, None], own[None])
     high = np.minimum(edges[1:, None], own[None] + 1)
-    return np.maximum(high - low, 0.0) * CELLS / extent
+    return np.maximum(high - low, 0.0) * IMAGE_CELLS / extent

@@ -13,9 +13,16 @@ from scipy import ndimage
 from s2rstore.metrics import pose_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtools.heatmaps import KINDS
-from s2rtools.scoring.ground_truth import NO_MOVES, REBIN, SHARE, Moves, Truth, to_cells
-from s2rtools.scoring.ranking_metrics import TOP, Ranked
+from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtools.scoring.ground_truth import (
+    NO_CAMERA_MOVES,
+    POSITIVE_SHARE,
+    REBIN,
+    CameraMoves,
+    GroundTruth,
+    to_cells,
+)
+from s2rtools.scoring.ranking_metrics import TOP_SHARE, RankedCells
 
 Place = Literal["image", "floor"]
 
@@ -49,28 +56,28 @@ class HeatScore:
     without: int
 
 
-def scores(truth: Truth, runs: list[str], seed: int) -> list[HeatScore]:
+def score_heatmaps(truth: GroundTruth, runs: list[str], seed: int) -> list[HeatScore]:
     """Every heatmap kind of computed runs, and a random map beside them."""
     found = [_random_image(truth, seed), _random_floor(truth, seed)]
     for run in runs:
-        for kind, mode in _choices(truth.store, run):
+        for kind, mode in _scored_kinds(truth.store, run):
             found += _image_scores(truth, run, kind, mode, seed)
             found += _floor_scores(truth, run, kind, mode, seed)
     return found
 
 
-def _choices(store: Store, run: str) -> list[tuple[str, str | None]]:
+def _scored_kinds(store: Store, run: str) -> list[tuple[str, str | None]]:
     """Kinds and modes that are scored; of kinds with planes the one for the loss."""
     chosen: dict[tuple[str, str | None], None] = {}
     for record in store.arrays(run):
-        if record.kind in KINDS:
-            mode = "loss" if KINDS[record.kind].planes else record.mode
+        if record.kind in HEATMAP_KINDS:
+            mode = "loss" if HEATMAP_KINDS[record.kind].planes else record.mode
             chosen[record.kind, mode] = None
     return list(chosen)
 
 
 def _image_scores(
-    truth: Truth, run: str, kind: str, mode: str | None, seed: int
+    truth: GroundTruth, run: str, kind: str, mode: str | None, seed: int
 ) -> Iterator[HeatScore]:
     for side in SIDES:
         blocks = (
@@ -78,14 +85,14 @@ def _image_scores(
             for start in range(0, len(truth.poses), _ROWS)
         )
         cells = np.concatenate([to_cells(block) for block in blocks])
-        positive = truth.seen(side, truth.moves(run)[side]).cells
+        positive = truth.visible_objects(side, truth.camera_moves(run)[side]).cells
         auroc, precision, base, without = _per_frame(cells, positive, seed)
         yield HeatScore(run, kind, mode, side, "image", _mean(auroc),
                         _mean(precision), base, len(auroc), without)  # fmt: skip
 
 
-def _random_image(truth: Truth, seed: int) -> HeatScore:
-    positive = truth.seen("real").cells
+def _random_image(truth: GroundTruth, seed: int) -> HeatScore:
+    positive = truth.visible_objects("real").cells
     cells = np.random.default_rng([seed, 1]).random(positive.shape)
     auroc, precision, base, without = _per_frame(cells, positive, seed)
     return HeatScore("-", "random", None, "real", "image", _mean(auroc),
@@ -99,17 +106,17 @@ def _per_frame(
     share = positive.mean(axis=(1, 2))
     scored = np.flatnonzero((share > 0) & (share < 1))
     ranked = [
-        Ranked.of(cells[row], positive[row], np.random.default_rng([seed, int(row)]))
+        RankedCells.of(cells[row], positive[row], np.random.default_rng([seed, int(row)]))
         for row in scored
     ]
     auroc = np.array([frame.auroc() for frame in ranked])
-    precision = np.array([frame.precision(TOP) for frame in ranked])
+    precision = np.array([frame.precision(TOP_SHARE) for frame in ranked])
     base = float(share[scored].mean()) if scored.size else float("nan")
     return auroc, precision, base, int((share == 0).sum())
 
 
 def _floor_scores(
-    truth: Truth, run: str, kind: str, mode: str | None, seed: int
+    truth: GroundTruth, run: str, kind: str, mode: str | None, seed: int
 ) -> Iterator[HeatScore]:
     """The floor as either side's heat paints it, and as both together do."""
     planes: dict[Side | Literal["both"], NDArray[np.float64]] = {}
@@ -120,29 +127,29 @@ def _floor_scores(
     planes["both"] = planes["sim"] + planes["real"]
     for name, (total, count) in planes.items():
         heat = _smoothed(total, count)
-        yield _floor_score(truth, run, kind, mode, name, heat, seed, truth.moves(run))
+        yield _floor_score(truth, run, kind, mode, name, heat, seed, truth.camera_moves(run))
 
 
-def _random_floor(truth: Truth, seed: int) -> HeatScore:
+def _random_floor(truth: GroundTruth, seed: int) -> HeatScore:
     shape = floor_truth(truth, "both")[0].shape
     heat = np.random.default_rng([seed, 2]).random(shape)
     return _floor_score(truth, "-", "random", None, "both", heat, seed)
 
 
 def _floor_score(
-    truth: Truth,
+    truth: GroundTruth,
     run: str,
     kind: str,
     mode: str | None,
     side: Side | Literal["both"],
     heat: NDArray[Any],
     seed: int,
-    moves: Moves = NO_MOVES,
+    moves: CameraMoves = NO_CAMERA_MOVES,
 ) -> HeatScore:
     positive, visited = floor_truth(truth, side, moves)
     rows, cols = np.indices(visited.shape) // TILE
     tile = (rows * (visited.shape[1] // TILE + 1) + cols)[visited]
-    ranked = Ranked.of(heat[visited], positive[visited], np.random.default_rng([seed, 3]))
+    ranked = RankedCells.of(heat[visited], positive[visited], np.random.default_rng([seed, 3]))
     _, tile = np.unique(tile, return_inverse=True)
     rng = np.random.default_rng([seed, 4])
     count = int(tile.max()) + 1 if tile.size else 0
@@ -151,24 +158,26 @@ def _floor_score(
         for _ in range(REPLICATES if count else 0)
     ]
     auroc = _interval(ranked.auroc(), [ranked.auroc(w) for w in drawn])
-    precision = _interval(ranked.precision(TOP), [ranked.precision(TOP, w) for w in drawn])
+    precision = _interval(
+        ranked.precision(TOP_SHARE), [ranked.precision(TOP_SHARE, w) for w in drawn]
+    )
     base = float(positive[visited].mean()) if visited.any() else float("nan")
     return HeatScore(run, kind, mode, side, "floor", auroc, precision, base, int(visited.sum()), 0)
 
 
 def floor_truth(
-    truth: Truth, side: Side | Literal["both"], moves: Moves = NO_MOVES
+    truth: GroundTruth, side: Side | Literal["both"], moves: CameraMoves = NO_CAMERA_MOVES
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Positive floor cells, and those that a side (or either) has seen, each (rows, columns).
 
     A cell is positive where a quarter of either side's samples show a labelled object.
     """
-    shape = truth.seen("sim", moves["sim"]).samples.shape
+    shape = truth.visible_objects("sim", moves["sim"]).samples.shape
     positive, visited = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
     for own in SIDES:
-        seen = truth.seen(own, moves[own])
+        seen = truth.visible_objects(own, moves[own])
         enough = seen.samples >= MIN_SAMPLES
-        positive |= enough & (seen.hits >= SHARE * seen.samples)
+        positive |= enough & (seen.hits >= POSITIVE_SHARE * seen.samples)
         if side in (own, "both"):
             visited |= enough
     return positive & visited, visited

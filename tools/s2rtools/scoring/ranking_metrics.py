@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-TOP = 0.05
+TOP_SHARE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Ranked:
+class RankedCells:
     """Cells in ascending order of their value; "no value", NaN, ranks as the median.
 
     Source of the area: Mann and Whitney, 1947.
@@ -23,7 +23,7 @@ class Ranked:
     @classmethod
     def of(
         cls, values: NDArray[np.floating], positive: NDArray[np.bool_], rng: np.random.Generator
-    ) -> Ranked:
+    ) -> RankedCells:
         """`values` and `positive` of equal size; `rng` decides between equal values."""
         flat = np.asarray(values, dtype=np.float64).ravel()
         known = np.isfinite(flat)
@@ -39,7 +39,9 @@ class Ranked:
         pairs = pos.sum() * neg.sum()
         return float((pos * below).sum() / pairs) if pairs > 0 else float("nan")
 
-    def precision(self, top: float = TOP, weights: NDArray[np.float64] | None = None) -> float:
+    def precision(
+        self, top: float = TOP_SHARE, weights: NDArray[np.float64] | None = None
+    ) -> float:
         """Share of positives among the `top` share of cells."""
         w = np.ones(self.order.size) if weights is None else weights[self.order]
         w, positive = w[::-1], self.positive[::-1]

@@ -22,9 +22,9 @@ from s2rtools.models.library import load_model
 from s2rtools.precompute.pipeline import ProgressReporter
 from s2rtools.scoring import heatmaps
 from s2rtools.scoring.factor_effects import Counterfactuals
-from s2rtools.scoring.ground_truth import Truth
+from s2rtools.scoring.ground_truth import GroundTruth
 
-Report = dict[str, Any]
+ScoreReport = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,16 +43,16 @@ class ScoreSettings:
             raise RequestError("--seed: 0 .. 2147483647")
 
 
-def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Report:
+def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> ScoreReport:
     """Score the computed runs of a world's store.
 
     Raises RequestError where no truth is known or nothing is computed.
     """
     with s2rstore.open(root) as store:
-        truth = Truth(store)
+        truth = GroundTruth(store)
         runs = _computed(store, settings.runs)
         reporter.begin("score", 3)
-        maps = heatmaps.scores(truth, runs, settings.seed)
+        maps = heatmaps.score_heatmaps(truth, runs, settings.seed)
         reporter.advance(1)
         judges = [
             (
@@ -71,13 +71,13 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Re
             "instances": len(table.iids),
             "recipe": store.provenance_object("world", "recipe"),
             "runs": {name: store.run(name).key for name in runs},
-            "heatmaps": [_plain(row) for row in maps],
-            "factors": [_plain(row) for row in factors],
-            "objects": [_plain(row) for row in objects],
+            "heatmaps": [_json_row(row) for row in maps],
+            "factors": [_json_row(row) for row in factors],
+            "objects": [_json_row(row) for row in objects],
         }
 
 
-def keep(root: Path, report: Report) -> bool:
+def save_report(root: Path, report: ScoreReport) -> bool:
     """Publish the report in the store's provenance; False where it holds the very same."""
     check_writable(root)
     text = json.dumps(report, sort_keys=True)
@@ -98,20 +98,20 @@ def _computed(store: Store, wanted: Sequence[str]) -> list[str]:
     return [run.run for run in runs if run.key]
 
 
-def _plain(row: Any) -> dict[str, Any]:
+def _json_row(row: Any) -> dict[str, Any]:
     """A record as JSON can hold it: intervals as three figures, NaN as null."""
     made: dict[str, Any] = {}
     for field in fields(row):
         value = getattr(row, field.name)
         if isinstance(value, Interval):
             low_high = asdict(value)
-            made[field.name] = _figure(low_high["value"])
-            made[f"{field.name}_low"] = _figure(low_high["low"])
-            made[f"{field.name}_high"] = _figure(low_high["high"])
+            made[field.name] = _json_number(low_high["value"])
+            made[f"{field.name}_low"] = _json_number(low_high["low"])
+            made[f"{field.name}_high"] = _json_number(low_high["high"])
         else:
-            made[field.name] = _figure(value) if isinstance(value, float) else value
+            made[field.name] = _json_number(value) if isinstance(value, float) else value
     return made
 
 
-def _figure(value: float) -> float | None:
+def _json_number(value: float) -> float | None:
     return round(value, 6) if math.isfinite(value) else None

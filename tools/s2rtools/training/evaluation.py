@@ -36,7 +36,7 @@ def predict(
     return np.concatenate(poses)
 
 
-def errors(
+def pose_errors(
     poses: NDArray[np.float64], truth: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Distance in metres and heading error in degrees, (B,) each."""
@@ -44,7 +44,7 @@ def errors(
     return np.hypot(away[:, 0], away[:, 1]), np.degrees(angles.distance(poses[:, 2], truth[:, 2]))
 
 
-def split_figures(
+def evaluate_splits(
     network: PoseNetwork, convention: OutputConvention, frames: TrainingFrames, splits: Splits
 ) -> dict[str, float]:
     """`DOMAIN.SPLIT.FIGURE` -> value: instances, median_error and mean_error in metres,
@@ -56,14 +56,14 @@ def split_figures(
         for code in np.unique(codes[codes >= 0]):
             rows = np.flatnonzero(codes == code)
             truth = frames.poses[rows]
-            distance, turn = errors(poses[rows], truth)
+            distance, turn = pose_errors(poses[rows], truth)
             mean = np.broadcast_to(truth.mean(axis=0), truth.shape)
             values = {
                 "instances": float(len(rows)),
                 "median_error": float(np.median(distance)),
                 "mean_error": float(distance.mean()),
                 "median_heading_error": float(np.median(turn)),
-                "baseline_error": float(np.median(errors(mean, truth)[0])),
+                "baseline_error": float(np.median(pose_errors(mean, truth)[0])),
             }
             figures |= {f"{name}.{SPLITS[code]}.{key}": value for key, value in values.items()}
     return figures

@@ -22,11 +22,11 @@ from s2rstore.files import layout, safe_files
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register
-from s2rtools.precompute.registry import domain_of, insert_run
+from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register_model
+from s2rtools.precompute.registration import find_domain, insert_run
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 
-NAMES = ("vanilla", "dataaug", "finetune", "perlin")
+PRETRAINED_MODELS = ("vanilla", "dataaug", "finetune", "perlin")
 WORLD_SEED = 1
 """The building that they know."""
 FOLDER = Path(str(files("s2rtools.training"))) / "checkpoints"
@@ -34,13 +34,13 @@ GOLDEN = FOLDER / "golden.npz"
 """Views of the world as it was when they were trained."""
 
 
-def facts(name: str) -> dict[str, Any]:
+def model_description(name: str) -> dict[str, Any]:
     """What is known of a model: recipe, seed, steps, data hash, figures by side and split."""
     found: dict[str, Any] = json.loads((FOLDER / f"{name}.json").read_text())
     return found
 
 
-def add(root: Path) -> list[str]:
+def add_pretrained_models(root: Path) -> list[str]:
     """Register the models that a store lacks, each with a run of it; gives their names.
 
     Raises RequestError for a store of anything but the building that they know.
@@ -54,10 +54,10 @@ def add(root: Path) -> list[str]:
             )
         models = {name: model.sha256 for name, model in store.models.items()}
         runs = {name: run.model for name, run in store.runs.items()}
-        domains = domain_of(store, "sim", None), domain_of(store, "real", None)
+        domains = find_domain(store, "sim", None), find_domain(store, "real", None)
     added = []
-    for name in NAMES:
-        told = facts(name)
+    for name in PRETRAINED_MODELS:
+        told = model_description(name)
         weights = read_weights(FOLDER / f"{name}.safetensors", told["architecture"])
         if models.get(name, weights.sha256) != weights.sha256 or runs.get(name, name) != name:
             raise RequestError(f"{root}: {name!r} is something else there; the shipped model "
@@ -67,7 +67,7 @@ def add(root: Path) -> list[str]:
         with edit(root) as draft:
             if name not in models:
                 convention = DEFAULT_CONVENTIONS[told["architecture"]]
-                register(root, draft, name, weights, convention, f"{name}: {told['command']}")
+                register_model(root, draft, name, weights, convention, f"{name}: {told['command']}")
                 draft.note(f"model:{name}", told)
             if name not in runs:
                 insert_run(draft, name, name, domains)
@@ -75,7 +75,7 @@ def add(root: Path) -> list[str]:
     return added
 
 
-def keep(store: Store, name: str) -> None:
+def export_model(store: Store, name: str) -> None:
     """Write a trained model of a store, and what is known of it, into the package."""
     if name not in store.models:
         raise RequestError(f"{store.path}: no model {name!r}")
@@ -84,7 +84,7 @@ def keep(store: Store, name: str) -> None:
         raise RequestError(f"{store.path}: its images are not what is rendered now; train again")
     model, noted = store.models[name], store.provenance(f"model:{name}")
     content = safe_files.read(store.path, f"{layout.MODELS}/{model.sha256}.safetensors")
-    told = {key: _plain(text) for key, text in noted.items() if not key.startswith("split:")}
+    told = {key: _decode_value(text) for key, text in noted.items() if not key.startswith("split:")}
     recipe = store.provenance_object("world", "recipe")
     told["command"] = str(told["command"]).split(" --store")[0]
     told["golden"] = hashlib.sha256(GOLDEN.read_bytes()).hexdigest()
@@ -104,12 +104,12 @@ def golden_views() -> dict[str, NDArray[Any]]:
     made: dict[str, NDArray[Any]] = {}
     for side in SIDES:
         views = data.views(side, poses, np.arange(len(poses)))
-        made |= {f"{side}_rgb": views.rgb, f"{side}_depth": data.raw(views),
+        made |= {f"{side}_rgb": views.rgb, f"{side}_depth": data.raw_depth(views),
                  f"{side}_identity": views.identity}  # fmt: skip
     return made
 
 
-def _plain(text: str) -> Any:
+def _decode_value(text: str) -> Any:
     try:
         return json.loads(text)
     except ValueError:
@@ -122,6 +122,6 @@ if __name__ == "__main__":
     np.savez_compressed(GOLDEN, **views)
     for path in sys.argv[1:]:
         with s2rstore.open(path) as opened:
-            for chosen in NAMES:
+            for chosen in PRETRAINED_MODELS:
                 if chosen in opened.models:
-                    keep(opened, chosen)
+                    export_model(opened, chosen)

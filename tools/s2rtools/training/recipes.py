@@ -33,7 +33,7 @@ class TrainingRecipe:
     needs_start: bool = False
 
 
-def _untouched(shape: tuple[int, int], seed: int) -> Augmentation:
+def _no_augmentation(shape: tuple[int, int], seed: int) -> Augmentation:
     return lambda x, generator: x
 
 
@@ -44,7 +44,7 @@ def _colours(shape: tuple[int, int], seed: int) -> Augmentation:
 RECIPES: dict[str, TrainingRecipe] = {
     recipe.name: recipe
     for recipe in (
-        TrainingRecipe("vanilla", "sim images as they are", ("sim",), 2e-3, _untouched),
+        TrainingRecipe("vanilla", "sim images as they are", ("sim",), 2e-3, _no_augmentation),
         TrainingRecipe(
             "dataaug",
             "sim images with random brightness, contrast, dynamic range and hue",
@@ -68,7 +68,7 @@ RECIPES: dict[str, TrainingRecipe] = {
 }
 
 
-def recipe_named(name: str) -> TrainingRecipe:
+def find_recipe(name: str) -> TrainingRecipe:
     """A registered recipe; RequestError for unknown names."""
     if name not in RECIPES:
         raise RequestError(f"recipe {name!r}: one of {', '.join(RECIPES)}")

@@ -19,11 +19,11 @@ TEST_EVERY = 5
 VALIDATION_SHARE = 10
 SEED = 20
 
-RULE = (
+SIM_RULE = (
     f"sim images: contiguous blocks of {BLOCK} instances in each trajectory: every {TEST_EVERY}th "
     f"is test, one of {VALIDATION_SHARE} of the others (seed {SEED}) validation, the rest train"
 )
-HALVES_RULE = (
+REAL_RULE = (
     "real images: the first trajectory is test, the others train; the second half is test where "
     f"there is only one; one block of {BLOCK} in {VALIDATION_SHARE} (seed {SEED}) validation"
 )
@@ -31,11 +31,11 @@ HALVES_RULE = (
 Codes = NDArray[np.int8]
 
 
-def unseen(count: int) -> Codes:
+def split_unseen(count: int) -> Codes:
     return np.full(count, UNSEEN, dtype=np.int8)
 
 
-def by_blocks(trajectory: NDArray[np.int32]) -> Codes:
+def split_by_blocks(trajectory: NDArray[np.int32]) -> Codes:
     """Train, validation and test blocks of a model that learns from all trajectories."""
     codes = np.full(len(trajectory), TRAIN, dtype=np.int8)
     for rows in _trajectories(trajectory):
@@ -46,8 +46,8 @@ def by_blocks(trajectory: NDArray[np.int32]) -> Codes:
     return codes
 
 
-def by_halves(trajectory: NDArray[np.int32]) -> Codes:
-    """Train on one part of a recording and test on another; `HALVES_RULE` says which."""
+def split_by_recording(trajectory: NDArray[np.int32]) -> Codes:
+    """Train on one part of a recording and test on another; `REAL_RULE` says which."""
     codes = np.full(len(trajectory), TEST, dtype=np.int8)
     parts = _trajectories(trajectory)
     learnt = parts[1:] if len(parts) > 1 else [parts[0][: len(parts[0]) // 2]]

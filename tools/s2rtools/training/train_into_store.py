@@ -18,15 +18,15 @@ from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.index.transaction import check_writable, edit
 from s2rstore.reader import Store
-from s2rtools.models import build
-from s2rtools.models.library import load_model, pack, register
+from s2rtools.models import build_network
+from s2rtools.models.library import load_model, pack_weights, register_model
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
-from s2rtools.precompute.registry import domain_of, insert_run, refuse_taken
+from s2rtools.precompute.registration import check_name_free, find_domain, insert_run
 from s2rtools.training.evaluation import Splits
-from s2rtools.training.recipes import recipe_named
+from s2rtools.training.recipes import find_recipe
 from s2rtools.training.training_frames import DomainFrames, TrainingFrames
-from s2rtools.training.training_loop import Budget, Report, TrainingResult, train
+from s2rtools.training.training_loop import Budget, ReportProgress, TrainingResult, train
 
 _BLOCK = 64
 
@@ -44,14 +44,16 @@ class TrainingRequest:
     seed: int = 0
 
 
-def train_into_store(root: Path, request: TrainingRequest, report: Report, command: str) -> str:
+def train_into_store(
+    root: Path, request: TrainingRequest, report: ReportProgress, command: str
+) -> str:
     """Train, publish the model and a run of it; gives the run's name.
 
     Interrupted training goes on from its checkpoint when the same request is made again. Raises
     RequestError for unknown names and names that are taken.
     """
     name = checked_name(request.name or request.recipe, "run")
-    recipe = recipe_named(request.recipe)
+    recipe = find_recipe(request.recipe)
     check_writable(root)
     with s2rstore.open(root) as store:
         if name in store.runs or name in store.models:
@@ -59,9 +61,9 @@ def train_into_store(root: Path, request: TrainingRequest, report: Report, comma
         if recipe.needs_start and request.start is None:
             raise RequestError(f"--recipe {recipe.name}: name the run to begin with by --from RUN")
         start, known = _start(store, request)
-        size = (start.network if start else build(request.architecture)).input_size
+        size = (start.network if start else build_network(request.architecture)).input_size
         frames = _frames(store, size)
-        domains = domain_of(store, "sim", None), domain_of(store, "real", None)
+        domains = find_domain(store, "sim", None), find_domain(store, "real", None)
         checkpoint = _checkpoint(store, request, start)
     result = train(
         frames,
@@ -121,12 +123,12 @@ def _checkpoint(store: Store, request: TrainingRequest, start: LoadedModel | Non
 def _publish(
     root: Path, name: str, result: TrainingResult, domains: tuple[str, str], command: str
 ) -> None:
-    weights = pack(result.network)
+    weights = pack_weights(result.network)
     with edit(root) as draft:
         for table in ("model", "run"):
-            refuse_taken(draft, table, name)
+            check_name_free(draft, table, name)
         trained_by = f"{result.provenance['recipe']}: {command}"
-        register(root, draft, name, weights, result.convention, trained_by)
+        register_model(root, draft, name, weights, result.convention, trained_by)
         insert_run(draft, name, name, domains)
         splits = {f"split:{d}": encode_split(codes) for d, codes in result.splits.items()}
         draft.note(f"model:{name}", {**result.provenance, **splits, "command": command})

@@ -12,15 +12,15 @@ from s2rstore.geometry.reprojection import HeatSurface
 from s2rstore.reader import Store
 from s2rstore.records import Run, Side
 from s2rstore.run_inputs import run_domain
-from s2rtools.heatmaps import KINDS
+from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.frame_reader import RunFrames
 from s2rtools.precompute.stages import MAP_SETTINGS
-from s2rtools.precompute.work_units import ArraySpec, Unit
+from s2rtools.precompute.work_units import ArraySpec, WorkUnit
 
 _READ_ROWS = 64
 
 
-def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
+def grids(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
     """Mean, max, sum and count grids of one kind on one side, for each of its modes.
 
     Heat goes through that side's own valid depth and calibrated rays; for kinds that compare both
@@ -35,7 +35,7 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
     surface = HeatSurface(
         run_domain(store, run, side), run_domain(store, run, other), frame, side == "real",
         store.correction(run.sim_domain, run.real_domain),
-        KINDS[kind].surface if KINDS[kind].aligned else None,
+        HEATMAP_KINDS[kind].surface if HEATMAP_KINDS[kind].aligned else None,
     )  # fmt: skip
     frames = RunFrames(store, run, stage.kept(store.path))
     poses = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
@@ -53,7 +53,7 @@ def grids(store: Store, run: Run, unit: Unit) -> dict[ArraySpec, NDArray[Any]]:
         depth = _depth(frames, surface, side, other, slice(start, stop), rows)
         for spec, target in maps.items():
             heat = _heat(stage.source, store, kind, side, spec.mode, start, stop)[rows]
-            ray = KINDS[kind].ray(spec.mode)
+            ray = HEATMAP_KINDS[kind].ray(spec.mode)
             target.add(*projector.project(heat, depth, poses[start:stop][rows], ray, target))
     return {spec: target.aggregates() for spec, target in maps.items()}
 
@@ -74,7 +74,7 @@ def _heat(
     source: Any, store: Store, kind: str, side: Side, mode: str | None, start: int, stop: int
 ) -> NDArray[np.float32]:
     """Maps of iids [start, stop), shape (n, h, w), without the planes that are not asked for."""
-    planes = KINDS[kind].planes
+    planes = HEATMAP_KINDS[kind].planes
     array = source(store.path, kind, side, None if planes else mode)
     block = np.asarray(array[start:stop], dtype=np.float32)
     if block.ndim == 3:

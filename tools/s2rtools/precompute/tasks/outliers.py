@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import SIDES
-from s2rtools.precompute.work_units import ArraySpec, Unit
+from s2rtools.precompute.work_units import ArraySpec, WorkUnit
 
 KIND = "neighbour_distance"
 
@@ -39,7 +39,7 @@ _RESOLUTION = 1e-6
 _READ_ROWS = 16_384
 
 
-def distances(root: Path, unit: Unit, threads: int) -> dict[ArraySpec, NDArray[np.float32]]:
+def distances(root: Path, unit: WorkUnit, threads: int) -> dict[ArraySpec, NDArray[np.float32]]:
     """Neighbour distances of a unit's instances, for each side that is missing."""
     stage = unit.stage
     sample = sample_rows(stage.valid(root))

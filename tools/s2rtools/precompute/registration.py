@@ -15,7 +15,7 @@ from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtools.models.conventions import parse_convention
-from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register
+from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register_model
 from s2rtools.rendering import open_renderer
 
 Chains = Mapping[str, Sequence[Mapping[str, Any]]]
@@ -27,14 +27,14 @@ def add_model(
     """Check a weights file and publish it as a model. Raises RequestError."""
     checked_name(name, "model")
     with s2rstore.open(root) as store:
-        _unused(name, store.models, "model", root)
+        _refuse_existing(name, store.models, "model", root)
     weights = read_weights(file, architecture, trust)
     if convention is None and architecture not in DEFAULT_CONVENTIONS:
         raise RequestError(f"--convention: {architecture} does not say how to read its output")
     read = parse_convention(convention) if convention else DEFAULT_CONVENTIONS[architecture]
     with edit(root) as draft:
-        refuse_taken(draft, "model", name)
-        register(root, draft, name, weights, read)
+        check_name_free(draft, "model", name)
+        register_model(root, draft, name, weights, read)
         draft.note(f"model:{name}", {"file": file.name, "file_sha256": weights.sha256})
 
 
@@ -49,15 +49,15 @@ def add_run(
         if twice is not None:
             raise RequestError(f"--adjust {side}: {twice} twice; name each adjustment once")
     with s2rstore.open(root) as store:
-        _unused(name, store.runs, "run", root)
+        _refuse_existing(name, store.runs, "run", root)
         if model not in store.models:
             known = ", ".join(store.models) or "none"
             raise RequestError(f"--model {model}: not in {root} (models: {known})")
-        domains = domain_of(store, "sim", sim), domain_of(store, "real", real)
+        domains = find_domain(store, "sim", sim), find_domain(store, "real", real)
         for domain, chain in zip(domains, (chains["sim"], chains["real"]), strict=True):
             _check_move(store, domain, chain)
     with edit(root) as draft:
-        refuse_taken(draft, "run", name)
+        check_name_free(draft, "run", name)
         insert_run(draft, name, model, domains, chains)
     return name
 
@@ -106,13 +106,13 @@ def insert_run(
     )
 
 
-def refuse_taken(draft: IndexTransaction, table: str, name: str) -> None:
+def check_name_free(draft: IndexTransaction, table: str, name: str) -> None:
     """Raises RequestError where another process took the name since it was looked up."""
     if draft.rows(f'SELECT 1 FROM "{table}" WHERE "{table}" = ?', [name]):
         raise RequestError(f"{table} {name!r}: somebody else has just taken it; choose another")
 
 
-def domain_of(store: Store, kind: Side, wanted: str | None) -> str:
+def find_domain(store: Store, kind: Side, wanted: str | None) -> str:
     """The named domain if it is of that kind, by default `sim` / `real` or the first of it."""
     names = [name for name, domain in store.domains.items() if domain.kind == kind]
     if wanted is None:
@@ -122,6 +122,6 @@ def domain_of(store: Store, kind: Side, wanted: str | None) -> str:
     return wanted
 
 
-def _unused(name: str, taken: Mapping[str, Any], what: str, root: Path) -> None:
+def _refuse_existing(name: str, taken: Mapping[str, Any], what: str, root: Path) -> None:
     if name in taken:
         raise RequestError(f"{what} {name!r}: already in {root}; choose another name")
