@@ -15,17 +15,7 @@ from pathlib import Path
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
-from bench import (
-    back_projection,
-    inference,
-    live_prediction,
-    occlusion_speed,
-    precompute_memory,
-    scale,
-    startup,
-    terminal_bytes,
-    time_delay,
-)
+from bench import (back_projection, inference, live_prediction, occlusion_speed, precompute_memory, scale, startup, terminal_bytes, time_delay,)
 from bench.budget import BudgetRow
 from bench.measured_stores import QUIET
 

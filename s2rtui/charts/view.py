@@ -18,13 +18,7 @@ from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush_surface import Mark, Panel, Point
 from s2rtui.charts.shared.inputs import InstanceInput, OverviewRow
 from s2rtui.session import Session, State
-from s2rtui.session.provenance import (
-    HeatProvenance,
-    InstanceProvenance,
-    about,
-    heat_of,
-    seen_of,
-)
+from s2rtui.session.provenance import (HeatProvenance, InstanceProvenance, about, heat_of, seen_of,)
 from s2rtui.user_data.notebook import Notes
 
 Pane = Literal["overview", "centre", "tab"]

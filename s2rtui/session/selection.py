@@ -8,15 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.language import (
-    MaskContext,
-    Node,
-    base_population,
-    evaluation,
-    mask,
-    parse,
-    to_text,
-)
+from s2rstore.language import (MaskContext, Node, base_population, evaluation, mask, parse, to_text,)
 from s2rstore.metrics.top_k import extremes, largest
 from s2rstore.reader import Store
 from s2rtui.analysis.bins import choose

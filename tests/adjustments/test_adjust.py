@@ -191,7 +191,7 @@ def test_values_make_the_chain_that_the_command_line_makes(shares, side):
 
 
 def test_values_out_of_range_are_refused():
-    with pytest.raises(RequestError, match=r"brightness=4: 0 \.\. 3"):
+    with pytest.raises(RequestError, match=r"brightness=4: allowed are 0 \.\. 3"):
         make_chain("real", {"brightness": 4.0})
     with pytest.raises(RequestError, match="one of brightness"):
         make_chain("real", {"glow": 1.0})

@@ -7,19 +7,7 @@ from typing import Any
 import numpy as np
 
 from s2rstore.records import Bounds, Room
-from s2rtui.charts.shared.inputs import (
-    DifferenceInput,
-    GeoMapInput,
-    HistogramInput,
-    InstanceInput,
-    OrientationInput,
-    OverviewLines,
-    OverviewRow,
-    PoseNumbers,
-    RoomsInput,
-    SideView,
-    UmapInput,
-)
+from s2rtui.charts.shared.inputs import (DifferenceInput, GeoMapInput, HistogramInput, InstanceInput, OrientationInput, OverviewLines, OverviewRow, PoseNumbers, RoomsInput, SideView, UmapInput,)
 
 N = 60
 BOUNDS = Bounds(0.0, 0.0, 20.0, 10.0)

@@ -19,18 +19,7 @@ from s2rtui.charts.orientation.paper import orientation_figure
 from s2rtui.charts.overview.paper import overview_figure
 from s2rtui.charts.rooms.paper import rooms_figure
 from s2rtui.charts.umap.paper import umap_figure
-from tests.charts.examples import (
-    ROWS,
-    difference_input,
-    geomap_input,
-    histogram_input,
-    instance_input,
-    orientation_input,
-    overview_lines,
-    rooms_input,
-    side,
-    umap_input,
-)
+from tests.charts.examples import (ROWS, difference_input, geomap_input, histogram_input, instance_input, orientation_input, overview_lines, rooms_input, side, umap_input,)
 
 Draw = Callable[[tuple[int, int], Theme], bytes]
 FIGURES: dict[str, Draw] = {

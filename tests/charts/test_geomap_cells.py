@@ -10,15 +10,7 @@ from hypothesis.extra import numpy as arrays
 
 from s2rtui.analysis.bins import choose, count
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.charts.shared.map_cells import (
-    LEVELS,
-    cells,
-    dots,
-    level_shares,
-    lit_cells,
-    other_dots,
-    top_levels,
-)
+from s2rtui.charts.shared.map_cells import (LEVELS, cells, dots, level_shares, lit_cells, other_dots, top_levels,)
 
 N = 30
 masks = arrays.arrays(np.bool_, N)

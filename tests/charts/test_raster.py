@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 from s2rtui.canvas import Canvas, ColourMode, RenderOptions
-from s2rtui.canvas.raster import (
-    braille,
-    braille_bits,
-    dot_grid,
-    half_blocks,
-    picture,
-    resample,
-)
+from s2rtui.canvas.raster import (braille, braille_bits, dot_grid, half_blocks, picture, resample,)
 
 
 def test_resample_is_the_mean_of_what_a_pixel_covers() -> None:

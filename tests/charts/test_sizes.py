@@ -22,18 +22,7 @@ from s2rtui.charts.overview.terminal import overview
 from s2rtui.charts.rooms.terminal import rooms
 from s2rtui.charts.umap.terminal import umap
 from s2rtui.terminal.strips import to_strips
-from tests.charts.examples import (
-    ROWS,
-    difference_input,
-    geomap_input,
-    histogram_input,
-    instance_input,
-    orientation_input,
-    overview_lines,
-    rooms_input,
-    side,
-    umap_input,
-)
+from tests.charts.examples import (ROWS, difference_input, geomap_input, histogram_input, instance_input, orientation_input, overview_lines, rooms_input, side, umap_input,)
 from tests.support import gaps
 
 Draw = Callable[[tuple[int, int], RenderOptions], Canvas]

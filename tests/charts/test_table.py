@@ -8,13 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.table.terminal import (
-    TableColumn,
-    TableInput,
-    table,
-    table_layout,
-    table_surface,
-)
+from s2rtui.charts.table.terminal import (TableColumn, TableInput, table, table_layout, table_surface,)
 
 ROWS = np.random.default_rng(5).permutation(60)
 COLUMNS = (

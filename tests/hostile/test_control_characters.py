@@ -23,12 +23,7 @@ from s2rstore.errors import RequestError
 from s2rstore.gap_history import reader
 from s2rstore.language import complete, evaluation
 from s2rstore.language.canonical_text import string
-from s2rstore.security.printable_text import (
-    escaping,
-    printable,
-    printable_lines,
-    printable_values,
-)
+from s2rstore.security.printable_text import (escaping, printable, printable_lines, printable_values,)
 from s2rtui.app.actions import ACTIONS
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle

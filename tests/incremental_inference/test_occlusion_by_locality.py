@@ -99,11 +99,11 @@ def test_reach_is_exactly_the_outputs_that_change(
     start = data.draw(st.integers(0, size - 1))
     stop = data.draw(st.integers(start + 1, size))
     touched = []
-    for output in range(window.outputs(size)):
+    for output in range(window.output_size(size)):
         first = output * stride - window.padding
         if first < stop and first + extent > start:
             touched.append(output)
-    low, high = window.reach(start, stop, size)
+    low, high = window.affected_outputs(start, stop, size)
     if touched:
         assert (low, high) == (touched[0], touched[-1] + 1)
     else:

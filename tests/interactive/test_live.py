@@ -17,7 +17,6 @@ from s2rstore.records import SIDES
 from s2rtools.adjustments import make_chain, parse_adjustment
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.interactive import LiveModel, LiveResult
-from s2rtools.interactive.recent import RecentValues
 from s2rtools.precompute.pipeline import precompute
 from s2rtools.precompute.registration import add_run
 from s2rtui.session.heatmaps import choices, instance_grid
@@ -89,7 +88,7 @@ def test_results_are_what_precompute_stores(adjusted: Store, live: LiveModel, ii
 def test_moved_cameras_are_what_precompute_stores(moved_world: Path, run: str) -> None:
     with s2rstore.open(moved_world) as store:
         live = LiveModel(store, "vanilla")
-        assert live.reason_against_moving is None
+        assert live.no_renderer_reason is None
         chains = {side: store.run(run).adjustments(side) for side in SIDES}
         kinds = ("feature_distance", "pixel_difference", "harmonised_distance")
         for iid in (1, 6):
@@ -156,7 +155,7 @@ def test_wrong_requests_name_what_could_be(live: LiveModel) -> None:
         live.compute(1, {}, ("glow",))
     with pytest.raises(RequestError, match="taken, not rendered"):
         live.compute(1, {"sim": make_chain("sim", {"camera_pitch": 2})})
-    assert "not rendered" in str(live.reason_against_moving)
+    assert "not rendered" in str(live.no_renderer_reason)
     plain = live.compute(1, {"sim": make_chain("sim", {"camera_pitch": 0})})
     assert plain is not None
     with pytest.raises(RequestError, match="not computed for these"):
@@ -168,11 +167,3 @@ def test_the_callers_store_may_close(adjusted: Store) -> None:
         live = LiveModel(own, "vanilla")
     assert live.compute(2, CHAINS, ("activation",)) is not None
     live.close()
-
-
-def test_the_longest_unused_is_dropped() -> None:
-    made: list[str] = []
-    recent: RecentValues[str] = RecentValues(2)
-    for key in "abacab":
-        recent.get(key, lambda key=key: (made.append(key), key)[1])
-    assert made == ["a", "b", "c", "b"]

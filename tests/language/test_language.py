@@ -9,16 +9,7 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore.language import (
-    ExpressionError,
-    Vocabulary,
-    base_population,
-    complete,
-    evaluation,
-    expand,
-    parse,
-    to_text,
-)
+from s2rstore.language import (ExpressionError, Vocabulary, base_population, complete, evaluation, expand, parse, to_text,)
 from s2rstore.reader import Store
 
 

@@ -21,25 +21,10 @@ from s2rtui.canvas.colour import Pixels
 from s2rtui.cli import main
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.graphics import kitty_protocol, probe
-from s2rtui.terminal.graphics.image_manager import (
-    HEAVIEST,
-    LARGEST,
-    NUMBERS,
-    KittyImageManager,
-    pixel_size,
-)
+from s2rtui.terminal.graphics.image_manager import (HEAVIEST, LARGEST, NUMBERS, KittyImageManager, pixel_size,)
 from s2rtui.terminal.graphics.probe import Graphics, of_answer
 from s2rtui.terminal.strips import to_strips
-from tests.support.kitty import (
-    ANSWER,
-    ATTRIBUTES,
-    CELL,
-    CURSOR,
-    DRAWN,
-    Kitty,
-    box_cells,
-    placed,
-)
+from tests.support.kitty import (ANSWER, ATTRIBUTES, CELL, CURSOR, DRAWN, Kitty, box_cells, placed,)
 
 TRUE = Terminal(ColourMode.TRUECOLOR, False, "")
 MOVED = b"\x1b[7;2R"

@@ -110,7 +110,7 @@ def test_short_trajectories_split_too(count):
 
 
 def test_a_few_steps_learn_and_figures_are_kept(frames, learnt):
-    result, figures = learnt, learnt.figures
+    result, figures = learnt, learnt.metrics
     assert figures["sim.train.median_error"] < 0.6 * figures["sim.train.baseline_error"]
     assert figures["real.unseen.instances"] == 120
     assert set(result.splits) == {"sim", "sim_edit", "real"}
@@ -163,7 +163,7 @@ def test_checkpoints_of_another_training_or_damaged_ones_are_refused(few, tmp_pa
     with pytest.raises(RequestError, match="another training"):
         train(few, "vanilla", budget=Budget(steps=1), seed=1, checkpoint=file)
     file.write_bytes(file.read_bytes()[:100])
-    with pytest.raises(RequestError, match="no checkpoint"):
+    with pytest.raises(RequestError, match="not a checkpoint"):
         train(few, "vanilla", budget=Budget(steps=1), checkpoint=file)
 
 
@@ -172,7 +172,7 @@ def test_finetune_goes_on_from_a_model_with_real_images(frames, learnt):
     before = {key: value.clone() for key, value in weights(first).items()}
     tuned = train(frames, "finetune", budget=Budget(steps=10), start=loaded(first),
                   start_splits=first.splits)  # fmt: skip
-    assert tuned.figures["real.train.median_error"] < first.figures["real.unseen.median_error"]
+    assert tuned.metrics["real.train.median_error"] < first.metrics["real.unseen.median_error"]
     assert (tuned.splits["real"][60:] == TEST).all()
     np.testing.assert_array_equal(tuned.splits["sim"], first.splits["sim"])
     torch.testing.assert_close(weights(first), before, rtol=0, atol=0)
@@ -204,15 +204,15 @@ def test_frames_are_collected_in_blocks(tmp_path):
     rgb = rng.integers(0, 256, (5, 16, 16, 3), dtype=np.uint8)
     depth = rng.integers(0, 9000, (5, 16, 16), dtype=np.uint16)
     blocks = [(rgb[:3], depth[:3]), (rgb[3:], depth[3:])]
-    held = DomainFrames.collect("sim", blocks, 5, (8, 8), 0.001)
-    mapped = DomainFrames.collect("sim", blocks, 5, (8, 8), 0.001, tmp_path / "cache")
+    held = DomainFrames.from_blocks("sim", blocks, 5, (8, 8), 0.001)
+    mapped = DomainFrames.from_blocks("sim", blocks, 5, (8, 8), 0.001, tmp_path / "cache")
     assert held.depth.dtype == np.uint16
     np.testing.assert_array_equal(held.rgb, mapped.rgb)
     rows = np.array([4, 0])
     assert held.inputs(rows).shape == (2, 4, 8, 8)
     np.testing.assert_array_equal(held.inputs(rows), mapped.inputs(rows))
     with pytest.raises(ValueError, match="expected 6"):
-        DomainFrames.collect("sim", blocks, 6, (8, 8), 0.001)
+        DomainFrames.from_blocks("sim", blocks, 6, (8, 8), 0.001)
 
 
 def batch() -> torch.Tensor:

@@ -15,17 +15,7 @@ from s2rtui.charts.map.model import default_view, geomap_model
 from s2rtui.charts.map.paper_points import draw_cursor, draw_others, draw_values
 from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.inputs import DifferenceInput, GeoMapInput, Ground
-from s2rtui.charts.shared.paper import (
-    Box,
-    Page,
-    Pixels,
-    colour_scale,
-    heading,
-    new_figure,
-    page_of,
-    unit,
-    written,
-)
+from s2rtui.charts.shared.paper import (Box, Page, Pixels, colour_scale, heading, new_figure, page_of, unit, written,)
 from s2rtui.charts.shared.paper_map import SIDE, MapSheet, map_panel
 
 if TYPE_CHECKING:

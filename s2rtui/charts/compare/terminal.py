@@ -11,25 +11,13 @@ from s2rtui.canvas.brush_surface import Panel, draw_mark
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Pixels, Rgb, diverging, legible
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.compare.model import (
-    DifferenceModel,
-    cell_means,
-    difference_model,
-    verdicts,
-)
+from s2rtui.charts.compare.model import (DifferenceModel, cell_means, difference_model, verdicts,)
 from s2rtui.charts.map.model import default_view
 from s2rtui.charts.map.points import draw_others, draw_pose, stamp
 from s2rtui.charts.map.terminal import clip_part, others_part
 from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.inputs import DifferenceInput
-from s2rtui.charts.shared.legend import (
-    LegendPart,
-    colour_bar,
-    draw_rows,
-    ramp_for_values,
-    scale_bar,
-    words,
-)
+from s2rtui.charts.shared.legend import (LegendPart, colour_bar, draw_rows, ramp_for_values, scale_bar, words,)
 from s2rtui.charts.shared.map_background import draw_ground, draw_names
 from s2rtui.charts.shared.map_layout import GeoMapLayout, draw_axes, map_layout, map_panel
 

@@ -11,16 +11,7 @@ from s2rtui.canvas.colour import LIGHT, Theme
 from s2rtui.charts.errors.model import NAMES, HistogramModel, SideErrors, histogram_model
 from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.inputs import HistogramInput
-from s2rtui.charts.shared.paper import (
-    Page,
-    Pixels,
-    dress,
-    heading,
-    new_figure,
-    page_of,
-    unit,
-    written,
-)
+from s2rtui.charts.shared.paper import (Page, Pixels, dress, heading, new_figure, page_of, unit, written,)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,24 +10,9 @@ import numpy as np
 
 from s2rstore.gap_history.gate_status import Word
 from s2rtui.canvas.colour import LIGHT, Theme
-from s2rtui.charts.history.model import (
-    HEADLINE,
-    HistoryInput,
-    HistoryModel,
-    Track,
-    history_model,
-)
+from s2rtui.charts.history.model import (HEADLINE, HistoryInput, HistoryModel, Track, history_model,)
 from s2rtui.charts.history.terminal import ink
-from s2rtui.charts.shared.paper import (
-    Page,
-    Pixels,
-    dress,
-    heading,
-    new_figure,
-    page_of,
-    unit,
-    written,
-)
+from s2rtui.charts.shared.paper import (Page, Pixels, dress, heading, new_figure, page_of, unit, written,)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

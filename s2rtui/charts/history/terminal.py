@@ -12,13 +12,7 @@ from s2rstore.gap_history.gate_status import Word
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb, Theme
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.history.model import (
-    HEADLINE,
-    HistoryInput,
-    HistoryModel,
-    Track,
-    history_model,
-)
+from s2rtui.charts.history.model import (HEADLINE, HistoryInput, HistoryModel, Track, history_model,)
 from s2rtui.charts.shared.axis_scale import short
 
 LABELS = 5

@@ -13,14 +13,7 @@ from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.map.model import GeoMapModel
 from s2rtui.charts.map.points import stamp
 from s2rtui.charts.shared.axis_scale import short
-from s2rtui.charts.shared.error_glyphs import (
-    LARGEST,
-    ErrorGlyphs,
-    arc_degrees,
-    arc_turns,
-    error_glyphs,
-    full_scale,
-)
+from s2rtui.charts.shared.error_glyphs import (LARGEST, ErrorGlyphs, arc_degrees, arc_turns, error_glyphs, full_scale,)
 from s2rtui.charts.shared.inputs import GeoMapInput
 from s2rtui.charts.shared.legend import LegendPart, words
 from s2rtui.charts.shared.map_cells import lit_cells

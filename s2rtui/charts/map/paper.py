@@ -6,12 +6,7 @@ from s2rstore.records import Bounds
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme, turbo
 from s2rtui.charts.map.model import GeoMapModel, default_view, geomap_model
 from s2rtui.charts.map.paper_error_glyphs import draw_wedges, wedge_legend
-from s2rtui.charts.map.paper_points import (
-    draw_cursor,
-    draw_others,
-    draw_predictions,
-    draw_values,
-)
+from s2rtui.charts.map.paper_points import (draw_cursor, draw_others, draw_predictions, draw_values,)
 from s2rtui.charts.shared.inputs import GeoMapInput
 from s2rtui.charts.shared.paper import Pixels, broken, colour_scale, page_of, written
 from s2rtui.charts.shared.paper_map import MapSheet, map_sheet, marker_legend

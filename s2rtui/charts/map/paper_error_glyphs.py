@@ -11,14 +11,7 @@ from numpy.typing import NDArray
 from s2rtui.canvas.colour import Rgb, Theme
 from s2rtui.charts.map.model import GeoMapModel
 from s2rtui.charts.shared.axis_scale import short
-from s2rtui.charts.shared.error_glyphs import (
-    LARGEST,
-    ErrorGlyphs,
-    arc_degrees,
-    arc_turns,
-    error_glyphs,
-    full_scale,
-)
+from s2rtui.charts.shared.error_glyphs import (LARGEST, ErrorGlyphs, arc_degrees, arc_turns, error_glyphs, full_scale,)
 from s2rtui.charts.shared.inputs import GeoMapInput
 from s2rtui.charts.shared.paper import unit
 from s2rtui.charts.shared.paper_map import MapSheet

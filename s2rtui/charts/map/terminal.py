@@ -9,22 +9,9 @@ from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.map.error_arcs import draw_glyphs, glyph_legend
 from s2rtui.charts.map.model import LINES_UP_TO, GeoMapModel, default_view, geomap_model
-from s2rtui.charts.map.points import (
-    draw_cursor,
-    draw_live,
-    draw_others,
-    draw_predictions,
-    draw_values,
-)
+from s2rtui.charts.map.points import (draw_cursor, draw_live, draw_others, draw_predictions, draw_values,)
 from s2rtui.charts.shared.inputs import GeoMapInput
-from s2rtui.charts.shared.legend import (
-    LegendPart,
-    colour_bar,
-    draw_rows,
-    ramp_for_values,
-    scale_bar,
-    words,
-)
+from s2rtui.charts.shared.legend import (LegendPart, colour_bar, draw_rows, ramp_for_values, scale_bar, words,)
 from s2rtui.charts.shared.map_background import HEAT_RAMPS, draw_ground, draw_names
 from s2rtui.charts.shared.map_layout import GeoMapLayout, draw_axes, map_layout, map_panel
 

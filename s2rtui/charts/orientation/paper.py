@@ -8,24 +8,10 @@ import numpy as np
 
 from s2rtui.canvas.colour import LIGHT, Theme
 from s2rtui.charts.orientation.dial import RING
-from s2rtui.charts.orientation.model import (
-    BINS,
-    NAMES,
-    Headings,
-    OrientationModel,
-    orientation_model,
-)
+from s2rtui.charts.orientation.model import (BINS, NAMES, Headings, OrientationModel, orientation_model,)
 from s2rtui.charts.shared.axis_scale import ticks
 from s2rtui.charts.shared.inputs import OrientationInput
-from s2rtui.charts.shared.paper import (
-    Page,
-    Pixels,
-    heading,
-    new_figure,
-    page_of,
-    unit,
-    written,
-)
+from s2rtui.charts.shared.paper import (Page, Pixels, heading, new_figure, page_of, unit, written,)
 
 FOOT = 0.9
 """Inches below the dials."""

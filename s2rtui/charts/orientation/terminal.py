@@ -16,13 +16,7 @@ from s2rtui.canvas.render_options import Glyphs, RenderOptions
 from s2rtui.charts.orientation.dial import Dial, dial_of
 from s2rtui.charts.orientation.dial_drawing import draw_dial
 from s2rtui.charts.orientation.heading_strips import draw_strip, draw_strip_axis
-from s2rtui.charts.orientation.model import (
-    BINS,
-    NAMES,
-    Headings,
-    OrientationModel,
-    orientation_model,
-)
+from s2rtui.charts.orientation.model import (BINS, NAMES, Headings, OrientationModel, orientation_model,)
 from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.inputs import OrientationInput
 

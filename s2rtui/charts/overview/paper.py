@@ -10,16 +10,7 @@ from s2rtui.canvas.colour import LIGHT, Theme
 from s2rtui.charts.overview.model import OverviewModel, overview_model
 from s2rtui.charts.overview.paper_lines import draw_lines, keys
 from s2rtui.charts.shared.inputs import OverviewLines, OverviewRow
-from s2rtui.charts.shared.paper import (
-    Page,
-    Pixels,
-    dress,
-    heading,
-    new_figure,
-    page_of,
-    unit,
-    written,
-)
+from s2rtui.charts.shared.paper import (Page, Pixels, dress, heading, new_figure, page_of, unit, written,)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,16 +9,7 @@ import numpy as np
 from s2rtui.canvas.colour import LIGHT, Theme
 from s2rtui.charts.rooms.model import NAMES, RoomsModel, rooms_model
 from s2rtui.charts.shared.inputs import RoomsInput
-from s2rtui.charts.shared.paper import (
-    Page,
-    Pixels,
-    dress,
-    heading,
-    new_figure,
-    page_of,
-    unit,
-    written,
-)
+from s2rtui.charts.shared.paper import (Page, Pixels, dress, heading, new_figure, page_of, unit, written,)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,14 +19,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas.brush_surface import Mark
-from s2rtui.charts.shared.inputs import (
-    GeoMapInput,
-    InstanceInput,
-    OverviewRow,
-    PoseNumbers,
-    SideView,
-    UmapInput,
-)
+from s2rtui.charts.shared.inputs import (GeoMapInput, InstanceInput, OverviewRow, PoseNumbers, SideView, UmapInput,)
 from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
 from s2rtui.session.model_input import ModelInput, seen
 from s2rtui.session.state import HeatChoice, State

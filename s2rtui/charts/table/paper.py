@@ -5,15 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme
-from s2rtui.charts.shared.paper import (
-    Page,
-    Pixels,
-    heading,
-    new_figure,
-    page_of,
-    unit,
-    written,
-)
+from s2rtui.charts.shared.paper import (Page, Pixels, heading, new_figure, page_of, unit, written,)
 from s2rtui.charts.table.terminal import TableColumn, TableInput
 
 if TYPE_CHECKING:

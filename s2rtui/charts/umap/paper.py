@@ -10,24 +10,8 @@ from s2rtui.analysis.bins import choose
 from s2rtui.canvas.colour import LIGHT, Theme, turbo
 from s2rtui.charts.shared.axis_scale import fraction, ticks
 from s2rtui.charts.shared.inputs import Floats, UmapInput
-from s2rtui.charts.shared.paper import (
-    Page,
-    Pixels,
-    colour_scale,
-    dress,
-    heading,
-    new_figure,
-    page_of,
-    unit,
-    written,
-)
-from s2rtui.charts.umap.model import (
-    UmapModel,
-    level_shares,
-    umap_frame,
-    umap_model,
-    umap_values,
-)
+from s2rtui.charts.shared.paper import (Page, Pixels, colour_scale, dress, heading, new_figure, page_of, unit, written,)
+from s2rtui.charts.umap.model import (UmapModel, level_shares, umap_frame, umap_model, umap_values,)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,14 +16,7 @@ from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.axis_scale import short, step, tick_text, ticks
 from s2rtui.charts.shared.inputs import UmapInput
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, words
-from s2rtui.charts.umap.model import (
-    LEVELS,
-    UmapLayer,
-    UmapModel,
-    level_shares,
-    umap_frame,
-    umap_model,
-)
+from s2rtui.charts.umap.model import (LEVELS, UmapLayer, UmapModel, level_shares, umap_frame, umap_model,)
 
 AXES = 5
 """Columns at the left of a panel that its ticks take."""

@@ -8,15 +8,7 @@ from pathlib import Path
 
 from s2rstore.security.printable_text import printable_lines
 from s2rtui.canvas import DARK, LIGHT, Rgb, Theme
-from s2rtui.export.report.content import (
-    Example,
-    Facts,
-    Report,
-    ReportImage,
-    ReportTable,
-    RunPart,
-    Section,
-)
+from s2rtui.export.report.content import (Example, Facts, Report, ReportImage, ReportTable, RunPart, Section,)
 
 _DARK = "screen and (prefers-color-scheme: dark)"
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"

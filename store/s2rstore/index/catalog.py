@@ -16,17 +16,7 @@ from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import parse_object
 from s2rstore.geometry.reprojection import RigOffset
 from s2rstore.index import locked_connection, row_check, schema
-from s2rstore.records import (
-    ArrayRecord,
-    Bounds,
-    Dataset,
-    Domain,
-    Intrinsics,
-    Model,
-    Room,
-    Run,
-    Trajectory,
-)
+from s2rstore.records import (ArrayRecord, Bounds, Dataset, Domain, Intrinsics, Model, Room, Run, Trajectory,)
 from s2rstore.security.printable_text import printable, printable_lines, printable_values
 
 _JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention")

@@ -5,29 +5,7 @@ from __future__ import annotations
 import re
 
 from s2rstore.language import fields
-from s2rstore.language.syntax_tree import (
-    And,
-    Around,
-    Bend,
-    Between,
-    Box,
-    Compare,
-    Everything,
-    Extreme,
-    Field,
-    Ids,
-    Lasso,
-    Like,
-    Minus,
-    Named,
-    Near,
-    Node,
-    Not,
-    Nothing,
-    Or,
-    Saved,
-    chain,
-)
+from s2rstore.language.syntax_tree import (And, Around, Bend, Between, Box, Compare, Everything, Extreme, Field, Ids, Lasso, Like, Minus, Named, Near, Node, Not, Nothing, Or, Saved, chain,)
 
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
 _OR, _AND, _NOT, _LEAF = range(4)

@@ -12,23 +12,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.language import fields
 from s2rstore.language.errors import ExpressionError, unknown
-from s2rstore.language.syntax_tree import (
-    Around,
-    Between,
-    Box,
-    Compare,
-    Extreme,
-    Field,
-    Lasso,
-    Like,
-    Named,
-    Near,
-    Node,
-    Not,
-    Saved,
-    chain,
-    leaves,
-)
+from s2rstore.language.syntax_tree import (Around, Between, Box, Compare, Extreme, Field, Lasso, Like, Named, Near, Node, Not, Saved, chain, leaves,)
 from s2rstore.records import SPLITS, Side
 
 MAX_TERMS = 1_000

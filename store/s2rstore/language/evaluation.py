@@ -7,16 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.language import (
-    MaskContext,
-    Neighbours,
-    Node,
-    SqlContext,
-    Vocabulary,
-    mask,
-    parse,
-    to_sql,
-)
+from s2rstore.language import (MaskContext, Neighbours, Node, SqlContext, Vocabulary, mask, parse, to_sql,)
 from s2rstore.metrics import similarity
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side

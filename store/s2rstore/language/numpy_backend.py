@@ -13,27 +13,7 @@ from numpy.typing import NDArray
 from s2rstore.index.columns import InstanceColumns, RunColumns, population
 from s2rstore.language import fields, lasso, turning
 from s2rstore.language.checking import Neighbours, Vocabulary, expand, resolved, used_fields
-from s2rstore.language.syntax_tree import (
-    And,
-    Around,
-    Bend,
-    Between,
-    Box,
-    Compare,
-    Everything,
-    Extreme,
-    Field,
-    Ids,
-    Lasso,
-    Like,
-    Minus,
-    Named,
-    Near,
-    Node,
-    Not,
-    Nothing,
-    chain,
-)
+from s2rstore.language.syntax_tree import (And, Around, Bend, Between, Box, Compare, Everything, Extreme, Field, Ids, Lasso, Like, Minus, Named, Near, Node, Not, Nothing, chain,)
 from s2rstore.lru_cache import LruCache
 from s2rstore.metrics.top_k import extremes
 

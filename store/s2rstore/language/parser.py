@@ -13,23 +13,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 from s2rstore.language import fields
 from s2rstore.language.errors import ExpressionError, unknown
 from s2rstore.language.functions import Call, Head, apply, has_kind, numeric
-from s2rstore.language.syntax_tree import (
-    And,
-    Around,
-    Bend,
-    Between,
-    Compare,
-    Everything,
-    Extreme,
-    Field,
-    Minus,
-    Named,
-    Node,
-    Not,
-    Nothing,
-    Or,
-    Saved,
-)
+from s2rstore.language.syntax_tree import (And, Around, Bend, Between, Compare, Everything, Extreme, Field, Minus, Named, Node, Not, Nothing, Or, Saved,)
 from s2rstore.security.printable_text import printable
 
 _EXPECTED = {

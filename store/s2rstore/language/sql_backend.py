@@ -9,28 +9,7 @@ from typing import Any
 
 from s2rstore.language import fields, lasso, turning
 from s2rstore.language.checking import Neighbours, Vocabulary, expand, resolved
-from s2rstore.language.syntax_tree import (
-    And,
-    Around,
-    Bend,
-    Between,
-    Box,
-    Compare,
-    Everything,
-    Extreme,
-    Field,
-    Ids,
-    Lasso,
-    Like,
-    Minus,
-    Named,
-    Near,
-    Node,
-    Not,
-    Nothing,
-    Or,
-    chain,
-)
+from s2rstore.language.syntax_tree import (And, Around, Bend, Between, Box, Compare, Everything, Extreme, Field, Ids, Lasso, Like, Minus, Named, Near, Node, Not, Nothing, Or, chain,)
 
 _STRAIGHT_BELOW = 10.0
 

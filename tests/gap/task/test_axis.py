@@ -20,12 +20,7 @@ from s2rtools.gap import blocks
 from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
-from s2rtools.gap.task.group_metrics import (
-    GroupErrors,
-    grouped,
-    mean_replicates,
-    swap_interval,
-)
+from s2rtools.gap.task.group_metrics import (GroupErrors, grouped, mean_replicates, swap_interval,)
 from s2rtools.gap.task.task_axis import Task, heading_sectors
 from s2rtui.cli.formatting.gap_details import details as shown
 from tests.support import tiny

@@ -1,4 +1,8 @@
-"""Heatmaps: `HEATMAP_KINDS` lists the methods. Adding one is a file and a line here."""
+"""Heatmaps: maps over an image that explain where the gap or the pose error arises.
+
+Registry: `HEATMAP_KINDS` maps a heatmap kind's name to a `HeatmapKind`. To add a heatmap, write one
+module with a subclass of `HeatmapKind` and add one line to `HEATMAP_KINDS`.
+"""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""A trunk as a graph of local operations, and its partial recomputation.
+"""A trunk as a graph of local operations, and its incremental recomputation.
 
-Every operation that is kept is either pointwise, a sliding window (convolution, pooling with a
-fixed window) or a join (add, channel concatenation). For those, a changed region of the input
-changes a known region of the output, and only that is computed: the unchanged surroundings come
-from one pass over the unchanged image. Exact up to the order of float additions.
+Supported operations are pointwise operations, sliding windows (convolution, pooling with a fixed
+window) and joins (add, channel concatenation). For these, a changed region of the input affects a
+known region of the output, and only that is recomputed; the unchanged surroundings come from one
+pass over the unchanged image. Exact up to the order of float additions.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Pair = tuple[int, int]
 
 
 def non_local_reason(trunk: nn.Module) -> str | None:
-    """Why a trunk cannot be recomputed by locality; None where it can."""
+    """Why a trunk cannot be recomputed incrementally; None if it can."""
     try:
         LocalGraph(trunk)
     except NotLocalError as error:
@@ -46,12 +46,12 @@ def non_local_reason(trunk: nn.Module) -> str | None:
 
 
 class NotLocalError(ValueError):
-    """The trunk holds an operation whose output depends on the whole image."""
+    """The trunk contains an operation whose output depends on the whole image."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Operation:
-    """One operation: the names of its inputs, and how it is computed."""
+    """One operation: the names of its inputs and the function that computes it."""
 
     name: str
     inputs: tuple[str, ...]
@@ -64,14 +64,14 @@ class _Operation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BaseOutputs:
-    """Every operation's output for the unchanged images (N, C, h, w), and padded copies."""
+    """Outputs of every operation for the unchanged images (N, C, h, w), and padded copies."""
 
     outputs: dict[str, Tensor]
     padded: dict[str, Tensor]
 
 
 class LocalGraph:
-    """A trunk in evaluation mode, ready for partial recomputation."""
+    """A traced trunk in evaluation mode for incremental recomputation."""
 
     def __init__(self, trunk: nn.Module) -> None:
         """Raises NotLocalError naming the operation that is not local."""
@@ -95,8 +95,8 @@ class LocalGraph:
                 self._steps.append(_operation(node, modules))
         self._steps, self.output = _fuse_operations(self._steps, last)
 
-    def base(self, x: Tensor) -> BaseOutputs:
-        """The pass over unchanged images that later calls start from."""
+    def compute_base(self, x: Tensor) -> BaseOutputs:
+        """Run the trunk on unchanged images, as the base of later calls."""
         outputs = {self._input: x}
         padded: dict[str, Tensor] = {}
         for step in self._steps:
@@ -108,21 +108,21 @@ class LocalGraph:
                 outputs[step.name] = step.call(padded[step.name])
         return BaseOutputs(outputs, padded)
 
-    def regions(self, region: PixelRegion, base: BaseOutputs) -> dict[str, PixelRegion]:
-        """For every operation, the part of its output that a changed input region can reach."""
-        found = {self._input: region}
+    def affected_regions(self, region: PixelRegion, base: BaseOutputs) -> dict[str, PixelRegion]:
+        """For every operation, the output region that a changed input region affects."""
+        affected = {self._input: region}
         for step in self._steps:
-            first = found[step.inputs[0]]
+            merged = affected[step.inputs[0]]
             for name in step.inputs[1:]:
-                first = first.union(found[name])
+                merged = merged.union(affected[name])
             if step.rows is not None and step.cols is not None:
                 shape = base.outputs[step.inputs[0]].shape
-                first = affected_region(first, step.rows, step.cols, (shape[-2], shape[-1]))
-            found[step.name] = first
-        return found
+                merged = affected_region(merged, step.rows, step.cols, (shape[-2], shape[-1]))
+            affected[step.name] = merged
+        return affected
 
-    def signature(self, regions: dict[str, PixelRegion]) -> tuple[Any, ...]:
-        """Equal for patches that can be computed in one batch."""
+    def batch_signature(self, regions: dict[str, PixelRegion]) -> tuple[Any, ...]:
+        """A key that is equal for patches that can be computed in one batch."""
         parts: list[Any] = [regions[self._input].shape]
         for step in self._steps:
             parts.append(regions[step.name].shape)
@@ -130,7 +130,7 @@ class LocalGraph:
         return tuple(parts)
 
     def _offset(self, step: _Operation, regions: dict[str, PixelRegion], name: str) -> Pair:
-        """Where an input's changed part lies inside the crop that the step is computed from."""
+        """Offset of an input's changed part in the crop from which the step is computed."""
         target, source = regions[step.name], regions[name]
         if step.rows is None or step.cols is None:
             return source.r0 - target.r0, source.c0 - target.c0
@@ -145,7 +145,7 @@ class LocalGraph:
         """The changed part of the output for several patches of equal signature.
 
         `patches` (N, P, M, C, h, w): for each of N base images and P places, M new contents of
-        the patch. Gives (N, P, M, C', h', w') at `regions[p][self.output]`.
+        the patch. Returns (N, P, M, C', h', w') at `regions[p][self.output]`.
         """
         lead = patches.shape[:3]
         parts = {self._input: patches.flatten(0, 2)}
@@ -155,12 +155,13 @@ class LocalGraph:
                 parts[step.name] = patches.new_empty((math.prod(lead), channels, 0, 0))
                 continue
             crops = [
-                self._pasted(base, parts[name], step, name, regions, lead) for name in step.inputs
+                self._paste_changed_part(base, parts[name], step, name, regions, lead)
+                for name in step.inputs
             ]
             parts[step.name] = step.call(crops[0]) if step.rows else _join(step, crops)
         return parts[self.output].unflatten(0, lead)
 
-    def _pasted(
+    def _paste_changed_part(
         self,
         base: BaseOutputs,
         part: Tensor,
@@ -186,33 +187,33 @@ class LocalGraph:
         for place, w in enumerate(windows):
             grouped[:, place] = source[:, None, :, w.r0 : w.r1, w.c0 : w.c1]
         top, left = max(row, 0), max(col, 0)
-        seen = part[..., top - row : crop.shape[-2] - row, left - col : crop.shape[-1] - col]
-        crop[..., top : top + seen.shape[-2], left : left + seen.shape[-1]] = seen
+        pasted = part[..., top - row : crop.shape[-2] - row, left - col : crop.shape[-1] - col]
+        crop[..., top : top + pasted.shape[-2], left : left + pasted.shape[-1]] = pasted
         return crop
 
 
 def _fuse_operations(steps: list[_Operation], output: str) -> tuple[list[_Operation], str]:
     """Merge pointwise steps and unpadded pooling into the window that alone feeds them.
 
-    What is merged is computed on the window's crop, so that no crop of its own is needed. Gives
-    the steps and the name of the last one.
+    Merged steps are computed on the window's crop and need no crop of their own. Returns the steps
+    and the name of the last step.
     """
     users: dict[str, int] = {output: 1}
     for step in steps:
         for name in step.inputs:
             users[name] = users.get(name, 0) + 1
-    made: dict[str, _Operation] = {}
+    fused: dict[str, _Operation] = {}
     renamed: dict[str, str] = {}
     for step in steps:
         inputs = tuple(renamed.get(name, name) for name in step.inputs)
-        before = made.get(inputs[0])
+        before = fused.get(inputs[0])
         alone = users[step.inputs[0]] == 1 and step.inputs[0] != output
         if before is not None and before.rows is not None and alone and _is_mergeable(step):
             renamed[step.name] = before.name
-            made[before.name] = _merge_operations(before, step)
+            fused[before.name] = _merge_operations(before, step)
         else:
-            made[step.name] = replace(step, inputs=inputs)
-    return list(made.values()), renamed.get(output, output)
+            fused[step.name] = replace(step, inputs=inputs)
+    return list(fused.values()), renamed.get(output, output)
 
 
 def _is_mergeable(step: _Operation) -> bool:
@@ -225,19 +226,22 @@ def _merge_operations(before: _Operation, step: _Operation) -> _Operation:
     first, then = before.call, step.call
     rows, cols = before.rows, before.cols
     if step.rows is not None and step.cols is not None and rows is not None and cols is not None:
-        rows, cols = rows.then(step.rows), cols.then(step.cols)
+        rows, cols = rows.followed_by(step.rows), cols.followed_by(step.cols)
     return replace(before, rows=rows, cols=cols, call=lambda x: then(first(x)))
 
 
 def _required_region(step: _Operation, target: PixelRegion) -> PixelRegion:
     if step.rows is None or step.cols is None:
         return target
-    return PixelRegion(*step.rows.sees(target.r0, target.r1), *step.cols.sees(target.c0, target.c1))
+    return PixelRegion(
+        *step.rows.required_inputs(target.r0, target.r1),
+        *step.cols.required_inputs(target.c0, target.c1),
+    )
 
 
 def _output_name(node: fx.Node) -> str:
     if len(node.args) != 1 or not isinstance(node.args[0], fx.Node):
-        raise NotLocalError("it gives more than one tensor")
+        raise NotLocalError("it returns more than one tensor")
     return node.args[0].name
 
 
@@ -266,7 +270,7 @@ def _operation(node: fx.Node, modules: dict[str, nn.Module]) -> _Operation:
 
 
 def _input_names(node: fx.Node) -> list[str]:
-    """Names of all tensors that a step takes, in order, one as often as it is given."""
+    """Names of all input tensors of a step, in order, with repetitions."""
     names: list[str] = []
     for argument in (*node.args, *node.kwargs.values()):
         listed = argument if isinstance(argument, list | tuple) else [argument]
@@ -313,7 +317,7 @@ def _window_operation(name: str, inputs: tuple[str, ...], module: nn.Module) -> 
 
         return _Operation(name, inputs, "pool", largest, windows[0], windows[1], -math.inf)
     if any(padding) and not module.count_include_pad:
-        raise NotLocalError(f"{name}: average pooling that leaves its padding out")
+        raise NotLocalError(f"{name}: average pooling that excludes its padding")
 
     def average(x: Tensor) -> Tensor:
         return functional.avg_pool2d(x, kernel, stride)

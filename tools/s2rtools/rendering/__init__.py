@@ -1,4 +1,8 @@
-"""Taking a data set's frames anew: `RENDERERS` lists the ways. Adding one is a file and a line."""
+"""Renderers: render a data set's frames again with moved cameras.
+
+Registry: `RENDERERS` lists the `RendererKind`s. To add a renderer, write one module and add one
+line to `RENDERERS`.
+"""
 
 from __future__ import annotations
 
@@ -13,29 +17,29 @@ RENDERERS: tuple[RendererKind, ...] = (WORLD,)
 
 
 def no_renderer_reason(store: Store) -> str | None:
-    """Why the cameras of a store cannot be moved; None where a renderer claims it. Quick."""
+    """Why a store's cameras cannot be moved; None if a renderer supports the store. Fast."""
     if _find_renderer(store) is not None:
         return None
-    return f"{store.path}: images taken, not rendered: no camera to move"
+    return f"{store.path}: its images were taken, not rendered; cameras cannot be moved"
 
 
 def open_renderer(store: Store, domain: str) -> FrameRenderer:
-    """The renderer of a store's domain.
+    """Open the renderer of a store's domain.
 
-    Raises RequestError where there is none, or none that renders what the store holds.
+    Raises RequestError if no renderer supports the store or renders its frames.
     """
     kind = _find_renderer(store)
     if kind is None:
         raise RequestError(str(no_renderer_reason(store)))
-    found = kind.open(store)
-    if domain not in found.domains:
-        known = ", ".join(found.domains)
+    renderer = kind.open(store)
+    if domain not in renderer.domains:
+        known = ", ".join(renderer.domains)
         raise RequestError(f"domain {domain!r}: cannot be rendered (only {known})")
-    return found
+    return renderer
 
 
 def renderer_version(store: Store) -> str:
-    """Names what renders a store: frames of another version are other frames."""
+    """Name and version of a store's renderer, a part of the key of rendered frames."""
     kind = _find_renderer(store)
     return f"{kind.name} {kind.version}" if kind else "none"
 

@@ -1,4 +1,4 @@
-"""Where the labelled objects are: per view and on the floor, rendered again from the recipe."""
+"""Ground truth: positions of the labelled objects in views and on the floor, rendered again."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from s2rstore.geometry.floor_grid import MapGrid, Projector
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Side
 from s2rstore.run_inputs import run_move
-from s2rtools.precompute.stages import MAP_SETTINGS
+from s2rtools.precompute.tasks.map_grids import MAP_SETTINGS
 from s2rtools.synthetic_world.dataset import WorldData
 from s2rtools.synthetic_world.renderer import Camera
 
 IMAGE_CELLS = 32
 POSITIVE_SHARE = 0.25
 REBIN = 3
-"""Published grid cells on each side of a scored floor cell."""
+"""Published grid cells along each side of a scored floor cell."""
 _BATCH = 32
 
 FloorPlane = NDArray[np.float32]
@@ -30,11 +30,11 @@ NO_CAMERA_MOVES: CameraMoves = dict.fromkeys(SIDES, UNMOVED)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VisibleObjects:
-    """What one side's true camera sees.
+    """Labelled objects in the views of one side's true camera.
 
-    `cells` (N, CELLS, CELLS): where labelled objects of either scene cover a quarter of a cell.
-    `hits` and `samples` (rows, columns): how many samples per floor cell show a labelled object of
-    the side's own scene, and how many there are, through its true depth.
+    `cells` (N, IMAGE_CELLS, IMAGE_CELLS): whether labelled objects of either scene cover a quarter
+    of the cell. `hits` and `samples` (rows, columns): number of samples per floor cell that show a
+    labelled object of the side's scene, and number of all samples, projected by the true depth.
     """
 
     cells: NDArray[np.bool_]
@@ -43,35 +43,33 @@ class VisibleObjects:
 
 
 class GroundTruth:
-    """The labelled changes of a store's world, as its instances see them.
+    """The labelled changes of a store's synthetic world in the views of its instances.
 
-    Raises RequestError for a store of no world, or of one that is rendered otherwise now.
+    Raises RequestError if the store is not a synthetic world, or is rendered differently now.
     """
 
     def __init__(self, store: Store) -> None:
         data = WorldData.of_store(store)
         if data is None:
-            raise RequestError(f"{store.path}: no truth is known; `s2r ingest world` makes data "
-                               "whose truth is")  # fmt: skip
+            raise RequestError(f"{store.path}: its ground truth is unknown; `s2r ingest world` "
+                               "makes data with ground truth")  # fmt: skip
         if not data.matches(store):
-            raise RequestError(f"{store.path}: its images are not what this version renders; "
+            raise RequestError(f"{store.path}: this version renders other images; "
                                "ingest the world again")  # fmt: skip
         self.store, self.data = store, data
         columns = store.instances
         self.poses = np.stack([columns.x, columns.y, columns.heading], axis=1)
-        self.numbers = np.array([
-            data.noise_number(t.trajectory, row) for t in store.trajectories for row in range(t.instances)
-        ], dtype=np.intp)  # fmt: skip
+        self.numbers = data.noise_numbers(store)
         self.changed = data.world.changed_objects(data.severities("real"))
         self._visible: dict[tuple[Side, CameraMove], VisibleObjects] = {}
 
     def camera_moves(self, run: str) -> CameraMoves:
-        """How a run moves the cameras of either side."""
+        """Camera offsets of either side in a run."""
         record = self.store.run(run)
         return {side: run_move(self.store, record, side) for side in SIDES}
 
     def visible_objects(self, side: Side, move: CameraMove = UNMOVED) -> VisibleObjects:
-        """What a side's true camera sees, moved as a run moves it."""
+        """Labelled objects in the views of a side's true camera, moved by a camera offset."""
         if (side, move) not in self._visible:
             self._visible[side, move] = self._find_visible_objects(side, move)
         return self._visible[side, move]
@@ -105,28 +103,28 @@ class GroundTruth:
 
 
 def move_camera(camera: Camera, move: CameraMove) -> Camera:
-    """The world's camera, moved as an adjustment says."""
+    """The world's camera with the offset of an adjustment."""
     return camera.moved(move.height, move.pitch, move.zoom)
 
 
 def to_cells(heat: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Maps (n, h, w) on the common grid (n, CELLS, CELLS): area means of what has a value.
+    """Resample maps (n, h, w) to (n, IMAGE_CELLS, IMAGE_CELLS) by area means of finite values.
 
-    A coarser map's value counts for every cell that its own cell covers.
+    A value of a coarser map counts for every cell that its own cell covers.
     """
     height, width = heat.shape[1:]
     rows, cols = _overlap_shares(height), _overlap_shares(width)
     known = np.isfinite(heat)
     values = np.where(known, heat, 0).astype(np.float64)
-    made = [rows @ plane @ cols.T for plane in (values, known.astype(np.float64))]
+    total, weight = (rows @ plane @ cols.T for plane in (values, known.astype(np.float64)))
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(made[1] > 1e-9, made[0] / made[1], np.nan).astype(np.float32)
+        return np.where(weight > 1e-9, total / weight, np.nan).astype(np.float32)
 
 
 def _overlap_shares(extent: int) -> NDArray[np.float64]:
-    """(CELLS, extent): the share of each common cell that each own cell covers."""
+    """(IMAGE_CELLS, extent): share of each common cell that each source cell covers."""
     edges = np.linspace(0, extent, IMAGE_CELLS + 1)
-    own = np.arange(extent)
-    low = np.maximum(edges[:-1, None], own[None])
-    high = np.minimum(edges[1:, None], own[None] + 1)
+    source = np.arange(extent)
+    low = np.maximum(edges[:-1, None], source[None])
+    high = np.minimum(edges[1:, None], source[None] + 1)
     return np.maximum(high - low, 0.0) * IMAGE_CELLS / extent

@@ -1,4 +1,4 @@
-"""How well each heatmap of a run finds the labelled changes, in the image and on the floor."""
+"""Score how well each heatmap of a run finds the labelled changes, in images and on the floor."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Place = Literal["image", "floor"]
 
 SMOOTH = 0.6
 TILE = 12
-"""Cells on each side of a resampled tile of the floor: larger than an object."""
+"""Cells along each side of a resampled floor tile; larger than an object."""
 REPLICATES = 300
 MIN_SAMPLES = 3
 MIN_FRAMES = 8
@@ -37,17 +37,18 @@ _ROWS = 64
 
 @dataclass(frozen=True, slots=True)
 class HeatScore:
-    """One heatmap in one place; `n` frames with positives or floor cells, `without` frames apart.
+    """Score of one heatmap in one place, over `n` frames with positives or `n` floor cells.
 
-    `base_rate` is the share of positive cells: the precision of a random map. Intervals are 95 %
-    bootstraps: over blocks of neighbouring frames, or over tiles of the floor.
+    `without` counts the frames without positives. `base_rate` is the share of positive cells, the
+    precision of a random map. Intervals are 95 % bootstraps over blocks of neighbouring frames or
+    over tiles of the floor.
     """
 
     run: str
     kind: str
     mode: str | None
     side: str
-    """sim, real, or both maps of the floor together."""
+    """sim, real, or both (floor maps added)."""
     place: Place
     auroc: pose_metrics.Interval
     precision: pose_metrics.Interval
@@ -57,7 +58,7 @@ class HeatScore:
 
 
 def score_heatmaps(truth: GroundTruth, runs: list[str], seed: int) -> list[HeatScore]:
-    """Every heatmap kind of computed runs, and a random map beside them."""
+    """Scores of every heatmap kind of computed runs, and of a random map for comparison."""
     found = [_random_image(truth, seed), _random_floor(truth, seed)]
     for run in runs:
         for kind, mode in _scored_kinds(truth.store, run):
@@ -67,7 +68,7 @@ def score_heatmaps(truth: GroundTruth, runs: list[str], seed: int) -> list[HeatS
 
 
 def _scored_kinds(store: Store, run: str) -> list[tuple[str, str | None]]:
-    """Kinds and modes that are scored; of kinds with planes the one for the loss."""
+    """Kinds and modes to score; of kinds with several planes, the plane of the loss."""
     chosen: dict[tuple[str, str | None], None] = {}
     for record in store.arrays(run):
         if record.kind in HEATMAP_KINDS:
@@ -102,7 +103,7 @@ def _random_image(truth: GroundTruth, seed: int) -> HeatScore:
 def _per_frame(
     cells: NDArray[Any], positive: NDArray[np.bool_], seed: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float, int]:
-    """AUROC and precision of each frame that has positives, base rate, and frames without."""
+    """AUROC and precision of each frame with positives, base rate, number of other frames."""
     share = positive.mean(axis=(1, 2))
     scored = np.flatnonzero((share > 0) & (share < 1))
     ranked = [
@@ -118,7 +119,7 @@ def _per_frame(
 def _floor_scores(
     truth: GroundTruth, run: str, kind: str, mode: str | None, seed: int
 ) -> Iterator[HeatScore]:
-    """The floor as either side's heat paints it, and as both together do."""
+    """Scores of the floor maps of either side and of their sum."""
     planes: dict[Side | Literal["both"], NDArray[np.float64]] = {}
     for side in SIDES:
         total = np.nan_to_num(truth.store.map_grid(run, kind, side, mode, "sum"))
@@ -146,10 +147,10 @@ def _floor_score(
     seed: int,
     moves: CameraMoves = NO_CAMERA_MOVES,
 ) -> HeatScore:
-    positive, visited = floor_truth(truth, side, moves)
-    rows, cols = np.indices(visited.shape) // TILE
-    tile = (rows * (visited.shape[1] // TILE + 1) + cols)[visited]
-    ranked = RankedCells.of(heat[visited], positive[visited], np.random.default_rng([seed, 3]))
+    positive, observed = floor_truth(truth, side, moves)
+    rows, cols = np.indices(observed.shape) // TILE
+    tile = (rows * (observed.shape[1] // TILE + 1) + cols)[observed]
+    ranked = RankedCells.of(heat[observed], positive[observed], np.random.default_rng([seed, 3]))
     _, tile = np.unique(tile, return_inverse=True)
     rng = np.random.default_rng([seed, 4])
     count = int(tile.max()) + 1 if tile.size else 0
@@ -161,26 +162,26 @@ def _floor_score(
     precision = _interval(
         ranked.precision(TOP_SHARE), [ranked.precision(TOP_SHARE, w) for w in drawn]
     )
-    base = float(positive[visited].mean()) if visited.any() else float("nan")
-    return HeatScore(run, kind, mode, side, "floor", auroc, precision, base, int(visited.sum()), 0)
+    base = float(positive[observed].mean()) if observed.any() else float("nan")
+    return HeatScore(run, kind, mode, side, "floor", auroc, precision, base, int(observed.sum()), 0)
 
 
 def floor_truth(
     truth: GroundTruth, side: Side | Literal["both"], moves: CameraMoves = NO_CAMERA_MOVES
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Positive floor cells, and those that a side (or either) has seen, each (rows, columns).
+    """Positive floor cells, and cells that a side (or either side) observed, (rows, columns).
 
-    A cell is positive where a quarter of either side's samples show a labelled object.
+    A cell is positive if a quarter of either side's samples show a labelled object.
     """
     shape = truth.visible_objects("sim", moves["sim"]).samples.shape
-    positive, visited = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
-    for own in SIDES:
-        seen = truth.visible_objects(own, moves[own])
-        enough = seen.samples >= MIN_SAMPLES
-        positive |= enough & (seen.hits >= POSITIVE_SHARE * seen.samples)
-        if side in (own, "both"):
-            visited |= enough
-    return positive & visited, visited
+    positive, observed = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+    for name in SIDES:
+        objects = truth.visible_objects(name, moves[name])
+        enough = objects.samples >= MIN_SAMPLES
+        positive |= enough & (objects.hits >= POSITIVE_SHARE * objects.samples)
+        if side in (name, "both"):
+            observed |= enough
+    return positive & observed, observed
 
 
 def _rebinned(plane: NDArray[Any]) -> NDArray[np.float64]:
@@ -190,7 +191,7 @@ def _rebinned(plane: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _smoothed(total: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The mean heat per cell, softened by `SMOOTH` cells over those that have any."""
+    """Mean heat per cell, smoothed by `SMOOTH` cells over the cells that have any heat."""
     known = count > 0
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(known, total / count, 0.0)
@@ -204,7 +205,7 @@ def _interval(value: float, replicates: list[float]) -> pose_metrics.Interval:
 
 
 def _mean(values: NDArray[np.float64]) -> pose_metrics.Interval:
-    """The mean of shares; without an interval where there are too few frames for blocks."""
+    """Mean of shares; without an interval if there are too few frames for blocks."""
     found = pose_metrics.bootstrap_mean(values)
     if values.size < MIN_FRAMES:
         return pose_metrics.Interval(found.value, float("nan"), float("nan"))

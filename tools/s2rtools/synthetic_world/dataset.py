@@ -144,6 +144,15 @@ class WorldData:
         """Seed of the noise of a view."""
         return 1_000_000 * self.names.index(name) + row
 
+    def noise_numbers(self, store: Store) -> NDArray[np.intp]:
+        """Seeds of the noise of all instances of a store, (N,)."""
+        numbers = [
+            self.noise_number(item.trajectory, row)
+            for item in store.trajectories
+            for row in range(item.instances)
+        ]
+        return np.array(numbers, dtype=np.intp)
+
     def renderer(self, side: Side) -> SceneRenderer:
         return self.world.renderer(self.severities(side))
 

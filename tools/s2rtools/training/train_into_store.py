@@ -1,4 +1,4 @@
-"""Training on a store's frames and registering the model with a run of it."""
+"""Train on a store's frames and register the model with a run."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _BLOCK = 64
 
 @dataclass(frozen=True, slots=True)
 class TrainingRequest:
-    """`start` names the run whose model is trained on; `name` defaults to the recipe's."""
+    """`start` names the run whose model is trained further; `name` defaults to the recipe's."""
 
     recipe: str
     name: str | None = None
@@ -47,10 +47,10 @@ class TrainingRequest:
 def train_into_store(
     root: Path, request: TrainingRequest, report: ReportProgress, command: str
 ) -> str:
-    """Train, publish the model and a run of it; gives the run's name.
+    """Train, publish the model and a run of it; return the run's name.
 
-    Interrupted training goes on from its checkpoint when the same request is made again. Raises
-    RequestError for unknown names and names that are taken.
+    An interrupted training continues from its checkpoint when the same request is repeated. Raises
+    RequestError for unknown names and names that exist already.
     """
     name = checked_name(request.name or request.recipe, "run")
     recipe = find_recipe(request.recipe)
@@ -60,7 +60,7 @@ def train_into_store(
             raise RequestError(f"--name {name}: already in {root}; choose another")
         if recipe.needs_start and request.start is None:
             raise RequestError(f"--recipe {recipe.name}: name the run to begin with by --from RUN")
-        start, known = _start(store, request)
+        start, start_splits = _start_model(store, request)
         size = (start.network if start else build_network(request.architecture)).input_size
         frames = _frames(store, size)
         domains = find_domain(store, "sim", None), find_domain(store, "real", None)
@@ -72,7 +72,7 @@ def train_into_store(
         budget=Budget(request.minutes, request.steps),
         seed=request.seed,
         start=start,
-        start_splits=known,
+        start_splits=start_splits,
         report=report,
         checkpoint=checkpoint,
     )
@@ -81,7 +81,9 @@ def train_into_store(
     return name
 
 
-def _start(store: Store, request: TrainingRequest) -> tuple[LoadedModel | None, Splits | None]:
+def _start_model(
+    store: Store, request: TrainingRequest
+) -> tuple[LoadedModel | None, Splits | None]:
     if request.start is None:
         return None, None
     model = load_model(store, store.run(request.start).model)
@@ -94,7 +96,7 @@ def _start(store: Store, request: TrainingRequest) -> tuple[LoadedModel | None, 
 def _frames(store: Store, size: tuple[int, int]) -> TrainingFrames:
     truth = store.instances
     domains = {
-        name: DomainFrames.collect(
+        name: DomainFrames.from_blocks(
             domain.kind, _blocks(store, name), len(truth), size, domain.depth_scale
         )
         for name, domain in store.domains.items()
@@ -111,7 +113,7 @@ def _blocks(store: Store, domain: str) -> Iterator[tuple[NDArray[np.uint8], NDAr
 
 
 def _checkpoint(store: Store, request: TrainingRequest, start: LoadedModel | None) -> Path:
-    """A file of this request's own in the user's cache folder."""
+    """Path of this request's checkpoint in the user's cache folder."""
     facts = [store.dataset.hash, repr(request), start.sha256 if start else None]
     digest = hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")

@@ -12,12 +12,7 @@ from s2rstore.errors import InconclusiveError
 from s2rstore.metrics import run_metrics
 from s2rtools.gap import blocks, instance_selection
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
-from s2rtools.gap.task.group_metrics import (
-    GroupErrors,
-    grouped,
-    mean_replicates,
-    swap_interval,
-)
+from s2rtools.gap.task.group_metrics import (GroupErrors, grouped, mean_replicates, swap_interval,)
 
 Floats = NDArray[np.float64]
 

@@ -30,12 +30,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
 from s2rtools.gap.visual.inception import FidInception
 from s2rtools.models.library import read_state
-from s2rtools.models.weights_file import (
-    check_tensors,
-    max_file_bytes,
-    parameter_bytes,
-    read_weights_file,
-)
+from s2rtools.models.weights_file import (check_tensors, max_file_bytes, parameter_bytes, read_weights_file,)
 
 ARCHITECTURES: dict[str, type[FidInception]] = {"inception_v3_fid": FidInception}
 FILTERS = {

@@ -1,35 +1,70 @@
-"""Map grids: every instance's heat back-projected on the floor and aggregated."""
+"""Task: map grids, the heat of every instance projected on the floor and aggregated."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry import floor_grid as map_geometry
+from s2rstore.geometry.floor_grid import AGGREGATES, MapGrid, Projector
 from s2rstore.geometry.reprojection import HeatSurface
 from s2rstore.reader import Store
-from s2rstore.records import Run, Side
+from s2rstore.records import SIDES, Run, Side
 from s2rstore.run_inputs import run_domain
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.frame_reader import RunFrames
-from s2rtools.precompute.stages import MAP_SETTINGS
-from s2rtools.precompute.work_units import ArraySpec, WorkUnit
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key
 
+MAP_SETTINGS: dict[str, Any] = {"cells": 264, "heights": [0.1, 2.0], "version": 1}
 _READ_ROWS = 64
 
 
-def grids(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
+def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[Stage]:
+    """Map grids of every heatmap of the given stages, one stage per kind and side."""
+    grid = MapGrid(store.dataset.bounds, MAP_SETTINGS["cells"])
+    predictions = forward.specs_of_kind("prediction")
+    stages = []
+    for stage in (forward, *others):
+        for kind in dict.fromkeys(spec.kind for spec in stage.specs if spec.kind in HEATMAP_KINDS):
+            heat = stage.specs_of_kind(kind)
+            for side in SIDES:
+                specs = [
+                    _map_spec(spec, side, mode, (grid.rows, grid.cols))
+                    for spec in heat
+                    if spec.side in (side, None)
+                    for mode in HEATMAP_KINDS[kind].planes or (spec.mode,)
+                ]
+                stages.append(
+                    Stage(f"map:{kind}:{side}", stage.run, tuple(specs),
+                          len(AGGREGATES), predictions + heat + forward.sources)
+                )  # fmt: skip
+    return stages
+
+
+def _map_spec(spec: ArraySpec, side: str, mode: str | None, shape: tuple[int, int]) -> ArraySpec:
+    surface = (
+        {"surface": HEATMAP_KINDS[spec.kind].surface} if HEATMAP_KINDS[spec.kind].aligned else {}
+    )
+    key = content_key({"heat": spec.key, **MAP_SETTINGS, **surface})
+    names = ",".join(AGGREGATES)
+    return ArraySpec(
+        f"map:{spec.kind}", side, mode, shape, "float32", ("aggregate", "row", "column"),
+        spec.unit, key, len(AGGREGATES), (("aggregates", names),),
+    )  # fmt: skip
+
+
+def compute_grids(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
     """Mean, max, sum and count grids of one kind on one side, for each of its modes.
 
-    Heat goes through that side's own valid depth and calibrated rays; for kinds that compare both
-    views, through the aligned rays at the nearer of both surfaces.
+    Heat is projected by the side's valid depth and calibrated rays; for kinds that compare both
+    views, by the aligned rays at the nearer of both surfaces.
     """
     stage = unit.stage
     side: Side = "sim" if stage.name.endswith(":sim") else "real"
     kind = stage.specs[0].kind.removeprefix("map:")
-    valid = stage.valid(store.path)
+    valid = stage.valid_instances(store.path)
     frame = store.dataset.frame_height, store.dataset.frame_width
     other: Side = "real" if side == "sim" else "sim"
     surface = HeatSurface(
@@ -37,11 +72,10 @@ def grids(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any
         store.correction(run.sim_domain, run.real_domain),
         HEATMAP_KINDS[kind].surface if HEATMAP_KINDS[kind].aligned else None,
     )  # fmt: skip
-    frames = RunFrames(store, run, stage.kept(store.path))
+    frames = RunFrames(store, run, stage.rendered_arrays(store.path))
     poses = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
-    maps = {spec: map_geometry.MapGrid(store.dataset.bounds, MAP_SETTINGS["cells"])
-            for spec in unit.missing}  # fmt: skip
-    projector = map_geometry.Projector(
+    grids = {spec: MapGrid(store.dataset.bounds, MAP_SETTINGS["cells"]) for spec in unit.missing}
+    projector = Projector(
         surface.domain, frame, store.dataset.y_down,
         tuple(MAP_SETTINGS["heights"]),
     )  # fmt: skip
@@ -51,29 +85,29 @@ def grids(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any
         if not rows.size:
             continue
         depth = _depth(frames, surface, side, other, slice(start, stop), rows)
-        for spec, target in maps.items():
-            heat = _heat(stage.source, store, kind, side, spec.mode, start, stop)[rows]
+        for spec, grid in grids.items():
+            heat = _heat(stage.source_array, store, kind, side, spec.mode, start, stop)[rows]
             ray = HEATMAP_KINDS[kind].ray(spec.mode)
-            target.add(*projector.project(heat, depth, poses[start:stop][rows], ray, target))
-    return {spec: target.aggregates() for spec, target in maps.items()}
+            grid.add(*projector.project(heat, depth, poses[start:stop][rows], ray, grid))
+    return {spec: grid.aggregates() for spec, grid in grids.items()}
 
 
 def _depth(
-    frames: RunFrames, surface: HeatSurface, own: Side, other: Side, span: slice,
+    frames: RunFrames, surface: HeatSurface, side: Side, other: Side, span: slice,
     rows: NDArray[np.intp],
 ) -> NDArray[Any]:  # fmt: skip
-    """Raw depth (k, H, W) of some of the instances of `span`, where their heat lies."""
+    """Raw depth (k, H, W) of the surface that carries the heat, for some instances of `span`."""
 
-    def read(side: Side) -> NDArray[Any]:
-        return frames.read(side, span.start, span.stop, ("depth",))["depth"][rows]
+    def read(name: Side) -> NDArray[Any]:
+        return frames.read(name, span.start, span.stop, ("depth",))["depth"][rows]
 
-    return surface.depth(read(own), read(other) if surface.needs_other else None)
+    return surface.depth(read(side), read(other) if surface.needs_other else None)
 
 
 def _heat(
     source: Any, store: Store, kind: str, side: Side, mode: str | None, start: int, stop: int
 ) -> NDArray[np.float32]:
-    """Maps of iids [start, stop), shape (n, h, w), without the planes that are not asked for."""
+    """Maps of iids [start, stop), shape (n, h, w), only the requested plane."""
     planes = HEATMAP_KINDS[kind].planes
     array = source(store.path, kind, side, None if planes else mode)
     block = np.asarray(array[start:stop], dtype=np.float32)

@@ -12,15 +12,7 @@ from s2rstore.errors import RequestError
 from s2rstore.geometry.angles import wrap
 from s2rtools.sysid.simulators.mujoco_model import model_text
 from s2rtools.sysid.simulators.planar import COMMON
-from s2rtools.sysid.simulators.simulator import (
-    LATENCY,
-    Floats,
-    Integers,
-    Replays,
-    Residual,
-    Simulator,
-    Values,
-)
+from s2rtools.sysid.simulators.simulator import (LATENCY, Floats, Integers, Replays, Residual, Simulator, Values,)
 
 STEP = 0.005
 _SETTLED = 200

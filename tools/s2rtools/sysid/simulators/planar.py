@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2rtools.sysid.simulators.simulator import (
-    LATENCY,
-    Floats,
-    Parameter,
-    Replays,
-    Simulator,
-    Values,
-)
+from s2rtools.sysid.simulators.simulator import (LATENCY, Floats, Parameter, Replays, Simulator, Values,)
 
 STEP = 0.005
 """Seconds of an integration step."""
