@@ -125,18 +125,18 @@ def _lookups(*tables: bytes) -> NDArray[np.uint16]:
 
 
 def _lookup(table: bytes) -> NDArray[np.uint16]:
-    found = np.zeros(1 << 16, dtype=np.uint16)
+    lookup = np.zeros(1 << 16, dtype=np.uint16)
     code, place = 0, 16
     for length in range(1, 17 if table else 1):
         for _ in range(table[length - 1]):
             first = code << (16 - length)
-            if first + (1 << (16 - length)) > found.size:
+            if first + (1 << (16 - length)) > lookup.size:
                 raise IndexError
-            found[first : first + (1 << (16 - length))] = length << 8 | table[place]
+            lookup[first : first + (1 << (16 - length))] = length << 8 | table[place]
             code += 1
             place += 1
         code <<= 1
-    return found
+    return lookup
 
 
 def _scan(data: NDArray[np.uint8], at: int, frame: _Frame, segment: bytes) -> int:
@@ -311,17 +311,17 @@ def _walk_sequential(data, at, codes, limits, order, units, restart):
                 if length + size > bits:
                     return 2, at
                 buffer <<= np.uint64(length)
-                found = np.int64(0)
+                coefficient = np.int64(0)
                 if size:
-                    found = np.int64(buffer >> np.uint64(64 - size))
-                    if found < 1 << (size - 1):
-                        found -= (1 << size) - 1
+                    coefficient = np.int64(buffer >> np.uint64(64 - size))
+                    if coefficient < 1 << (size - 1):
+                        coefficient -= (1 << size) - 1
                     buffer <<= np.uint64(size)
                 bits -= length + size
                 if k == 0:
-                    sums[part] += found
-                    found = sums[part]
-                if found > limits[part, k] or found < -limits[part, k]:
+                    sums[part] += coefficient
+                    coefficient = sums[part]
+                if coefficient > limits[part, k] or coefficient < -limits[part, k]:
                     return 4, at
                 k += 1
     return _padding(data, at, buffer >> np.uint64(64 - bits) if bits else np.uint64(0), bits)

@@ -9,11 +9,11 @@ from s2rstore.errors import RequestError
 
 
 class PathContainment:
-    """Resolves the file names of a data set; `outside` counts the files by folder that lie outside.
+    """Resolves the file names of a data set and counts the files outside its folder, by folder.
 
-    A name that is absolute, contains `..` or leads out through a symbolic link is refused, unless
-    it was allowed: whoever wrote the data would otherwise choose which of the user's files are
-    copied into the store.
+    A name that is absolute, contains `..` or leads out through a symbolic link is refused unless
+    `allowed`: otherwise the author of the data would choose which of the user's files are copied
+    into the store.
     """
 
     def __init__(self, folder: Path, allowed: bool = False) -> None:

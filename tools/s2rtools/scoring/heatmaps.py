@@ -59,12 +59,12 @@ class HeatScore:
 
 def score_heatmaps(truth: GroundTruth, runs: list[str], seed: int) -> list[HeatScore]:
     """Scores of every heatmap kind of computed runs, and of a random map for comparison."""
-    found = [_random_image(truth, seed), _random_floor(truth, seed)]
+    scores = [_random_image(truth, seed), _random_floor(truth, seed)]
     for run in runs:
         for kind, mode in _scored_kinds(truth.store, run):
-            found += _image_scores(truth, run, kind, mode, seed)
-            found += _floor_scores(truth, run, kind, mode, seed)
-    return found
+            scores += _image_scores(truth, run, kind, mode, seed)
+            scores += _floor_scores(truth, run, kind, mode, seed)
+    return scores
 
 
 def _scored_kinds(store: Store, run: str) -> list[tuple[str, str | None]]:

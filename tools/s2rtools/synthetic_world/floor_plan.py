@@ -212,12 +212,12 @@ def _windows(area: Rectangle) -> tuple[tuple[Wall, float], ...]:
         outer.append("west")
     if area.x1 > BUILDING_SIZE - 0.01:
         outer.append("east")
-    found: list[tuple[Wall, float]] = []
+    windows: list[tuple[Wall, float]] = []
     for wall in outer:
         length = area.length(wall)
         count = int((length - 1.0) // 2.6)
-        found += [(wall, length * (k + 0.5) / count) for k in range(count)]
-    return tuple(found)
+        windows += [(wall, length * (k + 0.5) / count) for k in range(count)]
+    return tuple(windows)
 
 
 WINDOW_WIDTH = 1.8
@@ -235,17 +235,17 @@ def _corridors(west: float, east: float, north: float, south: float) -> list[Pla
         ("south corridor", Rectangle(west, south, east, BUILDING_SIZE), ("north",), wood),
         ("crossing", Rectangle(west, north, east, south), WALLS, flat),
     ]
-    made = []
+    rooms = []
     for name, area, open_walls, look in pieces:
         windows = tuple(
             (wall, area.length(wall) / 2) for wall in WALLS
             if wall not in open_walls and _is_outer(area, wall)
         )  # fmt: skip
-        made.append(
+        rooms.append(
             PlanRoom(name, "corridor", area, look["colour"], int(str(look["floor"])),  # type: ignore[arg-type]
                  open_walls, windows)
         )  # fmt: skip
-    return made
+    return rooms
 
 
 def _is_outer(area: Rectangle, wall: Wall) -> bool:
@@ -256,15 +256,15 @@ def _is_outer(area: Rectangle, wall: Wall) -> bool:
 
 def door_openings(plan: BuildingPlan, room: PlanRoom, wall: Wall) -> list[tuple[float, Door]]:
     """Doors in a wall of a room, each with its middle in metres along the wall."""
-    area, found = room.area, []
+    area, doors = room.area, []
     for door in plan.doors_of(room.name):
         flat = wall in ("north", "south")
         if door.flat != flat:
             continue
         line = {"north": area.y0, "south": area.y1, "west": area.x0, "east": area.x1}[wall]
         if abs((door.y if flat else door.x) - line) < 0.01:
-            found.append((door.x - area.x0 if flat else door.y - area.y0, door))
-    return found
+            doors.append((door.x - area.x0 if flat else door.y - area.y0, door))
+    return doors
 
 
 def wall_parts(plan: BuildingPlan) -> tuple[ScenePart, ...]:
@@ -317,17 +317,17 @@ def _wall_slab(
 
 def _door_frame(door: Door) -> list[ScenePart]:
     """Posts and lintel of a door opening."""
-    made = []
+    parts = []
     reach = DOOR_WIDTH / 2
     for along in (-reach, reach):
         x, y = (door.x + along, door.y) if door.flat else (door.x, door.y + along)
         half = (_FRAME / 2, HALF_WALL + 0.02)
-        made.append(ScenePart(x, y, *(half if door.flat else half[::-1]), 0, DOOR_HEIGHT + 0.05,
+        parts.append(ScenePart(x, y, *(half if door.flat else half[::-1]), 0, DOOR_HEIGHT + 0.05,
                          FRAME_COLOUR, Material.WOOD))  # fmt: skip
     half = (reach, HALF_WALL + 0.02)
-    made.append(ScenePart(door.x, door.y, *(half if door.flat else half[::-1]),
+    parts.append(ScenePart(door.x, door.y, *(half if door.flat else half[::-1]),
                      DOOR_HEIGHT, DOOR_HEIGHT + 0.05, FRAME_COLOUR, Material.WOOD))  # fmt: skip
-    return made
+    return parts
 
 
 def door_leaf(plan: BuildingPlan, door: Door, is_open: bool) -> ScenePart:

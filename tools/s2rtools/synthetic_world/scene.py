@@ -133,8 +133,8 @@ def pack_scene(scene: WorldScene) -> PackedScene:
         for row, col in _touched(part, cells):
             lists[row * cells + col].append(index)
     start = np.zeros(cells * cells + 1, dtype=np.int32)
-    start[1:] = np.cumsum([len(found) for found in lists])
-    members = np.array([index for found in lists for index in found], dtype=np.int32)
+    start[1:] = np.cumsum([len(indices) for indices in lists])
+    members = np.array([index for indices in lists for index in indices], dtype=np.int32)
     return PackedScene(numbers, codes, start, members, GRID_CELL, cells)
 
 
@@ -153,15 +153,15 @@ def _touched(part: ScenePart, cells: int) -> list[tuple[int, int]]:
     first_col, last_col = _span(part.x, reach_x, cells)
     first_row, last_row = _span(part.y, reach_y, cells)
     half = GRID_CELL * 0.5 * (cos + sin)
-    found = []
+    touched = []
     for row in range(first_row, last_row + 1):
         for col in range(first_col, last_col + 1):
             dx, dy = (col + 0.5) * GRID_CELL - part.x, (row + 0.5) * GRID_CELL - part.y
             along = dx * math.cos(part.angle) + dy * math.sin(part.angle)
             across = -dx * math.sin(part.angle) + dy * math.cos(part.angle)
             if abs(along) <= part.half_x + half and abs(across) <= part.half_y + half:
-                found.append((row, col))
-    return found
+                touched.append((row, col))
+    return touched
 
 
 def _span(centre: float, reach: float, cells: int) -> tuple[int, int]:
