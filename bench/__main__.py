@@ -78,15 +78,15 @@ def _all(wanted: list[str], options: argparse.Namespace, folder: Path) -> Iterat
 
 def _computed(folder: Path) -> Path:
     """The default world at 256 x 256, with heatmaps of one model."""
-    from s2rtools.precompute.pipeline import Options, precompute
+    from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtools.training import pretrained
     from s2rtui.cli import main as s2r
 
     path = folder / "world.s2r"
     with contextlib.redirect_stdout(sys.stderr):
         s2r(["ingest", "world", "--instances", "32", "--size", "256", "--store", str(path)])
-    pretrained.add(path)
-    precompute(path, QUIET, ["vanilla"], Options(("activation", "feature_distance")))
+    pretrained.add_pretrained_models(path)
+    precompute(path, QUIET, ["vanilla"], PrecomputeOptions(("activation", "feature_distance")))
     return path
 
 

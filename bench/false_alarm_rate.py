@@ -46,7 +46,7 @@ from s2rtools.gap.defaults import THRESHOLD
 from s2rtools.gap.gate import gate
 from s2rtools.gap.instance_selection import poses
 from s2rtools.motion_logs import Drive
-from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.sysid import make_drives
 from s2rtools.sysid.synthetic_drives import SEVERITIES
 from s2rtools.training import pretrained
@@ -151,8 +151,8 @@ def frozen(folder: Path) -> Path:
     made = ["ingest", "world", "--instances", str(COUNT // 2), "--factors", "all"]
     with contextlib.redirect_stdout(sys.stderr):
         code = s2r([*made, "--store", str(path)])
-        pretrained.add(path)
-        precompute(path, QUIET, [MODEL], Options(kinds=()))
+        pretrained.add_pretrained_models(path)
+        precompute(path, QUIET, [MODEL], PrecomputeOptions(kinds=()))
         code += s2r(["gap", str(path), "--run", MODEL, "--freeze", str(reference)])
     if code:
         raise SystemExit("the reference could not be made")

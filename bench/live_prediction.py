@@ -13,9 +13,9 @@ import s2rstore
 from bench import slider_latency
 from bench.budget import BudgetRow, seconds
 from bench.measured_stores import QUIET, frames_store, lively
-from s2rtools.adjustments import chain_of
+from s2rtools.adjustments import make_chain
 from s2rtools.interactive import LiveModel
-from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 
 _MOVES = 15
 
@@ -32,12 +32,12 @@ def figures(threads: int) -> Iterator[BudgetRow]:
 
             def moved(kinds: tuple[str, ...] = kinds, step: count[int] = step) -> None:
                 brightness = 1 + 1e-3 * next(step) + (len(kinds[0]) if kinds else 0) * 1e-5
-                live.compute(1, {"real": chain_of("real", {"brightness": brightness})}, kinds)
+                live.compute(1, {"real": make_chain("real", {"brightness": brightness})}, kinds)
 
             label = f"live prediction with {kinds[0]}" if kinds else "live prediction"
             yield BudgetRow(label, 1e3 * seconds(moved, _MOVES), "ms", budget)
         live.close()
-        precompute(path, QUIET, ["r"], Options(("activation",)))
+        precompute(path, QUIET, ["r"], PrecomputeOptions(("activation",)))
         drawn = slider_latency.milliseconds(path, "r", _MOVES)
         yield BudgetRow("slider to prediction on the screen", statistics.median(drawn), "ms", 150.0)
     finally:

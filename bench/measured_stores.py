@@ -13,11 +13,11 @@ from s2rstore.arrays import stored_array
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import IndexTransaction, edit
-from s2rtools.models import build
+from s2rtools.models import build_network
 from s2rtools.models.conventions import OutputConvention
-from s2rtools.models.library import pack, register
+from s2rtools.models.library import pack_weights, register_model
 from s2rtools.models.pose_network import PoseNetwork
-from s2rtools.precompute.registry import insert_run
+from s2rtools.precompute.registration import insert_run
 
 SHARD = 64
 
@@ -52,7 +52,7 @@ def frames_store(path: Path, n: int, size: int, network: PoseNetwork) -> Path:
     rng = np.random.default_rng(0)
     with edit(path) as draft:
         _tables(draft, n, size)
-        register(path, draft, "m", pack(network), network.convention)
+        register_model(path, draft, "m", pack_weights(network), network.convention)
         insert_run(draft, "r", "m", ("sim", "real"))
     block = _pictures(rng, min(n, SHARD), size)
     ledger = Ledger(path)
@@ -113,7 +113,7 @@ def lively(architecture: str) -> PoseNetwork:
     import torch
 
     torch.manual_seed(0)
-    network = build(architecture)
+    network = build_network(architecture)
     for module in network.modules():
         if isinstance(module, torch.nn.BatchNorm2d):
             module.running_var.uniform_(0.5, 1.5)

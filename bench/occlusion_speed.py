@@ -28,7 +28,9 @@ def figures(threads: int) -> Iterator[BudgetRow]:
         patches = cut_patches(height, width)
         graph = LocalGraph(backend.trunk)
         with torch.inference_mode():
-            local = seconds(partial(occlusion._by_locality, backend, graph, x, other, patches), 3)
+            local = seconds(
+                partial(occlusion._recompute_locally, backend, graph, x, other, patches), 3
+            )
             forwards = [
                 216 / batch * seconds(partial(_forward, backend, x[:1].repeat(batch, 1, 1, 1)), 3)
                 for batch in (1, 2, 4, 8)

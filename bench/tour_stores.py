@@ -17,12 +17,12 @@ from s2rstore.records import Side
 from s2rtools.datasets.build import build
 from s2rtools.datasets.importers import world as importer
 from s2rtools.datasets.scan import InstanceRecord, ScanOptions
-from s2rtools.precompute.pipeline import Options, precompute
-from s2rtools.precompute.registry import insert_run
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.registration import insert_run
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from s2rtools.synthetic_world.factors import FACTORS
-from s2rtools.synthetic_world.renderer import Camera, Renderer, Views
-from s2rtools.synthetic_world.routes import Poses, drive
+from s2rtools.synthetic_world.renderer import Camera, RenderedViews, SceneRenderer
+from s2rtools.synthetic_world.routes import Poses, drive_along
 from s2rtools.synthetic_world.world import World
 from s2rtools.training import pretrained
 
@@ -58,11 +58,11 @@ def tours_store(path: Path, seeds: Sequence[int], count: int, looks: Looks, nois
     }
     found.recorded_at, found.drives = {}, None
     build(found, path, "bench", strict=True, progress=lambda views: None)
-    pretrained.add(path)
+    pretrained.add_pretrained_models(path)
     with edit(path) as draft:
         for name in looks:
             insert_run(draft, name, MODEL, (_domain(name, "sim"), _domain(name, "real")))
-    precompute(path, QUIET, list(looks), Options(kinds=()))
+    precompute(path, QUIET, list(looks), PrecomputeOptions(kinds=()))
 
 
 def tour(world: World, seed: int, count: int) -> Poses:
@@ -75,10 +75,10 @@ def tour(world: World, seed: int, count: int) -> Poses:
             (float(rng.uniform(a.x0 + 0.5, a.x1 - 0.5)), float(rng.uniform(a.y0 + 0.5, a.y1 - 0.5)))
             for a in chosen
         ]
-        line = world.floor.way(stops)
+        line = world.floor.route(stops)
         if len(line) < count:  # the first stop lies behind furniture
             continue
-        poses = drive(line, rng, count + _SPARE, world.sees)
+        poses = drive_along(line, rng, count + _SPARE, world.has_content)
         if len(poses) >= count:
             return poses[:count]
 
@@ -86,16 +86,16 @@ def tour(world: World, seed: int, count: int) -> Poses:
 class _Remembered:
     """Renders as another does, each view once as long as it is among the last ones."""
 
-    def __init__(self, renderer: Renderer) -> None:
+    def __init__(self, renderer: SceneRenderer) -> None:
         self._one = lru_cache(256)(
             lambda pose, camera, samples: renderer.render(
                 np.frombuffer(pose).reshape(1, 3), camera, *samples
             )
         )
 
-    def render(self, poses: Poses, camera: Camera, *samples: int) -> Views:
+    def render(self, poses: Poses, camera: Camera, *samples: int) -> RenderedViews:
         parts = [self._one(pose.tobytes(), camera, samples) for pose in poses]
-        return Views(*(np.concatenate([getattr(part, name) for part in parts])
+        return RenderedViews(*(np.concatenate([getattr(part, name) for part in parts])
                        for name in ("rgb", "depth", "identity")))  # fmt: skip
 
 
@@ -131,8 +131,8 @@ def _sightings(
     return [
         InstanceRecord(
             x=float(pose[0]), y=float(pose[1]), heading=float(pose[2]),
-            images={
-                name: importer.Rendering(look, pose, place * _VIEWS + first + row, "real")
+            sources={
+                name: importer.RenderedFrameSource(look, pose, place * _VIEWS + first + row, "real")
                 for place, (name, look) in enumerate(looks.items(), noise * len(looks))
             },
         )

@@ -85,14 +85,14 @@ def moved_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     `zero` moves nothing by adjustments of 0, `up` the sim camera and brightens it, `low` the real
     one; all are computed.
     """
-    from s2rtools.precompute.pipeline import Options, precompute
+    from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtools.training import pretrained
     from s2rtui.cli import main
     from tests.support.quiet import Quiet
 
     path = tmp_path_factory.mktemp("moved") / "world.s2r"
     assert main(["ingest", "world", "--instances", "4", "--store", str(path)]) == 0
-    pretrained.add(path)
+    pretrained.add_pretrained_models(path)
     moves = {
         "zero": "sim:camera_height=0,camera_pitch=0,camera_fov=0",
         "up": "sim:camera_height=0.1,brightness=1.2,camera_pitch=-5,camera_fov=6",
@@ -102,6 +102,6 @@ def moved_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         words = ["run", "add", name, "--model", "vanilla", "--adjust", chain, "--store", str(path)]
         assert main(words) == 0
     kinds = ("feature_distance", "pixel_difference", "harmonised_distance")
-    precompute(path, Quiet(), ["vanilla", "zero", "low"], Options(kinds))
-    precompute(path, Quiet(), ["up"], Options(kinds, workers=2))
+    precompute(path, Quiet(), ["vanilla", "zero", "low"], PrecomputeOptions(kinds))
+    precompute(path, Quiet(), ["up"], PrecomputeOptions(kinds, workers=2))
     return path

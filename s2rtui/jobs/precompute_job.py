@@ -57,7 +57,7 @@ def save_run(
     a name that is taken, unknown runs, a read-only store, one that a process is computing in, and
     cameras that cannot be moved; and ModuleNotFoundError without the tools.
     """
-    from s2rtools.precompute.registry import add_run, drop_run
+    from s2rtools.precompute.registration import add_run, drop_run
 
     with locks.compute_lock(root):
         pass  # refused before anything is registered
@@ -141,7 +141,7 @@ class PrecomputeJob:
         if self._left:
             return replace(failed, outcome="left", error="")
         try:
-            from s2rtools.precompute.registry import drop_run
+            from s2rtools.precompute.registration import drop_run
 
             drop_run(self.root, self.run)
         except Exception as error:  # whatever it was, somebody waits for the outcome

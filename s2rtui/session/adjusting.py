@@ -20,9 +20,9 @@ def sliders(store: Store) -> tuple[tuple[Slider, ...], str]:
     ModuleNotFoundError where the tools are not installed.
     """
     from s2rtools.adjustments import ADJUSTMENTS
-    from s2rtools.rendering import reason_against
+    from s2rtools.rendering import no_renderer_reason
 
-    reason = (reason_against(store) or "").removeprefix(f"{store.path}: ")
+    reason = (no_renderer_reason(store) or "").removeprefix(f"{store.path}: ")
     found: list[Slider] = []
     for adjustment in ADJUSTMENTS.values():
         side: Side = "sim" if adjustment.needs_renderer else "real"
@@ -108,14 +108,14 @@ def chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
 
     Raises RequestError for a run that takes a step twice, which sliders cannot show.
     """
-    from s2rtools.adjustments import ADJUSTMENTS, chain_of
+    from s2rtools.adjustments import ADJUSTMENTS, make_chain
 
     made: dict[Side, list[dict[str, Any]]] = {}
     for side in SIDES:
         own = [name for of, name in adjust.own if of == side]
         if len(set(own)) < len(own):
             raise RequestError(f"run {adjust.run}: takes a step twice, which sliders cannot show")
-        chain = chain_of(side, {name: value for (of, name), value in adjust.values if of == side})
+        chain = make_chain(side, {name: value for (of, name), value in adjust.values if of == side})
         if own != [name for name in ADJUSTMENTS if name in own]:
             first = [step for name in own for step in chain if step["name"] == name]
             chain = [*first, *(step for step in chain if step["name"] not in own)]

@@ -11,8 +11,14 @@ from hypothesis import strategies as st
 from s2rstore.errors import RequestError
 from s2rstore.geometry import camera_offset
 from s2rstore.records import SIDES
-from s2rtools.adjustments import ADJUSTMENTS, ImageAdjustment, apply_chain, chain_of, parse
-from s2rtools.models import build
+from s2rtools.adjustments import (
+    ADJUSTMENTS,
+    ImageAdjustment,
+    apply_chain,
+    make_chain,
+    parse_adjustment,
+)
+from s2rtools.models import build_network
 from s2rtools.models.preprocessing import preprocess
 
 
@@ -108,7 +114,7 @@ def test_each_image_is_adjusted_as_if_alone(frames):
 
 @pytest.mark.parametrize("architecture", ["posest", "resposenet"])
 def test_black_gives_one_constant_prediction(frames, architecture):
-    network = build(architecture).eval()
+    network = build_network(architecture).eval()
     rgb, depth = apply_chain(*frames, chain(black=1.0))
     x = preprocess(rgb, depth, 10 / 255, network.input_size)
     assert np.unique(x).tolist() == [-1.0]
@@ -118,11 +124,11 @@ def test_black_gives_one_constant_prediction(frames, architecture):
 
 
 def test_the_command_line_form():
-    assert parse("real:brightness=1.15, contrast=1.1") == {
+    assert parse_adjustment("real:brightness=1.15, contrast=1.1") == {
         "sim": [],
         "real": chain(brightness=1.15, contrast=1.1),
     }
-    assert parse("sim:black") == {"sim": chain(black=1.0), "real": []}
+    assert parse_adjustment("sim:black") == {"sim": chain(black=1.0), "real": []}
 
 
 @pytest.mark.parametrize(
@@ -141,7 +147,7 @@ def test_the_command_line_form():
 )
 def test_wrong_requests_say_what_could_stand_there(text, named):
     with pytest.raises(RequestError, match=named):
-        parse(text)
+        parse_adjustment(text)
 
 
 def test_the_registry_alone_makes_sliders():
@@ -174,18 +180,18 @@ def test_values_make_the_chain_that_the_command_line_makes(shares, side):
     for name, share in shares.items():
         low, high = ADJUSTMENTS[name].lowest, ADJUSTMENTS[name].highest
         values[name] = round(low + share * (high - low), 3)
-    made = chain_of(side, values)
+    made = make_chain(side, values)
     assert [step["name"] for step in made] == [
         name for name in ADJUSTMENTS if values.get(name, ADJUSTMENTS[name].neutral)
         != ADJUSTMENTS[name].neutral
     ]  # fmt: skip
     if made:
         text = ",".join(f"{step['name']}={step['value']!r}" for step in made)
-        assert parse(f"{side}:{text}")[side] == made
+        assert parse_adjustment(f"{side}:{text}")[side] == made
 
 
 def test_values_out_of_range_are_refused():
-    with pytest.raises(RequestError, match=r"brightness=4: 0 \.\. 3"):
-        chain_of("real", {"brightness": 4.0})
+    with pytest.raises(RequestError, match=r"brightness=4: allowed are 0 \.\. 3"):
+        make_chain("real", {"brightness": 4.0})
     with pytest.raises(RequestError, match="one of brightness"):
-        chain_of("real", {"glow": 1.0})
+        make_chain("real", {"glow": 1.0})

@@ -13,10 +13,10 @@ from textual.pilot import Pilot
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtools.adjustments import ADJUSTMENTS, chain_of
+from s2rtools.adjustments import ADJUSTMENTS, make_chain
 from s2rtools.interactive import LiveModel
-from s2rtools.precompute.pipeline import Options, precompute
-from s2rtools.precompute.registry import add_run
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.registration import add_run
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers import prompt
 from s2rtui.app.pilot import settle, take
@@ -33,7 +33,7 @@ def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recorded data set with one computed run."""
     path = tmp_path_factory.mktemp("adjusting") / "s.s2r"
     shutil.copytree(trained, path)
-    precompute(path, Quiet(), ["vanilla"], Options(("feature_distance",)))
+    precompute(path, Quiet(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
     return path
 
 
@@ -64,7 +64,7 @@ async def test_a_slider_gives_what_the_live_model_says(computed: Path) -> None:
         assert f"{brightness:g} factor" in take(app).text
         with s2rstore.open(computed) as store:
             model = LiveModel(store, "vanilla")
-            chains = {"real": chain_of("real", {"brightness": brightness})}
+            chains = {"real": make_chain("real", {"brightness": brightness})}
             expected = model.compute(shown.iid, chains)
             model.close()
         assert expected is not None
@@ -108,7 +108,7 @@ async def test_the_newest_move_wins(computed: Path) -> None:
         value = adjust.value(("real", "brightness"))
         with s2rstore.open(computed) as store:
             model = LiveModel(store, "vanilla")
-            expected = model.compute(shown.iid, {"real": chain_of("real", {"brightness": value})})
+            expected = model.compute(shown.iid, {"real": make_chain("real", {"brightness": value})})
             model.close()
         assert expected is not None
         assert (shown.real.rgb == expected.real.rgb).all()
@@ -144,7 +144,7 @@ async def test_adjustments_are_saved_as_a_run(computed: Path, tmp_path: Path) ->
             await asyncio.sleep(0.05)
         assert "brighter" in app.session.state.runs, app.session.state.message
         run = app.session.store.run("brighter")
-        assert run.real_adjustments == chain_of("real", {"brightness": 1.1})
+        assert run.real_adjustments == make_chain("real", {"brightness": 1.1})
         await settle(app, pilot)
         assert "brighter" in take(app).text
 

@@ -16,7 +16,7 @@ import pytest
 import s2rstore
 from bench.support.processes import commands_below, wait_until
 from bench.support.screen import RIGHT, Screen
-from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
 from s2rtui.canvas import RenderOptions
@@ -55,7 +55,7 @@ def open_screen(tmp_path: Path) -> Iterator[OpenScreen]:
 @pytest.fixture(scope="module")
 def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = copied(trained, tmp_path_factory.mktemp("leaving") / "s.s2r")
-    precompute(path, Quiet(), ["vanilla"], Options(("feature_distance",)))
+    precompute(path, Quiet(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
     return path
 
 

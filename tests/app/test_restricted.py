@@ -8,12 +8,12 @@ from pathlib import Path
 
 from bench.support.screen import Screen
 from s2rstore.index.transaction import edit
-from s2rtools.adjustments import parse
+from s2rtools.adjustments import parse_adjustment
 
 
 def test_an_adjusted_run_is_shown_before_its_adjustments(own_store: Path, tmp_path: Path) -> None:
     with edit(own_store) as draft:
-        adjusted = {"real_adjustments": json.dumps(parse("real:brightness=1.5")["real"])}
+        adjusted = {"real_adjustments": json.dumps(parse_adjustment("real:brightness=1.5")["real"])}
         draft.update("run", {"run": "dataaug"}, adjusted)
     environment = {
         "XDG_DATA_HOME": str(tmp_path / "share"),

@@ -26,7 +26,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("demo")
     words = ["ingest", "world", "--instances", "4", "--store", str(out / "world.s2r")]
     assert main(words) == 0
-    pretrained.add(out / "world.s2r")
+    pretrained.add_pretrained_models(out / "world.s2r")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(factor_effects, "MAX_VIEWS", factor_effects.MIN_VIEWS)
         assert main([*WORDS, str(out)]) == 0

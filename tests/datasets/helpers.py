@@ -19,6 +19,6 @@ def ingest(layout: str, path: Path, store: Path, strict: bool = False, **options
 
 def kinds(scan: Scan) -> dict[str, int]:
     found: dict[str, int] = {}
-    for problem in scan.problems:
-        found[problem.kind] = found.get(problem.kind, 0) + 1
+    for issue in scan.issues:
+        found[issue.kind] = found.get(issue.kind, 0) + 1
     return found

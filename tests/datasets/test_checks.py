@@ -127,7 +127,7 @@ def test_bad_input_is_named_left_out_and_refused_when_strict(
     assert not list(tmp_path.glob("*strict.s2r*"))
     scan = ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1])
     assert kind in kinds(scan)
-    assert all(problem.file for problem in scan.problems)
+    assert all(issue.file for issue in scan.issues)
     with s2rstore.open(tmp_path / "s.s2r") as store:
         assert len(store.instances) == left
         assert store.instances.seq.tolist() == list(range(left))
@@ -185,22 +185,26 @@ def test_a_manifests_problems_are_named(tmp_path: Path, old: str, new: str, kind
     [
         ('kind = "real"', 'kind = "other"', 'kind = "sim" or "real"'),
         ("x1 = 8.0", "x1 = -8.0", "larger"),
-        ("hfov = 80.0", "hfov = true", "must be a number"),
+        ("hfov = 80.0", "hfov = true", "sim.rgb.hfov: Expected a number, got true or false"),
         ("[bounds]", "[bounds", "data.toml"),
         ("[domains.real]", "[domains.elsewhere]", "domains.real"),
-        ("width = 64", "width = 0", "width must be larger"),
-        ("hfov = 80.0", "hfov = 180.0", "1 .. 179"),
-        ("hfov = 80.0", "fx = 10", "fy must be a number"),
-        ("depth = { hfov = 80.0 }", "depth = 3", "must be a table"),
-        ("depth_raw_min = 6", 'depth_raw_min = "6"', "must be a number"),
+        ("width = 64", "width = 0", "rgb.width: Expected a number > 0"),
+        ("hfov = 80.0", "hfov = 180.0", "hfov: Expected a number <= 179"),
+        ("hfov = 80.0", "fx = 10", "sim.rgb: missing key `fy`"),
+        ("depth = { hfov = 80.0 }", "depth = 3", "sim.depth: Expected a table"),
+        ("depth_raw_min = 6", 'depth_raw_min = "6"', "depth_raw_min: Expected a number, got text"),
         ("depth_raw_min = 6", "depth_raw_min = 300", "depth_raw_min <= depth_raw_max"),
-        ("depth_scale = 0.0392156862745098", "depth_scale = 0.0", "larger than 0"),
-        ("y_down = true", 'y_down = "no"', "true or false"),
-        ("accuracy_scale = 10.0", "accuracy_scale = -1.0", "larger than 0"),
-        ("y_down = true", "y_down = true\nrecorded_at = 4", "recorded_at must be a table"),
-        ('room = "west"', 'title = "west"', "room = its name"),
-        ("[0.0, 0.0, 4.0, 6.0]", "[0.0, 0.0, 4.0]", "4 numbers"),
-        ("[0.0, 0.0, 4.0, 6.0]", '["a", 0.0, 4.0, 6.0]', "must be a number"),
+        (
+            "depth_scale = 0.0392156862745098",
+            "depth_scale = 0.0",
+            "depth_scale: Expected a number > 0",
+        ),
+        ("y_down = true", 'y_down = "no"', "y_down: Expected true or false, got text"),
+        ("accuracy_scale = 10.0", "accuracy_scale = -1.0", "accuracy_scale: Expected a number > 0"),
+        ("y_down = true", "y_down = true\nrecorded_at = 4", "recorded_at: Expected a table"),
+        ('room = "west"', 'title = "west"', "rooms.0.: missing key `room`"),
+        ("[0.0, 0.0, 4.0, 6.0]", "[0.0, 0.0, 4.0]", "a list of length 4, got 3"),
+        ("[0.0, 0.0, 4.0, 6.0]", '["a", 0.0, 4.0, 6.0]', "rectangles.0..0.: Expected a number"),
     ],
 )
 def test_a_wrong_header_is_refused(tmp_path: Path, old: str, new: str, hint: str) -> None:
@@ -215,7 +219,7 @@ def test_depth_of_another_type_than_the_others_is_left_out(tmp_path: Path) -> No
     odd = path.parent / "sim" / "3_depth.png"
     cv2.imwrite(str(odd), cv2.imread(str(odd), cv2.IMREAD_UNCHANGED).astype(np.uint16) * 250)
     scan = ingest("csv", path, tmp_path / "s.s2r")
-    assert [(p.kind, p.file) for p in scan.problems] == [("mixed depth types", "sim/3_depth.png")]
+    assert [(p.kind, p.file) for p in scan.issues] == [("mixed depth types", "sim/3_depth.png")]
     with s2rstore.open(tmp_path / "s.s2r") as store:
         assert len(store.instances) == 11
         assert store.frame(0, "sim").depth.dtype == np.uint8

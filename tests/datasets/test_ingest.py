@@ -27,7 +27,7 @@ def test_pairs_are_stored_in_recording_order(tmp_path: Path) -> None:
     header = pairs.sim2realviz(tmp_path / "data", n=8, trajectories=("t2", "t1"), edit=True)
     store_path = tmp_path / "s.s2r"
     scan = ingest("sim2realviz", tmp_path / "data", store_path, header=header)
-    assert scan.problems == []
+    assert scan.issues == []
     assert verify(store_path) == []
     with s2rstore.open(store_path) as store:
         assert [t.trajectory for t in store.trajectories] == ["t1", "t2"]
@@ -42,7 +42,7 @@ def test_pairs_are_stored_in_recording_order(tmp_path: Path) -> None:
         assert [truth.room_names[c] for c in truth.room[:8]] == rooms.tolist()
         assert truth.odom_x[0] == pytest.approx(-y[0])
         frame = store.frame(3, "real")
-        source = scan.trajectories["t1"][3].images["real"]
+        source = scan.trajectories["t1"][3].sources["real"]
         raw = cv2.imread(str(source.depth), cv2.IMREAD_UNCHANGED)
         assert set(np.unique(frame.depth)) <= set(np.unique(raw))
         assert (frame.valid == ((frame.depth >= 6) & (frame.depth <= 249))).all()
@@ -83,7 +83,7 @@ def test_match_csv_may_have_a_mark_spaces_blank_lines_and_windows_ends(
     path = data[0] / "traj1" / "sim" / "match.csv"
     rows = [row.replace(",", " , ") for row in path.read_text().splitlines()]
     path.write_bytes("\r\n".join(["\ufeff " + rows[0], *rows[1:], "", " , ", ""]).encode())
-    assert ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1]).problems == []
+    assert ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1]).issues == []
 
 
 def test_two_real_images_may_share_a_place_in_sim(data, tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_sim_edit_of_some_trajectories_is_left_out_and_can_be_kept(
     if left != "nothing":
         edited.mkdir()
     scan = ingest("sim2realviz", tmp_path / "data", tmp_path / "all.s2r", header=header)
-    told = [p for p in scan.problems if p.kind == "domain not everywhere"]
+    told = [p for p in scan.issues if p.kind == "domain not everywhere"]
     assert [(p.file, "--trajectory traj1" in p.detail) for p in told] == [("traj2", True)]
     assert ("empty folder" in kinds(scan)) == (left != "nothing")
     with s2rstore.open(tmp_path / "all.s2r") as store:
@@ -132,7 +132,7 @@ def test_an_existing_store_is_never_overwritten(data, tmp_path: Path) -> None:
 def test_a_manifest(tmp_path: Path, bits: int, dtype: str) -> None:
     path = pairs.manifest(tmp_path / "data", 12, bits)
     scan = ingest("csv", path, tmp_path / "s.s2r")
-    assert scan.problems == []
+    assert scan.issues == []
     with s2rstore.open(tmp_path / "s.s2r") as store:
         assert [t.instances for t in store.trajectories] == [6, 6]
         frame = store.frame(0, "sim")
@@ -152,7 +152,7 @@ def test_depth_images_may_have_a_size_of_their_own(tmp_path: Path) -> None:
     header = path.with_suffix(".toml")
     own = "depth = { hfov = 80.0, width = 32, height = 24 }"
     header.write_text(header.read_text().replace("depth = { hfov = 80.0 }", own))
-    assert ingest("csv", path, tmp_path / "s.s2r").problems == []
+    assert ingest("csv", path, tmp_path / "s.s2r").issues == []
     with s2rstore.open(tmp_path / "s.s2r") as store:
         camera = store.domains["sim"]
         assert camera.depth == camera.rgb
@@ -189,10 +189,10 @@ def test_the_real_data(real_data: Path, tmp_path: Path) -> None:
     assert kinds(scan) == {}
     assert {name: len(rows) for name, rows in scan.trajectories.items()} == {"traj1": 542}
     assert set(scan.domains) == {"sim", "real", "sim_edit"}
-    sightings = scan.trajectories["traj1"]
-    x = np.array([s.x for s in sightings])
-    y = np.array([s.y for s in sightings])
-    inside = [set[str]() for _ in sightings]
+    records = scan.trajectories["traj1"]
+    x = np.array([s.x for s in records])
+    y = np.array([s.y for s in records])
+    inside = [set[str]() for _ in records]
     for r in scan.rooms:
         for i in np.flatnonzero((x >= r.x0) & (x <= r.x1) & (y >= r.y0) & (y <= r.y1)):
             inside[i].add(r.room)

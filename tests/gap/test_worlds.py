@@ -25,7 +25,7 @@ def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     A robot's factors show in drives alone, the others in images alone.
     """
-    from s2rtools.precompute.pipeline import Options, precompute
+    from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtools.training import pretrained
     from tests.support.quiet import Quiet
 
@@ -34,8 +34,8 @@ def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
         path = folder / f"{name}.s2r"
         words = ["ingest", "world", "--instances", "24", "--factors", factors]
         assert main([*words, "--store", str(path)]) == 0
-        pretrained.add(path)
-        precompute(path, Quiet(), ["vanilla"], Options(("activation",)))
+        pretrained.add_pretrained_models(path)
+        precompute(path, Quiet(), ["vanilla"], PrecomputeOptions(("activation",)))
     for name, (images, drives) in SWAPPED.items():
         path = folder / f"{name}.s2r"
         shutil.copytree(folder / f"{images}.s2r", path)

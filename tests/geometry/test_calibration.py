@@ -15,7 +15,8 @@ import pytest
 from s2rstore.geometry import camera
 from s2rstore.geometry.floor_grid import Projector
 from s2rstore.records import Domain, Intrinsics
-from s2rtools.datasets import IMPORTERS, dataset_config
+from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.dataset_config import DatasetConfig
 from s2rtools.datasets.scan import ScanOptions
 
 FRAME = (256, 256)
@@ -25,9 +26,9 @@ pytestmark = pytest.mark.real
 
 
 def declared(name: str) -> Domain:
-    packaged = resources.files("s2rtools.datasets") / "sim2realviz.toml"
+    packaged = resources.files("s2rtools.datasets.importers") / "sim2realviz.toml"
     with resources.as_file(packaged) as path:
-        return dataset_config.domain(dataset_config.read(path), name, FRAME, path)
+        return DatasetConfig(path, name="", y_down=True).domain(name, FRAME)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def views(real_data: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
     rows = scan.trajectories["traj1"][::EVERY]
     depths = {}
     for name in ("sim", "sim_edit"):
-        files = [cv2.imread(str(row.images[name].depth), cv2.IMREAD_GRAYSCALE) for row in rows]
+        files = [cv2.imread(str(row.sources[name].depth), cv2.IMREAD_GRAYSCALE) for row in rows]
         depths[name] = np.stack(
             [cv2.resize(file, FRAME, interpolation=cv2.INTER_NEAREST_EXACT) for file in files]
         )
@@ -106,7 +107,7 @@ def test_match_csv_is_in_recording_order(real_data: Path) -> None:
 def test_images_have_the_sizes_of_the_calibration_and_grey_depth(real_data: Path) -> None:
     scan = IMPORTERS["sim2realviz"](real_data, ScanOptions(("traj1",)))
     for row in scan.trajectories["traj1"][::60]:
-        for images in row.images.values():
+        for images in row.sources.values():
             depth = cv2.imread(str(images.depth), cv2.IMREAD_UNCHANGED)
             assert depth.dtype == np.uint8
             assert depth.shape[:2] == images.depth_size

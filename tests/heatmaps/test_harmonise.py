@@ -15,7 +15,7 @@ from s2rstore.records import Domain, Intrinsics
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.precompute.rig_calibration import calibrate
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
-from s2rtools.synthetic_world.world import raw_depth
+from s2rtools.synthetic_world.world import to_raw_depth
 
 FRAME = (96, 96)
 LENS = Intrinsics(66.0, 66.0, 48.0, 48.0, 0.0)
@@ -31,7 +31,7 @@ def data() -> WorldData:
 def images(data: WorldData, side: str, rows: slice = slice(None)) -> list:
     poses = data.poses["traj1"][rows]
     views = data.views(side, poses, np.arange(len(poses)))
-    depth = raw_depth(views.depth)
+    depth = to_raw_depth(views.depth)
     return [(rgb, raw, raw > 0) for rgb, raw in zip(views.rgb, depth, strict=True)]
 
 
@@ -45,8 +45,8 @@ def rig(data: WorldData, name: str) -> Domain:
 def test_equal_rigs_and_images_stay_as_they_are(data: WorldData) -> None:
     own = images(data, "sim")[0]
     sim, real = rig(data, "sim"), rig(data, "real")
-    made = ImageAlignment(sim, real, FRAME, RigOffset()).sim_view.harmonised(own, own)
-    inner = made.seen
+    made = ImageAlignment(sim, real, FRAME, RigOffset()).sim_view.harmonise(own, own)
+    inner = made.visible
     assert inner.mean() > 0.9
     assert np.abs(made.real - made.sim)[inner].max() < 1.0
     assert np.abs(made.real_depth - made.sim_depth).max() < 1e-3
@@ -56,7 +56,7 @@ def test_a_colour_cast_is_taken_out(data: WorldData) -> None:
     rgb, depth, valid = images(data, "sim")[1]
     cast = np.clip(rgb * np.array([0.9, 0.7, 0.5]) + 20, 0, 255).astype(np.uint8)
     sim, real = rig(data, "sim"), rig(data, "real")
-    made = ImageAlignment(sim, real, FRAME, RigOffset()).sim_view.harmonised(
+    made = ImageAlignment(sim, real, FRAME, RigOffset()).sim_view.harmonise(
         (rgb, depth, valid), (cast, depth, valid)
     )
     before = np.abs(cast.astype(float) - rgb).mean()
@@ -72,8 +72,8 @@ def test_the_true_offset_is_found_and_helps(data: WorldData) -> None:
 
     def misfit(correction: RigOffset) -> float:
         view = ImageAlignment(sim, real, FRAME, correction).sim_view
-        made = [view.harmonised(*pair) for pair in pairs]
-        return float(np.mean([np.abs(m.real - m.sim)[m.seen].mean() for m in made]))
+        made = [view.harmonise(*pair) for pair in pairs]
+        return float(np.mean([np.abs(m.real - m.sim)[m.visible].mean() for m in made]))
 
     assert misfit(found) < 0.75 * misfit(RigOffset())
 
@@ -84,8 +84,8 @@ def test_heat_comes_back_to_the_pixel_it_left(data: WorldData) -> None:
     aligned = ImageAlignment(sim, real, FRAME, RigOffset(-0.09, 1.06))
     (_, depth, valid), (_, away, away_valid) = images(data, "sim")[2], images(data, "real")[2]
     columns = np.broadcast_to(np.arange(96, dtype=np.float32), FRAME).copy()
-    over = aligned.sim_view.fetched(columns, depth, valid)
-    back = aligned.real_view.fetched(np.nan_to_num(over, nan=-500.0), away, away_valid)
+    over = aligned.sim_view.warp_from_other(columns, depth, valid)
+    back = aligned.real_view.warp_from_other(np.nan_to_num(over, nan=-500.0), away, away_valid)
     good = np.isfinite(back) & (back > 0)
     assert good.mean() > 0.5
     assert np.median(np.abs(back - columns)[good]) < 0.6

@@ -8,7 +8,7 @@ import torch
 
 from s2rstore.geometry.reprojection import RigOffset
 from s2rstore.records import Domain, Intrinsics
-from s2rtools.heatmaps import KINDS, PairBatch, SideBatch
+from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.activation import pose_loss
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
@@ -42,9 +42,9 @@ def pair() -> PairBatch:
     return make_pair(networks.small(*networks.local_trunks()["residual"], (36, 36)))
 
 
-@pytest.mark.parametrize("name", list(KINDS))
+@pytest.mark.parametrize("name", list(HEATMAP_KINDS))
 def test_outputs_are_as_announced(pair: PairBatch, name: str) -> None:
-    kind = KINDS[name]
+    kind = HEATMAP_KINDS[name]
     made = kind.compute(pair)
     announced = kind.outputs(pair.model)
     assert set(made) == {(out.side, out.mode) for out in announced}
@@ -58,7 +58,7 @@ def test_outputs_are_as_announced(pair: PairBatch, name: str) -> None:
 
 
 def test_activation_is_gradient_times_features(pair: PairBatch) -> None:
-    maps = KINDS["activation"].compute(pair)["real", None]
+    maps = HEATMAP_KINDS["activation"].compute(pair)["real", None]
     network, convention = pair.model.network, pair.model.convention
     features = pair.real.features.clone()
     for output in range(4):
@@ -79,7 +79,7 @@ def test_loss_of_a_pose() -> None:
 
 
 def test_feature_distance_is_cosine_distance_times_l1(pair: PairBatch) -> None:
-    made = KINDS["feature_distance"].compute(pair)[None, None]
+    made = HEATMAP_KINDS["feature_distance"].compute(pair)[None, None]
     sim, real = pair.sim.features.numpy(), pair.real.features.numpy()
     for b, r, c in ((0, 0, 0), (1, 5, 7), (0, 17, 17)):
         u, v = sim[b, :, r, c], real[b, :, r, c]
@@ -87,11 +87,11 @@ def test_feature_distance_is_cosine_distance_times_l1(pair: PairBatch) -> None:
         cosine = u @ v / norms if norms else 0.0
         assert made[b, r, c] == pytest.approx((1 - cosine) * np.abs(u - v).mean(), abs=1e-4)
     same = PairBatch(pair.model, pair.backend, pair.sim, pair.sim)
-    assert np.abs(KINDS["feature_distance"].compute(same)[None, None]).max() < 1e-5
+    assert np.abs(HEATMAP_KINDS["feature_distance"].compute(same)[None, None]).max() < 1e-5
 
 
 def test_pixel_difference_ignores_brightness_and_invalid_depth(pair: PairBatch) -> None:
-    made = KINDS["pixel_difference"].compute(pair)
+    made = HEATMAP_KINDS["pixel_difference"].compute(pair)
     assert np.isfinite(made[None, "rgb"]).all()
     assert made[None, "rgb"].min() >= 0
     dark = (pair.sim.rgb // 2 + 40).astype(np.uint8)
@@ -100,13 +100,15 @@ def test_pixel_difference_ignores_brightness_and_invalid_depth(pair: PairBatch) 
         side.x, dark, side.depth, np.zeros_like(side.valid), side.depth_scale, side.features,
         side.embedding, side.prediction, side.truth,
     )  # fmt: skip
-    calm = KINDS["pixel_difference"].compute(PairBatch(pair.model, pair.backend, side, other))
+    calm = HEATMAP_KINDS["pixel_difference"].compute(
+        PairBatch(pair.model, pair.backend, side, other)
+    )
     assert calm[None, "rgb"].max() < 0.05
     assert np.isnan(calm[None, "depth"]).all()
 
 
 def test_occlusion_is_the_errors_change_towards_the_gap(pair: PairBatch) -> None:
-    made = KINDS["occlusion"].compute(pair)
+    made = HEATMAP_KINDS["occlusion"].compute(pair)
     backend = pair.backend
     for mode, channels in (("rgb", [0, 1, 2]), ("depth", [3]), ("rgbd", [0, 1, 2, 3])):
         for side, other, sign in (("sim", "real", 1), ("real", "sim", -1)):
@@ -121,7 +123,7 @@ def test_occlusion_is_the_errors_change_towards_the_gap(pair: PairBatch) -> None
 
 def test_a_network_that_is_not_local_is_computed_in_full() -> None:
     pair = make_pair(networks.small(*networks.foreign_trunks()["group norm"], (24, 24)))
-    made = KINDS["occlusion"].compute(pair)["real", "rgbd"]
+    made = HEATMAP_KINDS["occlusion"].compute(pair)["real", "rgbd"]
     x = pair.real.x.clone()
     x[:, :, 0:4, 0:4] = pair.sim.x[:, :, 0:4, 0:4]
     after = pair.backend.forward_all(x.numpy()).pose

@@ -34,7 +34,7 @@ def header(folder: Path, text: str, suffix: str) -> tuple[Path, Path]:
         (".toml", f"x = {{{LONG_KEY}}}", "a key of more than"),
         (".json", '{"name": "a", "name": "b"}', "stands twice"),
         (".json", "1" * 10_000, "no JSON"),
-        (".json", "[]", "must be a table"),
+        (".json", "[]", "Expected a table"),
         (".toml", "# x\n" * (1 << 19), "at most"),
     ],
     ids=["deep json", "deep toml", "dotted", "inline", "twice", "digits", "list", "large"],

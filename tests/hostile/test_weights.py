@@ -14,7 +14,7 @@ import pytest
 import torch
 from torch import nn
 
-from s2rtools.models import build
+from s2rtools.models import build_network
 from s2rtui.cli import main
 from tests.hostile.inputs import deadline, limits
 
@@ -43,7 +43,7 @@ def long_header(path: Path) -> None:
 def cut(path: Path) -> None:
     from safetensors.torch import save
 
-    content = save({k: v.clone() for k, v in build("resposenet").state_dict().items()})
+    content = save({k: v.clone() for k, v in build_network("resposenet").state_dict().items()})
     path.write_bytes(content[: len(content) // 2])
 
 
@@ -96,7 +96,9 @@ def test_a_compressed_archive_is_refused(
     tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "w.pt"
-    path.write_bytes(archive(build("resposenet").state_dict(), zipfile.ZIP_DEFLATED, 64 << 20))
+    path.write_bytes(
+        archive(build_network("resposenet").state_dict(), zipfile.ZIP_DEFLATED, 64 << 20)
+    )
     assert add(tiny_store, path) == 2
     assert "compressed" in capsys.readouterr().err
 
@@ -116,7 +118,7 @@ def test_a_compressed_archive_is_refused(
 def test_tensors_of_another_kind_are_refused(
     tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str], change, word: str
 ) -> None:
-    state = build("resposenet").state_dict()
+    state = build_network("resposenet").state_dict()
     key = next(key for key, value in state.items() if value.ndim == 4)
     path = tmp_path / "w.pt"
     torch.save({**state, key: change(state[key])}, path)

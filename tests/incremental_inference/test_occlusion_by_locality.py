@@ -12,12 +12,12 @@ from s2rtools.heatmaps import occlusion
 from s2rtools.incremental_inference import (
     LocalGraph,
     PixelRegion,
-    Window,
-    analyse,
+    SlidingWindow,
     cut_patches,
+    non_local_reason,
 )
 from s2rtools.inference import Backend
-from s2rtools.inference.batch_norm_folding import folded
+from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
 from tests.support import networks
 
@@ -38,8 +38,8 @@ def both_ways(model: LoadedModel, chosen: list[int] | None = None) -> tuple[np.n
         patches = [type(p)(i, p.region) for i, p in enumerate(patches)]
     graph = LocalGraph(backend.trunk)
     with torch.inference_mode():
-        before, local = occlusion._by_locality(backend, graph, x, other, patches)
-        again, full = occlusion._in_full(backend, x, other, patches)
+        before, local = occlusion._recompute_locally(backend, graph, x, other, patches)
+        again, full = occlusion._recompute_fully(backend, x, other, patches)
     assert np.allclose(before, again, atol=1e-5)
     return local, full, before
 
@@ -68,7 +68,7 @@ def test_posest_corner_edge_and_inner_patches() -> None:
 @pytest.mark.parametrize("name", list(networks.foreign_trunks()))
 def test_what_is_not_local_is_recognised(name: str) -> None:
     model = networks.small(*networks.foreign_trunks()[name], (24, 24))
-    reason = analyse(folded(model.network.trunk))
+    reason = non_local_reason(fold_batch_norm(model.network.trunk))
     assert reason
     outputs = occlusion.Occlusion().outputs(model)
     assert {out.attributes["method"] for out in outputs} == {f"in full: {reason}"}
@@ -95,15 +95,15 @@ def test_patches_cover_the_image_once(height: int, width: int, count: int) -> No
 def test_reach_is_exactly_the_outputs_that_change(
     extent: int, stride: int, padding: int, size: int, data: st.DataObject
 ) -> None:
-    window = Window(extent, stride, min(padding, extent // 2))
+    window = SlidingWindow(extent, stride, min(padding, extent // 2))
     start = data.draw(st.integers(0, size - 1))
     stop = data.draw(st.integers(start + 1, size))
     touched = []
-    for output in range(window.outputs(size)):
+    for output in range(window.output_size(size)):
         first = output * stride - window.padding
         if first < stop and first + extent > start:
             touched.append(output)
-    low, high = window.reach(start, stop, size)
+    low, high = window.affected_outputs(start, stop, size)
     if touched:
         assert (low, high) == (touched[0], touched[-1] + 1)
     else:

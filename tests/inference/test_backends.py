@@ -11,7 +11,7 @@ import torch
 from s2rstore.errors import RequestError
 from s2rtools.inference import Backend, choose_backend, open_backend
 from s2rtools.inference.backend import Bfloat16Backend
-from s2rtools.inference.batch_norm_folding import folded
+from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from tests.support import networks
 
 
@@ -29,7 +29,7 @@ def test_folding_keeps_the_outputs(architecture: str) -> None:
     made = Backend(model).forward_all(x)
     assert np.allclose(made.pose, wanted.numpy(), atol=1e-4)
     assert made.embedding.shape == (2, model.network.embedding_size)
-    names = {type(module).__name__ for module in folded(model.network.trunk).modules()}
+    names = {type(module).__name__ for module in fold_batch_norm(model.network.trunk).modules()}
     assert "BatchNorm2d" not in names
 
 

@@ -14,11 +14,11 @@ from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rtools.adjustments import chain_of, parse
-from s2rtools.heatmaps import KINDS
+from s2rtools.adjustments import make_chain, parse_adjustment
+from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.interactive import LiveModel, LiveResult
 from s2rtools.precompute.pipeline import precompute
-from s2rtools.precompute.registry import add_run
+from s2rtools.precompute.registration import add_run
 from s2rtui.session.heatmaps import choices, instance_grid
 from s2rtui.session.model_input import seen
 from s2rtui.session.state import HeatChoice
@@ -27,8 +27,8 @@ from tests.support.quiet import Quiet
 pytestmark = pytest.mark.xdist_group("world")
 
 CHAINS = {
-    "sim": chain_of("sim", {"temperature": -0.3}),
-    "real": chain_of("real", {"brightness": 1.3, "contrast": 0.8, "depth_blur": 1.5}),
+    "sim": make_chain("sim", {"temperature": -0.3}),
+    "real": make_chain("real", {"brightness": 1.3, "contrast": 0.8, "depth_blur": 1.5}),
 }
 
 
@@ -74,7 +74,7 @@ def same_as_stored(store: Store, run: str, result: LiveResult, live: LiveModel) 
 
 @pytest.mark.parametrize("iid", [0, 21, 39])
 def test_results_are_what_precompute_stores(adjusted: Store, live: LiveModel, iid: int) -> None:
-    assert set(live.kinds) == set(KINDS)
+    assert set(live.kinds) == set(HEATMAP_KINDS)
     assert live.kinds[-1] == "occlusion"
     result = live.compute(iid, CHAINS, live.kinds)
     assert result is not None
@@ -88,7 +88,7 @@ def test_results_are_what_precompute_stores(adjusted: Store, live: LiveModel, ii
 def test_moved_cameras_are_what_precompute_stores(moved_world: Path, run: str) -> None:
     with s2rstore.open(moved_world) as store:
         live = LiveModel(store, "vanilla")
-        assert live.reason_against_moving is None
+        assert live.no_renderer_reason is None
         chains = {side: store.run(run).adjustments(side) for side in SIDES}
         kinds = ("feature_distance", "pixel_difference", "harmonised_distance")
         for iid in (1, 6):
@@ -128,7 +128,7 @@ def test_only_what_changed_is_computed(live: LiveModel, monkeypatch: pytest.Monk
     live.compute(7, {"sim": [], "real": []})
     assert (len(passes), len(reads)) == (2, 2)
     for value in (1.1, 1.2, 1.1):
-        live.compute(7, {"sim": [], "real": chain_of("real", {"brightness": value})})
+        live.compute(7, {"sim": [], "real": make_chain("real", {"brightness": value})})
     assert (len(passes), len(reads)) == (4, 2)
     live.compute(8, {"sim": [], "real": []})
     assert (len(passes), len(reads)) == (6, 4)
@@ -142,7 +142,7 @@ def test_nothing_comes_once_it_is_cancelled(live: LiveModel, after: int) -> None
         return next(asked, True)
 
     kinds = ("feature_distance",)
-    found = list(live.steps(9, {"real": parse("real:black")["real"]}, kinds, cancelled))
+    found = list(live.steps(9, {"real": parse_adjustment("real:black")["real"]}, kinds, cancelled))
     assert len(found) == max(0, after - 2)
     asked = iter([False] * after)
     assert live.compute(9, {}, kinds, cancelled) is None
@@ -154,9 +154,9 @@ def test_wrong_requests_name_what_could_be(live: LiveModel) -> None:
     with pytest.raises(RequestError, match="one of activation"):
         live.compute(1, {}, ("glow",))
     with pytest.raises(RequestError, match="taken, not rendered"):
-        live.compute(1, {"sim": chain_of("sim", {"camera_pitch": 2})})
-    assert "not rendered" in str(live.reason_against_moving)
-    plain = live.compute(1, {"sim": chain_of("sim", {"camera_pitch": 0})})
+        live.compute(1, {"sim": make_chain("sim", {"camera_pitch": 2})})
+    assert "not rendered" in str(live.no_renderer_reason)
+    plain = live.compute(1, {"sim": make_chain("sim", {"camera_pitch": 0})})
     assert plain is not None
     with pytest.raises(RequestError, match="not computed for these"):
         plain.heatmap("occlusion", "sim")

@@ -14,15 +14,15 @@ from torch import nn
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
-from s2rtools.models import build
+from s2rtools.models import build_network
 from s2rtools.models.conventions import OutputConvention
-from s2rtools.models.library import load_model, pack, read_weights, register
+from s2rtools.models.library import load_model, pack_weights, read_weights, register_model
 from s2rtools.models.pose_network import PoseNetwork
 
 
 def network_state(architecture: str = "resposenet") -> tuple[PoseNetwork, dict[str, torch.Tensor]]:
     torch.manual_seed(5)
-    network = build(architecture).eval()
+    network = build_network(architecture).eval()
     return network, {key: value.clone() for key, value in network.state_dict().items()}
 
 
@@ -51,7 +51,7 @@ class TouchesFile:
 
 def through_store(store: Path, weights, convention, trust=False):
     with edit(store) as draft:
-        register(store, draft, "added", weights, convention)
+        register_model(store, draft, "added", weights, convention)
     with s2rstore.open(store) as opened:
         return load_model(opened, "added", trust)
 
@@ -90,7 +90,7 @@ def test_safetensors_load(own_store, tmp_path):
 
 def test_a_network_trained_here_comes_back_from_the_store(own_store):
     network, state = network_state()
-    loaded = through_store(own_store, pack(network), network.convention)
+    loaded = through_store(own_store, pack_weights(network), network.convention)
     torch.testing.assert_close(loaded.network.state_dict(), state, rtol=0, atol=0)
 
 
@@ -164,7 +164,7 @@ def test_factories_need_trust_and_take_weights_by_their_own_names(own_store, tmp
 def test_a_convention_that_does_not_fit_the_output_is_refused(own_store):
     network, _ = network_state("posest")
     with pytest.raises(RequestError, match="3"):
-        through_store(own_store, pack(network), OutputConvention("cos_sin"))
+        through_store(own_store, pack_weights(network), OutputConvention("cos_sin"))
 
 
 def test_unknown_architectures_list_the_known_ones(tmp_path):

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, fx
 from torch.nn import functional as F
 
-from s2rtools.models import ARCHITECTURES, build
+from s2rtools.models import ARCHITECTURES, build_network
 
 CONVOLUTIONS = {0: (4, 16), 4: (16, 32), 8: (32, 64), 11: (64, 128), 15: (128, 256),
                 18: (256, 512), 22: (512, 256)}  # fmt: skip
@@ -53,7 +53,7 @@ def plain_posest(state: dict[str, Tensor], x: Tensor) -> tuple[Tensor, Tensor, T
 
 
 def test_posest_loads_published_names_and_computes_the_published_network():
-    network = build("posest").eval()
+    network = build_network("posest").eval()
     state = published_state()
     network.load_state_dict(state, strict=True)
     assert set(network.state_dict()) == set(state)
@@ -70,7 +70,7 @@ def test_posest_loads_published_names_and_computes_the_published_network():
 
 @pytest.mark.parametrize("architecture", list(ARCHITECTURES))
 def test_three_steps_make_the_forward(architecture):
-    network = build(architecture).eval()
+    network = build_network(architecture).eval()
     x = torch.rand(2, 4, *network.input_size) * 2 - 1
     with torch.inference_mode():
         embedding = network.embed(network.trunk(x))
@@ -81,7 +81,7 @@ def test_three_steps_make_the_forward(architecture):
 
 @pytest.mark.parametrize("architecture", list(ARCHITECTURES))
 def test_networks_can_be_traced(architecture):
-    network = build(architecture).eval()
+    network = build_network(architecture).eval()
     x = torch.rand(1, 4, *network.input_size)
     with torch.inference_mode():
         torch.testing.assert_close(fx.symbolic_trace(network)(x), network(x))
@@ -90,7 +90,7 @@ def test_networks_can_be_traced(architecture):
 
 @pytest.mark.parametrize("architecture", list(ARCHITECTURES))
 def test_trunk_shares_the_networks_parameters(architecture):
-    network = build(architecture)
+    network = build_network(architecture)
     own = {id(parameter) for parameter in network.parameters()}
     assert all(id(parameter) in own for parameter in network.trunk.parameters())
     assert not any(key.startswith("trunk") for key in network.state_dict())
@@ -98,7 +98,7 @@ def test_trunk_shares_the_networks_parameters(architecture):
 
 @pytest.mark.parametrize("architecture", list(ARCHITECTURES))
 def test_centred_outputs_fall_around_the_centre(architecture):
-    network = build(architecture).eval()
+    network = build_network(architecture).eval()
     x = torch.rand(8, 4, *network.input_size) * 2 - 1
     network.centre_output((40.0, -30.0), 5.0)
     with torch.inference_mode():
@@ -107,4 +107,4 @@ def test_centred_outputs_fall_around_the_centre(architecture):
 
 
 def test_resposenet_is_small():
-    assert 200_000 < sum(p.numel() for p in build("resposenet").parameters()) < 300_000
+    assert 200_000 < sum(p.numel() for p in build_network("resposenet").parameters()) < 300_000

@@ -19,15 +19,15 @@ from s2rstore.maintenance.verify import verify
 from s2rstore.reader import Store
 from s2rstore.records import Domain
 from s2rstore.run_inputs import run_domain, run_frame, run_frames
-from s2rtools.adjustments import apply_chain, parse
+from s2rtools.adjustments import apply_chain, parse_adjustment
 from s2rtools.inference import open_backend
 from s2rtools.models.library import load_model
 from s2rtools.models.preprocessing import preprocess
-from s2rtools.precompute.pipeline import Options, precompute
-from s2rtools.precompute.registry import add_run
-from s2rtools.rendering import open_renderer, reason_against
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.registration import add_run
+from s2rtools.rendering import no_renderer_reason, open_renderer
 from s2rtools.scoring.factor_effects import Counterfactuals
-from s2rtools.scoring.ground_truth import Truth
+from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtui.session.heatmaps import choices, instance_grid
 from s2rtui.session.state import HeatChoice
 from tests.support.copies import copied
@@ -110,7 +110,10 @@ def test_predictions_are_of_the_rendered_and_adjusted_images(store: Store) -> No
     run, model = store.run("up"), load_model(store, "vanilla")
     images = run_frames(store, run, "sim", 2, 5)
     rgb, depth = apply_chain(
-        images["rgb"], images["depth"], images["depth"] > 0, parse("sim:brightness=1.2")["sim"]
+        images["rgb"],
+        images["depth"],
+        images["depth"] > 0,
+        parse_adjustment("sim:brightness=1.2")["sim"],
     )
     x = preprocess(rgb, depth, 0.001, (128, 128))
     with torch.inference_mode():
@@ -151,37 +154,40 @@ def test_the_counterfactual_with_all_factors_is_the_stored_error(store: Store) -
         (store.run(name), open_backend(load_model(store, "vanilla"), "torch"))
         for name in ("vanilla", "low")
     ]
-    truth = Truth(store)
+    truth = GroundTruth(store)
     table = Counterfactuals(truth, judges, 8)
     errors = table.errors({"real": table.active})["real"]
     for name in ("vanilla", "low"):
         stored = store.run_columns(name).real.error[table.iids]
         assert np.allclose(errors[name], stored, atol=1e-4)
-    moves = truth.moves("low")
-    assert truth.seen("sim", moves["sim"]) is truth.seen("sim")
-    assert (truth.seen("real", moves["real"]).samples != truth.seen("real").samples).any()
+    moves = truth.camera_moves("low")
+    assert truth.visible_objects("sim", moves["sim"]) is truth.visible_objects("sim")
+    assert (
+        truth.visible_objects("real", moves["real"]).samples
+        != truth.visible_objects("real").samples
+    ).any()
 
 
 def test_moved_cameras_need_a_renderer(tiny_store: Path, own_store: Path) -> None:
     with s2rstore.open(tiny_store) as opened:
-        assert "not rendered" in str(reason_against(opened))
+        assert "not rendered" in str(no_renderer_reason(opened))
         with pytest.raises(RequestError, match="taken, not rendered"):
             open_renderer(opened, "sim")
     with pytest.raises(RequestError, match="taken, not rendered"):
-        add_run(own_store, "up", "vanilla", None, None, parse("sim:camera_height=0.1"))
-    add_run(own_store, "same", "vanilla", None, None, parse("sim:camera_height=0"))
+        add_run(own_store, "up", "vanilla", None, None, parse_adjustment("sim:camera_height=0.1"))
+    add_run(own_store, "same", "vanilla", None, None, parse_adjustment("sim:camera_height=0"))
 
 
 def test_a_world_that_is_rendered_otherwise_is_refused(moved_world: Path, tmp_path: Path) -> None:
     path = copied(moved_world, tmp_path / "other.s2r")
     with s2rstore.open(path) as opened:
-        assert reason_against(opened) is None
+        assert no_renderer_reason(opened) is None
         recipe = json.loads(opened.provenance("world")["recipe"])
     with edit(path) as draft:
         draft.set_provenance("world", {"recipe": recipe | {"seed": 3}})
-    with pytest.raises(RequestError, match="not what this version renders"):
-        add_run(path, "more", "vanilla", None, None, parse("sim:camera_height=0.1"))
-    twice = parse("sim:camera_height=-0.4,camera_height=-0.3")
+    with pytest.raises(RequestError, match="renders other images"):
+        add_run(path, "more", "vanilla", None, None, parse_adjustment("sim:camera_height=0.1"))
+    twice = parse_adjustment("sim:camera_height=-0.4,camera_height=-0.3")
     with pytest.raises(RequestError, match="camera_height twice"):
         add_run(path, "sunk", "vanilla", None, None, twice)
 
@@ -192,12 +198,12 @@ def test_frames_are_neither_pruned_nor_made_again(moved_world: Path, tmp_path: P
     assert verify(path) == []
     told = Quiet()
     kinds = ("feature_distance", "pixel_difference", "harmonised_distance")
-    assert precompute(path, told, ["up"], Options(kinds)) == []
+    assert precompute(path, told, ["up"], PrecomputeOptions(kinds)) == []
     assert told.lines == ["up: up to date"]
 
 
 def test_frames_that_are_not_computed_yet_say_so(moved_world: Path, tmp_path: Path) -> None:
     path = copied(moved_world, tmp_path / "later.s2r")
-    add_run(path, "later", "vanilla", None, None, parse("sim:camera_pitch=3"))
+    add_run(path, "later", "vanilla", None, None, parse_adjustment("sim:camera_pitch=3"))
     with s2rstore.open(path) as opened, pytest.raises(RequestError, match="s2r precompute"):
         run_frame(opened, opened.run("later"), "sim", 0)

@@ -11,12 +11,12 @@ import pytest
 import s2rstore
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
-from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import outliers
 from s2rtui.session.heatmaps import choices
 from tests.precompute.test_pipeline import Quiet
 
-FEW = Options(kinds=("feature_distance",))
+FEW = PrecomputeOptions(kinds=("feature_distance",))
 
 
 def brute(points: np.ndarray, sample: np.ndarray, count: int = 10) -> np.ndarray:
@@ -46,17 +46,17 @@ def test_distances_are_those_of_brute_force(n: int, limit: int) -> None:
 
 
 def test_scores_are_multiples_of_the_median() -> None:
-    scores = outliers.scores(np.array([1, 2, 4, np.nan, 6, 2], np.float32))
+    scores = outliers.outlier_scores(np.array([1, 2, 4, np.nan, 6, 2], np.float32))
     assert np.array_equal(scores, [0.5, 1, 2, np.nan, 3, 1], equal_nan=True)
     for nothing in (np.zeros(4), np.full(3, np.nan), np.empty(0)):
-        assert np.isnan(outliers.scores(nothing.astype(np.float32))).all()
+        assert np.isnan(outliers.outlier_scores(nothing.astype(np.float32))).all()
 
 
 def test_equal_embeddings_have_no_outlier() -> None:
     rng = np.random.default_rng(0)
     points = np.float32(900) * (1 + rng.normal(size=(60, 4)).astype(np.float32) * 1e-8)
     found = outliers.neighbour_distance(points, np.arange(60), points, np.arange(60))
-    assert np.isnan(outliers.scores(found)).all()
+    assert np.isnan(outliers.outlier_scores(found)).all()
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def test_several_units_are_one_score(
         shutil.rmtree(folder)
     with edit(path) as draft:
         draft.delete("zarr_array", kind=outliers.KIND)
-    monkeypatch.setattr("s2rtools.precompute.stages.OUTLIER_ROWS", 32)
+    monkeypatch.setattr("s2rtools.precompute.tasks.outliers.OUTLIER_ROWS", 32)
     monkeypatch.setattr("s2rtools.precompute.tasks.outliers._READ_ROWS", 7)
     precompute(path, Quiet(), ["vanilla"], FEW)
     with s2rstore.open(path) as store:

@@ -18,12 +18,12 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.geometry import angles
 from s2rstore.maintenance.verify import verify
-from s2rtools.adjustments import parse
+from s2rtools.adjustments import parse_adjustment
 from s2rtools.models.library import load_model
 from s2rtools.models.preprocessing import preprocess
-from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
-from s2rtools.precompute.registry import add_run
+from s2rtools.precompute.registration import add_run
 
 pytestmark = pytest.mark.xdist_group("computed")
 
@@ -49,10 +49,13 @@ def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same store, all runs computed."""
     path = tmp_path_factory.mktemp("computed") / "s.s2r"
     shutil.copytree(trained, path)
-    add_run(path, "black", "vanilla", None, None, parse("real:black"))
-    add_run(path, "bright", "vanilla", None, None, parse("real:brightness=1.15"))
+    add_run(path, "black", "vanilla", None, None, parse_adjustment("real:black"))
+    add_run(path, "bright", "vanilla", None, None, parse_adjustment("real:brightness=1.15"))
     assert precompute(path, Quiet(), ["vanilla"]) == ["vanilla"]
-    assert precompute(path, Quiet(), ["black", "bright"], Options(())) == ["black", "bright"]
+    assert precompute(path, Quiet(), ["black", "bright"], PrecomputeOptions(())) == [
+        "black",
+        "bright",
+    ]
     return path
 
 
@@ -132,7 +135,7 @@ def test_several_workers_give_the_same_values(
     path = tmp_path / "s.s2r"
     shutil.copytree(trained, path)
     kinds = ("feature_distance", "occlusion")
-    precompute(path, Quiet(), [], Options(kinds, workers=2))
+    precompute(path, Quiet(), [], PrecomputeOptions(kinds, workers=2))
     assert verify(path) == []
     _same(path, computed, 1e-5)
 
@@ -190,9 +193,9 @@ def test_wrong_requests_name_what_could_be(trained: Path) -> None:
     with pytest.raises(RequestError, match="runs: vanilla"):
         precompute(trained, Quiet(), ["nothing"])
     with pytest.raises(RequestError, match="activation"):
-        precompute(trained, Quiet(), [], Options(("heat",)))
+        precompute(trained, Quiet(), [], PrecomputeOptions(("heat",)))
     with pytest.raises(RequestError, match="backend"):
-        precompute(trained, Quiet(), [], Options(backend="abacus"))
+        precompute(trained, Quiet(), [], PrecomputeOptions(backend="abacus"))
     with pytest.raises(RequestError, match="models: vanilla"):
         add_run(trained, "x", "nothing", None, None, {"sim": [], "real": []})
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.metrics import roc_auc_score
 
-from s2rtools.scoring.ground_truth import CELLS, to_cells
-from s2rtools.scoring.ranking_metrics import Ranked
+from s2rtools.scoring.ground_truth import IMAGE_CELLS, to_cells
+from s2rtools.scoring.ranking_metrics import RankedCells
 
 
 @settings(max_examples=60, deadline=None)
@@ -17,7 +17,7 @@ from s2rtools.scoring.ranking_metrics import Ranked
 def test_auroc_agrees_with_sklearn(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
     values, positive = rng.random(n), rng.random(n) < 0.4
-    ranked = Ranked.of(values, positive, np.random.default_rng(0))
+    ranked = RankedCells.of(values, positive, np.random.default_rng(0))
     if positive.all() or not positive.any():
         assert np.isnan(ranked.auroc())
         return
@@ -31,20 +31,21 @@ def test_auroc_agrees_with_sklearn(seed: int, n: int) -> None:
 def test_ties_are_broken_by_the_seed_and_fair() -> None:
     positive = np.arange(400) < 100
     flat = np.zeros(400)
-    drawn = [Ranked.of(flat, positive, np.random.default_rng(s)).auroc() for s in range(200)]
+    drawn = [RankedCells.of(flat, positive, np.random.default_rng(s)).auroc() for s in range(200)]
     assert np.mean(drawn) == pytest.approx(0.5, abs=0.01)
-    again = Ranked.of(flat, positive, np.random.default_rng(7)).auroc()
+    again = RankedCells.of(flat, positive, np.random.default_rng(7)).auroc()
     assert again == drawn[7]
 
 
 def test_what_has_no_value_says_nothing() -> None:
     values = np.array([np.nan, -5.0, 0.0, 3.0, np.nan])
-    high = Ranked.of(values, np.array([0, 0, 0, 1, 0], bool), np.random.default_rng(0))
-    low = Ranked.of(values, np.array([0, 1, 0, 0, 0], bool), np.random.default_rng(0))
+    high = RankedCells.of(values, np.array([0, 0, 0, 1, 0], bool), np.random.default_rng(0))
+    low = RankedCells.of(values, np.array([0, 1, 0, 0, 0], bool), np.random.default_rng(0))
     assert (high.auroc(), low.auroc()) == (1.0, 0.0)
     blank = np.full(400, np.nan)
     drawn = [
-        Ranked.of(blank, np.arange(400) < 90, np.random.default_rng(s)).auroc() for s in range(100)
+        RankedCells.of(blank, np.arange(400) < 90, np.random.default_rng(s)).auroc()
+        for s in range(100)
     ]
     assert np.mean(drawn) == pytest.approx(0.5, abs=0.02)
 
@@ -53,7 +54,7 @@ def test_precision_counts_the_top_share() -> None:
     values = np.arange(100.0)
     positive = np.zeros(100, dtype=bool)
     positive[[99, 97, 10]] = True
-    ranked = Ranked.of(values, positive, np.random.default_rng(0))
+    ranked = RankedCells.of(values, positive, np.random.default_rng(0))
     assert ranked.precision(0.05) == pytest.approx(0.4)
     assert ranked.precision(0.015) == pytest.approx(1 / 1.5)
 
@@ -62,9 +63,9 @@ def test_precision_counts_the_top_share() -> None:
 def test_the_common_grid_keeps_the_mean(size: tuple[int, int]) -> None:
     heat = np.random.default_rng(1).random((3, *size)).astype(np.float32)
     cells = to_cells(heat)
-    assert cells.shape == (3, CELLS, CELLS)
+    assert cells.shape == (3, IMAGE_CELLS, IMAGE_CELLS)
     assert np.allclose(cells.mean(axis=(1, 2)), heat.mean(axis=(1, 2)), atol=1e-5)
     holed = heat.copy()
     holed[:, : size[0] // 2] = np.nan
-    assert np.isnan(to_cells(holed)[:, : CELLS // 2 - 1]).all()
-    assert np.isfinite(to_cells(holed)[:, CELLS // 2 + 1 :]).all()
+    assert np.isnan(to_cells(holed)[:, : IMAGE_CELLS // 2 - 1]).all()
+    assert np.isfinite(to_cells(holed)[:, IMAGE_CELLS // 2 + 1 :]).all()

@@ -13,10 +13,10 @@ from s2rstore.errors import RequestError
 from s2rstore.metrics import run_metrics, store_summary
 from s2rtools.inference import open_backend
 from s2rtools.models.library import load_model
-from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.scoring import report
 from s2rtools.scoring.factor_effects import Counterfactuals
-from s2rtools.scoring.ground_truth import Truth
+from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.scoring.heatmaps import floor_truth
 from s2rtools.training import pretrained
 from s2rtools.training.train_into_store import TrainingRequest, train_into_store
@@ -37,8 +37,8 @@ class Quiet:
 def make(path: Path, factors: str) -> Path:
     words = ["ingest", "world", "--instances", "12", "--size", "64", "--factors", factors]
     assert main([*words, "--store", str(path)]) == 0
-    pretrained.add(path)
-    precompute(path, Quiet(), ["vanilla"], Options(KINDS))
+    pretrained.add_pretrained_models(path)
+    precompute(path, Quiet(), ["vanilla"], PrecomputeOptions(KINDS))
     return path
 
 
@@ -53,21 +53,21 @@ def light_only(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def objects_scored(objects_only: Path) -> report.Report:
+def objects_scored(objects_only: Path) -> report.ScoreReport:
     return report.score(objects_only, report.ScoreSettings(("vanilla",), 12), Quiet())
 
 
 @pytest.fixture(scope="module")
-def light_scored(light_only: Path) -> report.Report:
+def light_scored(light_only: Path) -> report.ScoreReport:
     return report.score(light_only, report.ScoreSettings(("vanilla",), 12), Quiet())
 
 
-def rows(scored: report.Report, **wanted: str) -> list[dict]:
+def rows(scored: report.ScoreReport, **wanted: str) -> list[dict]:
     return [row for row in scored["heatmaps"]
             if all(row[name] == value for name, value in wanted.items())]  # fmt: skip
 
 
-def test_object_changes_are_found(objects_scored: report.Report) -> None:
+def test_object_changes_are_found(objects_scored: report.ScoreReport) -> None:
     """Nothing else differs, so every honest method is near the truth, and chance is chance."""
     for kind in KINDS:
         found = rows(objects_scored, place="floor", kind=kind, side="both")
@@ -80,7 +80,7 @@ def test_object_changes_are_found(objects_scored: report.Report) -> None:
             assert row["auroc_low"] - 1e-6 <= row["auroc"] <= row["auroc_high"] + 1e-6
 
 
-def test_only_the_active_factor_is_to_blame(objects_scored: report.Report) -> None:
+def test_only_the_active_factor_is_to_blame(objects_scored: report.ScoreReport) -> None:
     (row,) = objects_scored["factors"]
     assert row["factor"] == "objects"
     assert row["cost"] == pytest.approx(row["gain"])
@@ -92,8 +92,8 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("world") / "all.s2r"
     words = ["ingest", "world", "--instances", "6", "--store", str(path)]
     assert main(words) == 0
-    pretrained.add(path)
-    precompute(path, Quiet(), ["vanilla", "finetune"], Options(()))
+    pretrained.add_pretrained_models(path)
+    precompute(path, Quiet(), ["vanilla", "finetune"], PrecomputeOptions(()))
     return path
 
 
@@ -104,7 +104,7 @@ def test_counterfactuals_begin_and_end_at_the_stored_predictions(everything: Pat
             (store.run(name), open_backend(load_model(store, name), "torch"))
             for name in ("vanilla", "finetune")
         ]
-        table = Counterfactuals(Truth(store), judges, 10)
+        table = Counterfactuals(GroundTruth(store), judges, 10)
         errors = table.errors({"sim": {}, "real": table.active})
         for name in ("vanilla", "finetune"):
             columns = store.run_columns(name)
@@ -125,7 +125,7 @@ def test_trained_on_instances_are_left_out(everything: Path, tmp_path: Path) -> 
     own = copied(everything, tmp_path / "own.s2r")
     request = TrainingRequest("vanilla", name="mine", steps=1)
     train_into_store(own, request, lambda *told: None, "s2r train")
-    precompute(own, Quiet(), ["mine"], Options(()))
+    precompute(own, Quiet(), ["mine"], PrecomputeOptions(()))
     scored = report.score(own, report.ScoreSettings(("mine",), 12), Quiet())
     with s2rstore.open(own) as store:
         fresh = int(run_metrics.held_out(store, "mine").sum())
@@ -153,9 +153,9 @@ def test_images_of_another_version_are_refused(everything: Path, monkeypatch) ->
 
     with s2rstore.open(everything) as store:
         true = WorldData.raw
-        monkeypatch.setattr(WorldData, "raw", lambda self, views: true(self, views) // 2)
+        monkeypatch.setattr(WorldData, "raw_depth", lambda self, views: true(self, views) // 2)
         with pytest.raises(RequestError, match="ingest the world again"):
-            Truth(store)
+            GroundTruth(store)
 
 
 def test_shipped_models_know_their_own_building_alone(tmp_path: Path) -> None:
@@ -163,10 +163,10 @@ def test_shipped_models_know_their_own_building_alone(tmp_path: Path) -> None:
     words = ["ingest", "world", "--instances", "2", "--size", "32", "--seed", "4"]
     assert main([*words, "--store", str(path)]) == 0
     with pytest.raises(RequestError, match="--seed 1"):
-        pretrained.add(path)
+        pretrained.add_pretrained_models(path)
 
 
-def test_without_object_changes_there_are_no_positives(light_scored: report.Report) -> None:
+def test_without_object_changes_there_are_no_positives(light_scored: report.ScoreReport) -> None:
     for row in rows(light_scored, place="image"):
         assert row["auroc"] is None
         assert (row["n"], row["without"]) == (0, 24)
@@ -179,16 +179,20 @@ def test_without_object_changes_there_are_no_positives(light_scored: report.Repo
     assert cost["lights"] > 0.5
 
 
-def test_equal_seeds_give_equal_text(objects_only: Path, objects_scored: report.Report) -> None:
+def test_equal_seeds_give_equal_text(
+    objects_only: Path, objects_scored: report.ScoreReport
+) -> None:
     again = report.score(objects_only, report.ScoreSettings(("vanilla",), 12), Quiet())
     assert json.dumps(again, sort_keys=True) == json.dumps(objects_scored, sort_keys=True)
     other = report.score(objects_only, report.ScoreSettings(("vanilla",), 12, seed=5), Quiet())
     assert other["heatmaps"] != again["heatmaps"]
 
 
-def test_a_score_is_kept_once_and_told(objects_only: Path, objects_scored: report.Report) -> None:
-    assert report.keep(objects_only, objects_scored)
-    assert not report.keep(objects_only, objects_scored)
+def test_a_score_is_kept_once_and_told(
+    objects_only: Path, objects_scored: report.ScoreReport
+) -> None:
+    assert report.save_report(objects_only, objects_scored)
+    assert not report.save_report(objects_only, objects_scored)
     with s2rstore.open(objects_only) as store:
         told = "\n".join(store_summary.summary_lines(store))
     assert "costliest factor of vanilla: objects" in told
@@ -197,7 +201,7 @@ def test_a_score_is_kept_once_and_told(objects_only: Path, objects_scored: repor
 
 def test_what_is_noted_of_a_kind_outlives_other_kinds(objects_only: Path, tmp_path: Path) -> None:
     own = copied(objects_only, tmp_path / "own.s2r")
-    precompute(own, Quiet(), ["vanilla"], Options(("feature_distance",)))
+    precompute(own, Quiet(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
     with s2rstore.open(objects_only) as before, s2rstore.open(own) as after:
         old, new = (store.provenance("run:vanilla") for store in (before, after))
     assert json.loads(new["surfaces"]) == json.loads(old["surfaces"])
@@ -207,13 +211,13 @@ def test_what_is_noted_of_a_kind_outlives_other_kinds(objects_only: Path, tmp_pa
 
 def test_positive_floor_lies_where_the_objects_stand(objects_only: Path) -> None:
     with s2rstore.open(objects_only) as store:
-        truth = Truth(store)
+        truth = GroundTruth(store)
         positive, visited = floor_truth(truth, "both")
         cell = store.dataset.bounds.width / positive.shape[1]
         places = [
             (part.x, part.y, max(part.half_x, part.half_y))
-            for number, thing in enumerate(truth.data.world.things, 1) if number in truth.changed
-            for part in (*thing.sim, *thing.real)
+            for number, item in enumerate(truth.data.world.objects, 1) if number in truth.changed
+            for part in (*item.sim, *item.real)
         ]  # fmt: skip
         assert visited.sum() > positive.sum() > 0
         for row, col in np.argwhere(positive):
@@ -223,7 +227,7 @@ def test_positive_floor_lies_where_the_objects_stand(objects_only: Path) -> None
 
 def test_data_without_a_truth_is_refused(tiny_store: Path) -> None:
     with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match="no truth"):
-        Truth(store)
+        GroundTruth(store)
 
 
 def test_the_application_projects_like_the_precompute(objects_only: Path) -> None:

@@ -18,8 +18,8 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import locks
 from s2rstore.maintenance.verify import verify
-from s2rtools.adjustments import chain_of
-from s2rtools.precompute.registry import add_run, drop_run
+from s2rtools.adjustments import make_chain
+from s2rtools.precompute.registration import add_run, drop_run
 from s2rtui.cli import main
 from s2rtui.jobs.precompute_job import PrecomputeJob, save_run
 from tests.support.copies import copied
@@ -30,8 +30,8 @@ pytestmark = pytest.mark.xdist_group("world")
 def test_a_saved_run_is_the_one_of_the_command_line(moved_world: Path, tmp_path: Path) -> None:
     path = copied(moved_world, tmp_path / "s.s2r")
     chain = {
-        "sim": chain_of("sim", {"camera_pitch": 2.0}),
-        "real": chain_of("real", {"contrast": 0.9, "brightness": 1.15}),
+        "sim": make_chain("sim", {"camera_pitch": 2.0}),
+        "real": make_chain("real", {"contrast": 0.9, "brightness": 1.15}),
     }
     with s2rstore.open(path) as reader:
         saving = save_run(path, "saved", "vanilla", chain)
@@ -109,7 +109,7 @@ def test_a_busy_store_is_refused_at_once(trained: Path, tmp_path: Path) -> None:
 
 def test_a_run_that_is_left_can_be_gone_on_with(trained: Path, tmp_path: Path) -> None:
     path = copied(trained, tmp_path / "s.s2r")
-    saving = save_run(path, "saved", "vanilla", {"sim": chain_of("sim", {"black": 0.5})})
+    saving = save_run(path, "saved", "vanilla", {"sim": make_chain("sim", {"black": 0.5})})
     waited(saving, "forward")
     began = time.monotonic()
     saving.leave()
@@ -130,7 +130,7 @@ def test_wrong_requests_start_nothing(trained: Path) -> None:
     with pytest.raises(RequestError, match="runs: vanilla"):
         save_run(trained, "saved", "nothing", {})
     with pytest.raises(RequestError, match="taken, not rendered"):
-        save_run(trained, "saved", "vanilla", {"sim": chain_of("sim", {"camera_fov": 5})})
+        save_run(trained, "saved", "vanilla", {"sim": make_chain("sim", {"camera_fov": 5})})
 
 
 def test_computed_runs_are_not_dropped(own_store: Path) -> None:

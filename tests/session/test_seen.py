@@ -11,8 +11,8 @@ import pytest
 import s2rstore
 from s2rstore.reader import Store
 from s2rstore.records import Run
-from s2rtools.adjustments import parse
-from s2rtools.precompute.registry import add_run
+from s2rtools.adjustments import parse_adjustment
+from s2rtools.precompute.registration import add_run
 from s2rtui.charts.shared.view_inputs import instance_input
 from s2rtui.session.model_input import seen
 
@@ -24,7 +24,7 @@ def store(own_store: Path) -> Store:
         ("dark", "real:black"),
         ("many", "real:brightness=1.5,contrast=0.5"),
     ):
-        add_run(own_store, name, "vanilla", None, None, parse(chain))
+        add_run(own_store, name, "vanilla", None, None, parse_adjustment(chain))
     return s2rstore.open(own_store)
 
 

@@ -11,7 +11,7 @@ from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.build import build
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.models.conventions import OutputConvention
-from s2rtools.models.library import Weights, register
+from s2rtools.models.library import Weights, register_model
 from tests.support import pairs
 
 LOGS = ("real", "sim", "untuned", "commands")
@@ -27,7 +27,7 @@ def ingested(folder: Path, n: int = 4) -> Path:
     content = bytes(range(256)) * 4
     weights = Weights("resposenet", "a" * 64, content, ".safetensors", (16, 16), 4)
     with edit(folder / "s.s2r") as draft:
-        register(folder / "s.s2r", draft, "m", weights, OutputConvention("cos_sin"))
+        register_model(folder / "s.s2r", draft, "m", weights, OutputConvention("cos_sin"))
     return folder / "s.s2r"
 
 

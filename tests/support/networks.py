@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from s2rtools.models import build
+from s2rtools.models import build_network
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.pose_network import LoadedModel, PoseNetwork
 
@@ -157,7 +157,7 @@ def small(trunk: nn.Module, channels: int, size: tuple[int, int]) -> LoadedModel
 
 
 def built(architecture: str) -> LoadedModel:
-    network = build(architecture)
+    network = build_network(architecture)
     lively(network)
     heading = "cos_sin" if architecture == "resposenet" else "radians"
     return LoadedModel(architecture, architecture, network, OutputConvention(heading), "0" * 64)

@@ -10,11 +10,16 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rstore.records import Intrinsics
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
-from s2rtools.synthetic_world.factors import FACTORS, parse_factors, severities
+from s2rtools.synthetic_world.factors import FACTORS, complete_severities, parse_factors
 from s2rtools.synthetic_world.materials import Material
 from s2rtools.synthetic_world.renderer import Camera, RayCaster
 from s2rtools.synthetic_world.scene import ScenePart, WorldScene
-from s2rtools.synthetic_world.world import World, side_camera, standard_camera, through_sensor
+from s2rtools.synthetic_world.world import (
+    World,
+    apply_sensor_factors,
+    side_camera,
+    standard_camera,
+)
 from s2rtools.training import pretrained
 
 SEEDS = (1, 2, 5)
@@ -31,21 +36,25 @@ def data() -> WorldData:
 
 
 def test_every_kind_of_change_is_there(world: World) -> None:
-    changes = {(thing.name, thing.change) for thing in world.things if thing.change}
+    changes = {(item.name, item.change) for item in world.objects if item.change}
     for wanted in (("bicycle", "removed"), ("extinguisher", "removed"), ("door", "closed"),
                    ("cartons", "added"), ("poster", "removed")):  # fmt: skip
         assert wanted in changes
     assert {"moved"} <= {change for _, change in changes}
-    assert len(world.changed({"objects": 1.0})) >= 12
-    assert world.changed({}) == []
-    assert 0 < len(world.changed({"objects": 0.5})) < len(world.changed({"objects": 1.0}))
+    assert len(world.changed_objects({"objects": 1.0})) >= 12
+    assert world.changed_objects({}) == []
+    assert (
+        0
+        < len(world.changed_objects({"objects": 0.5}))
+        < len(world.changed_objects({"objects": 1.0}))
+    )
 
 
 def test_the_two_trajectories_are_free_and_apart(world: World) -> None:
     first, second = (world.poses(name, 60) for name in ("traj1", "traj2"))
     for poses in (first, second):
         assert 40 <= len(poses) <= 60
-        assert world.sees(poses).mean() > 0.95
+        assert world.has_content(poses).mean() > 0.95
     away = np.hypot(*(first[:, None, :2] - second[None, :, :2]).transpose(2, 0, 1))
     assert (away.min(axis=1) < 0.5).mean() < 0.25
 
@@ -64,7 +73,7 @@ def test_views_are_reproducible_and_finite(data: WorldData) -> None:
 
 def test_a_seed_makes_one_world_that_nobody_changes(data: WorldData) -> None:
     assert data.world is WorldData(WorldRecipe(count=3)).world
-    assert data.world.things == World(data.recipe.seed).things
+    assert data.world.objects == World(data.recipe.seed).objects
     assert not data.poses["traj1"].flags.writeable
 
 
@@ -83,8 +92,8 @@ def test_a_factor_alone_changes_its_own_part(data: WorldData, name: str) -> None
     world = data.world
     plain = world.renderer({}).render(poses, standard_camera(64))
     views = world.renderer({name: 1.0}).render(poses, side_camera(64, {name: 1.0}))
-    made = through_sensor(views, {name: 1.0}, 1, numbers)
-    none = through_sensor(plain, {name: 0.0}, 1, numbers)
+    made = apply_sensor_factors(views, {name: 1.0}, 1, numbers)
+    none = apply_sensor_factors(plain, {name: 0.0}, 1, numbers)
     assert np.array_equal(none.rgb, plain.rgb)
     assert np.array_equal(none.depth, plain.depth)
     geometry = name in ("camera", "objects", "depth")
@@ -99,7 +108,7 @@ def test_restoring_an_object_changes_only_where_it_is(data: WorldData) -> None:
     real = world.renderer({"objects": 1.0}).render(poses, camera, samples=0)
     sim = world.renderer({}).render(poses, camera, samples=0)
     seen = 0
-    for number in world.changed({"objects": 1.0})[:4]:
+    for number in world.changed_objects({"objects": 1.0})[:4]:
         restored = world.renderer({"objects": 1.0}, restored=number).render(poses, camera, 0)
         involved = (real.identity == number) | (restored.identity == number)
         assert np.array_equal(restored.identity[~involved], real.identity[~involved])
@@ -166,7 +175,7 @@ def test_wrong_factors_are_refused(text: str) -> None:
 
 
 def test_factor_texts() -> None:
-    assert parse_factors("") == severities()
+    assert parse_factors("") == complete_severities()
     assert set(parse_factors("none").values()) == {0.0}
     chosen = parse_factors("lights=0.5,objects")
     assert (chosen["lights"], chosen["objects"], chosen["camera"]) == (0.5, 1.0, 0.0)
@@ -178,8 +187,8 @@ def test_the_shipped_models_know_these_images() -> None:
     Processors round differently, so a few pixels may differ; the golden file's own hash may not.
     """
     digest = hashlib.sha256(pretrained.GOLDEN.read_bytes()).hexdigest()
-    for name in pretrained.NAMES:
-        assert pretrained.facts(name)["golden"] == digest
+    for name in pretrained.PRETRAINED_MODELS:
+        assert pretrained.model_description(name)["golden"] == digest
     golden = np.load(pretrained.GOLDEN)
     for name, image in pretrained.golden_views().items():
         away = np.abs(image.astype(float) - golden[name])

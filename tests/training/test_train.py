@@ -77,7 +77,7 @@ def loaded(result) -> LoadedModel:
 
 
 def test_blocks_are_contiguous_and_every_fifth_is_test():
-    codes = splits.by_blocks(np.repeat([0, 1], [542, 100]).astype(np.int32))
+    codes = splits.split_by_blocks(np.repeat([0, 1], [542, 100]).astype(np.int32))
     for rows in (codes[:542], codes[542:]):
         block = np.arange(len(rows)) // 8
         for number in np.unique(block):
@@ -87,17 +87,17 @@ def test_blocks_are_contiguous_and_every_fifth_is_test():
         share = (rows == VALIDATION).sum() / (rows != TEST).sum()
         assert 0.05 < share < 0.15
     assert set(codes) == {TRAIN, VALIDATION, TEST}
-    np.testing.assert_array_equal(codes[:542], splits.by_blocks(np.zeros(542, np.int32)))
+    np.testing.assert_array_equal(codes[:542], splits.split_by_blocks(np.zeros(542, np.int32)))
 
 
 def test_halves_leave_the_second_half_of_the_only_trajectory():
-    codes = splits.by_halves(np.zeros(200, np.int32))
+    codes = splits.split_by_recording(np.zeros(200, np.int32))
     assert set(codes[:100]) == {TRAIN, VALIDATION}
     assert (codes[100:] == TEST).all()
 
 
 def test_halves_leave_the_first_of_several_trajectories():
-    codes = splits.by_halves(np.repeat([0, 1, 2], 80).astype(np.int32))
+    codes = splits.split_by_recording(np.repeat([0, 1, 2], 80).astype(np.int32))
     assert (codes[:80] == TEST).all()
     assert set(codes[80:]) == {TRAIN, VALIDATION}
 
@@ -105,17 +105,17 @@ def test_halves_leave_the_first_of_several_trajectories():
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 40])
 def test_short_trajectories_split_too(count):
     rows = np.zeros(count, np.int32)
-    assert (splits.by_blocks(rows) >= 0).all()
-    assert (splits.by_halves(rows) >= 0).all()
+    assert (splits.split_by_blocks(rows) >= 0).all()
+    assert (splits.split_by_recording(rows) >= 0).all()
 
 
 def test_a_few_steps_learn_and_figures_are_kept(frames, learnt):
-    result, figures = learnt, learnt.figures
+    result, figures = learnt, learnt.metrics
     assert figures["sim.train.median_error"] < 0.6 * figures["sim.train.baseline_error"]
     assert figures["real.unseen.instances"] == 120
     assert set(result.splits) == {"sim", "sim_edit", "real"}
     assert (result.splits["real"] == UNSEEN).all()
-    np.testing.assert_array_equal(result.splits["sim"], splits.by_blocks(frames.trajectory))
+    np.testing.assert_array_equal(result.splits["sim"], splits.split_by_blocks(frames.trajectory))
     assert [row["epoch"] for row in result.history] == list(range(1, len(result.history) + 1))
     assert "validation_median_error" in result.history[-1]
     assert json.loads(result.provenance["history"]) == result.history
@@ -163,7 +163,7 @@ def test_checkpoints_of_another_training_or_damaged_ones_are_refused(few, tmp_pa
     with pytest.raises(RequestError, match="another training"):
         train(few, "vanilla", budget=Budget(steps=1), seed=1, checkpoint=file)
     file.write_bytes(file.read_bytes()[:100])
-    with pytest.raises(RequestError, match="no checkpoint"):
+    with pytest.raises(RequestError, match="not a checkpoint"):
         train(few, "vanilla", budget=Budget(steps=1), checkpoint=file)
 
 
@@ -172,7 +172,7 @@ def test_finetune_goes_on_from_a_model_with_real_images(frames, learnt):
     before = {key: value.clone() for key, value in weights(first).items()}
     tuned = train(frames, "finetune", budget=Budget(steps=10), start=loaded(first),
                   start_splits=first.splits)  # fmt: skip
-    assert tuned.figures["real.train.median_error"] < first.figures["real.unseen.median_error"]
+    assert tuned.metrics["real.train.median_error"] < first.metrics["real.unseen.median_error"]
     assert (tuned.splits["real"][60:] == TEST).all()
     np.testing.assert_array_equal(tuned.splits["sim"], first.splits["sim"])
     torch.testing.assert_close(weights(first), before, rtol=0, atol=0)
@@ -204,15 +204,15 @@ def test_frames_are_collected_in_blocks(tmp_path):
     rgb = rng.integers(0, 256, (5, 16, 16, 3), dtype=np.uint8)
     depth = rng.integers(0, 9000, (5, 16, 16), dtype=np.uint16)
     blocks = [(rgb[:3], depth[:3]), (rgb[3:], depth[3:])]
-    held = DomainFrames.collect("sim", blocks, 5, (8, 8), 0.001)
-    mapped = DomainFrames.collect("sim", blocks, 5, (8, 8), 0.001, tmp_path / "cache")
+    held = DomainFrames.from_blocks("sim", blocks, 5, (8, 8), 0.001)
+    mapped = DomainFrames.from_blocks("sim", blocks, 5, (8, 8), 0.001, tmp_path / "cache")
     assert held.depth.dtype == np.uint16
     np.testing.assert_array_equal(held.rgb, mapped.rgb)
     rows = np.array([4, 0])
     assert held.inputs(rows).shape == (2, 4, 8, 8)
     np.testing.assert_array_equal(held.inputs(rows), mapped.inputs(rows))
     with pytest.raises(ValueError, match="expected 6"):
-        DomainFrames.collect("sim", blocks, 6, (8, 8), 0.001)
+        DomainFrames.from_blocks("sim", blocks, 6, (8, 8), 0.001)
 
 
 def batch() -> torch.Tensor:
@@ -258,13 +258,13 @@ def test_the_loss_counts_a_turn_as_a_displacement_ahead():
     truth = torch.tensor([[1.0, 2.0, 1.0, 0.0]])
     moved = torch.tensor([[1.0, 5.0, 1.0, 0.0]])
     turned = torch.tensor([[1.0, 2.0, 0.0, 1.0]])
-    assert training_loop.pose_loss(moved, truth).item() == pytest.approx(0.7 * 9)
+    assert training_loop.training_loss(moved, truth).item() == pytest.approx(0.7 * 9)
     lever = 2 * training_loop.HEADING_LEVER**2
-    assert training_loop.pose_loss(turned, truth).item() == pytest.approx(0.3 * lever)
+    assert training_loop.training_loss(turned, truth).item() == pytest.approx(0.3 * lever)
 
 
 def test_the_schedule_rises_then_falls_to_nothing():
-    rates = [training_loop.schedule(done) for done in np.linspace(0, 1, 101)]
+    rates = [training_loop.learning_rate_share(done) for done in np.linspace(0, 1, 101)]
     assert rates[0] > 0
     assert max(rates) == pytest.approx(1)
     assert rates[-1] == pytest.approx(0)

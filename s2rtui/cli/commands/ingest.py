@@ -65,8 +65,8 @@ def execute(options: argparse.Namespace) -> int:
     allow_outside = getattr(options, "allow_outside", False)
     scan_options = ScanOptions(tuple(options.trajectory), header, frame, world, allow_outside)
     scan = IMPORTERS[options.layout](getattr(options, "path", Path()), scan_options)
-    views = sum(len(s.images) for rows in scan.trajectories.values() for s in rows)
-    for folder, count in sorted(scan.outside.items()):
+    views = sum(len(s.sources) for rows in scan.trajectories.values() for s in rows)
+    for folder, count in sorted(scan.outside_folders.items()):
         files = "1 file" if count == 1 else f"{count} files"
         print(printable(f"outside of the data's folder: {folder} ({files})"), file=sys.stderr)
     command = shlex.join(["s2r", *sys.argv[1:]])
@@ -79,7 +79,7 @@ def execute(options: argparse.Namespace) -> int:
         print(printable(f"s2r: interrupted; {kept}"), file=sys.stderr)
         return 130
     finally:
-        _report(scan.problems)
+        _report(scan.issues)
     _tell(options.store)
     return 0
 
@@ -99,12 +99,12 @@ def _report(problems: list[Any]) -> None:
     from s2rstore.security.printable_text import printable
 
     kinds: dict[str, list[Any]] = {}
-    for problem in problems:
-        kinds.setdefault(problem.kind, []).append(problem)
+    for issue in problems:
+        kinds.setdefault(issue.kind, []).append(issue)
     for kind, found in kinds.items():
         print(f"{kind}: {len(found)}", file=sys.stderr)
-        for problem in found[:_SHOWN]:
-            print(printable(f"  {problem.file} {problem.detail}".rstrip()), file=sys.stderr)
+        for issue in found[:_SHOWN]:
+            print(printable(f"  {issue.file} {issue.detail}".rstrip()), file=sys.stderr)
         if len(found) > _SHOWN:
             print(f"  ... and {len(found) - _SHOWN} more", file=sys.stderr)
 

@@ -36,7 +36,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _add(options: argparse.Namespace) -> None:
-    from s2rtools.precompute.registry import add_model
+    from s2rtools.precompute.registration import add_model
 
     add_model(options.store, options.name, options.file, options.arch, options.convention,
               options.trust)  # fmt: skip
@@ -46,5 +46,5 @@ def _add(options: argparse.Namespace) -> None:
 def _shipped(options: argparse.Namespace) -> None:
     from s2rtools.training import pretrained as shipped
 
-    added = shipped.add(options.store)
+    added = shipped.add_pretrained_models(options.store)
     print(f"{options.store}: {', '.join(added) or 'nothing'} registered; `s2r precompute` fills it")

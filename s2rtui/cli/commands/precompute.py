@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.errors import RequestError
-    from s2rtools.precompute.pipeline import Options, precompute
+    from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtui.security.restricted_process import end_with_parent
 
     if options.progress == "json":
@@ -32,6 +32,6 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError("--workers: at least 1")
     kinds = tuple(options.kinds.split(",")) if options.kinds else None
     with reporter(options.progress) as told:
-        wanted = Options(kinds, options.workers, options.backend, options.trust)
+        wanted = PrecomputeOptions(kinds, options.workers, options.backend, options.trust)
         precompute(options.store, told, options.run, wanted)
     return 0

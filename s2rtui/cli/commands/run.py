@@ -21,12 +21,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtools.adjustments import parse
-    from s2rtools.precompute.registry import add_run
+    from s2rtools.adjustments import parse_adjustment
+    from s2rtools.precompute.registration import add_run
 
     chains: dict[str, list[dict[str, object]]] = {"sim": [], "real": []}
     for text in options.adjust:
-        for side, steps in parse(text).items():
+        for side, steps in parse_adjustment(text).items():
             chains[side] += steps
     run = add_run(options.store, options.name, options.model, options.sim, options.real, chains)
     print(f"{options.store}: run {run} registered; `s2r precompute {options.store}` fills it")

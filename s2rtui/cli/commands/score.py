@@ -39,7 +39,7 @@ def execute(options: argparse.Namespace) -> int:
     with reporter() as told:
         found = report.score(options.store, settings, told)
     if keeps:
-        report.keep(options.store, found)
+        report.save_report(options.store, found)
     if options.json:
         json.dump(found, sys.stdout, indent=1, sort_keys=True)
         print()

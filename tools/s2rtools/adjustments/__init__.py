@@ -1,6 +1,7 @@
-"""Adjustments of what a side looks at; neutral ones change nothing, to the bit.
+"""Adjustments: changes of one side's images or camera, such as brightness or camera height.
 
-`ADJUSTMENTS` lists them: adding one is a declaration in a file here and a line in that table.
+Registry: `ADJUSTMENTS` maps an adjustment's name to an `Adjustment`. To add an adjustment, declare
+it in a module here and add one line to `ADJUSTMENTS`.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ __all__ = [
     "ImageAdjustment",
     "RenderedAdjustment",
     "apply_chain",
-    "chain_of",
-    "parse",
+    "make_chain",
+    "parse_adjustment",
 ]
 
 ADJUSTMENTS: dict[str, Adjustment] = {
@@ -51,12 +52,12 @@ def apply_chain(
 ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
     """Apply the image adjustments of a chain in order to a batch.
 
-    rgb (B, H, W, 3) uint8, depth_raw (B, H, W) and its validity; gives both images in the same
-    types. With neutral values the very same arrays come back. What needs a renderer is passed
-    over: the images are those that it took.
+    Takes rgb (B, H, W, 3) uint8, depth_raw (B, H, W) and its validity; returns both images in the
+    same types. Neutral values return the same arrays. Adjustments that need a renderer are
+    skipped, because the rendered images already contain them.
     """
     for step in chain:
-        adjustment = _known(str(step["name"]))
+        adjustment = _find_adjustment(str(step["name"]))
         if not isinstance(adjustment, ImageAdjustment):
             continue
         if float(step["value"]) != adjustment.neutral:
@@ -64,13 +65,13 @@ def apply_chain(
     return rgb, depth_raw
 
 
-def chain_of(side: Side, values: Mapping[str, float]) -> list[dict[str, Any]]:
-    """The chain that a side's values make, in the order of `ADJUSTMENTS`, neutral ones left out.
+def make_chain(side: Side, values: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Chain of one side from values by name, in the order of `ADJUSTMENTS`, without neutral values.
 
     Raises RequestError for unknown names and values out of range.
     """
     for name, value in values.items():
-        _check(side, _known(name), float(value), f"{name}={value:g}")
+        _check_value(side, _find_adjustment(name), float(value), f"{name}={value:g}")
     return [
         {"name": name, "value": round(float(values[name]), 6)}
         for name, adjustment in ADJUSTMENTS.items()
@@ -78,41 +79,41 @@ def chain_of(side: Side, values: Mapping[str, float]) -> list[dict[str, Any]]:
     ]
 
 
-def parse(text: str) -> dict[str, list[dict[str, Any]]]:
-    """`real:brightness=1.15,contrast=1.1` -> {"real": [{"name": ..., "value": ...}, ...]}.
+def parse_adjustment(text: str) -> dict[str, list[dict[str, Any]]]:
+    """Parse `real:brightness=1.15,contrast=1.1` to {"real": [{"name": ..., "value": ...}, ...]}.
 
-    One side per text; `black` alone means `black=1`. Raises RequestError naming
-    the step, with what could stand there.
+    One side per text; `black` alone means `black=1`. Raises RequestError naming the step and the
+    allowed values.
     """
     sides: dict[Side, list[dict[str, Any]]] = {"sim": [], "real": []}
-    word, colon, rest = text.partition(":")
-    side = next((known for known in sides if known == word), None)
+    prefix, colon, rest = text.partition(":")
+    side = next((name for name in sides if name == prefix), None)
     if not colon or side is None:
-        raise RequestError(f"--adjust {text!r}: begins with sim: or real:")
+        raise RequestError(f"--adjust {text!r}: must begin with sim: or real:")
     for step in rest.split(","):
         name, equals, number = step.strip().partition("=")
-        adjustment = _known(name.strip())
+        adjustment = _find_adjustment(name.strip())
         if not equals and adjustment is not erase.BLACK:
-            such = adjustment.neutral + adjustment.step
-            raise RequestError(f"--adjust {text}: {name} needs a value, such as {name}={such:g}")
+            example = f"{name}={adjustment.neutral + adjustment.step:g}"
+            raise RequestError(f"--adjust {text}: {name} needs a value, such as {example}")
         try:
             value = float(number) if equals else adjustment.highest
         except ValueError:
             raise RequestError(f"--adjust {name}={number}: not a number") from None
-        _check(side, adjustment, value, f"--adjust {name}={number}")
+        _check_value(side, adjustment, value, f"--adjust {name}={number}")
         sides[side].append({"name": adjustment.name, "value": value})
     return {str(side): steps for side, steps in sides.items()}
 
 
-def _check(side: Side, adjustment: Adjustment, value: float, asked: str) -> None:
+def _check_value(side: Side, adjustment: Adjustment, value: float, request: str) -> None:
     if side not in adjustment.sides:
-        raise RequestError(f"{asked}: not on the {side} side ({', '.join(adjustment.sides)})")
+        raise RequestError(f"{request}: not on the {side} side ({', '.join(adjustment.sides)})")
     if not math.isfinite(value) or not adjustment.lowest <= value <= adjustment.highest:
-        span = f"{adjustment.lowest:g} .. {adjustment.highest:g}"
-        raise RequestError(f"{asked}: {span} ({adjustment.unit})")
+        allowed = f"{adjustment.lowest:g} .. {adjustment.highest:g}"
+        raise RequestError(f"{request}: allowed are {allowed} ({adjustment.unit})")
 
 
-def _known(name: str) -> Adjustment:
+def _find_adjustment(name: str) -> Adjustment:
     if name not in ADJUSTMENTS:
         raise RequestError(f"adjustment {name!r}: one of {', '.join(ADJUSTMENTS)}")
     return ADJUSTMENTS[name]

@@ -1,4 +1,4 @@
-"""What an adjustment is."""
+"""Declaration of an adjustment."""
 
 from __future__ import annotations
 
@@ -17,11 +17,10 @@ Apply = Callable[[NDArray[np.uint8], NDArray[Any], NDArray[np.bool_], float], Im
 
 @dataclass(frozen=True, slots=True)
 class Adjustment:
-    """A declared change of what a side looks at, with one parameter.
+    """A change of one side's images, with one parameter in `lowest` .. `highest`.
 
-    `lowest` .. `highest` are allowed, `neutral` changes nothing to the bit, `step` is a sensible
-    move of a slider. Adjustments that need a renderer act before those of the images, wherever they
-    stand in a chain.
+    `neutral` leaves every bit unchanged; `step` is the increment of a slider. Adjustments that
+    need a renderer are applied before image adjustments, regardless of their order in a chain.
     """
 
     name: str
@@ -37,10 +36,10 @@ class Adjustment:
 
 @dataclass(frozen=True, slots=True)
 class ImageAdjustment(Adjustment):
-    """A change of images that are there.
+    """A change of existing images.
 
     `apply(rgb, depth, valid, value)` takes a batch, rgb (B, H, W, 3) uint8, raw depth (B, H, W)
-    and its validity, and gives new images of the same types; it is never called with `neutral`.
+    and its validity, and returns new images of the same types; `value` is never `neutral`.
     """
 
     apply: Apply
@@ -48,8 +47,9 @@ class ImageAdjustment(Adjustment):
 
 @dataclass(frozen=True, slots=True)
 class RenderedAdjustment(Adjustment):
-    """A change of the camera: `s2rstore.geometry.camera_offset` says what its name means, and the data
-    set's renderer takes the frames anew. Values are differences, so neutral is 0.
+    """A change of the camera, for which the data set's renderer renders the frames again.
+
+    `s2rstore.geometry.camera_offset` defines its meaning. Values are differences, so neutral is 0.
     """
 
     needs_renderer: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""Adjustments of the camera: the data set's renderer takes the frames anew."""
+"""Adjustments of the camera, for which the data set's renderer renders the frames again."""
 
 from __future__ import annotations
 

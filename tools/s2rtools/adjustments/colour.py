@@ -1,4 +1,4 @@
-"""Adjustments of the RGB image, by tables over the 256 values of a channel."""
+"""Adjustments of the RGB image, by lookup tables over the 256 values of a channel."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def _brightness(
 def _contrast(
     rgb: NDArray[np.uint8], depth: NDArray[Any], valid: NDArray[np.bool_], value: float
 ) -> Images:
-    """Around each image's own mean, so that its brightness stays."""
-    made = np.empty_like(rgb)
+    """Contrast around each image's mean, so that its brightness stays."""
+    adjusted = np.empty_like(rgb)
     for index, image in enumerate(rgb):
         mean = float(image.mean())
-        made[index] = _table(mean + (_LEVELS - mean) * value)[image]
-    return made, depth
+        adjusted[index] = _table(mean + (_LEVELS - mean) * value)[image]
+    return adjusted, depth
 
 
 def _temperature(
@@ -48,5 +48,5 @@ CONTRAST = ImageAdjustment(
     "contrast", 0.0, 3.0, 1.0, 0.05, "factor", "spread around the image's mean", _contrast
 )
 TEMPERATURE = ImageAdjustment(
-    "temperature", -1.0, 1.0, 0.0, 0.05, "warmth", "red against blue", _temperature
+    "temperature", -1.0, 1.0, 0.0, 0.05, "warmth", "more red and less blue", _temperature
 )

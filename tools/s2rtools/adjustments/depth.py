@@ -1,4 +1,4 @@
-"""Adjustments of the depth image; pixels without a valid depth stay as they are."""
+"""Adjustments of the depth image; invalid pixels stay unchanged."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ def _depth_range(
 def _depth_blur(
     rgb: NDArray[np.uint8], depth: NDArray[Any], valid: NDArray[np.bool_], value: float
 ) -> Images:
-    """Gaussian blur over the valid pixels only, weighted by their share."""
-    made = np.empty_like(depth)
+    """Gaussian blur over the valid pixels only."""
+    blurred = np.empty_like(depth)
     for index in range(len(depth)):
         weight = valid[index].astype(np.float32)
         total = cv2.GaussianBlur(depth[index] * weight, (0, 0), value)
         share = cv2.GaussianBlur(weight, (0, 0), value)
         smooth = np.rint(total / np.maximum(share, 1e-6))
-        made[index] = np.where(valid[index], smooth, depth[index]).astype(depth.dtype)
-    return rgb, made
+        blurred[index] = np.where(valid[index], smooth, depth[index]).astype(depth.dtype)
+    return rgb, blurred
 
 
 DEPTH_RANGE = ImageAdjustment(

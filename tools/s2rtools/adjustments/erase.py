@@ -1,4 +1,4 @@
-"""Taking the image away: what a network says when it sees nothing."""
+"""Adjustment that blacks out the images, to test what a network predicts without input."""
 
 from __future__ import annotations
 
@@ -20,5 +20,5 @@ def _black(
 
 
 BLACK = ImageAdjustment(
-    "black", 0.0, 1.0, 0.0, 0.05, "share", "so much of RGB and depth taken away", _black
+    "black", 0.0, 1.0, 0.0, 0.05, "share", "share of RGB and depth removed", _black
 )

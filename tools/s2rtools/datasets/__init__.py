@@ -1,4 +1,8 @@
-"""From paired images to a published store: `IMPORTERS` lists where they may come from."""
+"""Data sets: read paired images with poses and write them as a store.
+
+Registry: `IMPORTERS` maps a layout's name to a function `scan(path, options) -> Scan`. To add an
+importer, write one module in `importers/` and add one line to `IMPORTERS`.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""From a scan to a published store, built beside and renamed: nothing half-ingested is seen."""
+"""Build a store from a scan: decode, check and write in a folder beside it, then rename."""
 
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -18,14 +19,14 @@ import numpy as np
 from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
-from s2rstore.files.ingest_folder import building_folder
+from s2rstore.files.ingest_folder import building_folder, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import edit
 from s2rstore.records import Domain
 from s2rtools.common.bounded_map import ahead
 from s2rtools.datasets.floor_plan import read_floor_plan
+from s2rtools.datasets.frame_cache import FrameCache
 from s2rtools.datasets.index_rows import write_index
-from s2rtools.datasets.interrupted_ingests import Say, remove_leftovers
 from s2rtools.datasets.scan import (
     CheckedFrame,
     DecodedFrame,
@@ -34,14 +35,14 @@ from s2rtools.datasets.scan import (
     InstanceRecord,
     Scan,
 )
-from s2rtools.datasets.view_cache import ViewCache
 
 SHARD_ROWS = 64
-_PLAN_SIDE = 1056
-_DECODING = 256 << 20
-"""Bytes that all threads together may take for decoding source images."""
+_MAX_FLOOR_PLAN_SIDE = 1056
+_DECODING_BYTES = 256 << 20
+"""Memory of all threads together for decoding source images."""
 
-Progress = Callable[[int], None]
+ReportProgress = Callable[[int], None]
+ReportLine = Callable[[str], object]
 
 
 def build(
@@ -49,157 +50,183 @@ def build(
     target: Path,
     command: str,
     strict: bool,
-    progress: Progress,
-    say: Say = lambda line: None,
+    progress: ReportProgress,
+    report_line: ReportLine = lambda line: None,
 ) -> None:
     """Decode, check and store a scan as a new store at `target`.
 
-    Instances with an unusable view are left out and reported in `scan.problems`. Raises
-    RequestError where `target` exists, where nothing is usable, or with `strict` where anything
-    was reported. `progress` is called with the number of finished views, `say` with a line on what
-    an interrupted ingest of the same store has left.
+    Instances with an unusable frame are left out and reported in `scan.issues`. `progress` is
+    called with the number of finished frames, `report_line` with a line about the remains of an
+    interrupted ingest of the same store. Raises RequestError if `target` exists, if nothing is
+    usable, or with `strict` if there is any issue.
     """
     if target.exists():
         raise RequestError(f"{target}: exists; choose another --store, or remove it")
-    _report_outside(scan)
-    _refuse(scan, strict)
-    beside = building_folder(target)
-    remove_leftovers(target, say)
+    _report_poses_outside(scan)
+    _refuse_unusable(scan, strict)
+    folder = building_folder(target)
+    _remove_leftovers(target, report_line)
     try:
-        beside.mkdir(parents=True)
-        kept = {
-            name: list(_write_trajectory(scan, beside, name, rows, progress))
-            for name, rows in scan.trajectories.items()
+        folder.mkdir(parents=True)
+        stored = {
+            name: list(_write_trajectory(scan, folder, name, records, progress))
+            for name, records in scan.trajectories.items()
         }
-        kept = {name: rows for name, rows in kept.items() if rows}
-        if not kept:
-            scan.problems.append(InputIssue("empty data set", str(scan.root), "no usable pair"))
-        plan = _write_floor_plan(scan, beside)
-        _refuse(scan, strict)
+        stored = {name: rows for name, rows in stored.items() if rows}
+        if not stored:
+            scan.issues.append(InputIssue("empty data set", str(scan.root), "no usable pair"))
+        plan = _write_floor_plan(scan, folder)
+        _refuse_unusable(scan, strict)
         if scan.drives:
-            scan.drives(beside / layout.DRIVES)
-        with edit(beside) as draft:
-            write_index(draft, scan, kept, plan, command)
-            draft.record_checksums(_checksums(beside))
-        beside.rename(target)
+            scan.drives(folder / layout.DRIVES)
+        with edit(folder) as draft:
+            write_index(draft, scan, stored, plan, command)
+            draft.record_checksums(_unlisted_checksums(folder))
+        folder.rename(target)
         atomic_writes.sync_path(target.parent)
     except OSError as error:
         where = error.filename or target
         raise RequestError(f"{where}: cannot be written ({error.strerror})") from error
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
-def _refuse(scan: Scan, strict: bool) -> None:
-    fatal = [p for p in scan.problems if p.kind == "empty data set"] or not scan.trajectories
-    if fatal or (strict and scan.problems):
-        first = scan.problems[0] if scan.problems else InputIssue("empty data set", str(scan.root))
-        more = f" and {len(scan.problems) - 1} more" if len(scan.problems) > 1 else ""
+def _remove_leftovers(target: Path, report_line: ReportLine) -> None:
+    """Remove building folders of ended processes of this host; report every folder found.
+
+    Folders of running processes and of other hosts stay.
+    """
+    for folder in building_folders(target):
+        is_own = folder.process == os.getpid()
+        if folder.is_of_this_host and (is_own or folder.is_abandoned):
+            shutil.rmtree(folder.path, ignore_errors=True)
+            if not folder.path.exists():
+                report_line(
+                    f"{folder.path}: removed; an interrupted ingest (process {folder.process}) "
+                    "had left it"
+                )
+                continue
+        builder = f"process {folder.process}"
+        if folder.host is not None and not folder.is_of_this_host:
+            builder += f" on {folder.host}"
+        report_line(
+            f"{folder.path}: left by another ingest ({builder}); "
+            f"when that has ended, remove it with: rm -r {shlex.quote(str(folder.path))}"
+        )
+
+
+def _refuse_unusable(scan: Scan, strict: bool) -> None:
+    fatal = [i for i in scan.issues if i.kind == "empty data set"] or not scan.trajectories
+    if fatal or (strict and scan.issues):
+        first = scan.issues[0] if scan.issues else InputIssue("empty data set", str(scan.root))
+        more = f" and {len(scan.issues) - 1} more" if len(scan.issues) > 1 else ""
         raise RequestError(
             f"{first.file}: {first.kind} {first.detail}".rstrip() + f"{more}; nothing was ingested"
         )
 
 
-def _write_trajectory(
-    scan: Scan, root: Path, name: str, sightings: list[InstanceRecord], progress: Progress
-) -> Iterator[tuple[InstanceRecord, dict[str, FrameChecksum]]]:
-    """Write the usable instances of one trajectory; two passes keep memory small.
+def _report_poses_outside(scan: Scan) -> None:
+    edges = scan.bounds
+    for records in scan.trajectories.values():
+        for record in records:
+            if not (edges.x0 <= record.x <= edges.x1 and edges.y0 <= record.y <= edges.y1):
+                file = next(iter(record.sources.values())).file_names(scan)[0] or scan.name
+                detail = f"({record.x:g}, {record.y:g}); kept"
+                scan.issues.append(InputIssue("pose outside the bounds", file, detail))
 
-    The first pass decodes and checks every view, so that the arrays get their final length at once.
+
+def _write_trajectory(
+    scan: Scan, root: Path, name: str, records: list[InstanceRecord], progress: ReportProgress
+) -> Iterator[tuple[InstanceRecord, dict[str, FrameChecksum]]]:
+    """Write the usable instances of one trajectory in two passes.
+
+    The first pass decodes and checks every frame, so that arrays are created with their final
+    length; the second pass writes them shard by shard.
     """
-    with ViewCache(root) as cache, ThreadPoolExecutor(_threads(sightings)) as pool:
-        usable = _usable(scan, pool, sightings, cache, progress)
+    with FrameCache(root) as cache, ThreadPoolExecutor(_thread_count(records)) as pool:
+        usable = _usable_records(scan, pool, records, cache, progress)
         if not usable:
             return
-        facts: dict[str, list[FrameChecksum]] = {}
+        checksums: dict[str, list[FrameChecksum]] = {}
         for domain in scan.domains.values():
-            views = ahead(pool, partial(_decoded, scan, domain), usable)
-            facts[domain.domain] = list(_write_frames(root, name, domain, views, len(usable)))
+            frames = ahead(pool, partial(_decode, scan, domain), usable)
+            checksums[domain.domain] = list(_write_frames(root, name, domain, frames, len(usable)))
             progress(len(usable))
-    for row, sighting in enumerate(usable):
-        yield sighting, {domain: facts[domain][row] for domain in facts}
+    for row, record in enumerate(usable):
+        yield record, {domain: rows[row] for domain, rows in checksums.items()}
 
 
-def _threads(sightings: list[InstanceRecord]) -> int:
-    """One per processor, and fewer where source images are so large that memory would not do."""
-    largest = max(picture.pixels for row in sightings for picture in row.images.values())
-    return max(1, min(os.cpu_count() or 1, _DECODING // (8 * largest)))
+def _thread_count(records: list[InstanceRecord]) -> int:
+    """One thread per processor, fewer where source images are large, to bound the memory."""
+    largest = max(source.pixels for record in records for source in record.sources.values())
+    return max(1, min(os.cpu_count() or 1, _DECODING_BYTES // (8 * largest)))
 
 
-def _usable(
+def _usable_records(
     scan: Scan,
     pool: Executor,
-    sightings: list[InstanceRecord],
-    cache: ViewCache,
-    progress: Progress,
+    records: list[InstanceRecord],
+    cache: FrameCache,
+    progress: ReportProgress,
 ) -> list[InstanceRecord]:
-    """The sightings whose views all decode to one type of depth per domain."""
-    good: list[tuple[InstanceRecord, dict[str, CheckedFrame]]] = []
-    for sighting, found in ahead(pool, partial(_checked, scan, cache), sightings):
-        progress(len(sighting.images))
-        bad = [problem for problem in found.values() if isinstance(problem, InputIssue)]
-        scan.problems += bad
-        if not bad:
-            good.append((sighting, {d: c for d, c in found.items() if isinstance(c, CheckedFrame)}))
-    usual = {
-        domain: Counter(found[domain].depth_type for _, found in good).most_common(1)[0][0]
-        for domain in (scan.domains if good else ())
+    """The records whose frames all decode, with the most common depth dtype of each domain."""
+    decoded: list[tuple[InstanceRecord, dict[str, CheckedFrame]]] = []
+    for record, results in ahead(pool, partial(_check, scan, cache), records):
+        progress(len(record.sources))
+        issues = [result for result in results.values() if isinstance(result, InputIssue)]
+        scan.issues += issues
+        if not issues:
+            frames = {d: r for d, r in results.items() if isinstance(r, CheckedFrame)}
+            decoded.append((record, frames))
+    expected = {
+        domain: Counter(frames[domain].depth_type for _, frames in decoded).most_common(1)[0][0]
+        for domain in (scan.domains if decoded else ())
     }
     usable = []
-    for sighting, views in good:
-        odd = [domain for domain in usual if views[domain].depth_type != usual[domain]]
-        for domain in odd:
-            file = sighting.images[domain].files(scan)[1] or domain
-            detail = f"{views[domain].depth_type}, the others are {usual[domain]}"
-            scan.problems.append(InputIssue("mixed depth types", file, detail))
-        if not odd:
-            scan.problems += [note for view in views.values() for note in view.notes]
-            usable.append(sighting)
+    for record, frames in decoded:
+        differing = [name for name in expected if frames[name].depth_type != expected[name]]
+        for name in differing:
+            file = record.sources[name].file_names(scan)[1] or name
+            detail = f"{frames[name].depth_type}, the others are {expected[name]}"
+            scan.issues.append(InputIssue("mixed depth types", file, detail))
+        if not differing:
+            scan.issues += [issue for frame in frames.values() for issue in frame.issues]
+            usable.append(record)
     return usable
 
 
-def _checked(
-    scan: Scan, cache: ViewCache, sighting: InstanceRecord
+def _check(
+    scan: Scan, cache: FrameCache, record: InstanceRecord
 ) -> tuple[InstanceRecord, dict[str, CheckedFrame | InputIssue]]:
-    """What was found of each domain's view; decoded ones are kept in the cache."""
-    images = dict(sighting.images)
-    found: dict[str, CheckedFrame | InputIssue] = {}
-    for name, picture in sighting.images.items():
-        checked = picture.check(scan, scan.domains[name])
-        if isinstance(checked, CheckedFrame) and checked.view is not None:
-            images[name] = cache.add(picture, checked.view)
-            checked = replace(checked, view=None)
-        found[name] = checked
-    return replace(sighting, images=images), found
+    """Check the frame of each domain; decoded frames move into the cache."""
+    sources = dict(record.sources)
+    results: dict[str, CheckedFrame | InputIssue] = {}
+    for name, source in record.sources.items():
+        result = source.check(scan, scan.domains[name])
+        if isinstance(result, CheckedFrame) and result.frame is not None:
+            sources[name] = cache.add(source, result.frame)
+            result = replace(result, frame=None)
+        results[name] = result
+    return replace(record, sources=sources), results
 
 
-def _report_outside(scan: Scan) -> None:
-    edges = scan.bounds
-    for rows in scan.trajectories.values():
-        for row in rows:
-            if not (edges.x0 <= row.x <= edges.x1 and edges.y0 <= row.y <= edges.y1):
-                file = next(iter(row.images.values())).files(scan)[0] or scan.name
-                detail = f"({row.x:g}, {row.y:g}); kept"
-                scan.problems.append(InputIssue("pose outside the bounds", file, detail))
-
-
-def _decoded(scan: Scan, domain: Domain, sighting: InstanceRecord) -> DecodedFrame:
-    view = sighting.images[domain.domain].view(scan, domain)
-    if isinstance(view, InputIssue):
-        raise RequestError(f"{view.file}: changed while it was read; ingest again")
-    return view
+def _decode(scan: Scan, domain: Domain, record: InstanceRecord) -> DecodedFrame:
+    frame = record.sources[domain.domain].decode(scan, domain)
+    if isinstance(frame, InputIssue):
+        raise RequestError(f"{frame.file}: changed while it was read; ingest again")
+    return frame
 
 
 def _write_frames(
-    root: Path, trajectory: str, domain: Domain, views: Iterator[DecodedFrame], count: int
+    root: Path, trajectory: str, domain: Domain, frames: Iterator[DecodedFrame], count: int
 ) -> Iterator[FrameChecksum]:
     ledger = Ledger(root)
     folder = Path(layout.FRAMES, domain.domain, trajectory)
     shard = 0
-    while block := list(islice(views, SHARD_ROWS)):
+    while block := list(islice(frames, SHARD_ROWS)):
         images = {
-            "rgb": np.stack([view.rgb for view in block]),
-            "depth": np.stack([view.depth for view in block]),
+            "rgb": np.stack([frame.rgb for frame in block]),
+            "depth": np.stack([frame.depth for frame in block]),
         }
         for image, rows in images.items():
             relative = folder / image
@@ -210,7 +237,7 @@ def _write_frames(
             key = f"frames:{domain.domain}:{trajectory}:{image}:{shard}"
             ledger.add(key, [(file.relative_to(root).as_posix(), len(rows))])
         shard += 1
-        yield from (FrameChecksum(view.sha256, view.valid_fraction) for view in block)
+        yield from (FrameChecksum(frame.sha256, frame.valid_fraction) for frame in block)
 
 
 def _write_floor_plan(scan: Scan, root: Path) -> str | None:
@@ -219,13 +246,12 @@ def _write_floor_plan(scan: Scan, root: Path) -> str | None:
     if isinstance(scan.floor_plan, Path):
         picture = read_floor_plan(scan.floor_plan)
         if picture is None:
-            scan.problems.append(
-                InputIssue("unreadable floor plan", scan.relative(scan.floor_plan))
-            )
+            file = scan.relative(scan.floor_plan)
+            scan.issues.append(InputIssue("unreadable floor plan", file))
             return None
     else:
         picture = cv2.cvtColor(scan.floor_plan, cv2.COLOR_RGB2BGR)
-    scale = min(1.0, _PLAN_SIDE / max(picture.shape[:2]))
+    scale = min(1.0, _MAX_FLOOR_PLAN_SIDE / max(picture.shape[:2]))
     size = round(picture.shape[1] * scale), round(picture.shape[0] * scale)
     small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
     name = f"{layout.ASSETS}/floor_plan.png"
@@ -233,8 +259,8 @@ def _write_floor_plan(scan: Scan, root: Path) -> str | None:
     return name
 
 
-def _checksums(root: Path) -> dict[str, str]:
-    """Of every file that the ledger does not prove: metadata of arrays, floor plan, drives."""
+def _unlisted_checksums(root: Path) -> dict[str, str]:
+    """SHA-256 of the files that the ledger does not list: array metadata, floor plan, drives."""
     return {
         entry.path: safe_files.sha256(root, entry.path)
         for entry in safe_files.walk(root)

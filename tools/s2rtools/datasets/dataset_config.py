@@ -1,8 +1,9 @@
-"""The data file beside the images: bounds, rooms and cameras, as TOML or JSON.
+"""Data set configuration: bounds, rooms and cameras beside the images, as TOML or JSON.
 
     name = "office"             y_down = true          accuracy_scale = 26.0   (optional, m)
     floor_plan = "map.png"      picture that fills the bounds (optional)
     [bounds]                    x0, y0, x1, y1 in metres
+    [recorded_at]               TRAJECTORY = "2026-03-02T10:00"  (optional)
     [[rooms]]                   room = "hall", rectangles = [[x0, y0, x1, y1], ...]  (optional)
     [domains.NAME]              kind = "sim" | "real", width, height of the original images,
                                 rgb = { hfov | fx, fy, cx, cy; pitch }, depth = { ... },
@@ -10,183 +11,227 @@
                                 depth_raw_max, source = { ... }  (optional)
 
 Angles in degrees, intrinsics in pixels of the original images with pixel i covering [i, i + 1).
-Where depth images have another size than RGB images, `rgb` and `depth` carry their own width and
-height.
+If depth images have another size than RGB images, `rgb` and `depth` carry their own width and
+height. Errors name the file, the key and the allowed values.
 """
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+from msgspec import Meta, Struct, field
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
 from s2rstore.files.layout import checked_name
 from s2rstore.records import Bounds, Domain, Intrinsics, Room
-from s2rtools.datasets.scan import MOST_PIXELS
+from s2rtools.datasets.scan import MAX_PIXELS
 
-Table = dict[str, Any]
+Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Positive = Annotated[float, Meta(gt=0, le=1e6)]
+Degrees = Annotated[float, Meta(ge=1, le=179)]
+Size = tuple[int, int]
+Table = TypeVar("Table")
 
-_EDGES = ("x0", "y0", "x1", "y1")
+_WORDS = {
+    "`object`": "a table", "`array`": "a list", "`float`": "a number", "`int`": "a whole number",
+    "`bool`": "true or false", "`str`": "text", "`null`": "nothing",
+    "Object missing required field": "missing key",
+}  # fmt: skip
+"""What a person calls the types in msgspec's messages."""
+_MIN_EXTENT = 0.01
 _RAW_MAX = 65535
-_LIMIT = 1e6
 
 
-def read(path: Path) -> Table:
-    """Raises RequestError naming the file where it cannot be read."""
-    return _table(read_document(path), path, "the file")
+class BoundsTable(Struct):
+    """Edges of the map, metres."""
+
+    x0: Coordinate
+    y0: Coordinate
+    x1: Coordinate
+    y1: Coordinate
+
+    def __post_init__(self) -> None:
+        if self.x1 - self.x0 < _MIN_EXTENT or self.y1 - self.y0 < _MIN_EXTENT:
+            raise ValueError("x1 and y1 must be larger than x0 and y0, by 1 cm")
 
 
-def bounds(data: Table, path: Path) -> Bounds:
-    table = _table(data.get("bounds", {}), path, "bounds")
-    edges = [_number(table, name, path, "bounds") for name in _EDGES]
-    if edges[2] - edges[0] < 0.01 or edges[3] - edges[1] < 0.01:
-        raise RequestError(f"{path}: bounds: x1 and y1 must be larger than x0 and y0, by 1 cm")
-    return Bounds(*edges)
+class RoomTable(Struct):
+    """A room and the rectangles (x0, y0, x1, y1) that it consists of, metres."""
+
+    room: str
+    rectangles: list[tuple[Coordinate, Coordinate, Coordinate, Coordinate]] = []
+
+    def __post_init__(self) -> None:
+        if not self.room or not self.room.isprintable():
+            raise ValueError("room must be a name in printable letters")
+        if any(x1 <= x0 or y1 <= y0 for x0, y0, x1, y1 in self.rectangles):
+            raise ValueError(f"room {self.room!r}: x1, y1 must be larger than x0, y0")
 
 
-def text(data: Table, key: str, default: str, path: Path) -> str:
-    value = data.get(key, default)
-    if not isinstance(value, str) or not value.isprintable():
-        raise RequestError(f"{path}: {key} must be printable text")
-    return value
+class CameraTable(Struct, kw_only=True):
+    """A camera with one field of view, or with intrinsics; pitch in degrees."""
+
+    width: Positive
+    height: Positive
+    pitch: Coordinate = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.width.is_integer() and self.height.is_integer()):
+            raise ValueError("width and height are whole numbers of pixels")
+        if self.width * self.height > MAX_PIXELS:
+            size = f"{self.width:.0f}x{self.height:.0f}"
+            raise ValueError(f"{size} pixels; at most {MAX_PIXELS:,} are read")
+
+    @property
+    def size(self) -> Size:
+        """(height, width)."""
+        return int(self.height), int(self.width)
+
+    def intrinsics(self) -> tuple[float, float, float, float]:
+        """fx, fy, cx, cy in pixels of the original image."""
+        raise NotImplementedError
+
+    def scaled_to(self, frame: Size) -> Intrinsics:
+        """Intrinsics for frames of (height, width)."""
+        fx, fy, cx, cy = self.intrinsics()
+        columns, rows = frame[1] / self.width, frame[0] / self.height
+        pitch = math.radians(self.pitch)
+        return Intrinsics(fx * columns, fy * rows, cx * columns, cy * rows, pitch)
 
 
-def flag(data: Table, key: str, default: bool, path: Path) -> bool:
-    value = data.get(key, default)
-    if not isinstance(value, bool):
-        raise RequestError(f"{path}: {key} must be true or false")
-    return value
+class FieldOfViewCamera(CameraTable, kw_only=True):
+    hfov: Degrees
+
+    def intrinsics(self) -> tuple[float, float, float, float]:
+        focal = self.width / 2 / math.tan(math.radians(self.hfov) / 2)
+        return focal, focal, self.width / 2, self.height / 2
 
 
-def scale(data: Table, default: float, path: Path) -> float:
-    """The data set's `accuracy_scale`, metres."""
-    return _positive({"accuracy_scale": default, **data}, "accuracy_scale", path, "data set")
+class IntrinsicsCamera(CameraTable, kw_only=True):
+    fx: Positive
+    fy: Positive
+    cx: Coordinate
+    cy: Coordinate
+
+    def intrinsics(self) -> tuple[float, float, float, float]:
+        return self.fx, self.fy, self.cx, self.cy
 
 
-def recorded_at(data: Table, path: Path) -> dict[str, str]:
-    """When each trajectory was recorded, as written."""
-    table = _table(data.get("recorded_at", {}), path, "recorded_at")
-    return {str(name): str(value) for name, value in table.items()}
+class DomainTable(Struct):
+    """A domain without its cameras."""
+
+    kind: str
+    camera_height: Coordinate
+    depth_scale: Positive
+    forward_offset: Coordinate = 0.0
+    depth_raw_min: Coordinate = 1
+    depth_raw_max: Coordinate = _RAW_MAX - 1
+    source: dict[str, str] = {}
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("sim", "real"):
+            raise ValueError('kind = "sim" or "real"')
+        if not 0 <= self.depth_raw_min <= self.depth_raw_max <= _RAW_MAX:
+            raise ValueError(f"0 <= depth_raw_min <= depth_raw_max <= {_RAW_MAX}")
 
 
-def rooms(data: Table, path: Path) -> tuple[Room, ...]:
-    """Rectangles in order of precedence."""
-    made: list[Room] = []
-    entries = data.get("rooms", [])
-    if not isinstance(entries, list):
-        raise RequestError(f"{path}: rooms must be a list, written as [[rooms]]")
-    for entry in entries:
-        name = _table(entry, path, "rooms").get("room")
-        if not isinstance(name, str) or not name or not name.isprintable():
-            raise RequestError(f"{path}: rooms: each needs room = its name, in printable letters")
-        rectangles = entry.get("rectangles", [])
-        for rectangle in rectangles if isinstance(rectangles, list) else [rectangles]:
-            corners = dict(zip(_EDGES, rectangle, strict=False)) if _is_four(rectangle) else {}
-            if not corners:
-                raise RequestError(f"{path}: room {name!r}: rectangles are 4 numbers")
-            edges = [_number(corners, key, path, f"room {name!r}") for key in _EDGES]
-            if edges[2] <= edges[0] or edges[3] <= edges[1]:
-                raise RequestError(f"{path}: room {name!r}: x1, y1 must be larger than x0, y0")
-            made.append(Room(name, len(made), *edges))
-    return tuple(made)
+class DatasetTable(Struct):
+    """The keys of the file; `domains` are converted when they are needed."""
+
+    bounds: BoundsTable
+    name: str
+    y_down: bool
+    floor_plan: str = ""
+    accuracy_scale: Positive | msgspec.UnsetType = msgspec.UNSET
+    recorded_at: dict[str, Any] = field(default_factory=dict)
+    rooms: list[RoomTable] = []
+    domains: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for key in ("name", "floor_plan"):
+            if not getattr(self, key).isprintable():
+                raise ValueError(f"{key} must be printable text")
 
 
-def domain(data: Table, name: str, frame: tuple[int, int], path: Path) -> Domain:
-    """The cameras of one domain, scaled to frames of (height, width)."""
-    found = _domain(data, name, path)
-    where = f"domains.{name}"
-    if found.get("kind") not in ("sim", "real"):
-        raise RequestError(f'{path}: {where}: kind = "sim" or "real"')
-    low = _number({"depth_raw_min": 1, **found}, "depth_raw_min", path, where)
-    high = _number({"depth_raw_max": _RAW_MAX - 1, **found}, "depth_raw_max", path, where)
-    if not 0 <= low <= high <= _RAW_MAX:
-        raise RequestError(f"{path}: {where}: 0 <= depth_raw_min <= depth_raw_max <= {_RAW_MAX}")
-    return Domain(
-        domain=checked_name(name, "domain"),
-        kind=found["kind"],
-        rgb=_camera(found, "rgb", frame, path, where),
-        depth=_camera(found, "depth", frame, path, where),
-        camera_height=_number(found, "camera_height", path, where),
-        forward_offset=_number({"forward_offset": 0.0, **found}, "forward_offset", path, where),
-        depth_scale=_positive(found, "depth_scale", path, where),
-        depth_raw_min=int(low),
-        depth_raw_max=int(high),
-        sources=_sources(found, path, where),
-    )
+class DatasetConfig:
+    """The validated configuration of one data set."""
+
+    def __init__(self, path: Path, **defaults: Any) -> None:
+        """Read a file; `defaults` are values of keys that it does not have.
+
+        Raises RequestError naming the file and the key.
+        """
+        document = read_document(path)
+        if isinstance(document, dict):
+            document = {**defaults, **document}
+        self.path = path
+        self.table = _convert(document, DatasetTable, str(path))
+        edges = self.table.bounds
+        self.bounds = Bounds(edges.x0, edges.y0, edges.x1, edges.y1)
+
+    @property
+    def accuracy_scale(self) -> float:
+        """Metres; by default the diagonal of the bounds."""
+        scale = self.table.accuracy_scale
+        return self.bounds.diagonal if isinstance(scale, msgspec.UnsetType) else scale
+
+    @property
+    def recorded_at(self) -> dict[str, str]:
+        """When each trajectory was recorded, as written."""
+        return {name: str(value) for name, value in self.table.recorded_at.items()}
+
+    @property
+    def rooms(self) -> tuple[Room, ...]:
+        """Rectangles in order of precedence."""
+        rectangles = [(r.room, edges) for r in self.table.rooms for edges in r.rectangles]
+        return tuple(Room(name, n, *edges) for n, (name, edges) in enumerate(rectangles))
+
+    def domain(self, name: str, frame: Size) -> Domain:
+        """A domain with its cameras scaled to frames of (height, width)."""
+        table = _convert(self._domain_table(name), DomainTable, f"{self.path}: domains.{name}")
+        return Domain(
+            domain=checked_name(name, "domain"),
+            kind="sim" if table.kind == "sim" else "real",
+            rgb=self._camera(name, "rgb").scaled_to(frame),
+            depth=self._camera(name, "depth").scaled_to(frame),
+            camera_height=table.camera_height,
+            forward_offset=table.forward_offset,
+            depth_scale=table.depth_scale,
+            depth_raw_min=int(table.depth_raw_min),
+            depth_raw_max=int(table.depth_raw_max),
+            sources=table.source,
+        )
+
+    def image_sizes(self, name: str) -> tuple[Size, Size]:
+        """(height, width) of a domain's original RGB and depth images."""
+        return self._camera(name, "rgb").size, self._camera(name, "depth").size
+
+    def _domain_table(self, name: str) -> dict[str, Any]:
+        if name not in self.table.domains:
+            known = ", ".join(self.table.domains) or "none"
+            raise RequestError(f"{self.path}: no [domains.{name}] (has: {known})")
+        return self.table.domains[name]
+
+    def _camera(self, name: str, image: str) -> CameraTable:
+        domain = self._domain_table(name)
+        table = domain.get(image, {})
+        kind: type[CameraTable] = IntrinsicsCamera
+        if isinstance(table, dict):
+            kind = FieldOfViewCamera if "hfov" in table else IntrinsicsCamera
+            table = {key: domain[key] for key in ("width", "height") if key in domain} | table
+        return _convert(table, kind, f"{self.path}: domains.{name}.{image}")
 
 
-def sizes(data: Table, name: str, path: Path) -> tuple[tuple[int, int], tuple[int, int]]:
-    """(height, width) of a domain's original RGB and depth images."""
-    found = _domain(data, name, path)
-    rgb, depth = (_size(found, image, path, f"domains.{name}") for image in ("rgb", "depth"))
-    return rgb, depth
-
-
-def _domain(data: Table, name: str, path: Path) -> Table:
-    domains = _table(data.get("domains", {}), path, "domains")
-    if name not in domains:
-        known = ", ".join(domains) or "none"
-        raise RequestError(f"{path}: no [domains.{name}] (has: {known})")
-    return _table(domains[name], path, f"domains.{name}")
-
-
-def _size(found: Table, image: str, path: Path, where: str) -> tuple[int, int]:
-    table = {**found, **_table(found.get(image, {}), path, f"{where}.{image}")}
-    height, width = (_positive(table, key, path, where) for key in ("height", "width"))
-    if height != int(height) or width != int(width):
-        raise RequestError(f"{path}: {where}: width and height are whole numbers of pixels")
-    if height * width > MOST_PIXELS:
-        size = f"{width:.0f}x{height:.0f}"
-        raise RequestError(f"{path}: {where}: {size} pixels; at most {MOST_PIXELS:,} are read")
-    return int(height), int(width)
-
-
-def _sources(found: Table, path: Path, where: str) -> dict[str, str]:
-    table = _table(found.get("source", {}), path, f"{where}.source")
-    if not all(isinstance(value, str) for value in table.values()):
-        raise RequestError(f'{path}: {where}.source: "declared" or "estimated" for each group')
-    return table
-
-
-def _camera(found: Table, image: str, frame: tuple[int, int], path: Path, where: str) -> Intrinsics:
-    height, width = _size(found, image, path, where)
-    where = f"{where}.{image}"
-    table = _table(found.get(image, {}), path, where)
-    if "hfov" in table:
-        hfov = _positive(table, "hfov", path, where)
-        if not 1 <= hfov <= 179:
-            raise RequestError(f"{path}: {where}: hfov is 1 .. 179 degrees")
-        fx = fy = width / 2 / math.tan(math.radians(hfov) / 2)
-        cx, cy = width / 2, height / 2
-    else:
-        fx, fy = (_positive(table, key, path, where) for key in ("fx", "fy"))
-        cx, cy = (_number(table, key, path, where) for key in ("cx", "cy"))
-    pitch = math.radians(_number({"pitch": 0.0, **table}, "pitch", path, where))
-    across, down = frame[1] / width, frame[0] / height
-    return Intrinsics(fx * across, fy * down, cx * across, cy * down, pitch)
-
-
-def _is_four(rectangle: Any) -> bool:
-    return isinstance(rectangle, list) and len(rectangle) == len(_EDGES)
-
-
-def _table(value: Any, path: Path, where: str) -> Table:
-    if not isinstance(value, dict):
-        raise RequestError(f"{path}: {where} must be a table")
-    return value
-
-
-def _positive(found: Table, key: str, path: Path, where: str) -> float:
-    value = _number(found, key, path, where)
-    if value <= 0:
-        raise RequestError(f"{path}: {where}: {key} must be larger than 0")
-    return value
-
-
-def _number(found: Table, key: str, path: Path, where: str) -> float:
-    value = found.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _LIMIT:
-        raise RequestError(f"{path}: {where}: {key} must be a number within +-{_LIMIT:g}")
-    return float(value)
+def _convert(value: Any, kind: type[Table], where: str) -> Table:
+    """Validate plain data. Raises RequestError, beginning with `where` and the key."""
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        reason, _, place = str(error).partition(" - at `$")
+        for technical, plain in _WORDS.items():
+            reason = reason.replace(technical, plain)
+        raise RequestError(f"{where}{place.rstrip('`')}: {reason}") from error

@@ -1,4 +1,4 @@
-"""The picture of a data set's floor plan."""
+"""Read the picture of a data set's floor plan."""
 
 from __future__ import annotations
 
@@ -13,29 +13,30 @@ from s2rstore.errors import RequestError
 from s2rstore.files.image_header import check_integrity, read_header
 from s2rstore.files.input_files import read_bytes
 from s2rtools.datasets.jpeg_entropy import check_jpeg
-from s2rtools.datasets.scan import MOST_PIXELS
+from s2rtools.datasets.scan import MAX_PIXELS
 
-_MOST_BYTES = 256 << 20
-_MOST_RATIO = 50
-"""Of the longer side to the shorter one."""
+_MAX_BYTES = 256 << 20
+_MAX_ASPECT_RATIO = 50
+"""Longer side over shorter side."""
 
 
 def read_floor_plan(path: Path) -> NDArray[Any] | None:
-    """The picture (h, w, 3) uint8 BGR; None where it is no image or a damaged one.
+    """The picture, (h, w, 3) uint8 BGR; None if it is not an image or is damaged.
 
-    Raises RequestError for a file that is too large, or declares a size that no floor plan has.
+    Raises RequestError if the file is too large or declares an implausible size.
     """
-    content = read_bytes(path, _MOST_BYTES)
+    content = read_bytes(path, _MAX_BYTES)
     try:
         header = read_header(content)
     except ValueError:
         return None
     size = f"{path}: {header.width}x{header.height} pixels"
-    if header.pixels > MOST_PIXELS:
-        raise RequestError(f"{size}; a floor plan has at most {MOST_PIXELS:,} in all; scale it")
-    if max(header.size) > _MOST_RATIO * min(header.size):
+    if header.pixels > MAX_PIXELS:
+        raise RequestError(f"{size}; a floor plan has at most {MAX_PIXELS:,} in all; scale it")
+    if max(header.size) > _MAX_ASPECT_RATIO * min(header.size):
         raise RequestError(
-            f"{size}; the longer side of a floor plan is at most {_MOST_RATIO} times the shorter"
+            f"{size}; the longer side of a floor plan is at most {_MAX_ASPECT_RATIO} times "
+            "the shorter"
         )
     try:
         check_integrity(content, header)

@@ -1,4 +1,4 @@
-"""Decoding one view: both files checked, brought to the stored size, validity counted."""
+"""Decode one frame: check both image files, resize them and count the valid depth pixels."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from s2rstore.files.image_header import check_integrity, read_header
 from s2rstore.files.input_files import open_regular, read_bytes
 from s2rstore.records import Domain
 from s2rtools.datasets.jpeg_entropy import check_jpeg
-from s2rtools.datasets.scan import MOST_PIXELS, CheckedFrame, DecodedFrame, InputIssue, Scan
+from s2rtools.datasets.scan import MAX_PIXELS, CheckedFrame, DecodedFrame, InputIssue, Scan
 
-_COLOUR_SPREAD = 8
+_MAX_DEPTH_COLOUR_SPREAD = 8
 _PHOTO_DIFFERENCE = 6.0
 _PHOTO_CORRELATION = 0.98
-_METADATA = 4 << 20
-"""Bytes that an image file may hold beside its pixels."""
+_MAX_METADATA_BYTES = 4 << 20
+"""Bytes of an image file besides its pixels."""
 
 
 @dataclass(frozen=True, slots=True)
-class Images:
-    """The two source files of one view, and the (height, width) that each must have."""
+class ImageFiles:
+    """The two source files of one frame and the (height, width) that each must have."""
 
     rgb: Path
     depth: Path
@@ -38,39 +38,42 @@ class Images:
     def pixels(self) -> int:
         return max(height * width for height, width in (self.rgb_size, self.depth_size))
 
-    def files(self, scan: Scan) -> tuple[str | None, str | None]:
+    def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return scan.relative(self.rgb), scan.relative(self.depth)
 
     def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
-        found = decode(scan, domain, self)
-        if isinstance(found, InputIssue):
-            return found
-        return CheckedFrame(str(found.depth.dtype), found.notes, found)
+        frame = decode_frame(scan, domain, self)
+        if isinstance(frame, InputIssue):
+            return frame
+        return CheckedFrame(str(frame.depth.dtype), frame.issues, frame)
 
-    def view(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
-        return decode(scan, domain, self)
+    def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
+        return decode_frame(scan, domain, self)
 
 
-def decode(scan: Scan, domain: Domain, images: Images) -> DecodedFrame | InputIssue:
-    """Read, check and resize one view; a Problem names the file that cannot be used.
+def decode_frame(scan: Scan, domain: Domain, files: ImageFiles) -> DecodedFrame | InputIssue:
+    """Read, check and resize one frame; an InputIssue names the unusable file.
 
     RGB is averaged over areas. Depth takes the nearest source pixel, so that every stored value
-    is one of the file and validity needs no second mask.
+    occurs in the file and validity needs no second mask.
     """
     digest = hashlib.sha256()
-    rgb = _read(scan, images.rgb, images.rgb_size, cv2.IMREAD_COLOR_RGB, digest)
+    rgb = _read(scan, files.rgb, files.rgb_size, cv2.IMREAD_COLOR_RGB, digest)
     if isinstance(rgb, InputIssue):
         return rgb
     height, width = scan.frame
     small, bits = _resized_rgb(rgb.pixels, (width, height)), rgb.bits
     del rgb
-    depth = _read(scan, images.depth, images.depth_size, cv2.IMREAD_UNCHANGED, digest)
+    depth = _read(scan, files.depth, files.depth_size, cv2.IMREAD_UNCHANGED, digest)
     if isinstance(depth, InputIssue):
         return depth
-    name = scan.relative(images.depth)
+    name = scan.relative(files.depth)
     if depth.pixels.ndim == 3:
-        if int(np.ptp(depth.pixels[..., :3].astype(np.int16), axis=2).max()) > _COLOUR_SPREAD:
-            return InputIssue("not a depth image", name, "it has colours")
+        if (
+            int(np.ptp(depth.pixels[..., :3].astype(np.int16), axis=2).max())
+            > _MAX_DEPTH_COLOUR_SPREAD
+        ):
+            return InputIssue("not a depth image", name, "it is a colour image")
         depth.pixels = depth.pixels[..., 0]
     if depth.pixels.dtype not in (np.uint8, np.uint16):
         return InputIssue("not a depth image", name, f"type {depth.pixels.dtype}")
@@ -78,16 +81,16 @@ def decode(scan: Scan, domain: Domain, images: Images) -> DecodedFrame | InputIs
     if _is_photo(raw, small):
         return InputIssue("not a depth image", name, "it repeats the RGB image")
     valid = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
-    notes: tuple[InputIssue, ...] = ()
+    issues: tuple[InputIssue, ...] = ()
     if bits > 8:
         detail = f"{bits} bits; stored with 8"
-        notes = (InputIssue("colours of more than 8 bits", scan.relative(images.rgb), detail),)
-    return DecodedFrame(small, raw, digest.hexdigest(), float(valid.mean()), notes)
+        issues = (InputIssue("colours of more than 8 bits", scan.relative(files.rgb), detail),)
+    return DecodedFrame(small, raw, digest.hexdigest(), float(valid.mean()), issues)
 
 
 @dataclass(slots=True)
-class _Decoded:
-    """The pixels of a file, and the bits per sample that it had."""
+class _DecodedImage:
+    """Pixels of an image file and its bits per sample."""
 
     pixels: NDArray[Any]
     bits: int
@@ -95,11 +98,11 @@ class _Decoded:
 
 def _read(
     scan: Scan, path: Path, size: tuple[int, int], mode: int, digest: Any
-) -> _Decoded | InputIssue:
-    """Decode an image of an expected (height, width); nothing is decoded for another one."""
+) -> _DecodedImage | InputIssue:
+    """Decode an image of the expected (height, width); other sizes are not decoded."""
     name = scan.relative(path)
     try:
-        content = read_bytes(path, _most_bytes(size))
+        content = read_bytes(path, _max_bytes(size))
     except RequestError as error:
         return InputIssue("unreadable image", name, str(error).removeprefix(f"{path}: "))
     digest.update(content)
@@ -123,19 +126,19 @@ def _read(
     except (cv2.error, MemoryError):
         image = None
     if image is None:
-        return InputIssue("unreadable image", name, "no picture that can be decoded")
+        return InputIssue("unreadable image", name, "it cannot be decoded")
     if image.shape[:2] != size:
         return _wrong_size(name, image.shape, size)
-    return _Decoded(np.asarray(image), header.bits)
+    return _DecodedImage(np.asarray(image), header.bits)
 
 
-def _wrong_size(name: str, found: tuple[int, ...], expected: tuple[int, int]) -> InputIssue:
-    return InputIssue("wrong size", name, f"{size_text(found)}, expected {size_text(expected)}")
+def _wrong_size(name: str, size: tuple[int, ...], expected: tuple[int, int]) -> InputIssue:
+    return InputIssue("wrong size", name, f"{size_text(size)}, expected {size_text(expected)}")
 
 
-def _most_bytes(size: tuple[int, int]) -> int:
-    """The bytes that a file of so many pixels may have: 16 bits in 4 channels, and metadata."""
-    return size[0] * size[1] * 8 + _METADATA
+def _max_bytes(size: tuple[int, int]) -> int:
+    """Largest file for an image size: 4 channels of 16 bits, and metadata."""
+    return size[0] * size[1] * 8 + _MAX_METADATA_BYTES
 
 
 def _resized_rgb(rgb: NDArray[Any], size: tuple[int, int]) -> NDArray[np.uint8]:
@@ -145,7 +148,7 @@ def _resized_rgb(rgb: NDArray[Any], size: tuple[int, int]) -> NDArray[np.uint8]:
 
 
 def _is_photo(depth: NDArray[Any], rgb: NDArray[np.uint8]) -> bool:
-    """Whether an 8-bit depth image is the grey version of the RGB image."""
+    """Whether an 8-bit depth image is a greyscale copy of the RGB image."""
     if depth.dtype != np.uint8:
         return False
     grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
@@ -156,13 +159,13 @@ def _is_photo(depth: NDArray[Any], rgb: NDArray[np.uint8]) -> bool:
 
 
 def declared_size(path: Path) -> tuple[int, int] | None:
-    """(height, width) that an image file declares; None where it is none or too large."""
+    """(height, width) in an image file's header; None if it is not an image or too large."""
     try:
         with open_regular(path) as file:
-            header = read_header(file.read(_METADATA))
+            header = read_header(file.read(_MAX_METADATA_BYTES))
     except (RequestError, ValueError):
         return None
-    return header.size if header.pixels <= MOST_PIXELS else None
+    return header.size if header.pixels <= MAX_PIXELS else None
 
 
 def size_text(shape: tuple[int, ...]) -> str:

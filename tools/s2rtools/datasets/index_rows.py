@@ -1,9 +1,10 @@
-"""The rows of a new store's index, from a scan and the views that were kept."""
+"""Index rows of a new store, from a scan and its stored frames."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections import Counter
 from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
@@ -17,23 +18,23 @@ from s2rstore.metrics import bootstrap
 from s2rstore.records import Domain
 from s2rtools.datasets.scan import FrameChecksum, InstanceRecord, Scan
 
-Kept = dict[str, list[tuple[InstanceRecord, dict[str, FrameChecksum]]]]
-Row = tuple[str, int, InstanceRecord, dict[str, FrameChecksum]]
+StoredRecords = dict[str, list[tuple[InstanceRecord, dict[str, FrameChecksum]]]]
+InstanceRow = tuple[str, int, InstanceRecord, dict[str, FrameChecksum]]
 
 
 def write_index(
-    draft: IndexTransaction, scan: Scan, kept: Kept, plan: str | None, command: str
+    draft: IndexTransaction, scan: Scan, stored: StoredRecords, plan: str | None, command: str
 ) -> None:
-    """Fill the tables of a new store: iids count in order of trajectory name, then recording."""
-    names = sorted(kept)
-    rows = [(name, seq, *row) for name in names for seq, row in enumerate(kept[name])]
-    sightings = [sighting for _, _, sighting, _ in rows]
+    """Fill the tables of a new store; iids follow trajectory name, then recording order."""
+    names = sorted(stored)
+    rows = [(name, seq, *row) for name in names for seq, row in enumerate(stored[name])]
+    records = [record for _, _, record, _ in rows]
     draft.insert_row("dataset", _dataset_row(scan, rows, plan))
     for name in names:
         draft.insert_row(
             "trajectory",
             {"trajectory": name, "recorded_at": scan.recorded_at.get(name),
-             "instances": len(kept[name])},
+             "instances": len(stored[name])},
         )  # fmt: skip
     for room in scan.rooms:
         draft.insert_row("room", asdict(room))
@@ -46,29 +47,26 @@ def write_index(
             {
                 "iid": np.arange(len(rows), dtype=np.int32),
                 "domain": np.full(len(rows), name, dtype=object),
-                "rgb_path": [s.images[name].files(scan)[0] for s in sightings],
-                "depth_path": [s.images[name].files(scan)[1] for s in sightings],
-                "sha256": [facts[name].sha256 for *_, facts in rows],
-                "valid_depth_fraction": [facts[name].valid_fraction for *_, facts in rows],
+                "rgb_path": [r.sources[name].file_names(scan)[0] for r in records],
+                "depth_path": [r.sources[name].file_names(scan)[1] for r in records],
+                "sha256": [checksums[name].sha256 for *_, checksums in rows],
+                "valid_depth_fraction": [checksums[name].valid_fraction for *_, checksums in rows],
             },
         )
-    problems: dict[str, int] = {}
-    for problem in scan.problems:
-        problems[problem.kind] = problems.get(problem.kind, 0) + 1
     draft.set_provenance(
         "dataset",
         {"command": command, "ingested_at": datetime.now(UTC).isoformat(timespec="seconds"),
-         "problems": problems},
+         "problems": Counter(issue.kind for issue in scan.issues)},
     )  # fmt: skip
-    for what, facts in scan.notes.items():
-        draft.set_provenance(what, facts)
+    for section, facts in scan.provenance.items():
+        draft.set_provenance(section, facts)
     rule = "block_length 0: the rounded-up square root of n, in recording order"
     draft.set_provenance(
         "statistics", {"bootstrap": {**asdict(bootstrap.DEFAULT_SETTINGS), "rule": rule}}
     )
 
 
-def _dataset_row(scan: Scan, rows: list[Row], plan: str | None) -> dict[str, Any]:
+def _dataset_row(scan: Scan, rows: list[InstanceRow], plan: str | None) -> dict[str, Any]:
     facts = {
         "frame": scan.frame,
         "y_down": scan.y_down,
@@ -77,8 +75,8 @@ def _dataset_row(scan: Scan, rows: list[Row], plan: str | None) -> dict[str, Any
         "rooms": [asdict(room) for room in scan.rooms],
         "domains": [asdict(domain) for domain in scan.domains.values()],
         "rows": [
-            (name, seq, s.x, s.y, s.heading, {d: f.sha256 for d, f in facts.items()})
-            for name, seq, s, facts in rows
+            (name, seq, r.x, r.y, r.heading, {d: c.sha256 for d, c in checksums.items()})
+            for name, seq, r, checksums in rows
         ],
     }
     digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
@@ -102,17 +100,17 @@ def _domain_row(domain: Domain) -> dict[str, Any]:
     return {**row, "source": domain.sources}
 
 
-def _instance_columns(scan: Scan, rows: list[Row]) -> dict[str, Any]:
-    sightings: list[InstanceRecord] = [sighting for _, _, sighting, _ in rows]
+def _instance_columns(scan: Scan, rows: list[InstanceRow]) -> dict[str, Any]:
+    records = [record for _, _, record, _ in rows]
     names = np.array([name for name, *_ in rows], dtype=object)
-    x, y, heading = (np.array([getattr(s, k) for s in sightings]) for k in ("x", "y", "heading"))
-    bend = np.zeros(len(rows))
+    x, y, heading = (np.array([getattr(r, k) for r in records]) for k in ("x", "y", "heading"))
+    curvatures = np.zeros(len(rows))
     for name in dict.fromkeys(names):
-        bend[names == name] = curvature(heading[names == name])
+        curvatures[names == name] = curvature(heading[names == name])
     room_names = list(dict.fromkeys(room.room for room in scan.rooms))
     codes = room_codes(x, y, scan.rooms, room_names)
     missing = (np.nan, np.nan, np.nan)
-    odometry = np.array([s.odometry or missing for s in sightings], dtype=np.float64)
+    odometry = np.array([r.odometry or missing for r in records], dtype=np.float64)
     return {
         "iid": np.arange(len(rows), dtype=np.int32),
         "trajectory": names,
@@ -121,9 +119,9 @@ def _instance_columns(scan: Scan, rows: list[Row]) -> dict[str, Any]:
         "y": y,
         "heading": heading,
         "room": [room_names[code] if code >= 0 else None for code in codes],
-        "curvature": bend,
+        "curvature": curvatures,
         "odom_x": odometry[:, 0],
         "odom_y": odometry[:, 1],
         "odom_heading": odometry[:, 2],
-        "timestamp": np.array([np.nan if s.timestamp is None else s.timestamp for s in sightings]),
+        "timestamp": np.array([np.nan if r.timestamp is None else r.timestamp for r in records]),
     }

@@ -1,9 +1,9 @@
-"""Walking through the entropy-coded data of a JPEG to find damage that decoders pass over.
+"""Check the entropy-coded data of a JPEG for damage that decoders ignore.
 
-A JPEG has no checksum, and decoders fill what they cannot read with grey. This walk follows every
-Huffman code of every scan and demands what a whole file has: known codes, no coefficient beyond the
-64th, values that a picture can have, exactly the declared number of blocks, then the next marker.
-A flipped bit that changes one coefficient to another possible value cannot be found by anything.
+A JPEG has no checksum, and decoders fill unreadable parts with grey. This check follows every
+Huffman code of every scan. An undamaged file has only known codes, no coefficient beyond the 64th,
+plausible values, exactly the declared number of blocks, and then the next marker. A flipped bit
+that changes a coefficient to another plausible value cannot be detected.
 Source: ITU-T T.81, annexes B, F and G.
 """
 
@@ -21,13 +21,13 @@ from s2rtools.common.numba_cache import njit
 
 _SEQUENTIAL, _PROGRESSIVE = (0xC0, 0xC1), 0xC2
 _DC_RANGE, _AC_RANGE = 1060.0, 1160.0
-"""Largest magnitudes of dequantised coefficients: 1024 and 928 for 8-bit samples, and more for
-encoders that overshoot on purpose to hide ringing."""
-_MOST_PADDING = 64
-"""Bytes of 0 or 255 between a scan and its marker; some cameras fill up to a multiple."""
+"""Largest magnitudes of dequantised coefficients: 1024 and 928 for 8-bit samples, with a margin
+for encoders that overshoot to hide ringing."""
+_MAX_PADDING = 64
+"""Bytes of 0 or 255 between a scan and its marker; some cameras pad to a multiple."""
 _REASONS = {
     1: "an unknown Huffman code", 2: "data that ends too early", 3: "a block of too many values",
-    4: "values that no picture has", 5: "data behind the last block", 6: "a lost restart marker",
+    4: "implausible values", 5: "data behind the last block", 6: "a lost restart marker",
 }  # fmt: skip
 
 
@@ -36,12 +36,12 @@ class _Component:
     across: int
     down: int
     table: int
-    seen: NDArray[np.uint8] | None = None
+    known: NDArray[np.uint8] | None = None
 
 
 @dataclass(slots=True)
 class _Frame:
-    """What the segments before a scan have declared."""
+    """Declarations of the segments before a scan."""
 
     quantisation: dict[int, NDArray[np.float64]] = field(default_factory=dict)
     codes: dict[int, bytes] = field(default_factory=dict)
@@ -53,7 +53,7 @@ class _Frame:
 
 
 def check_jpeg(content: bytes) -> None:
-    """Raises ValueError, saying what is wrong, where a JPEG's compressed data are damaged."""
+    """Raises ValueError with the reason if a JPEG's compressed data are damaged."""
     data = np.frombuffer(content, dtype=np.uint8)
     frame = _Frame()
     at, scans = 2, 0
@@ -78,7 +78,7 @@ def check_jpeg(content: bytes) -> None:
 
 
 def _marker(content: bytes, at: int) -> int:
-    """The position behind the next marker, which may only have fill bytes before it."""
+    """The position after the next marker, which only fill bytes may precede."""
     if content[at] != 0xFF:
         raise IndexError
     while content[at] == 0xFF:
@@ -120,29 +120,27 @@ def _declare(frame: _Frame, marker: int, segment: bytes) -> None:
 
 @lru_cache(maxsize=16)
 def _lookups(*tables: bytes) -> NDArray[np.uint16]:
-    """Per table and the next 16 bits of data: length of the code times 256, plus its symbol; 0 is
-    no code.
-    """
+    """Per table and 16 bits of data: code length times 256 plus symbol; 0 for an unknown code."""
     return np.stack([_lookup(table) for table in tables])
 
 
 def _lookup(table: bytes) -> NDArray[np.uint16]:
-    found = np.zeros(1 << 16, dtype=np.uint16)
+    lookup = np.zeros(1 << 16, dtype=np.uint16)
     code, place = 0, 16
     for length in range(1, 17 if table else 1):
         for _ in range(table[length - 1]):
             first = code << (16 - length)
-            if first + (1 << (16 - length)) > found.size:
+            if first + (1 << (16 - length)) > lookup.size:
                 raise IndexError
-            found[first : first + (1 << (16 - length))] = length << 8 | table[place]
+            lookup[first : first + (1 << (16 - length))] = length << 8 | table[place]
             code += 1
             place += 1
         code <<= 1
-    return found
+    return lookup
 
 
 def _scan(data: NDArray[np.uint8], at: int, frame: _Frame, segment: bytes) -> int:
-    """Walk through one scan; gives the position of the marker behind it."""
+    """Check one scan; return the position of the marker after it."""
     count = segment[0]
     names = segment[1 : 1 + 2 * count : 2]
     tables = segment[2 : 2 + 2 * count : 2]
@@ -158,14 +156,14 @@ def _scan(data: NDArray[np.uint8], at: int, frame: _Frame, segment: bytes) -> in
     specified += [frame.codes[16 | table & 15] if last else b"" for table in tables]
     codes = _lookups(*specified)
     scales = np.stack([frame.quantisation[part.table] for part in parts])
-    seen = np.zeros(0, dtype=np.uint8)
+    known = np.zeros(0, dtype=np.uint8)
     if frame.progressive and first:
-        if parts[0].seen is None:
-            parts[0].seen = np.zeros(64 * units, dtype=np.uint8)
-        seen = parts[0].seen
+        if parts[0].known is None:
+            parts[0].known = np.zeros(64 * units, dtype=np.uint8)
+        known = parts[0].known
     if frame.progressive:
         band = np.array([first, last, before, shift])
-        status, at = _walk(data, at, codes, scales, order, units, frame.restart, band, seen)
+        status, at = _walk(data, at, codes, scales, order, units, frame.restart, band, known)
     else:
         limits = np.floor(_AC_RANGE / scales + 1).astype(np.int64)
         limits[:, 0] = np.floor(_DC_RANGE / scales[:, 0] + 1)
@@ -176,7 +174,7 @@ def _scan(data: NDArray[np.uint8], at: int, frame: _Frame, segment: bytes) -> in
 
 
 def _units(frame: _Frame, parts: list[_Component]) -> tuple[int, NDArray[np.int64]]:
-    """How many units the scan has, and whose blocks each of them holds."""
+    """Number of units of the scan, and the component of each block in a unit."""
     widest = max(part.across for part in frame.components.values())
     tallest = max(part.down for part in frame.components.values())
     if len(parts) == 1:
@@ -195,7 +193,7 @@ def _blocks(pixels: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _fill(data, at, buffer, bits):
-    """Take whole bytes until more than 48 bits wait or a marker comes."""
+    """Read whole bytes until the buffer has more than 48 bits or a marker follows."""
     while bits <= 48 and at < data.size:
         value = data[at]
         if value == 255:
@@ -210,7 +208,7 @@ def _fill(data, at, buffer, bits):
 
 @njit(cache=True, nogil=True)
 def _next_code(table, buffer, bits):
-    """Length times 256 plus symbol of the code that comes next; 0 = none."""
+    """Length times 256 plus symbol of the next code; 0 if unknown."""
     if bits >= 16:
         window = buffer >> np.uint64(bits - 16)
     else:
@@ -227,10 +225,32 @@ def _take(buffer, bits, count):
 
 
 @njit(cache=True, nogil=True)
-def _walk_sequential(data, at, codes, limits, order, units, restart):
-    """Follow all codes of a sequential scan; as `_walk`, and four times as fast.
+def _take_signed(buffer, bits, size):
+    """The next `size` <= 16 bits as a signed coefficient (T.81, figure F.12)."""
+    value = _take(buffer, bits, size)
+    if size and value < 1 << (size - 1):
+        value -= (1 << size) - 1
+    return value
 
-    The buffer keeps its `bits` at the upper end, with zeros behind them.
+
+@njit(cache=True, nogil=True)
+def _skip_corrections(data, at, buffer, bits, known):
+    """Skip the correction bit of each known coefficient; `bits` becomes -1 if data are missing."""
+    for is_known in known:
+        if is_known:
+            if bits < 1:
+                at, buffer, bits = _fill(data, at, buffer, bits)
+                if bits < 1:
+                    return at, buffer, -1
+            bits -= 1
+    return at, buffer, bits
+
+
+@njit(cache=True, nogil=True)
+def _walk_sequential(data, at, codes, limits, order, units, restart):
+    """Follow all codes of a sequential scan; like `_walk`, but four times as fast.
+
+    The valid `bits` of the buffer are at its upper end, followed by zeros.
     """
     parts = limits.shape[0]
     sums = np.zeros(parts, dtype=np.int64)
@@ -291,17 +311,17 @@ def _walk_sequential(data, at, codes, limits, order, units, restart):
                 if length + size > bits:
                     return 2, at
                 buffer <<= np.uint64(length)
-                found = np.int64(0)
+                coefficient = np.int64(0)
                 if size:
-                    found = np.int64(buffer >> np.uint64(64 - size))
-                    if found < 1 << (size - 1):
-                        found -= (1 << size) - 1
+                    coefficient = np.int64(buffer >> np.uint64(64 - size))
+                    if coefficient < 1 << (size - 1):
+                        coefficient -= (1 << size) - 1
                     buffer <<= np.uint64(size)
                 bits -= length + size
                 if k == 0:
-                    sums[part] += found
-                    found = sums[part]
-                if found > limits[part, k] or found < -limits[part, k]:
+                    sums[part] += coefficient
+                    coefficient = sums[part]
+                if coefficient > limits[part, k] or coefficient < -limits[part, k]:
                     return 4, at
                 k += 1
     return _padding(data, at, buffer >> np.uint64(64 - bits) if bits else np.uint64(0), bits)
@@ -309,7 +329,7 @@ def _walk_sequential(data, at, codes, limits, order, units, restart):
 
 @njit(cache=True, nogil=True)
 def _restart(data, at, marker):
-    """The position behind the expected restart marker, and whether it is lost."""
+    """The position after the expected restart marker, and whether the marker is missing."""
     while at + 1 < data.size and data[at] == 255 and data[at + 1] == 255:
         at += 1
     lost = at + 1 >= data.size or data[at] != 255 or data[at + 1] != 208 + marker
@@ -318,7 +338,7 @@ def _restart(data, at, marker):
 
 @njit(cache=True, nogil=True)
 def _padding(data, at, buffer, bits):
-    """Judge what stands between the last block and the marker, whose position it gives."""
+    """Check the padding between the last block and the marker; return the marker's position."""
     count = 0
     while True:
         at, buffer, bits = _fill(data, at, buffer, bits)
@@ -328,15 +348,16 @@ def _padding(data, at, buffer, bits):
         value = _take(buffer, bits, 8)
         bits -= 8
         count += 1
-        if count > _MOST_PADDING or (value != 0 and value != 255):
+        if count > _MAX_PADDING or (value != 0 and value != 255):
             return 5, at
 
 
 @njit(cache=True, nogil=True)
-def _walk(data, at, codes, scales, order, units, restart, band, seen):
-    """Follow all codes of a scan. `codes` holds the DC tables of its components, then the AC ones;
-    `band` is first and last coefficient, previous and present bit shift. Gives the reason (0 =
-    whole) and the position of the marker behind the scan.
+def _walk(data, at, codes, scales, order, units, restart, band, known):
+    """Follow all codes of a scan; return the reason of damage (0 = none) and the marker's position.
+
+    `codes` holds the DC tables of the components, then their AC tables; `band` is first and last
+    coefficient, previous and present bit shift. `known` marks nonzero coefficients.
     """
     first, last, before, shift = band
     parts = scales.shape[0]
@@ -374,11 +395,8 @@ def _walk(data, at, codes, scales, order, units, restart, band, seen):
                         return 4, at
                     if bits < size:
                         return 2, at
-                    value = _take(buffer, bits, size)
+                    sums[part] += _take_signed(buffer, bits, size)
                     bits -= size
-                    if size and value < 1 << (size - 1):
-                        value -= (1 << size) - 1
-                    sums[part] += value
                     scale = scales[part, 0]
                     if abs(sums[part] << shift) * scale > _DC_RANGE + scale * (1 << shift):
                         return 4, at
@@ -386,14 +404,10 @@ def _walk(data, at, codes, scales, order, units, restart, band, seen):
             if run:
                 run -= 1
                 if before:
-                    base = 64 * unit
-                    for j in range(k, last + 1):
-                        if seen[base + j]:
-                            if bits < 1:
-                                at, buffer, bits = _fill(data, at, buffer, bits)
-                                if bits < 1:
-                                    return 2, at
-                            bits -= 1
+                    band_known = known[64 * unit + k : 64 * unit + last + 1]
+                    at, buffer, bits = _skip_corrections(data, at, buffer, bits, band_known)
+                    if bits < 0:
+                        return 2, at
                 continue
             while k <= last:
                 at, buffer, bits = _fill(data, at, buffer, bits)
@@ -412,14 +426,10 @@ def _walk(data, at, codes, scales, order, units, restart, band, seen):
                     run = (1 << skip) + _take(buffer, bits, skip) - 1
                     bits -= skip
                     if before:
-                        base = 64 * unit
-                        for j in range(k, last + 1):
-                            if seen[base + j]:
-                                if bits < 1:
-                                    at, buffer, bits = _fill(data, at, buffer, bits)
-                                    if bits < 1:
-                                        return 2, at
-                                bits -= 1
+                        band_known = known[64 * unit + k : 64 * unit + last + 1]
+                        at, buffer, bits = _skip_corrections(data, at, buffer, bits, band_known)
+                        if bits < 0:
+                            return 2, at
                     break
                 if before:
                     if size > 1:
@@ -430,7 +440,7 @@ def _walk(data, at, codes, scales, order, units, restart, band, seen):
                         bits -= 1
                     base = 64 * unit
                     while k <= last:
-                        if seen[base + k]:
+                        if known[base + k]:
                             if bits < 1:
                                 at, buffer, bits = _fill(data, at, buffer, bits)
                                 if bits < 1:
@@ -444,7 +454,7 @@ def _walk(data, at, codes, scales, order, units, restart, band, seen):
                     if size:
                         if k > last:
                             return 3, at
-                        seen[base + k] = 1
+                        known[base + k] = 1
                     k += 1
                     continue
                 k += skip
@@ -455,15 +465,13 @@ def _walk(data, at, codes, scales, order, units, restart, band, seen):
                         return 4, at
                     if bits < size:
                         return 2, at
-                    value = _take(buffer, bits, size)
+                    value = _take_signed(buffer, bits, size)
                     bits -= size
-                    if value < 1 << (size - 1):
-                        value -= (1 << size) - 1
                     scale = scales[part, k]
                     if abs(value << shift) * scale > _AC_RANGE + scale * (1 << shift):
                         return 4, at
                     if first:
-                        seen[64 * unit + k] = 1
+                        known[64 * unit + k] = 1
                 k += 1
     if run:
         return 5, at

@@ -1,4 +1,4 @@
-"""Refuse files that lie outside the folder of the data set that names them."""
+"""Refuse files outside the folder of the data set that names them."""
 
 from __future__ import annotations
 
@@ -8,57 +8,57 @@ from pathlib import Path
 from s2rstore.errors import RequestError
 
 
-class Containment:
-    """Resolves the file names of a data set; `outside` counts the files by folder that lie outside.
+class PathContainment:
+    """Resolves the file names of a data set and counts the files outside its folder, by folder.
 
-    A name that is absolute, contains `..` or leads out through a symbolic link is refused, unless
-    it was allowed: whoever wrote the data would otherwise choose which of the user's files are
-    copied into the store.
+    A name that is absolute, contains `..` or leads out through a symbolic link is refused unless
+    `allowed`: otherwise the author of the data would choose which of the user's files are copied
+    into the store.
     """
 
     def __init__(self, folder: Path, allowed: bool = False) -> None:
         self.folder = folder
         self.allowed = allowed
-        self.outside: dict[str, int] = {}
+        self.outside_folders: dict[str, int] = {}
         self._root = os.path.realpath(folder)
-        self._real: dict[str, str] = {}
+        self._real_folders: dict[str, str] = {}
 
-    def under(self, folder: Path) -> Containment:
-        """The same for another folder; files outside are counted together."""
-        other = Containment(folder, self.allowed)
-        other.outside = self.outside
+    def for_folder(self, folder: Path) -> PathContainment:
+        """The same for another folder; both share `outside_folders`."""
+        other = PathContainment(folder, self.allowed)
+        other.outside_folders = self.outside_folders
         return other
 
-    def file(self, name: str, where: str) -> Path:
-        """The path of a file that the data names; RequestError, beginning with `where`."""
+    def resolve(self, name: str, where: str) -> Path:
+        """The path of a named file. Raises RequestError, beginning with `where`."""
         if "\0" in name:
             raise RequestError(f"{where}: {name!r} is no file name")
         path = self.folder / name
         if os.path.isabs(name) or ".." in Path(name).parts:
-            told = f"{where}: {name!r}: write it relative to this folder, without `..`"
-            return self._admit(path, told)
+            refusal = f"{where}: {name!r}: write it relative to this folder, without `..`"
+            return self._admit(path, refusal)
         return self.check(path, where)
 
     def check(self, path: Path, where: str) -> Path:
-        """The path where it lies inside, as links lead; else RequestError."""
+        """The path, if it lies inside after resolving links. Raises RequestError otherwise."""
         if self._is_within(path):
             return path
         name = os.path.relpath(path, self.folder)
         return self._admit(path, f"{where}: {name!r}: a symbolic link leads out of this folder")
 
-    def _admit(self, path: Path, told: str) -> Path:
+    def _admit(self, path: Path, refusal: str) -> Path:
         if not self.allowed:
-            raise RequestError(f"{told}; --allow-outside reads it all the same")
+            raise RequestError(f"{refusal}; --allow-outside reads it nevertheless")
         if not self._is_within(path):
             folder = os.path.dirname(os.path.realpath(path))
-            self.outside[folder] = self.outside.get(folder, 0) + 1
+            self.outside_folders[folder] = self.outside_folders.get(folder, 0) + 1
         return path
 
     def _is_within(self, path: Path) -> bool:
         folder, name = os.path.split(path)
-        if folder not in self._real:
-            self._real[folder] = os.path.realpath(folder)
-        real = os.path.join(self._real[folder], name)
+        if folder not in self._real_folders:
+            self._real_folders[folder] = os.path.realpath(folder)
+        real = os.path.join(self._real_folders[folder], name)
         if name in ("", ".", "..") or os.path.islink(real):
             real = os.path.realpath(real)
         return real == self._root or real.startswith(os.path.join(self._root, ""))

@@ -1,4 +1,4 @@
-"""What an importer finds before any image is decoded."""
+"""Records that an importer returns before any image is decoded."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Bounds, Domain, Room
 
-FRAME = (256, 256)
-MOST_PIXELS = 1 << 25
+FRAME_SIZE = (256, 256)
+MAX_PIXELS = 1 << 25
 """Pixels of a source image: a frame of 8K video; decoded, 100 MB of 8-bit RGB."""
 
 
 @dataclass(frozen=True, slots=True)
 class InputIssue:
-    """One thing about the input that is not as it should be: its kind, the file, and why."""
+    """A defect of the input: its kind, the file and the reason."""
 
     kind: str
     file: str
@@ -28,14 +28,15 @@ class InputIssue:
 
 @dataclass(frozen=True, slots=True)
 class ScanOptions:
-    """`header` is a calibration file (Sim2RealViz) or the manifest's header (CSV); `world` says
-    what a generated data set is made from. `allow_outside` admits files outside of the data set's
-    folder.
+    """Options of an importer.
+
+    `header` is the data set configuration (CSV) or the calibration file (Sim2RealViz). `world`
+    holds the fields of a `WorldRecipe`. `allow_outside` admits files outside the data set's folder.
     """
 
     trajectories: tuple[str, ...] = ()
     header: Path | None = None
-    frame: tuple[int, int] = FRAME
+    frame: tuple[int, int] = FRAME_SIZE
     world: Mapping[str, Any] = field(default_factory=dict)
     allow_outside: bool = False
 
@@ -44,59 +45,57 @@ class ScanOptions:
 class DecodedFrame:
     """rgb (H, W, 3) uint8 and depth (H, W) raw values at the stored size.
 
-    `notes` tell what was changed; the view is kept all the same.
+    `issues` report conversions that lost information; the frame is stored nevertheless.
     """
 
     rgb: NDArray[np.uint8]
     depth: NDArray[Any]
     sha256: str
     valid_fraction: float
-    notes: tuple[InputIssue, ...] = ()
+    issues: tuple[InputIssue, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class CheckedFrame:
-    """A usable view: the type of its raw depth values, the notes on it, and where it was decoded
-    for that, the view itself.
-    """
+    """A usable frame: the dtype of its raw depth, its issues and, if decoded, its pixels."""
 
     depth_type: str
-    notes: tuple[InputIssue, ...] = ()
-    view: DecodedFrame | None = None
+    issues: tuple[InputIssue, ...] = ()
+    frame: DecodedFrame | None = None
 
 
 class FrameSource(Protocol):
-    """One view before it is read: image files, or a renderer's promise."""
+    """Source of one frame: a pair of image files, a cached frame, or a renderer."""
 
     @property
     def pixels(self) -> int:
-        """Pixels of its larger source image."""
+        """Pixels of the larger source image."""
 
-    def files(self, scan: Scan) -> tuple[str | None, str | None]:
-        """Names of the RGB and the depth file, relative to the scan's root."""
+    def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
+        """Names of the RGB and the depth file relative to the scan's root; None without files."""
 
     def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
-        """Read the view and check everything about it."""
+        """Check everything about the frame."""
 
-    def view(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
-        """The pixels; a Problem names the file that cannot be used."""
+    def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
+        """The pixels, or an InputIssue that names the unusable file."""
 
 
 @dataclass(frozen=True, slots=True)
 class InstanceRecord:
-    """One instance as found: x, y in metres, headings in radians, timestamp in seconds."""
+    """One instance: x, y in metres, headings in radians, timestamp in seconds, frames by domain."""
 
     x: float
     y: float
     heading: float
-    images: Mapping[str, FrameSource]
+    sources: Mapping[str, FrameSource]
     odometry: tuple[float, float, float] | None = None
     timestamp: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class FrameChecksum:
-    """What is kept of a view once its pixels are written; the hash is of both files' bytes."""
+    """SHA-256 of both source files of a stored frame, and its share of valid depth."""
 
     sha256: str
     valid_fraction: float
@@ -104,13 +103,12 @@ class FrameChecksum:
 
 @dataclass(slots=True)
 class Scan:
-    """A data set as an importer found it; `domains` hold for the stored frame size.
+    """A data set as an importer read it; `domains` hold cameras for the stored frame size.
 
-    `trajectories` maps names to sightings in recording order; `root` is what file names in
-    reports are relative to. `floor_plan` is a file or a picture (h, w, 3) uint8 RGB that fills the
-    bounds; `notes` go into the store's provenance under the importer's name. `drives` writes the
-    robot's drives into a folder that it makes. `outside` counts the files that are read outside of
-    the data set's folder, by their folder.
+    `trajectories` maps names to instances in recording order. File names in reports are relative
+    to `root`. `floor_plan` is a file or a picture (h, w, 3) uint8 RGB that fills the bounds.
+    `provenance` is stored by section. `drives` writes the robot's drives into a new folder.
+    `outside_folders` counts the files that were read outside the data set's folder, by folder.
     """
 
     name: str
@@ -124,12 +122,13 @@ class Scan:
     floor_plan: Path | NDArray[np.uint8] | None
     trajectories: dict[str, list[InstanceRecord]]
     recorded_at: dict[str, str] = field(default_factory=dict)
-    problems: list[InputIssue] = field(default_factory=list)
-    notes: dict[str, dict[str, Any]] = field(default_factory=dict)
+    issues: list[InputIssue] = field(default_factory=list)
+    provenance: dict[str, dict[str, Any]] = field(default_factory=dict)
     drives: Callable[[Path], object] | None = None
-    outside: Mapping[str, int] = field(default_factory=dict)
+    outside_folders: Mapping[str, int] = field(default_factory=dict)
 
     def relative(self, path: Path) -> str:
+        """The path relative to `root`, or as it is where it lies elsewhere."""
         try:
             return path.relative_to(self.root).as_posix()
         except ValueError:

@@ -1,4 +1,8 @@
-"""Heatmaps: `KINDS` lists the methods. Adding one is a file and a line here."""
+"""Heatmaps: maps over an image that explain where the gap or the pose error arises.
+
+Registry: `HEATMAP_KINDS` maps a heatmap kind's name to a `HeatmapKind`. To add a heatmap, write one
+module with a subclass of `HeatmapKind` and add one line to `HEATMAP_KINDS`.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +13,9 @@ from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch,
 from s2rtools.heatmaps.occlusion import Occlusion
 from s2rtools.heatmaps.pixel_difference import PixelDifference
 
-__all__ = ["KINDS", "HeatmapKind", "OutputSpec", "PairBatch", "SideBatch"]
+__all__ = ["HEATMAP_KINDS", "HeatmapKind", "OutputSpec", "PairBatch", "SideBatch"]
 
-KINDS: dict[str, HeatmapKind] = {
+HEATMAP_KINDS: dict[str, HeatmapKind] = {
     kind.name: kind
     for kind in (
         Activation(),

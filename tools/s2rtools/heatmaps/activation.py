@@ -1,4 +1,4 @@
-"""Where the last convolution speaks for the prediction."""
+"""Heatmap `activation`: contribution of the last convolution's cells to the prediction."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Activation(HeatmapKind):
 
     For an output o (x, y, heading) and features A (C, h, w): map = sum_c mean_hw(do/dA_c) A_c.
     Plane `loss` takes o = the loss (1 - g) error^2 + g heading_error of the pose against the
-    truth, so that > 0 marks features that raise the loss. Units: metres for x and y, radians for
-    heading, loss for loss. Source: Selvaraju et al., "Grad-CAM", 2017, for regression as in Wang
-    and Yang's activation mapping, 2017, without the rectifier.
+    truth, so that values > 0 mark features that raise the loss. Units: metres for x and y,
+    radians for heading, loss for loss. Source: Selvaraju et al., "Grad-CAM", 2017, for regression
+    as in Wang and Yang's activation mapping, 2017, without the rectifier.
     """
 
     name = "activation"
@@ -58,6 +58,6 @@ def _maps(model: LoadedModel, features: Tensor, truth: NDArray[np.float64]) -> N
 
 def pose_loss(pose: Tensor, truth: Tensor) -> Tensor:
     """(1 - g) |position error|^2 + g |heading error|, shape (B,); poses (B, 3)."""
-    turn = torch.remainder(pose[:, 2] - truth[:, 2] + torch.pi, 2 * torch.pi) - torch.pi
+    angle = torch.remainder(pose[:, 2] - truth[:, 2] + torch.pi, 2 * torch.pi) - torch.pi
     square = (pose[:, :2] - truth[:, :2]).square().sum(dim=1)
-    return (1 - LOSS_GAMMA) * square + LOSS_GAMMA * turn.abs()
+    return (1 - LOSS_GAMMA) * square + LOSS_GAMMA * angle.abs()

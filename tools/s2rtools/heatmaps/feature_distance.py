@@ -1,4 +1,4 @@
-"""Where the last convolution sees two different things."""
+"""Heatmap `feature_distance`: difference of both sides' features at the last convolution."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from s2rtools.models.pose_network import LoadedModel
 class FeatureDistance(HeatmapKind):
     """Per cell of the last convolution, (1 - cosine) * mean |A_sim - A_real| over channels.
 
-    At least 0; cells where a side has no activation at all count as orthogonal. Source:
+    At least 0; cells without any activation on a side count as orthogonal. Source:
     Sim2RealViz, section 4.4: the product of cosine distance and L1.
     """
 

@@ -1,7 +1,7 @@
-"""The real image as the simulator's camera would have taken it, from where the sim depth says.
+"""Harmonisation: warp the real image into the sim camera's view and match its colours.
 
-Source of the idea: image-based rendering by depth, and the colour transfer of Reinhard et al.
-(2001), here per channel of the image itself.
+The warp is depth-image-based rendering by the sim depth. The colour transfer follows Reinhard et
+al. (2001), per channel of the image.
 """
 
 from __future__ import annotations
@@ -19,40 +19,40 @@ from s2rstore.geometry.reprojection import Reprojection, RigOffset
 from s2rstore.records import Domain, Side
 
 COLOUR_FLOOR = 5.0
-"""Added to both deviations, in grey levels, so that flat images are not blown up."""
+"""Grey levels added to both deviations, so that noise of flat images is not amplified."""
 
-Images = tuple[NDArray[np.uint8], NDArray[Any], NDArray[np.bool_]]
+ViewImages = tuple[NDArray[np.uint8], NDArray[Any], NDArray[np.bool_]]
 """RGB (H, W, 3), raw depth (H, W) and its validity (H, W) of one view."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Harmonised:
+class HarmonisedPair:
     """One pair in the view of the sim RGB camera.
 
     `sim` and `real` (h, w, 3) float32 0 .. 255, the real colours matched; `sim_depth` and
-    `real_depth` (h, w) float32 metres, 0 where the sim depth is unknown; `seen` where the real
-    camera looked, `measured` where its depth is valid too. Elsewhere real repeats sim.
+    `real_depth` (h, w) float32 metres, 0 where the sim depth is unknown; `visible` in the real
+    camera's view, `measured` where its depth is valid too. Elsewhere real repeats sim.
     """
 
     sim: NDArray[np.float32]
     real: NDArray[np.float32]
     sim_depth: NDArray[np.float32]
     real_depth: NDArray[np.float32]
-    seen: NDArray[np.bool_]
+    visible: NDArray[np.bool_]
     measured: NDArray[np.bool_]
 
 
 class CameraView:
-    """One rig's RGB pixels, placed in space by its own depth, and seen by the other rig."""
+    """The RGB pixels of one rig, located in space by its depth and reprojected to the other rig."""
 
     def __init__(self, view: Domain, other: Domain, frame: tuple[int, int]) -> None:
         self._scale, self.other = view.depth_scale, other
-        self._crossing = Reprojection(view, view.rgb, other, frame)
-        beams = self._crossing.rays
-        u, v, self._inside = into_rgb(beams, view.depth, frame)
+        self._reprojection = Reprojection(view, view.rgb, other, frame)
+        rays = self._reprojection.rays
+        u, v, self._inside = into_rgb(rays, view.depth, frame)
         self._u, self._v = (value.astype(np.float32) - np.float32(0.5) for value in (u, v))
         cos, sin = np.cos(view.depth.pitch), np.sin(view.depth.pitch)
-        self._axis = np.maximum(cos * beams.forward + sin * beams.up, 1e-6)
+        self._axis = np.maximum(cos * rays.forward + sin * rays.up, 1e-6)
 
     def metres(self, depth: NDArray[Any], valid: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Planar depth of the RGB pixels, (h, w); NaN where unknown."""
@@ -60,45 +60,48 @@ class CameraView:
         picked = cv2.remap(known, self._u, self._v, cv2.INTER_NEAREST, borderValue=np.nan)
         return np.where(self._inside, picked / self._axis, np.nan)
 
-    def coloured(
-        self, own: Images, real: Images, metres: NDArray[np.float64]
+    def warp_colours(
+        self, sim: ViewImages, real: ViewImages, metres: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """RGB (h, w, 3) of the other rig in this view, `metres` deep, and where it was seen."""
-        u, v, _, seen = self._crossing.targets(metres, self.other.rgb)
-        warped = _sampled(real[0], u, v, cv2.INTER_LINEAR).astype(np.float32)
-        sim = own[0].astype(np.float32)
-        return np.where(seen[..., None], _colours_matched(warped, sim, seen), sim), seen
+        """RGB (h, w, 3) of the other rig warped into this view at depth `metres`, and its mask."""
+        u, v, _, visible = self._reprojection.targets(metres, self.other.rgb)
+        warped = _sample_image(real[0], u, v, cv2.INTER_LINEAR).astype(np.float32)
+        rgb = sim[0].astype(np.float32)
+        return np.where(visible[..., None], _match_colours(warped, rgb, visible), rgb), visible
 
-    def harmonised(self, own: Images, real: Images) -> Harmonised:
-        """A pair where this is the sim view and the other rig the real one."""
-        metres = self.metres(own[1], own[2])
-        rgb, seen = self.coloured(own, real, metres)
-        u, v, expected, inside = self._crossing.targets(metres, self.other.depth)
-        raw = _sampled(real[1], u, v, cv2.INTER_NEAREST)
-        valid = _sampled(real[2].astype(np.uint8), u, v, cv2.INTER_NEAREST) > 0
+    def harmonise(self, sim: ViewImages, real: ViewImages) -> HarmonisedPair:
+        """Harmonise a pair, with this as the sim view and the other rig as the real one."""
+        metres = self.metres(sim[1], sim[2])
+        rgb, visible = self.warp_colours(sim, real, metres)
+        u, v, expected, inside = self._reprojection.targets(metres, self.other.depth)
+        raw = _sample_image(real[1], u, v, cv2.INTER_NEAREST)
+        valid = _sample_image(real[2].astype(np.uint8), u, v, cv2.INTER_NEAREST) > 0
         measured = inside & valid
-        along = np.nan_to_num(metres, nan=0.0)
+        own_depth = np.nan_to_num(metres, nan=0.0)
         with np.errstate(invalid="ignore", divide="ignore"):
-            depth = np.where(measured, raw * self.other.depth_scale * along / expected, along)
-        return Harmonised(
-            own[0].astype(np.float32), rgb,
-            along.astype(np.float32), depth.astype(np.float32), seen, measured,
+            depth = np.where(
+                measured, raw * self.other.depth_scale * own_depth / expected, own_depth
+            )
+        return HarmonisedPair(
+            sim[0].astype(np.float32), rgb,
+            own_depth.astype(np.float32), depth.astype(np.float32), visible, measured,
         )  # fmt: skip
 
-    def fetched(
+    def warp_from_other(
         self, heat: NDArray[np.float32], depth: NDArray[Any], valid: NDArray[np.bool_]
     ) -> NDArray[np.float32]:
-        """Heat (fh, fw) over the other rig's image, brought into this view at the size of its
-        depth (H, W); NaN where this view knows no depth or the other does not look.
+        """Warp heat (fh, fw) of the other rig's image into this view, at the size of its depth.
+
+        NaN where this view's depth is unknown or outside the other rig's view.
         """
-        u, v, _, inside = self._crossing.targets(self.metres(depth, valid), self.other.rgb)
+        u, v, _, inside = self._reprojection.targets(self.metres(depth, valid), self.other.rgb)
         rows, cols = heat.shape[0] / depth.shape[0], heat.shape[1] / depth.shape[1]
-        picked = _sampled(heat, u * cols, v * rows, cv2.INTER_LINEAR)
+        picked = _sample_image(heat, u * cols, v * rows, cv2.INTER_LINEAR)
         return np.where(inside, picked, np.float32(np.nan)).astype(np.float32)
 
 
 class ImageAlignment:
-    """Both rigs of a run as they really are, and the ways between their views."""
+    """Both rigs of a run with the calibrated correction, and their views."""
 
     def __init__(
         self, sim: Domain, real: Domain, frame: tuple[int, int], correction: RigOffset
@@ -118,24 +121,24 @@ class ImageAlignment:
         return CameraView(self.domain("real"), self.domain("sim"), self._frame)
 
 
-def _sampled(
+def _sample_image(
     image: NDArray[Any], u: NDArray[np.float64], v: NDArray[np.float64], method: int
 ) -> NDArray[Any]:
-    """The image at continuous coordinates whose pixel i covers [i, i + 1)."""
+    """Sample an image at continuous coordinates; pixel i covers [i, i + 1)."""
     x, y = (np.nan_to_num(value - 0.5, nan=-9.0).astype(np.float32) for value in (u, v))
     return np.asarray(cv2.remap(image, x, y, method, borderMode=cv2.BORDER_REPLICATE))
 
 
-def _colours_matched(
+def _match_colours(
     real: NDArray[np.float32], sim: NDArray[np.float32], where: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
     """R <- (R - mean R) / (std R + c) * (std S + c) + mean S per channel, over `where`."""
     if not where.any():
         return sim
     mask = where.astype(np.uint8)
-    (mean, spread), (wanted, wanted_spread) = (
+    (mean, spread), (sim_mean, sim_spread) = (
         (part.ravel().astype(np.float32) for part in cv2.meanStdDev(image, mask=mask))
         for image in (real, sim)
     )
-    gain = (wanted_spread + COLOUR_FLOOR) / (spread + COLOUR_FLOOR)
-    return np.clip((real - mean) * gain + wanted, 0, 255)
+    gain = (sim_spread + COLOUR_FLOOR) / (spread + COLOUR_FLOOR)
+    return np.clip((real - mean) * gain + sim_mean, 0, 255)

@@ -1,4 +1,4 @@
-"""What is really different, once the real image is harmonised to the sim view."""
+"""Heatmaps `harmonised_*`: difference of both sides after harmonising the real image to sim."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ from s2rtools.models.preprocessing import preprocess
 
 MAX_SIDE = 128
 _SHARE = 0.25
-"""Of a cell's pixels that must have a value."""
+"""Share of a cell's pixels that must have a value."""
 
 
-class _Harmonised(HeatmapKind):
-    """A comparison in the view of the sim RGB camera, NaN where the real one did not look; the
-    real side gets it through its own depth, NaN where that is unknown. On the floor it lies at
-    the nearer of both surfaces.
+class _HarmonisedKind(HeatmapKind):
+    """A comparison in the view of the sim RGB camera, NaN outside the real camera's view.
+
+    The map is warped to the real side by its depth, NaN where that is unknown. On the floor it is
+    projected at the nearer of both surfaces.
     """
 
     aligned = True
@@ -41,7 +42,7 @@ class _Harmonised(HeatmapKind):
 
     @abstractmethod
     def distance(self, pair: PairBatch) -> NDArray[np.float32]:
-        """(B, rows, columns) in the sim view; what was not seen may hold anything."""
+        """(B, rows, columns) in the sim view; undefined outside the real camera's view."""
 
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         size = self.size(model)
@@ -50,26 +51,26 @@ class _Harmonised(HeatmapKind):
 
     def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
         sim = [
-            _within(heat, made.measured if self.needs_depth else made.seen)
-            for heat, made in zip(self.distance(pair), pair.harmonised, strict=True)
+            _mask_unknown(heat, view.measured if self.needs_depth else view.visible)
+            for heat, view in zip(self.distance(pair), pair.harmonised, strict=True)
         ]
         size = self.size(pair.model)
         view = pair.aligned().real_view
         real = np.stack(
-            [_shrunk(view.fetched(heat, depth, valid), size)
+            [_shrink(view.warp_from_other(heat, depth, valid), size)
              for heat, depth, valid in zip(sim, pair.real.depth, pair.real.valid, strict=True)]
         )  # fmt: skip
-        return {("sim", None): np.stack([_shrunk(heat, size) for heat in sim]),
+        return {("sim", None): np.stack([_shrink(heat, size) for heat in sim]),
                 ("real", None): real}  # fmt: skip
 
 
-class HarmonisedDistance(_Harmonised):
-    """(1 - cosine) * mean |A_sim - A_real| of the features that the network's first convolution
-    gives, real harmonised to sim: warped through the sim depth by both calibrated rigs, holes
-    filled, and per image and channel R <- (R - mean_R) / (std_R + c) * (std_S + c) + mean_S.
+class HarmonisedDistance(_HarmonisedKind):
+    """(1 - cosine) * mean |A_sim - A_real| over the features of the network's first convolution.
 
-    At least 0. It shows what changed in the scene whatever the light; not what harmed the pose.
-    Untrained networks come close, because an early layer is little more than edges and colours.
+    The real image is harmonised to sim: warped through the sim depth by both calibrated rigs, holes
+    filled, and per image and channel R <- (R - mean_R) / (std_R + c) * (std_S + c) + mean_S. At
+    least 0. It shows changes of the scene independently of the light, not what harmed the pose.
+    Untrained networks give similar maps, because early features are mostly edges and colours.
     """
 
     name = "harmonised_distance"
@@ -81,7 +82,7 @@ class HarmonisedDistance(_Harmonised):
     def size(self, model: LoadedModel) -> tuple[int, int]:
         height, width = model.network.input_size
         with torch.inference_mode():
-            shape = _early(model, torch.zeros(1, 4, height, width)).shape[-2:]
+            shape = _early_features(model, torch.zeros(1, 4, height, width)).shape[-2:]
         return min(int(shape[0]), MAX_SIDE), min(int(shape[1]), MAX_SIDE)
 
     def distance(self, pair: PairBatch) -> NDArray[np.float32]:
@@ -94,16 +95,17 @@ class HarmonisedDistance(_Harmonised):
             _stack(v.real for v in views), _stack(v.real_depth for v in views), 1.0, size
         )
         with torch.inference_mode():
-            a, b = (_early(pair.model, torch.from_numpy(x)) for x in (sim, real))
+            a, b = (_early_features(pair.model, torch.from_numpy(x)) for x in (sim, real))
             cosine = functional.cosine_similarity(a, b, dim=1, eps=1e-8).clamp(-1, 1)
-            made = (1 - cosine) * (a - b).abs().mean(dim=1)
-        return np.asarray(made.cpu().numpy(), dtype=np.float32)
+            distance = (1 - cosine) * (a - b).abs().mean(dim=1)
+        return np.asarray(distance.cpu().numpy(), dtype=np.float32)
 
 
-class HarmonisedDifference(_Harmonised):
-    """The model-free rival: sqrt(c d), c the mean |RGB difference| over channels in deviations of
-    the sim image, d the depth difference relative to the sim depth; both are means of 3 x 3
-    pixels. NaN where either depth is unknown.
+class HarmonisedDifference(_HarmonisedKind):
+    """Model-free baseline sqrt(c d), NaN where either depth is unknown.
+
+    c is the mean |RGB difference| over channels in deviations of the sim image, d the depth
+    difference relative to the sim depth; both are means of 3 x 3 pixels.
     """
 
     name = "harmonised_difference"
@@ -115,40 +117,40 @@ class HarmonisedDifference(_Harmonised):
         return MAX_SIDE, MAX_SIDE
 
     def distance(self, pair: PairBatch) -> NDArray[np.float32]:
-        made = []
+        distances = []
         for view in pair.harmonised:
             spread = np.maximum(view.sim.std(axis=(0, 1)), 1.0)
             colour = (np.abs(view.sim - view.real) / spread).mean(axis=2)
             depth = np.abs(view.real_depth - view.sim_depth) / np.maximum(view.sim_depth, 0.1)
-            made.append(np.sqrt(_soft(colour) * _soft(np.where(view.measured, depth, 0.0))))
-        return np.stack(made).astype(np.float32)
+            distances.append(np.sqrt(_blur(colour) * _blur(np.where(view.measured, depth, 0.0))))
+        return np.stack(distances).astype(np.float32)
 
 
-def _within(heat: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Heat (fh, fw), NaN where most of what a cell covers is not known (h, w)."""
+def _mask_unknown(heat: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Heat (fh, fw), NaN in cells whose pixels (h, w) are mostly unknown."""
     flat = heat.shape[1], heat.shape[0]
     share = cv2.resize(known.astype(np.float32), flat, interpolation=cv2.INTER_AREA)
     return np.where(share > _SHARE, heat, np.float32(np.nan))
 
 
-def _early(model: LoadedModel, x: Tensor) -> Tensor:
+def _early_features(model: LoadedModel, x: Tensor) -> Tensor:
     assert model.network.early is not None
     device = next(model.network.parameters()).device
-    made: Tensor = model.network.early(x.to(device))
-    return made
+    features: Tensor = model.network.early(x.to(device))
+    return features
 
 
 def _stack(images: Any) -> NDArray[np.float32]:
     return np.stack(list(images)).astype(np.float32)
 
 
-def _soft(image: NDArray[Any]) -> NDArray[np.float32]:
-    """The mean over 3 x 3 pixels, so that one noisy pixel is no change."""
+def _blur(image: NDArray[Any]) -> NDArray[np.float32]:
+    """Mean over 3 x 3 pixels, to suppress single noisy pixels."""
     return np.asarray(cv2.blur(image.astype(np.float32), (3, 3)))
 
 
-def _shrunk(heat: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
-    """Area means of the pixels that have a value; NaN where a cell has none."""
+def _shrink(heat: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+    """Area means of the finite pixels; NaN in cells without enough of them."""
     if heat.shape == size:
         return heat
     known = np.isfinite(heat)

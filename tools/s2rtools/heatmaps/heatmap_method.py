@@ -1,4 +1,4 @@
-"""What a heatmap method is given and what it gives back."""
+"""Interface of heatmap kinds: their input batches and their outputs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from s2rstore.errors import RequestError
-from s2rtools.heatmaps.harmonization import Harmonised, ImageAlignment
+from s2rtools.heatmaps.harmonization import HarmonisedPair, ImageAlignment
 from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 
@@ -41,7 +41,7 @@ class SideBatch:
 
 @dataclass(frozen=True, eq=False)
 class PairBatch:
-    """Both sides of a batch, after the forward pass; `alignment` for the kinds that want one."""
+    """Both sides of a batch after the forward pass; `alignment` for kinds that need it."""
 
     model: LoadedModel
     backend: Backend
@@ -50,32 +50,34 @@ class PairBatch:
     alignment: ImageAlignment | None = None
 
     def aligned(self) -> ImageAlignment:
-        """The rigs of both sides. Raises RequestError where nothing is known of them."""
+        """The rigs of both sides. Raises RequestError if they are not calibrated."""
         if self.alignment is None:
-            raise RequestError("the two rigs are not aligned yet: no harmonised heatmaps")
+            raise RequestError(
+                "the two rigs are not calibrated; harmonised heatmaps are unavailable"
+            )
         return self.alignment
 
     @cached_property
-    def harmonised(self) -> list[Harmonised]:
-        """Each pair in the sim view; made once for all kinds."""
+    def harmonised(self) -> list[HarmonisedPair]:
+        """Each pair harmonised to the sim view; computed once for all kinds."""
         view = self.aligned().sim_view
         sides = (zip(s.rgb, s.depth, s.valid, strict=True) for s in (self.sim, self.real))
-        return [view.harmonised(sim, real) for sim, real in zip(*sides, strict=True)]
+        return [view.harmonise(sim, real) for sim, real in zip(*sides, strict=True)]
 
     def side(self, side: str | None) -> SideBatch:
         return self.sim if side == "sim" else self.real
 
     def features(self, side: str) -> Tensor:
-        """Raises RequestError for a network whose inside is closed."""
+        """Raises RequestError for a network without accessible features."""
         features = self.side(side).features
         if features is None:
-            raise RequestError(f"model {self.model.name!r} shows no features: no heatmaps of it")
+            raise RequestError(f"model {self.model.name!r} has no accessible features; no heatmaps")
         return features
 
 
 @dataclass(frozen=True, slots=True)
 class OutputSpec:
-    """One array that a kind makes; `shape` is that of one instance, without the iid axis."""
+    """One array of a heatmap kind; `shape` is that of one instance, without the iid axis."""
 
     side: str | None
     mode: str | None
@@ -87,12 +89,12 @@ class OutputSpec:
 
 
 class HeatmapKind(ABC):
-    """A method; its docstring states the formula, the sign and the source.
+    """A heatmap method; its docstring states the formula, the sign and the source.
 
-    `version` changes whenever its values would. `cost` is `forward` where one pass suffices.
-    `planes` names the first axis of an array that holds several maps per instance.
-    `model_free` kinds need no network; `aligned` kinds compare both views through their rigs.
-    Heat lies on the floor at its own side's surface, or at the nearer of both.
+    `version` changes whenever the values change. `cost` is `forward` if one pass suffices.
+    `planes` names the maps along the first axis of an array with several maps per instance.
+    `model_free` kinds need no network; `aligned` kinds compare both views by calibrated rigs.
+    `surface` selects the depth for the projection on the floor: its own side's, or the nearer one.
     """
 
     name: ClassVar[str]
@@ -128,5 +130,5 @@ def feature_size(model: LoadedModel) -> tuple[int, int]:
     height, width = model.network.input_size
     device = next(model.network.parameters()).device
     with torch.inference_mode():
-        made = model.network.trunk(torch.zeros(1, 4, height, width, device=device))
-    return int(made.shape[-2]), int(made.shape[-1])
+        features = model.network.trunk(torch.zeros(1, 4, height, width, device=device))
+    return int(features.shape[-2]), int(features.shape[-1])

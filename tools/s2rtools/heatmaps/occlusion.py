@@ -1,4 +1,4 @@
-"""What the error would be if a patch came from the other side."""
+"""Heatmap `occlusion`: change of the error if a patch is replaced by the other side's."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from s2rtools.incremental_inference import (
     LocalGraph,
     Patch,
     PixelRegion,
-    analyse,
     cut_patches,
+    non_local_reason,
 )
 from s2rtools.inference import Backend
-from s2rtools.inference.batch_norm_folding import folded
+from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
 
 MODES = ("rgb", "depth", "rgbd")
@@ -31,11 +31,11 @@ _PIXELS_AT_ONCE = 8 * 128 * 128
 
 
 class Occlusion(HeatmapKind):
-    """6 x 6 patches that cover the image; patch p of one side's input becomes the other side's.
+    """Replace each of 6 x 6 patches of one side's input by the other side's patch.
 
     Plane 0 in metres, plane 1 in degrees of heading. Real input: error before - after; sim input:
-    error after - before; so > 0 always means "the gap lives here". Always float32 torch. By
-    locality where the trunk allows it, else in full: attribute `method`. Source: Zeiler and
+    error after - before; so values > 0 mark where the gap arises. Always float32 torch. The network
+    is recomputed locally if the trunk allows it, else fully: attribute `method`. Source: Zeiler and
     Fergus, "Visualizing and understanding convolutional networks", 2014, with the exchange of
     patches of Sim2RealViz, section 4.4.
     """
@@ -46,7 +46,7 @@ class Occlusion(HeatmapKind):
 
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         count = self.params["patches"]
-        reason = analyse(folded(model.network.trunk))
+        reason = non_local_reason(fold_batch_norm(model.network.trunk))
         method = "by locality" if reason is None else f"in full: {reason}"
         return [
             OutputSpec(side, mode, (2, count, count), ("unit", "row", "column"), "m degrees",
@@ -57,7 +57,7 @@ class Occlusion(HeatmapKind):
 
     def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
         height, width = pair.model.network.input_size
-        backend = _reference(pair.backend)
+        backend = _float32_backend(pair.backend)
         at_once = max(1, _PIXELS_AT_ONCE // (height * width))
         parts = [
             self._chunk(pair, backend, slice(start, start + at_once))
@@ -75,11 +75,13 @@ class Occlusion(HeatmapKind):
         graph = _graph_of(backend.trunk)
         with torch.inference_mode():
             if graph is None:
-                before, after = _in_full(backend, inputs, others, patches)
+                before, after = _recompute_fully(backend, inputs, others, patches)
             else:
-                before, after = _by_locality(backend, graph, inputs, others, patches)
+                before, after = _recompute_locally(backend, graph, inputs, others, patches)
         truth = np.concatenate([pair.sim.truth[rows], pair.real.truth[rows]])
-        change = _errors(after, truth[:, None, None]) - _errors(before, truth)[:, None, None]
+        change = (
+            _pose_errors(after, truth[:, None, None]) - _pose_errors(before, truth)[:, None, None]
+        )
         change[len(change) // 2 :] *= -1
         change = change.reshape(len(change), count, count, len(MODES), 2)
         half = len(change) // 2
@@ -96,31 +98,31 @@ class Occlusion(HeatmapKind):
 
 @lru_cache(maxsize=2)
 def _graph_of(trunk: torch.nn.Module) -> LocalGraph | None:
-    return LocalGraph(trunk) if analyse(trunk) is None else None
+    return LocalGraph(trunk) if non_local_reason(trunk) is None else None
 
 
 @lru_cache(maxsize=2)
-def _reference(backend: Backend) -> Backend:
-    """The float32 backend of the same model: effects are as small as reduced precision's error."""
+def _float32_backend(backend: Backend) -> Backend:
+    """Float32 backend of the model, because reduced precision would hide small effects."""
     return backend if type(backend) is Backend else Backend(backend.model)
 
 
-def _errors(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
+def _pose_errors(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
     """Position error in metres and heading error in degrees, in the last axis."""
     off = np.hypot(poses[..., 0] - truth[..., 0], poses[..., 1] - truth[..., 1])
     turn = np.degrees(angles.distance(poses[..., 2], truth[..., 2]))
     return np.stack([off, turn], axis=-1)
 
 
-def _content(inputs: Tensor, others: Tensor, region: PixelRegion) -> Tensor:
-    """The patch as each mode changes it: (N, M, 4, h, w)."""
+def _patch_content(inputs: Tensor, others: Tensor, region: PixelRegion) -> Tensor:
+    """Content of a patch in each mode: (N, M, 4, h, w)."""
     rows, cols = slice(region.r0, region.r1), slice(region.c0, region.c1)
-    own, other = inputs[..., rows, cols], others[..., rows, cols]
-    made = own[:, None].repeat(1, len(MODES), 1, 1, 1)
+    patch, replacement = inputs[..., rows, cols], others[..., rows, cols]
+    content = patch[:, None].repeat(1, len(MODES), 1, 1, 1)
     for number, mode in enumerate(MODES):
         channels = list(_CHANNELS[mode])
-        made[:, number, channels] = other[:, channels]
-    return made
+        content[:, number, channels] = replacement[:, channels]
+    return content
 
 
 def _poses(backend: Backend, features: Tensor) -> NDArray[np.float64]:
@@ -128,40 +130,41 @@ def _poses(backend: Backend, features: Tensor) -> NDArray[np.float64]:
     return backend.pose(network.head(network.embed(features)))
 
 
-def _by_locality(
+def _recompute_locally(
     backend: Backend, graph: LocalGraph, inputs: Tensor, others: Tensor, patches: list[Patch]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Poses (N, 3) of the unchanged inputs and (N, P, M, 3) of the changed ones."""
-    base = graph.base(inputs.contiguous(memory_format=torch.channels_last))
+    base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
     features = base.outputs[graph.output]
     poses = np.empty((len(inputs), len(patches), len(MODES), 3))
     groups: dict[Any, list[tuple[Patch, dict[str, PixelRegion]]]] = {}
     for patch in patches:
-        regions = graph.regions(patch.region, base)
-        groups.setdefault(graph.signature(regions), []).append((patch, regions))
+        regions = graph.affected_regions(patch.region, base)
+        groups.setdefault(graph.batch_signature(regions), []).append((patch, regions))
     for members in groups.values():
-        content = torch.stack([_content(inputs, others, p.region) for p, _ in members], dim=1)
+        content = torch.stack([_patch_content(inputs, others, p.region) for p, _ in members], dim=1)
         changed = graph.recompute(base, content, [regions for _, regions in members])
         for position, (patch, regions) in enumerate(members):
-            at = regions[graph.output]
+            target = regions[graph.output]
             full = features[:, None].repeat(1, len(MODES), 1, 1, 1)
-            full[..., at.r0 : at.r1, at.c0 : at.c1] = changed[:, position]
-            made = _poses(backend, full.flatten(0, 1))
-            poses[:, patch.index] = made.reshape(len(inputs), len(MODES), 3)
+            full[..., target.r0 : target.r1, target.c0 : target.c1] = changed[:, position]
+            changed_poses = _poses(backend, full.flatten(0, 1))
+            poses[:, patch.index] = changed_poses.reshape(len(inputs), len(MODES), 3)
     return _poses(backend, features), poses
 
 
-def _in_full(
+def _recompute_fully(
     backend: Backend, inputs: Tensor, others: Tensor, patches: list[Patch]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The same by computing the whole network for every changed input."""
+    """The same by running the whole network on every changed input."""
     poses = np.empty((len(inputs), len(patches), len(MODES), 3))
     for patch in patches:
         region = patch.region
         changed = inputs[:, None].repeat(1, len(MODES), 1, 1, 1)
-        changed[..., region.r0 : region.r1, region.c0 : region.c1] = _content(
+        changed[..., region.r0 : region.r1, region.c0 : region.c1] = _patch_content(
             inputs, others, region
         )
-        made = [_poses(backend, backend.features(b)) for b in changed.flatten(0, 1).split(_BATCH)]
-        poses[:, patch.index] = np.concatenate(made).reshape(len(inputs), len(MODES), 3)
+        batches = changed.flatten(0, 1).split(_BATCH)
+        changed_poses = [_poses(backend, backend.features(batch)) for batch in batches]
+        poses[:, patch.index] = np.concatenate(changed_poses).reshape(len(inputs), len(MODES), 3)
     return _poses(backend, backend.features(inputs)), poses

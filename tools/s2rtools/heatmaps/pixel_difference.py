@@ -1,4 +1,4 @@
-"""The baseline that needs no model: where the pictures differ."""
+"""Heatmap `pixel_difference`: difference of both images, a baseline that needs no model."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""Recomputing a network only where a changed patch of its input can reach."""
+"""Incremental inference: recompute a network only where a changed input patch has an effect."""
 
-from s2rtools.incremental_inference.graph import LocalGraph, analyse
-from s2rtools.incremental_inference.patches import Patch, cut_patches
-from s2rtools.incremental_inference.regions import PixelRegion, Window
+from s2rtools.incremental_inference.graph import LocalGraph, non_local_reason
+from s2rtools.incremental_inference.regions import Patch, PixelRegion, SlidingWindow, cut_patches
 
-__all__ = ["LocalGraph", "Patch", "PixelRegion", "Window", "analyse", "cut_patches"]
+__all__ = ["LocalGraph", "Patch", "PixelRegion", "SlidingWindow", "cut_patches", "non_local_reason"]

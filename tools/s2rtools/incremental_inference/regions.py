@@ -1,4 +1,4 @@
-"""Which part of a layer's output a changed part of its input can reach."""
+"""Regions of a layer's output that a changed input region affects, and patches of an image."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class PixelRegion:
         return self.r0 >= self.r1 or self.c0 >= self.c1
 
     def union(self, other: PixelRegion) -> PixelRegion:
-        """The smallest region that holds both; an empty one adds nothing."""
+        """The smallest region that contains both."""
         if self.empty or other.empty:
             return other if self.empty else self
         return PixelRegion(
@@ -33,36 +33,57 @@ class PixelRegion:
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class SlidingWindow:
     """A sliding window along one axis: extent (dilation included), stride and padding."""
 
     extent: int
     stride: int
     padding: int
 
-    def outputs(self, size: int) -> int:
+    def output_size(self, size: int) -> int:
         return (size + 2 * self.padding - self.extent) // self.stride + 1
 
-    def reach(self, start: int, stop: int, size: int) -> tuple[int, int]:
-        """Outputs [lo, hi) that see any of the inputs [start, stop) of `size`."""
+    def affected_outputs(self, start: int, stop: int, size: int) -> tuple[int, int]:
+        """Outputs [low, high) computed from any of the inputs [start, stop) of `size`."""
         low = max(0, -((self.extent - 1 - start - self.padding) // self.stride))
-        high = min(self.outputs(size), (stop - 1 + self.padding) // self.stride + 1)
+        high = min(self.output_size(size), (stop - 1 + self.padding) // self.stride + 1)
         return low, max(low, high)
 
-    def sees(self, low: int, high: int) -> tuple[int, int]:
-        """Padded inputs [start, stop) that the outputs [low, high) are computed from."""
+    def required_inputs(self, low: int, high: int) -> tuple[int, int]:
+        """Padded inputs [start, stop) from which the outputs [low, high) are computed."""
         return low * self.stride, (high - 1) * self.stride + self.extent
 
-    def then(self, after: Window) -> Window:
-        """This window followed by an unpadded one, as one window."""
+    def followed_by(self, after: SlidingWindow) -> SlidingWindow:
+        """This window and a subsequent unpadded window, combined into one."""
         extent = self.extent + (after.extent - 1) * self.stride
-        return Window(extent, self.stride * after.stride, self.padding)
+        return SlidingWindow(extent, self.stride * after.stride, self.padding)
 
 
-def reach(region: PixelRegion, rows: Window, cols: Window, size: tuple[int, int]) -> PixelRegion:
-    """The outputs that see any of a region of an input of `size` rows and columns."""
+def affected_region(
+    region: PixelRegion, rows: SlidingWindow, cols: SlidingWindow, size: tuple[int, int]
+) -> PixelRegion:
+    """The output region affected by a region of an input of `size` rows and columns."""
     if region.empty:
         return PixelRegion(0, 0, 0, 0)
-    r0, r1 = rows.reach(region.r0, region.r1, size[0])
-    c0, c1 = cols.reach(region.c0, region.c1, size[1])
+    r0, r1 = rows.affected_outputs(region.r0, region.r1, size[0])
+    c0, c1 = cols.affected_outputs(region.c0, region.c1, size[1])
     return PixelRegion(r0, r1, c0, c1)
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """A patch of an image; `index` counts row by row from the top left."""
+
+    index: int
+    region: PixelRegion
+
+
+def cut_patches(height: int, width: int, count: int = 6) -> list[Patch]:
+    """count x count patches with edges at round(i * size / count)."""
+    rows = [round(i * height / count) for i in range(count + 1)]
+    cols = [round(i * width / count) for i in range(count + 1)]
+    return [
+        Patch(r * count + c, PixelRegion(rows[r], rows[r + 1], cols[c], cols[c + 1]))
+        for r in range(count)
+        for c in range(count)
+    ]

@@ -1,5 +1,8 @@
-"""Running a network on the machine at hand: folding, precision, backend."""
+"""Run a network on this machine: batch norm folding, precision, backends.
 
-from s2rtools.inference.backend import Backend, Forward, choose_backend, open_backend
+Registry: `backend.BACKENDS` maps a backend's name to a `Backend` class.
+"""
 
-__all__ = ["Backend", "Forward", "choose_backend", "open_backend"]
+from s2rtools.inference.backend import Backend, ForwardOutput, choose_backend, open_backend
+
+__all__ = ["Backend", "ForwardOutput", "choose_backend", "open_backend"]

@@ -1,4 +1,4 @@
-"""The forward pass, in the arithmetic that was chosen for a model on this machine."""
+"""Backends: the forward pass of a model in a chosen library and precision."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
-from s2rtools.inference.batch_norm_folding import folded
+from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
 
 BATCH = 8
@@ -21,10 +21,10 @@ TOLERANCE_RADIANS = float(np.radians(0.5))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Forward:
+class ForwardOutput:
     """x (B, 4, h, w) and features (B, C, fh, fw) as tensors; embedding (B, D) and pose (B, 3).
 
-    `features` is None for a network whose inside is closed.
+    `features` is None for a network without accessible features.
     """
 
     x: Tensor
@@ -34,7 +34,7 @@ class Forward:
 
 
 class Backend:
-    """torch in float32, on the GPU where there is one; deterministic."""
+    """torch in float32, on the GPU if available; deterministic."""
 
     name = "torch"
     precision = "float32"
@@ -42,7 +42,7 @@ class Backend:
     uses_gpu = True
 
     def __init__(self, model: LoadedModel, threads: int = 0) -> None:
-        """`threads` 0 leaves torch's own setting."""
+        """`threads` 0 keeps torch's setting."""
         if threads:
             torch.set_num_threads(threads)
         self.model = model
@@ -52,13 +52,13 @@ class Backend:
             torch.backends.cuda.matmul.allow_tf32 = False
         self.trunk: nn.Module | None = None
         if model.network.has_features:
-            self.trunk = folded(model.network.trunk).to(self.device)
+            self.trunk = fold_batch_norm(model.network.trunk).to(self.device)
         model.network.to(self.device)
 
     def features(self, x: Tensor) -> Tensor:
         """Trunk features in float32."""
         if self.trunk is None:
-            raise RequestError(f"model {self.model.name!r} shows no features")
+            raise RequestError(f"model {self.model.name!r} has no accessible features")
         x = x.to(self.device).contiguous(memory_format=torch.channels_last)
         return self.trunk(x).float()
 
@@ -66,41 +66,43 @@ class Backend:
         """Decoded poses (B, 3) in metres, metres, radians."""
         return self.model.convention.decode(raw.double()).cpu().numpy()
 
-    def forward_all(self, x: NDArray[np.float32]) -> Forward:
-        """Everything that one forward pass gives, for a batch of inputs."""
+    def forward_all(self, x: NDArray[np.float32]) -> ForwardOutput:
+        """Results of one forward pass over a batch of inputs."""
         with torch.inference_mode():
             tensor = torch.from_numpy(x).to(self.device)
             if self.trunk is None:
-                raw = self._raw(tensor)
-                return Forward(tensor, None, raw, self.pose(raw))
+                raw = self._opaque_output(tensor)
+                return ForwardOutput(tensor, None, raw, self.pose(raw))
             features = self.features(tensor)
             embedding = self.model.network.embed(features)
             raw = self.model.network.head(embedding)
-            for what, found in (("features", features), ("embeddings", embedding)):
-                if len(found) != len(tensor):
-                    raise self._refuse(f"gives {len(found)} {what} for {len(tensor)} images")
-            return Forward(tensor, features, embedding, self.pose(self._checked(raw, tensor)))
+            for name, values in (("features", features), ("embeddings", embedding)):
+                if len(values) != len(tensor):
+                    raise self._error(f"returns {len(values)} {name} for {len(tensor)} images")
+            return ForwardOutput(tensor, features, embedding, self.pose(self._checked(raw, tensor)))
 
-    def _raw(self, x: Tensor) -> Tensor:
-        """The checked output of a network whose inside is closed."""
+    def _opaque_output(self, x: Tensor) -> Tensor:
+        """Checked output of a network without accessible features."""
         try:
             raw: object = self.model.network(x)
         except Exception as error:  # whatever the module's own code raises
-            told = (str(error).strip().splitlines() or [type(error).__name__])[-1][:160]
-            raise self._refuse(f"fails on {len(x)} images: {told}") from error
+            reason = (str(error).strip().splitlines() or [type(error).__name__])[-1][:160]
+            raise self._error(f"fails on {len(x)} images: {reason}") from error
         return self._checked(raw, x)
 
     def _checked(self, raw: object, x: Tensor) -> Tensor:
-        """The raw output where it has a row for each image and a column for each number."""
-        wanted = len(x), self.model.convention.width
+        """The raw output, if its shape fits the batch and the convention."""
+        expected = len(x), self.model.convention.width
         if not isinstance(raw, Tensor):
-            raise self._refuse(f"gives {type(raw).__name__}, not a tensor")
-        if tuple(raw.shape) != wanted:
-            raise self._refuse(f"gives {tuple(raw.shape)} for {len(x)} images, expected {wanted}")
+            raise self._error(f"returns {type(raw).__name__}, not a tensor")
+        if tuple(raw.shape) != expected:
+            raise self._error(
+                f"returns {tuple(raw.shape)} for {len(x)} images, expected {expected}"
+            )
         return raw
 
-    def _refuse(self, what: str) -> RequestError:
-        return RequestError(f"model {self.model.name!r}: {what}; export it for any batch size")
+    def _error(self, reason: str) -> RequestError:
+        return RequestError(f"model {self.model.name!r}: {reason}; export it for any batch size")
 
 
 class Bfloat16Backend(Backend):
@@ -119,7 +121,7 @@ class Bfloat16Backend(Backend):
 
 
 class OpenVinoBackend(Backend):
-    """OpenVINO on the CPU, in the precision that it prefers there; needs `openvino`."""
+    """OpenVINO on the CPU in its preferred precision; needs the package `openvino`."""
 
     name = "openvino"
     precision = "openvino"
@@ -130,7 +132,9 @@ class OpenVinoBackend(Backend):
         import openvino
 
         if self.trunk is None:
-            raise RequestError(f"model {self.model.name!r}: a closed network runs on torch only")
+            raise RequestError(
+                f"model {self.model.name!r}: a network without features runs on torch only"
+            )
         height, width = model.network.input_size
         self.trunk = self.trunk.to("cpu")
         self.device = torch.device("cpu")
@@ -144,22 +148,22 @@ class OpenVinoBackend(Backend):
         self.precision = f"openvino {kind.get_type_name()}"
 
     def features(self, x: Tensor) -> Tensor:
-        made = self._compiled([x.contiguous().numpy()])[0]
-        return torch.from_numpy(np.array(made, dtype=np.float32))
+        output = self._compiled([x.contiguous().numpy()])[0]
+        return torch.from_numpy(np.array(output, dtype=np.float32))
 
 
-_BACKENDS: dict[str, type[Backend]] = {
+BACKENDS: dict[str, type[Backend]] = {
     backend.name: backend for backend in (Backend, Bfloat16Backend, OpenVinoBackend)
 }
-NAMES = ("auto", *_BACKENDS)
+BACKEND_NAMES = ("auto", *BACKENDS)
 
 
 def open_backend(model: LoadedModel, name: str, threads: int = 0) -> Backend:
-    """A backend by name. Raises RequestError for unknown names and missing packages."""
-    if name not in _BACKENDS:
-        raise RequestError(f"backend {name!r}: one of {', '.join(NAMES)}")
+    """Open a backend by name. Raises RequestError for unknown names and missing packages."""
+    if name not in BACKENDS:
+        raise RequestError(f"backend {name!r}: one of {', '.join(BACKEND_NAMES)}")
     try:
-        return _BACKENDS[name](model, threads)
+        return BACKENDS[name](model, threads)
     except ImportError as error:
         raise RequestError(
             f"backend {name!r} needs {error.name}: pip install {error.name}"
@@ -169,17 +173,17 @@ def open_backend(model: LoadedModel, name: str, threads: int = 0) -> Backend:
 def choose_backend(
     model: LoadedModel, sample: NDArray[np.float32], name: str = "torch", threads: int = 0
 ) -> Backend:
-    """The named backend, if it stays within 1 cm and 0.5 degrees of float32 on the sample.
+    """The named backend, if it deviates at most 1 cm and 0.5 degrees from float32 on the sample.
 
-    `auto` stays with torch on a GPU; else it takes the first of OpenVINO and bfloat16 that is
-    installed and does. `sample` (B, 4, h, w). Raises RequestError
-    where a backend asked for by name is too far off.
+    `auto` chooses torch on a GPU, else the first of OpenVINO and bfloat16 that is installed and
+    accurate enough. `sample` (B, 4, h, w). Raises RequestError if a backend requested by name
+    deviates too far.
     """
     reference = Backend(model, threads)
     on_gpu = name == "auto" and reference.device.type == "cuda"
     if name == Backend.name or on_gpu or not model.network.has_features:
         return reference
-    wanted = reference.forward_all(sample).pose
+    expected = reference.forward_all(sample).pose
     for candidate in (OpenVinoBackend.name, Bfloat16Backend.name) if name == "auto" else (name,):
         try:
             backend = open_backend(model, candidate, threads)
@@ -187,17 +191,17 @@ def choose_backend(
             if name == "auto":
                 continue
             raise
-        off = _distance(backend.forward_all(sample).pose, wanted)
-        if off[0] <= TOLERANCE_METRES and off[1] <= TOLERANCE_RADIANS:
+        metres, radians = _largest_difference(backend.forward_all(sample).pose, expected)
+        if metres <= TOLERANCE_METRES and radians <= TOLERANCE_RADIANS:
             return backend
         if name != "auto":
             raise RequestError(
-                f"backend {name}: off by {off[0]:.3f} m and {np.degrees(off[1]):.2f} degrees on a "
+                f"backend {name}: off by {metres:.3f} m and {np.degrees(radians):.2f} degrees on a "
                 "calibration batch; use --backend torch"
             )
     return Backend(model, threads)
 
 
-def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float]:
+def _largest_difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float]:
     turn = angles.distance(a[:, 2], b[:, 2])
     return float(np.hypot(*(a[:, :2] - b[:, :2]).T).max()), float(turn.max())

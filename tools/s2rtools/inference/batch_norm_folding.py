@@ -1,4 +1,4 @@
-"""Batch norm folded into the convolutions before it, by a torch.fx trace of the trunk."""
+"""Fold batch norm into the preceding convolutions, by a torch.fx trace of the trunk."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from torch.fx.proxy import TraceError
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 
-def folded(trunk: nn.Module) -> nn.Module:
+def fold_batch_norm(trunk: nn.Module) -> nn.Module:
     """A copy of the trunk in evaluation mode with every foldable batch norm folded.
 
-    A trunk that torch.fx cannot trace comes back as an unfolded copy.
+    If torch.fx cannot trace the trunk, the copy is not folded.
     """
     plain = copy.deepcopy(trunk).eval()
     try:

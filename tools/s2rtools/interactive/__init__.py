@@ -1,4 +1,4 @@
-"""One model at hand: what it says of an instance while its images are being adjusted."""
+"""Interactive inference: predictions and heatmaps of one instance under any adjustments."""
 
 from s2rtools.interactive.live_model import LiveModel
 from s2rtools.interactive.live_result import LiveResult, LiveSide

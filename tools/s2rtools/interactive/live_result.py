@@ -1,4 +1,4 @@
-"""What a model says of one instance, in numpy alone."""
+"""Result of a model for one instance, as numpy arrays."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ Heat = Mapping[HeatKey, NDArray[np.float32]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiveSide:
-    """One side as the network was given it, and the pose that it predicted.
+    """Network input of one side, and the predicted pose.
 
     rgb (H, W, 3) uint8; depth (H, W) metres, NaN where invalid; both adjusted. `surface` (H, W) is
-    the raw depth before the adjustments of images: where heat lies. `domain` has the cameras that
-    the frame was taken with. x, y and error in metres, heading and heading_error in radians; NaN
-    where nothing was predicted.
+    the raw depth before image adjustments, on which heat is projected. `domain` holds the cameras
+    of the frame. x, y and error in metres, heading and heading_error in radians; NaN without a
+    prediction.
     """
 
     domain: Domain
@@ -40,7 +40,7 @@ class LiveSide:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiveResult:
-    """Both sides of one instance, with the heatmaps that are computed so far."""
+    """Both sides of one instance, with the heatmaps computed so far."""
 
     iid: int
     sim: LiveSide
@@ -51,7 +51,7 @@ class LiveResult:
         return self.sim if side == "sim" else self.real
 
     def heatmap(self, kind: str, side: Side, mode: str | None = None) -> NDArray[np.float32]:
-        """(rows, columns), as `Store.heatmap` gives it; RequestError where it was not asked for."""
+        """A heatmap (rows, columns), as from `Store.heatmap`. RequestError if not computed."""
         key = kind, side, mode or DEFAULT_MODES.get(kind)
         if key not in self.heat:
             raise RequestError(f"heatmap {kind} {key[2] or ''}: not computed for these adjustments")

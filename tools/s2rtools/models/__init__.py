@@ -1,4 +1,9 @@
-"""Pose networks: `ARCHITECTURES` lists those that can be built by name."""
+"""Pose networks, their weights files and the conventions of their outputs.
+
+Registry: `ARCHITECTURES` maps an architecture's name to a `PoseNetwork` class. To add an
+architecture, write one module with a subclass of `PoseNetwork` and add one line to
+`ARCHITECTURES`.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +17,8 @@ ARCHITECTURES: dict[str, type[PoseNetwork]] = {
 }
 
 
-def build(architecture: str) -> PoseNetwork:
-    """An untrained network; RequestError for unknown names."""
+def build_network(architecture: str) -> PoseNetwork:
+    """An untrained network of an architecture. Raises RequestError for unknown names."""
     if architecture not in ARCHITECTURES:
         raise RequestError(f"architecture {architecture!r}: one of {', '.join(ARCHITECTURES)}")
     return ARCHITECTURES[architecture]()

@@ -1,4 +1,4 @@
-"""What a network's raw output means: unit of the heading and frame, decoded to the map."""
+"""Output conventions: how a network's raw output is decoded to poses on the map."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_json
 
 HeadingUnit = Literal["degrees", "radians", "cos_sin"]
-Frame = Literal["map", "habitat"]
+HeadingFrame = Literal["map", "habitat"]
 
 
 @dataclass(frozen=True, slots=True)
 class OutputConvention:
-    """Columns of the raw output: x, y in metres, then the heading or its cosine and sine.
+    """Meaning of the raw output: x, y in metres, then the heading or its cosine and sine.
 
     `frame` is `map` (forward = (cos a, sin a)) or `habitat` (yaw r with forward
     (-sin r, -cos r), so a = -pi/2 - r); positions are map coordinates in both.
     """
 
     heading: HeadingUnit
-    frame: Frame = "map"
+    frame: HeadingFrame = "map"
 
     @property
     def width(self) -> int:
@@ -49,7 +49,7 @@ class OutputConvention:
     def components(self, raw: Tensor) -> Tensor:
         """(B, K) raw -> (B, 4) x, y, cosine and sine of the map heading; differentiable.
 
-        Cosine and sine of a `cos_sin` network are as it gives them, not normalised.
+        Cosine and sine of a `cos_sin` network are not normalised.
         """
         if self.heading != "cos_sin":
             angle = self._map_angle(raw)
@@ -63,31 +63,27 @@ class OutputConvention:
         return -math.pi / 2 - angle if self.frame == "habitat" else angle
 
     def to_json(self) -> str:
-        """The form that the index keeps."""
+        """The form that the index stores."""
         return json.dumps({"frame": self.frame, "heading": self.heading})
-
-    @classmethod
-    def from_json(cls, text: str) -> OutputConvention:
-        return parse_convention(text)
 
 
 def parse_convention(text: str) -> OutputConvention:
-    """From the index's JSON or from a command line's `HEADING[,FRAME]`, such as `degrees,map`.
+    """Parse the index's JSON or an option's `HEADING[,FRAME]`, such as `degrees,map`.
 
-    Raises RequestError.
+    Raises RequestError naming the key and the allowed values.
     """
     if text.lstrip().startswith("{"):
-        given = parse_json(text, "output convention")
-        heading, frame = given.get("heading", ""), given.get("frame", "map")
+        table = parse_json(text, "output convention")
+        heading, frame = table.get("heading", ""), table.get("frame", "map")
     else:
         heading, _, frame = (part.strip() for part in text.partition(","))
         frame = frame or "map"
     if heading not in get_args(HeadingUnit):
-        raise RequestError(_unknown(text, "heading", heading, get_args(HeadingUnit)))
-    if frame not in get_args(Frame):
-        raise RequestError(_unknown(text, "frame", frame, get_args(Frame)))
+        raise RequestError(_unknown_value(text, "heading", heading, get_args(HeadingUnit)))
+    if frame not in get_args(HeadingFrame):
+        raise RequestError(_unknown_value(text, "frame", frame, get_args(HeadingFrame)))
     return OutputConvention(heading, frame)
 
 
-def _unknown(text: str, what: str, value: str, allowed: tuple[str, ...]) -> str:
-    return f"output convention {text!r}: {what} {value!r}; one of {', '.join(allowed)}"
+def _unknown_value(text: str, key: str, value: str, allowed: tuple[str, ...]) -> str:
+    return f"output convention {text!r}: {key} {value!r}; one of {', '.join(allowed)}"

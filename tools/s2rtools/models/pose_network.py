@@ -1,4 +1,4 @@
-"""What a pose network is to the rest of the program."""
+"""Interface of pose networks."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ __all__ = ["LoadedModel", "OutputConvention", "PoseNetwork"]
 
 
 class PoseNetwork(nn.Module):
-    """An image pair in, a pose out, in three steps that can be called one by one.
+    """A network from an RGB-D image to a pose, in three steps that can be called separately.
 
     Input x is (B, 4, h, w) float32 in [-1, 1], RGB then depth, (h, w) = `input_size`.
     `trunk` maps it to the features of the last convolution after its activation
-    (B, C, fh, fw): the place that heatmaps look at. `embed` pools them to (B, embedding_size),
-    `head` gives the raw output (B, K), whose meaning is an `OutputConvention`'s.
+    (B, C, fh, fw), on which heatmaps are computed. `embed` pools them to (B, embedding_size),
+    `head` returns the raw output (B, K), which an `OutputConvention` decodes.
 
-    A subclass sets `architecture`, `convention` (its default) and `embedding_size`, and gives
-    `trunk`, `embed` and `head`. Where `has_features` is False, `trunk` gives no feature map and
-    heatmaps are unavailable. `torch.fx.symbolic_trace` must be able to follow `trunk`, and
-    whatever comes before its last convolution should be local for occlusion to be fast.
+    A subclass sets `architecture`, `convention` (its default) and `embedding_size`, and
+    implements `trunk`, `embed` and `head`. If `has_features` is False, there is no feature map and
+    heatmaps are unavailable. `torch.fx.symbolic_trace` must be able to trace `trunk`; occlusion is
+    fast if every operation up to its last convolution is local.
     """
 
     architecture: ClassVar[str]
@@ -38,7 +38,7 @@ class PoseNetwork(nn.Module):
 
     @property
     def early(self) -> nn.Module | None:
-        """The first convolution up to its activation, (B, 4, h, w) -> (B, C, eh, ew), if known."""
+        """First convolution and activation, (B, 4, h, w) -> (B, C, eh, ew); None if unknown."""
         return None
 
     def embed(self, features: Tensor) -> Tensor:
@@ -53,15 +53,15 @@ class PoseNetwork(nn.Module):
         return self.head(self.embed(self.trunk(x)))
 
     def centre_output(self, centre: tuple[float, float], spread: float) -> None:
-        """Before training: make typical outputs fall around `centre` with deviation `spread`, m.
+        """Initialise the output before training to `centre` with deviation `spread`, metres.
 
-        Networks that need no such start keep this default, which does nothing.
+        The default does nothing.
         """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadedModel:
-    """A network in evaluation mode and what is known of it; `sha256` is the weights file's."""
+    """A network in evaluation mode with its convention; `sha256` is that of its weights file."""
 
     name: str
     architecture: str

@@ -1,4 +1,4 @@
-"""From stored frames to a network's input."""
+"""Convert stored frames to a network's input."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 DEPTH_LIMIT = 10.0
-"""Metres that map to +1; nearer values fall linearly to -1 at no distance."""
+"""Metres that map to +1; depth 0 maps to -1."""
 
 
 def preprocess(
@@ -20,8 +20,8 @@ def preprocess(
 ) -> NDArray[np.float32]:
     """rgb (B, H, W, 3) and raw depth (B, H, W) -> (B, 4, h, w) in [-1, 1], RGB then depth.
 
-    RGB / 127.5 - 1; metres = raw * `depth_scale`, cut at `DEPTH_LIMIT`. Frames of another size
-    are area-averaged in their own dtype first; frames of equal size are taken as they are.
+    RGB / 127.5 - 1; metres = raw * `depth_scale`, clipped at `DEPTH_LIMIT`. Frames of another size
+    are resized in their own dtype first.
     """
     rgb, depth = resize_frames(rgb, depth, input_size)
     x = np.empty((len(rgb), 4, *input_size), dtype=np.float32)
@@ -36,7 +36,7 @@ def preprocess(
 def resize_frames(
     rgb: NDArray[np.uint8], depth: NDArray[Any], size: tuple[int, int]
 ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
-    """Both images of a batch at `size` = (h, w); the very same arrays where that is their size."""
+    """Resize both images of a batch to (h, w); return the same arrays if they have that size."""
     if rgb.shape[1:3] == size and depth.shape[1:3] == size:
         return rgb, depth
     return _resize(rgb, size), _resize(depth, size)

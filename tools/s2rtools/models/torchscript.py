@@ -1,4 +1,4 @@
-"""Networks of unknown insides: whatever maps an image pair to a pose."""
+"""Networks without accessible features: TorchScript archives and arbitrary modules."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from s2rtools.models.pose_network import PoseNetwork
 
 TORCHSCRIPT = "torchscript"
 DEFAULT_INPUT_SIZE = (256, 256)
-_MOST_SIDE = 2048
+_MAX_SIDE = 2048
 
 
 class OpaqueNetwork(PoseNetwork):
-    """A module whose features cannot be reached: its raw output serves as its embedding.
+    """A module without accessible features; its raw output serves as its embedding.
 
-    The module takes (B, 4, h, w) and gives (B, 3) or (B, 4), or a tuple that begins with it. It
-    may carry an attribute `input_size` = (h, w); otherwise 256 x 256 is meant.
+    The module takes (B, 4, h, w) and returns (B, 3) or (B, 4), or a tuple that begins with it. Its
+    attribute `input_size` = (h, w) is optional, by default 256 x 256.
     """
 
     architecture: ClassVar[str] = "opaque"
     has_features = False
 
     def __init__(self, module: nn.Module) -> None:
-        """Raises RequestError where a black image does not give a pose."""
+        """Raises RequestError if the module returns no pose for a black image."""
         super().__init__()
         self.input_size = _input_size(module)
         self.inner = module.eval()
@@ -42,7 +42,9 @@ class OpaqueNetwork(PoseNetwork):
             module = torch.jit.load(io.BytesIO(content), "cpu")
             return cls(module)
         except RuntimeError as error:
-            raise RequestError(f"{where}: no usable TorchScript ({_first_line(error)})") from error
+            raise RequestError(
+                f"{where}: not a usable TorchScript archive ({_first_line(error)})"
+            ) from error
 
     def forward(self, x: Tensor) -> Tensor:
         output = self.inner(x)
@@ -56,24 +58,24 @@ class OpaqueNetwork(PoseNetwork):
         except Exception as error:  # whatever the module's own code raises
             shape = f"(1, 4, {self.input_size[0]}, {self.input_size[1]})"
             raise RequestError(f"network: fails on {shape}: {_first_line(error)}") from error
-        good = isinstance(output, Tensor) and output.ndim == 2 and len(output) == 1
-        if not good or output.shape[1] not in (3, 4):
-            found = (
+        is_row = isinstance(output, Tensor) and output.ndim == 2 and len(output) == 1
+        if not is_row or output.shape[1] not in (3, 4):
+            result = (
                 str(tuple(output.shape)) if isinstance(output, Tensor) else type(output).__name__
             )
-            raise RequestError(f"network: gives {found}, expected (1, 3) or (1, 4)")
+            raise RequestError(f"network: returns {result}, expected (1, 3) or (1, 4)")
         return int(output.shape[1])
 
 
 def _input_size(module: nn.Module) -> tuple[int, int]:
-    """(h, w) that the module declares, or the usual one."""
+    """(h, w) that the module declares, or the default."""
     try:
         height, width = getattr(module, "input_size", DEFAULT_INPUT_SIZE)
         size = int(height), int(width)
     except (TypeError, ValueError) as error:
         raise RequestError(f"network: input_size must be (height, width): {error}") from error
-    if not all(1 <= side <= _MOST_SIDE for side in size):
-        raise RequestError(f"network: input_size {size}: 1 .. {_MOST_SIDE} pixels a side")
+    if not all(1 <= side <= _MAX_SIDE for side in size):
+        raise RequestError(f"network: input_size {size}: 1 .. {_MAX_SIDE} pixels a side")
     return size
 
 

@@ -1,4 +1,4 @@
-"""Reading a weights file that somebody sent: its declarations are judged before its tensors."""
+"""Read an untrusted weights file: check its declared sizes before its tensors."""
 
 from __future__ import annotations
 
@@ -14,32 +14,33 @@ from torch import Tensor
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import open_regular, read_bytes
 
-MOST_OPAQUE = 1 << 31
-"""Bytes of a TorchScript archive, which is only read where it is trusted."""
-_MOST_HEADER = 16 << 20
+MAX_TORCHSCRIPT_BYTES = 1 << 31
+"""Bytes of a TorchScript archive, which is read only if the user trusts it."""
+_MAX_HEADER_BYTES = 16 << 20
 """Bytes of a safetensors header; a tensor takes about 100."""
 _COPIES, _BESIDE = 4, 16 << 20
-"""A weights file may hold its parameters so many times (as float64, with an optimizer's moments),
-and so many bytes beside them."""
+"""Copies of the parameters in a file (float64, optimizer moments), and bytes in addition."""
 
 
-def most_bytes(parameters: int) -> int:
-    """The size that a weights file of so many bytes of parameters may have."""
+def max_file_bytes(parameters: int) -> int:
+    """Largest weights file for a number of bytes of parameters."""
     return _COPIES * parameters + _BESIDE
 
 
-def read_weights_file(path: Path, most: int) -> bytes:
-    """The content of a weights file whose declared sizes fit the file.
+def read_weights_file(path: Path, max_bytes: int) -> bytes:
+    """Content of a weights file whose declared sizes fit the file.
 
-    Raises RequestError for pipes, devices, folders, files of more than `most` bytes, safetensors
+    Raises RequestError for pipes, devices, folders, files larger than `max_bytes`, safetensors
     whose header is longer than the file, and archives that are compressed or overlap.
     """
     if path.suffix == ".safetensors":
         with open_regular(path) as file:
             declared = int.from_bytes(file.read(8), "little")
-            if declared > min(_MOST_HEADER, max(path.stat().st_size - 8, 0)):
-                raise RequestError(f"{path}: no safetensors (its header declares {declared} bytes)")
-    content = read_bytes(path, most)
+            if declared > min(_MAX_HEADER_BYTES, max(path.stat().st_size - 8, 0)):
+                raise RequestError(
+                    f"{path}: not a safetensors file (its header declares {declared} bytes)"
+                )
+    content = read_bytes(path, max_bytes)
     check_archive(path, content)
     return content
 
@@ -52,22 +53,22 @@ def check_archive(path: Path, content: bytes) -> None:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             entries = archive.infolist()
     except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError) as error:
-        raise RequestError(f"{path}: a damaged archive ({error}); copy it anew") from error
+        raise RequestError(f"{path}: a damaged archive ({error}); copy it again") from error
     if any(entry.compress_type != zipfile.ZIP_STORED for entry in entries):
         raise RequestError(f"{path}: its entries are compressed, which torch never writes")
     if sum(entry.file_size for entry in entries) > len(content):
         raise RequestError(f"{path}: its entries declare more bytes than the file has")
 
 
-def check_tensors(state: Mapping[str, Tensor], wanted: Mapping[str, Tensor], where: str) -> None:
+def check_tensors(state: Mapping[str, Tensor], expected: Mapping[str, Tensor], where: str) -> None:
     """Raise RequestError for sparse, quantized or complex tensors, and for a wrong data type."""
     for key, value in state.items():
         plain = value.layout == torch.strided and value.device.type == "cpu"
         if not plain or value.is_quantized or value.is_nested or value.is_complex():
-            raise RequestError(f"{where}: {key} is no plain tensor (dtype {value.dtype})")
-        if key in wanted and value.is_floating_point() != wanted[key].is_floating_point():
-            expected = wanted[key].dtype
-            raise RequestError(f"{where}: {key} is {value.dtype}, expected {expected}")
+            raise RequestError(f"{where}: {key} is not a plain tensor (dtype {value.dtype})")
+        if key in expected and value.is_floating_point() != expected[key].is_floating_point():
+            dtype = expected[key].dtype
+            raise RequestError(f"{where}: {key} is {value.dtype}, expected {dtype}")
 
 
 def parameter_bytes(state: Mapping[str, Any]) -> int:

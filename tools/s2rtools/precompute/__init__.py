@@ -1,1 +1,1 @@
-"""From registered runs to published arrays and index rows, in work units that survive kill -9."""
+"""Compute registered runs in restartable work units and publish their arrays and index rows."""

@@ -1,4 +1,4 @@
-"""Running work units in this process or in several; each unit is written by one process."""
+"""Run work units in this process or in worker processes; one process writes each unit."""
 
 from __future__ import annotations
 
@@ -16,20 +16,22 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.security import working_folder
-from s2rtools.precompute.work_units import Unit
+from s2rtools.precompute.work_units import WorkUnit
 
-Compute = Callable[[Unit], None]
-Opener = Callable[[Path, int], Compute]
+ComputeUnit = Callable[[WorkUnit], None]
+OpenWorker = Callable[[Path, int], ComputeUnit]
 
 _PR_SET_PDEATHSIG = 1
-_compute: Compute | None = None
+_compute_unit: ComputeUnit | None = None
 
 
-def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -> Iterator[Unit]:
-    """Compute units and give each when it is done.
+def run_units(
+    root: Path, units: Iterable[WorkUnit], opener: OpenWorker, workers: int
+) -> Iterator[WorkUnit]:
+    """Compute units and yield each finished one.
 
-    `opener(root, threads)` is called once in each process and gives the function that computes
-    a unit. Raises RequestError when a worker process is killed.
+    `opener(root, threads)` is called once in each process and returns the function that computes
+    a unit. Raises RequestError if a worker process is killed.
     """
     threads = max(1, (os.cpu_count() or 1) // workers)
     if workers == 1:
@@ -40,28 +42,28 @@ def run_units(root: Path, units: Iterable[Unit], opener: Opener, workers: int) -
         return
     working_folder.distrust()
     context = multiprocessing.get_context("spawn")
-    _start_quiet_tracker()
-    with ProcessPoolExecutor(workers, context, _start, (root, opener, threads)) as pool:
+    _start_resource_tracker()
+    with ProcessPoolExecutor(workers, context, _start_worker, (root, opener, threads)) as pool:
         try:
-            with _interrupts_deferred():
-                futures = {pool.submit(_work, unit): unit for unit in units}
+            with _defer_interrupts():
+                futures = {pool.submit(_run_in_worker, unit): unit for unit in units}
             for future in as_completed(futures):
                 future.result()
                 yield futures[future]
         except BrokenProcessPool as error:
             raise RequestError(
-                f"{root}: a worker process was killed (out of memory?); finished units are kept: "
+                f"{root}: a worker process was killed (out of memory?); finished units are kept; "
                 "run the command again, with --workers 1 if memory is short"
             ) from error
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _start_quiet_tracker() -> None:
-    """Start the process that removes the semaphores of killed workers, without its warning.
+def _start_resource_tracker() -> None:
+    """Start multiprocessing's resource tracker with its warnings disabled.
 
-    Libraries that workers import make semaphores. The tracker removes those of a killed worker
-    either way; its warning would only follow the error that names the reason.
+    The tracker removes the semaphores of killed workers; its warning would only follow the error
+    that names the reason.
     """
     before = os.environ.get("PYTHONWARNINGS")
     quiet = "ignore:resource_tracker:UserWarning"
@@ -76,37 +78,37 @@ def _start_quiet_tracker() -> None:
 
 
 @contextmanager
-def _interrupts_deferred() -> Iterator[None]:
-    """Hold back ctrl+c while processes are started; they never hear it, even while they import."""
-    came: list[int] = []
+def _defer_interrupts() -> Iterator[None]:
+    """Defer ctrl+c until the workers have started; workers ignore it from their first moment."""
+    received: list[int] = []
     handler = signal.getsignal(signal.SIGINT)
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         with suppress(ValueError):  # not the main thread, which alone is interrupted
-            signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+            signal.signal(signal.SIGINT, lambda number, frame: received.append(number))
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         with suppress(ValueError):
             signal.signal(signal.SIGINT, handler)
-    if came:
+    if received:
         raise KeyboardInterrupt
 
 
-def _start(root: Path, opener: Opener, threads: int) -> None:
+def _start_worker(root: Path, opener: OpenWorker, threads: int) -> None:
     global _compute
     _die_with_parent()
-    _compute = opener(root, threads)
+    _compute_unit = opener(root, threads)
 
 
-def _work(unit: Unit) -> None:
-    if _compute is None:
+def _run_in_worker(unit: WorkUnit) -> None:
+    if _compute_unit is None:
         raise RuntimeError("the worker was not started")
-    _compute(unit)
+    _compute_unit(unit)
 
 
 def _die_with_parent() -> None:
-    """A worker that outlived its killed parent would write the files that the rerun writes."""
+    """End this worker with its parent, so that it does not write files that a rerun writes."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() == 1:

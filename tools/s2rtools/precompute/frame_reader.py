@@ -1,4 +1,4 @@
-"""Reading both sides' frames ahead of the computation, through each side's adjustments."""
+"""Read both sides' frames ahead of the computation and apply each side's adjustments."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from s2rtools.rendering import FrameRenderer, open_renderer
 
 _READ_ROWS = 32
 
-Images = dict[str, NDArray[Any]]
-Kept = Callable[[str, str], Any]
+FrameImages = dict[str, NDArray[Any]]
+RenderedArrays = Callable[[str, str], Any]
 Renderers = dict[str, FrameRenderer]
 
 
@@ -40,31 +40,36 @@ PairFrames = dict[Side, SideFrames]
 
 
 class RunFrames:
-    """The frames of a run's sides before the adjustments of images.
+    """Frames of a run's sides before image adjustments.
 
-    Stored ones; of a side whose cameras are moved those that the run keeps, or rendered now.
+    They are read from the store. For a side whose cameras are moved, they are read from the run's
+    rendered frames if available, else rendered.
     """
 
     def __init__(
-        self, store: Store, run: Run, kept: Kept | None = None, renderers: Renderers | None = None
+        self,
+        store: Store,
+        run: Run,
+        rendered: RenderedArrays | None = None,
+        renderers: Renderers | None = None,
     ) -> None:
-        """`kept(kind, side)` gives the arrays of rendered frames, where they are complete.
+        """`rendered(kind, side)` opens the complete arrays of rendered frames.
 
-        `renderers` are those that are open, by domain; it may be shared between runs of a store.
+        `renderers` caches open renderers by domain and may be shared between runs of a store.
         """
-        self._store, self._run, self._kept = store, run, kept
+        self._store, self._run, self._rendered = store, run, rendered
         self._moves = {side: run_camera_move(store, run, side) for side in SIDES}
         self._renderers = {} if renderers is None else renderers
 
     def read(
         self, side: Side, start: int, stop: int, images: tuple[str, ...] = ("rgb", "depth")
-    ) -> Images:
-        """The images of iids [start, stop), as `Store.frames` gives them."""
+    ) -> FrameImages:
+        """Images of iids [start, stop), as `Store.frames` returns them."""
         domain, move = self._run.domain(side), self._moves[side]
         if move == UNMOVED:
             return self._store.frames(domain, start, stop, images)
-        if self._kept is not None:
-            return {i: np.asarray(self._kept(FRAME_KINDS[i], side)[start:stop]) for i in images}
+        if self._rendered is not None:
+            return {i: np.asarray(self._rendered(FRAME_KINDS[i], side)[start:stop]) for i in images}
         if domain not in self._renderers:
             self._renderers[domain] = open_renderer(self._store, domain)
         rgb, depth = self._renderers[domain].frames(domain, start, stop, move)
@@ -97,21 +102,24 @@ def read_pairs(
         }  # fmt: skip
 
     with ThreadPoolExecutor(1, thread_name_prefix="frames") as pool:
-        ahead = pool.submit(prepare, *blocks[0]) if blocks else None
+        next_block = pool.submit(prepare, *blocks[0]) if blocks else None
         for position, (low, high) in enumerate(blocks):
-            assert ahead is not None
-            block = ahead.result()
+            assert next_block is not None
+            block = next_block.result()
             if position + 1 < len(blocks):
-                ahead = pool.submit(prepare, *blocks[position + 1])
+                next_block = pool.submit(prepare, *blocks[position + 1])
             for offset in range(0, high - low, batch):
-                cut = slice(offset, min(offset + batch, high - low))
-                yield low + offset, {side: _cut(found, cut) for side, found in block.items()}
+                rows = slice(offset, min(offset + batch, high - low))
+                yield (
+                    low + offset,
+                    {side: _slice_frames(frames, rows) for side, frames in block.items()},
+                )
 
 
 def side_frames(
-    images: Images, domain: Domain, chain: Chain, input_size: tuple[int, int]
+    images: FrameImages, domain: Domain, chain: Chain, input_size: tuple[int, int]
 ) -> SideFrames:
-    """What a network is given of one side: its images through the chain's image adjustments."""
+    """Network input of one side: its images after the chain's image adjustments."""
     rgb, depth = images["rgb"], images["depth"]
     valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
     rgb, depth = apply_chain(rgb, depth, valid, chain)
@@ -121,7 +129,7 @@ def side_frames(
     return SideFrames(rgb, depth, valid, domain.depth_scale, x)
 
 
-def _cut(frames: SideFrames, cut: slice) -> SideFrames:
+def _slice_frames(frames: SideFrames, rows: slice) -> SideFrames:
     return SideFrames(
-        frames.rgb[cut], frames.depth[cut], frames.valid[cut], frames.depth_scale, frames.x[cut]
+        frames.rgb[rows], frames.depth[rows], frames.valid[rows], frames.depth_scale, frames.x[rows]
     )

@@ -1,4 +1,4 @@
-"""Computing what is missing for runs, and publishing each run as soon as it is complete."""
+"""Compute the missing arrays of runs and publish each run as soon as it is complete."""
 
 from __future__ import annotations
 
@@ -15,20 +15,24 @@ from s2rstore.errors import RequestError
 from s2rstore.files import locks
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
-from s2rtools.heatmaps import KINDS
+from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.inference import Backend, choose_backend
 from s2rtools.models.library import load_model
 from s2rtools.precompute import rig_calibration
-from s2rtools.precompute import stages as run_stages
 from s2rtools.precompute.executors import run_units
 from s2rtools.precompute.frame_reader import read_pairs
 from s2rtools.precompute.publish import publish_run
-from s2rtools.precompute.run_context import opener
+from s2rtools.precompute.tasks.map_grids import map_stages
+from s2rtools.precompute.tasks.network_outputs import forward_stage, heatmap_stages
+from s2rtools.precompute.tasks.outliers import outlier_stage
+from s2rtools.precompute.tasks.rendered_frames import frames_stages
+from s2rtools.precompute.tasks.umap_projection import projection_stage
+from s2rtools.precompute.unit_computer import worker_factory
 from s2rtools.precompute.work_units import Stage, missing_units
 
 
 class ProgressReporter(Protocol):
-    """Where progress is told: `total` instances-times-stages of `what`, then steps of it."""
+    """Receiver of progress: `total` steps of `what`, then the finished steps, and messages."""
 
     def begin(self, what: str, total: int) -> None: ...
     def advance(self, steps: int) -> None: ...
@@ -36,8 +40,8 @@ class ProgressReporter(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
-    """`kinds` are heatmap kinds, all by default; `backend` auto, torch or openvino."""
+class PrecomputeOptions:
+    """Options of `precompute`; `kinds` are heatmap kinds, all by default."""
 
     kinds: tuple[str, ...] | None = None
     workers: int = 1
@@ -46,15 +50,18 @@ class Options:
 
 
 def precompute(
-    root: Path, reporter: ProgressReporter, runs: Sequence[str] = (), options: Options | None = None
+    root: Path,
+    reporter: ProgressReporter,
+    runs: Sequence[str] = (),
+    options: PrecomputeOptions | None = None,
 ) -> list[str]:
-    """Compute and publish the named runs (all by default); gives those that were published.
+    """Compute and publish the named runs (all by default); return those that were published.
 
-    Nothing that ledger and checksums prove is computed again. Raises StoreBusyError where another
-    process computes, RequestError for unknown runs or kinds.
+    Arrays that the ledger and checksums prove are not computed again. Raises StoreBusyError if
+    another process computes, RequestError for unknown runs or kinds.
     """
-    options = options or Options()
-    kinds = _known_kinds(options.kinds)
+    options = options or PrecomputeOptions()
+    kinds = _check_kinds(options.kinds)
     with locks.compute_lock(root):
         with s2rstore.open(root) as store:
             names = [store.run(name).run for name in runs] or list(store.runs)
@@ -63,52 +70,56 @@ def precompute(
         return [name for name in names if _compute_run(root, name, kinds, options, reporter)]
 
 
-def _known_kinds(kinds: tuple[str, ...] | None) -> tuple[str, ...]:
+def _check_kinds(kinds: tuple[str, ...] | None) -> tuple[str, ...]:
     for kind in kinds or ():
-        if kind not in KINDS:
-            raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(KINDS)}")
-    return tuple(KINDS) if kinds is None else kinds
+        if kind not in HEATMAP_KINDS:
+            raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(HEATMAP_KINDS)}")
+    return tuple(HEATMAP_KINDS) if kinds is None else kinds
 
 
 def _compute_run(
-    root: Path, name: str, kinds: Sequence[str], options: Options, reporter: ProgressReporter
+    root: Path,
+    name: str,
+    kinds: Sequence[str],
+    options: PrecomputeOptions,
+    reporter: ProgressReporter,
 ) -> bool:
-    """Bring one run up to date; whether that published a new generation."""
-    if any(KINDS[kind].aligned for kind in kinds):
+    """Bring one run up to date; True if a new generation was published."""
+    if any(HEATMAP_KINDS[kind].aligned for kind in kinds):
         with s2rstore.open(root) as store:
             record = store.run(name)
-        if rig_calibration.ensure(root, record):
+        if rig_calibration.ensure_calibrated(root, record):
             reporter.say(f"{record.sim_domain} | {record.real_domain}: rigs aligned")
     with s2rstore.open(root) as store:
         run = store.run(name)
-        backend = _backend(store, run, options)
+        backend = _choose_backend(store, run, options)
         model = load_model(store, run.model, options.trust)
-        allowed = [kind for kind in kinds if KINDS[kind].suits(model)]
-        frames = run_stages.frames_stages(store, run)
+        allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
+        frames = frames_stages(store, run)
         rendered = tuple(spec for stage in frames for spec in stage.specs)
-        forward = run_stages.forward_stage(store, run, model, backend, allowed, rendered)
-        others = run_stages.occlusion_stages(store, run, model, backend, allowed, rendered)
-        projection = run_stages.projection_stage(store, forward)
-        second = [projection, *run_stages.map_stages(store, forward, others)]
-        third = [run_stages.outlier_stage(store, forward, projection)]
-    for group in (frames, [forward, *others], second, third):
+        forward = forward_stage(store, run, model, backend, allowed, rendered)
+        heatmaps = heatmap_stages(store, run, model, backend, allowed, rendered)
+        projection = projection_stage(store, forward)
+        second = [projection, *map_stages(store, forward, heatmaps)]
+        third = [outlier_stage(store, forward, projection)]
+    for group in (frames, [forward, *heatmaps], second, third):
         _compute_stages(root, group, {name: backend["name"]}, options, reporter)
-    stages = [forward, *others, *second, *third, *frames]
+    stages = [forward, *heatmaps, *second, *third, *frames]
     published = publish_run(root, name, stages, backend)
     reporter.say(f"{name}: {'published' if published else 'up to date'}")
     return published
 
 
-def _backend(store: Store, run: Run, options: Options) -> dict[str, Any]:
-    """The backend's name and precision; any but plain torch is held against the first images."""
+def _choose_backend(store: Store, run: Run, options: PrecomputeOptions) -> dict[str, Any]:
+    """Name and precision of the backend; all but plain torch are checked on the first images."""
     model = load_model(store, run.model, options.trust)
     height, width = model.network.input_size
-    parts = [np.empty((0, 4, height, width), dtype=np.float32)]
+    samples = [np.empty((0, 4, height, width), dtype=np.float32)]
     if options.backend != Backend.name:
         stop = min(16, len(store.instances))
         for _, frames in read_pairs(store, run, (height, width), 0, stop, 16):
-            parts += [frames[side].x for side in SIDES]
-    chosen = choose_backend(model, np.concatenate(parts), options.backend, threads=0)
+            samples += [frames[side].x for side in SIDES]
+    chosen = choose_backend(model, np.concatenate(samples), options.backend, threads=0)
     return {"name": chosen.name, "precision": chosen.precision}
 
 
@@ -116,7 +127,7 @@ def _compute_stages(
     root: Path,
     stages: Sequence[Stage],
     backends: dict[str, str],
-    options: Options,
+    options: PrecomputeOptions,
     reporter: ProgressReporter,
 ) -> None:
     for stage in stages:
@@ -128,5 +139,5 @@ def _compute_stages(
     label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
     reporter.begin(f"{units[0].stage.run}: {label}", sum(unit.rows for unit in units))
     workers = min(options.workers, len(units), os.cpu_count() or 1)
-    for unit in run_units(root, units, opener(backends, options.trust), workers):
+    for unit in run_units(root, units, worker_factory(backends, options.trust), workers):
         reporter.advance(unit.rows)

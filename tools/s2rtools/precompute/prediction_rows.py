@@ -1,4 +1,4 @@
-"""From predicted poses to index rows: errors, losses, accuracies, ranks and splits."""
+"""Index rows of predicted poses: errors, losses, accuracies, ranks and splits."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def prediction_columns(
     """Columns of table `prediction` for one side.
 
     `poses` (N, 3): x and y in metres, heading in radians. A pose that is not finite is a missing
-    prediction: its figures are NaN and its rank is 0 (both become NULL). `outlier` (N,) as it is.
+    prediction: its metrics are NaN and its rank is 0 (both become NULL).
     """
     known = np.isfinite(poses).all(axis=1, keepdims=True)
     poses = np.where(known, poses, np.nan)
     x, y, heading = poses.T
     dx, dy = x - truth.x, y - truth.y
     error = np.sqrt(dx * dx + dy * dy)
-    off = pose_metrics.heading_error(heading, truth.heading)
+    heading_error = pose_metrics.heading_error(heading, truth.heading)
     rank = pose_metrics.rank(error)
     n = len(truth)
     return {
@@ -47,8 +47,8 @@ def prediction_columns(
         "y": y,
         "heading": heading,
         "error": error,
-        "heading_error": off,
-        "loss": pose_metrics.pose_loss(error, off),
+        "heading_error": heading_error,
+        "loss": pose_metrics.pose_loss(error, heading_error),
         "accuracy": pose_metrics.accuracy(error, accuracy_scale),
         "rank": np.where(rank > 0, rank, np.nan),
         "split": np.array(SPLITS, dtype=object)[split],
@@ -66,9 +66,9 @@ def encode_split(codes: NDArray[np.int8]) -> str:
 
 
 def decode_split(text: str | None, n: int) -> NDArray[np.int8]:
-    """Codes into `records.SPLITS`, shape (n,); all `unseen` without a text.
+    """Codes into `records.SPLITS`, shape (n,); all `unseen` if `text` is None.
 
-    Raises RequestError for a split of another number of instances.
+    Raises RequestError for a malformed split or another number of instances.
     """
     if text is None:
         return np.full(n, UNSEEN, dtype=np.int8)
@@ -78,7 +78,7 @@ def decode_split(text: str | None, n: int) -> NDArray[np.int8]:
         codes, counts = runs.T
         if (counts < 0).any() or ((codes < 0) | (codes >= len(SPLITS))).any() or counts.sum() != n:
             size = int(counts.sum())
-            raise RequestError(f"the model's split is one of {size} instances, not of {n}")
+            raise RequestError(f"the model's split covers {size} instances, not {n}")
     except (ValueError, TypeError, OverflowError) as error:
-        raise RequestError("the model's split makes no sense; register the model anew") from error
+        raise RequestError("the model's split is malformed; register the model again") from error
     return np.repeat(codes, counts).astype(np.int8)

@@ -1,4 +1,4 @@
-"""From finished arrays to the index: one run's rows, published as a new generation."""
+"""Publish a computed run: write its index rows as a new generation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from s2rstore.index.transaction import edit
 from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rtools.heatmaps import KINDS
+from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
@@ -28,9 +28,9 @@ _PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit
 
 
 def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str, Any]) -> bool:
-    """Publish a run whose stages are complete; False where the index says all that already.
+    """Publish a run whose stages are complete; False if the index is already up to date.
 
-    `stages` starts with the forward stage. Arrays of other heatmap kinds stay listed as long as
+    `stages` begins with the forward stage. Arrays of other heatmap kinds stay listed as long as
     they belong to the same predictions.
     """
     specs = [spec for stage in stages for spec in stage.specs]
@@ -43,19 +43,21 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
             return False
         columns = [*_predictions(store, run, specs), *_projections(store, run, specs)]
         ranges = _heat_ranges(store, run, specs)
-        noted = store.provenance(f"run:{run}") if same else {}
-    kept = [r for r in listed if (r.kind, r.side, r.mode) not in {_identity(s) for s in specs}]
+        previous = store.provenance(f"run:{run}") if same else {}
+    other_arrays = [
+        r for r in listed if (r.kind, r.side, r.mode) not in {_identity(s) for s in specs}
+    ]
     with edit(root) as draft:
         for table in ("prediction", "projection", "zarr_array"):
             draft.delete(table, run=run)
         for table, rows in columns:
             draft.insert(table, rows)
-        for record in kept:
+        for record in other_arrays:
             draft.insert_row("zarr_array", asdict(record))
         for spec in specs:
             draft.insert_row("zarr_array", _array_row(root, run, spec))
         draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
-        draft.set_provenance(f"run:{run}", _provenance(specs, backend, ranges, noted))
+        draft.set_provenance(f"run:{run}", _provenance(specs, backend, ranges, previous))
     return True
 
 
@@ -64,7 +66,7 @@ def _identity(spec: ArraySpec) -> tuple[str, str | None, str | None]:
 
 
 def _array(store: Store, run: str, spec: ArraySpec) -> np.ndarray:
-    return np.asarray(spec.opened(store.path, run)[:])
+    return np.asarray(spec.open_array(store.path, run)[:])
 
 
 def _predictions(
@@ -73,23 +75,23 @@ def _predictions(
     splits = store.provenance(f"model:{store.run(run).model}")
     n = len(store.instances)
     scale = store.dataset.accuracy_scale
-    found = []
+    rows = []
     for side in SIDES:
         poses, distances = (
             _array(store, run, next(s for s in specs if (s.kind, s.side) == (kind, side)))
             for kind in ("prediction", outliers.KIND)
         )
         split = decode_split(splits.get(f"split:{store.run(run).domain(side)}"), n)
-        scores = outliers.scores(distances)
+        scores = outliers.outlier_scores(distances)
         columns = prediction_columns(run, side, poses, store.instances, scale, split, scores)
-        found.append(("prediction", columns))
-    return found
+        rows.append(("prediction", columns))
+    return rows
 
 
 def _projections(
     store: Store, run: str, specs: Sequence[ArraySpec]
 ) -> list[tuple[str, dict[str, Any]]]:
-    found = []
+    rows = []
     n = len(store.instances)
     for spec in (spec for spec in specs if spec.kind == "umap"):
         plane = _array(store, run, spec).astype(np.float64)
@@ -100,8 +102,8 @@ def _projections(
             "u": plane[:, 0],
             "v": plane[:, 1],
         }
-        found.append(("projection", columns))
-    return found
+        rows.append(("projection", columns))
+    return rows
 
 
 def _array_row(root: Path, run: str, spec: ArraySpec) -> dict[str, Any]:
@@ -117,28 +119,28 @@ def _array_row(root: Path, run: str, spec: ArraySpec) -> dict[str, Any]:
         "scale": 1.0,
         "zero": 0.0,
         "unit": spec.unit,
-        "metadata_sha256": spec.opened(root, run).metadata_sha256,
+        "metadata_sha256": spec.open_array(root, run).metadata_sha256,
     }
 
 
 def _heat_ranges(store: Store, run: str, specs: Sequence[ArraySpec]) -> dict[str, list[float]]:
-    """1st and 99th percentile of every heatmap kind and mode, both sides together.
+    """1st and 99th percentile of every heatmap kind and mode over both sides.
 
-    Over at most `_RANGE_ROWS` instances, evenly spread.
+    Computed over at most `_RANGE_ROWS` instances, evenly spread.
     """
     parts: dict[str, list[np.ndarray]] = {}
-    for spec in (s for s in specs if s.kind in KINDS):
-        array = spec.opened(store.path, run)
+    for spec in (s for s in specs if s.kind in HEATMAP_KINDS):
+        array = spec.open_array(store.path, run)
         rows = np.unique(np.linspace(0, spec.rows - 1, min(spec.rows, _RANGE_ROWS)).astype(int))
         values = np.asarray(array.oindex[rows], dtype=np.float32)
-        planes = KINDS[spec.kind].planes
-        for number, mode in enumerate(planes or (spec.mode,)):
+        modes = HEATMAP_KINDS[spec.kind].planes
+        for number, mode in enumerate(modes or (spec.mode,)):
             name = ":".join(part for part in (spec.kind, mode) if part)
             plane = values[:, number] if values.ndim == 4 else values
             parts.setdefault(name, []).append(plane[np.isfinite(plane)])
     return {
-        name: [round(float(v), 6) for v in np.percentile(np.concatenate(found), [1, 99])]
-        for name, found in parts.items() if sum(map(len, found))
+        name: [round(float(v), 6) for v in np.percentile(np.concatenate(planes), [1, 99])]
+        for name, planes in parts.items() if sum(map(len, planes))
     }  # fmt: skip
 
 
@@ -146,21 +148,25 @@ def _provenance(
     specs: Sequence[ArraySpec],
     backend: dict[str, Any],
     ranges: dict[str, list[float]],
-    noted: dict[str, str],
+    previous: dict[str, str],
 ) -> dict[str, Any]:
-    """Facts about a run; what `noted` says of kinds that stay listed is kept."""
+    """Provenance of a run; entries of `previous` for kinds that stay listed are retained."""
     facts: dict[str, Any] = {
         "backend": backend,
-        "heat ranges": parse_object(noted.get("heat ranges", "{}"), "heat ranges") | ranges,
+        "heat ranges": parse_object(previous.get("heat ranges", "{}"), "heat ranges") | ranges,
         "projection": SETTINGS.facts(),
         "outlier": outliers.SETTINGS.facts(),
         "bootstrap": asdict(bootstrap.DEFAULT_SETTINGS),
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
     }
-    aligned = {spec.kind for spec in specs if spec.kind in KINDS and KINDS[spec.kind].aligned}
-    surfaces = {kind: KINDS[kind].surface for kind in sorted(aligned)}
-    facts["surfaces"] = parse_object(noted.get("surfaces", "{}"), "surfaces") | surfaces
+    aligned = {
+        spec.kind
+        for spec in specs
+        if spec.kind in HEATMAP_KINDS and HEATMAP_KINDS[spec.kind].aligned
+    }
+    surfaces = {kind: HEATMAP_KINDS[kind].surface for kind in sorted(aligned)}
+    facts["surfaces"] = parse_object(previous.get("surfaces", "{}"), "surfaces") | surfaces
     for spec in specs:
         for name, value in spec.attributes:
             if name == "method":

@@ -1,4 +1,4 @@
-"""How far the real camera is from its declaration, found once per pair of domains and kept."""
+"""Estimate how far the real camera deviates from its declaration, once per pair of domains."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Intrinsics, Run
 from s2rstore.run_inputs import run_domain
-from s2rtools.heatmaps.harmonization import CameraView, ImageAlignment, Images
+from s2rtools.heatmaps.harmonization import CameraView, ImageAlignment, ViewImages
 
 MAX_FRAMES = 24
 MAX_SIDE = 128
 MIN_OVERLAP = 0.1
 MIN_GAIN = 0.02
-"""Of correlation, for a correction to be believed."""
+"""Gain of correlation from which a correction is accepted."""
 VERSION = 2
 COARSE_HEIGHT = np.round(np.arange(-0.24, 0.241, 0.06), 3)
 COARSE_ZOOM = np.round(np.arange(0.84, 1.161, 0.04), 3)
@@ -30,10 +30,10 @@ FINE_HEIGHT = (-0.04, -0.02, 0.0, 0.02, 0.04)
 FINE_ZOOM = (-0.02, 0.0, 0.02)
 
 
-def alignment(store: Store, run: Run) -> ImageAlignment | None:
-    """The rigs of a run with the correction that the store keeps; None before it is known.
+def load_alignment(store: Store, run: Run) -> ImageAlignment | None:
+    """The rigs of a run with the stored correction; None if the domains are not calibrated.
 
-    The correction is that of the domains' declarations, so it stays where the run moves a camera.
+    The correction applies to the declared cameras, so it also holds if the run moves a camera.
     """
     correction = store.rig_offset(run.sim_domain, run.real_domain)
     if correction is None:
@@ -43,51 +43,58 @@ def alignment(store: Store, run: Run) -> ImageAlignment | None:
     return ImageAlignment(sim, real, frame, correction)
 
 
-def ensure(root: Path, run: Run) -> bool:
-    """Calibrate the run's pair of domains and publish it, where the store does not say it yet."""
+def ensure_calibrated(root: Path, run: Run) -> bool:
+    """Calibrate the run's pair of domains and publish the result; False if it exists."""
     with s2rstore.open(root) as store:
-        if store.provenance(_noted(run)).get("version") == str(VERSION):
+        if store.provenance(_provenance_section(run)).get("version") == str(VERSION):
             return False
         sim, real = (store.domain(run.domain(side)) for side in SIDES)
         pairs, frame = _samples(store, sim, real)
         size = store.dataset.frame_height, store.dataset.frame_width
-        found = calibrate(_shrunk(sim, frame, size), _shrunk(real, frame, size), frame, pairs)
+        offset = calibrate(
+            _scale_cameras(sim, frame, size), _scale_cameras(real, frame, size), frame, pairs
+        )
     with edit(root) as draft:
         draft.set_provenance(
-            _noted(run),
-            {"height": found.height, "zoom": found.zoom, "frames": len(pairs), "version": VERSION},
+            _provenance_section(run),
+            {
+                "height": offset.height,
+                "zoom": offset.zoom,
+                "frames": len(pairs),
+                "version": VERSION,
+            },
         )
     return True
 
 
-def _noted(run: Run) -> str:
+def _provenance_section(run: Run) -> str:
     return f"alignment:{run.sim_domain}|{run.real_domain}"
 
 
 def _samples(
     store: Store, sim: Domain, real: Domain
-) -> tuple[list[tuple[Images, Images]], tuple[int, int]]:
-    """Pairs spread over the data set, at most `MAX_SIDE` on their longer side."""
+) -> tuple[list[tuple[ViewImages, ViewImages]], tuple[int, int]]:
+    """Image pairs spread over the data set, at most `MAX_SIDE` on their longer side."""
     height, width = store.dataset.frame_height, store.dataset.frame_width
     share = min(1.0, MAX_SIDE / max(height, width))
     frame = max(8, round(height * share)), max(8, round(width * share))
     n = len(store.instances)
     rows = np.unique(np.linspace(0, n - 1, min(n, MAX_FRAMES)).astype(int))
     return [
-        (_images(store, int(iid), sim, frame), _images(store, int(iid), real, frame))
+        (_read_images(store, int(iid), sim, frame), _read_images(store, int(iid), real, frame))
         for iid in rows
     ], frame
 
 
-def _images(store: Store, iid: int, domain: Domain, frame: tuple[int, int]) -> Images:
-    shot = store.frame(iid, domain.domain)
+def _read_images(store: Store, iid: int, domain: Domain, frame: tuple[int, int]) -> ViewImages:
+    stored = store.frame(iid, domain.domain)
     size = frame[1], frame[0]
-    rgb = cv2.resize(shot.rgb, size, interpolation=cv2.INTER_AREA)
-    depth = cv2.resize(shot.depth, size, interpolation=cv2.INTER_NEAREST)
+    rgb = cv2.resize(stored.rgb, size, interpolation=cv2.INTER_AREA)
+    depth = cv2.resize(stored.depth, size, interpolation=cv2.INTER_NEAREST)
     return np.asarray(rgb), depth, (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
 
 
-def _shrunk(domain: Domain, frame: tuple[int, int], size: tuple[int, int]) -> Domain:
+def _scale_cameras(domain: Domain, frame: tuple[int, int], size: tuple[int, int]) -> Domain:
     rows, cols = frame[0] / size[0], frame[1] / size[1]
 
     def scaled(lens: Intrinsics) -> Intrinsics:
@@ -99,57 +106,62 @@ def _shrunk(domain: Domain, frame: tuple[int, int], size: tuple[int, int]) -> Do
 
 
 def calibrate(
-    sim: Domain, real: Domain, frame: tuple[int, int], pairs: list[tuple[Images, Images]]
+    sim: Domain,
+    real: Domain,
+    frame: tuple[int, int],
+    image_pairs: list[tuple[ViewImages, ViewImages]],
 ) -> RigOffset:
-    """The height and field of view of the real camera under which image gradients agree best.
+    """Find the height and focal length of the real camera that align the image gradients best.
 
-    Searched are 24 cm up and down and 16 % of the focal length, coarsely on a few pairs, then by
-    2 cm and 2 % on all; pitch is taken as declared. The score is the mean correlation of gradient
-    magnitudes between the sim and the warped real image. No correction where none is
-    better by `MIN_GAIN`.
+    The search covers 24 cm up and down and 16 % of the focal length, coarsely on a few pairs, then
+    in steps of 2 cm and 2 % on all; pitch stays as declared. The score is the mean correlation of
+    gradient magnitudes between the sim and the warped real image. No correction is returned
+    unless it gains at least `MIN_GAIN`.
     """
+    prepared = [
+        _CalibrationPair(sim_images, real_images, _gradient(sim_images[0]))
+        for sim_images, real_images in image_pairs
+    ]
 
-    kept = [_Pair(own, other, _gradient(own[0])) for own, other in pairs]
+    def score(correction: RigOffset, pairs: list[_CalibrationPair]) -> float:
+        return _mean_correlation(ImageAlignment(sim, real, frame, correction).sim_view, pairs)
 
-    def score(correction: RigOffset, some: list[_Pair]) -> float:
-        return _agreement(ImageAlignment(sim, real, frame, correction).sim_view, some)
-
-    few = kept[:: max(1, len(kept) // 10)]
+    subset = prepared[:: max(1, len(prepared) // 10)]
     coarse = [RigOffset(float(h), float(z)) for h in COARSE_HEIGHT for z in COARSE_ZOOM]
-    around = max(coarse, key=lambda correction: score(correction, few))
+    around = max(coarse, key=lambda correction: score(correction, subset))
     fine = [
         RigOffset(round(around.height + h, 3), round(around.zoom + z, 3))
         for h in FINE_HEIGHT
         for z in FINE_ZOOM
     ]
-    best, chosen = score(RigOffset(), kept), RigOffset()
+    best, chosen = score(RigOffset(), prepared), RigOffset()
     for correction in fine:
-        found = score(correction, kept)
-        if found > best + (MIN_GAIN if chosen == RigOffset() else 1e-9):
-            best, chosen = found, correction
+        value = score(correction, prepared)
+        if value > best + (MIN_GAIN if chosen == RigOffset() else 1e-9):
+            best, chosen = value, correction
     return chosen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Pair:
-    """Both images of an instance, and the gradients of the sim one."""
+class _CalibrationPair:
+    """Both images of an instance, and the gradients of the sim image."""
 
-    sim: Images
-    real: Images
+    sim: ViewImages
+    real: ViewImages
     gradient: NDArray[np.float32]
 
 
-def _agreement(view: CameraView, pairs: list[_Pair]) -> float:
-    """0 for a pair that hardly overlaps, so that all corrections answer for the same pairs."""
+def _mean_correlation(view: CameraView, pairs: list[_CalibrationPair]) -> float:
+    """Mean correlation of gradients; a pair that hardly overlaps counts as 0."""
     scores = []
     for pair in pairs:
-        rgb, seen = view.coloured(pair.sim, pair.real, view.metres(*pair.sim[1:]))
-        inner = cv2.erode(seen.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        found = 0.0
+        rgb, visible = view.warp_colours(pair.sim, pair.real, view.metres(*pair.sim[1:]))
+        inner = cv2.erode(visible.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        correlation = 0.0
         if inner.mean() > MIN_OVERLAP:
             with np.errstate(invalid="ignore", divide="ignore"):
-                found = float(np.corrcoef(pair.gradient[inner], _gradient(rgb)[inner])[0, 1])
-        scores.append(found if np.isfinite(found) else 0.0)
+                correlation = float(np.corrcoef(pair.gradient[inner], _gradient(rgb)[inner])[0, 1])
+        scores.append(correlation if np.isfinite(correlation) else 0.0)
     return float(np.mean(scores)) if scores else 0.0
 
 

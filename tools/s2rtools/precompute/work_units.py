@@ -1,7 +1,7 @@
-"""What there is to compute for a run, cut into work units whose names say what they depend on.
+"""Work units of a run: arrays with content keys, stages and shards.
 
-An array's key is a hash over all that its values depend on, so an array of one key never changes.
-A unit is one shard of every array of one stage.
+An array's key is a hash over everything that its values depend on, so the array of a key never
+changes. A stage is a group of arrays that are computed together; a unit is one shard of them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ KEY_VERSION = 1
 
 @dataclass(frozen=True, slots=True)
 class ArraySpec:
-    """One array of a run before it is written; `item` is the shape of one row."""
+    """Description of one array of a run; `item` is the shape of one row."""
 
     kind: str
     side: str | None
@@ -51,25 +51,25 @@ class ArraySpec:
         )
 
     def path(self, run: str) -> str:
-        """Inside runs.zarr."""
+        """Path inside runs.zarr."""
         return f"{run}/{self.key}/{self.name}"
 
-    def opened(self, root: Path, run: str) -> StoredArray:
-        """The stored array. RequestError where it is not as this describes it."""
-        found = stored_array.open_read(root / layout.RUNS / self.path(run), root)
-        if (found.shape, found.layout.dtype) != ((self.rows, *self.item), self.dtype):
+    def open_array(self, root: Path, run: str) -> StoredArray:
+        """Open the stored array. Raises RequestError if its shape or dtype differs."""
+        array = stored_array.open_read(root / layout.RUNS / self.path(run), root)
+        if (array.shape, array.layout.dtype) != ((self.rows, *self.item), self.dtype):
             raise RequestError(
-                f"{found.path}: {found.layout.dtype} {found.shape} in place of {self.dtype} "
+                f"{array.path}: {array.layout.dtype} {array.shape} instead of {self.dtype} "
                 f"{(self.rows, *self.item)}; run `s2r verify`"
             )
-        return found
+        return array
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
     """Arrays that are computed together, `shard_rows` rows at a time.
 
-    `sources` are the arrays of the same run that they are computed from; those must be complete.
+    `sources` are the complete arrays of the same run that they are computed from.
     """
 
     name: str
@@ -82,6 +82,9 @@ class Stage:
     def rows(self) -> int:
         return self.specs[0].rows
 
+    def specs_of_kind(self, kind: str) -> tuple[ArraySpec, ...]:
+        return tuple(spec for spec in self.specs if spec.kind == kind)
+
     def unit_key(self, shard: int) -> str:
         digest = hashlib.sha256("|".join(spec.path(self.run) for spec in self.specs).encode())
         return f"{self.run}:{self.name}:{digest.hexdigest()[:12]}:{shard}"
@@ -89,43 +92,45 @@ class Stage:
     def shards(self) -> range:
         return range(-(-self.rows // self.shard_rows))
 
-    def span(self, shard: int) -> tuple[int, int]:
+    def row_range(self, shard: int) -> tuple[int, int]:
         start = shard * self.shard_rows
         return start, min(start + self.shard_rows, self.rows)
 
     def create(self, root: Path) -> None:
-        """Make the stage's empty arrays, or leave those that are there."""
+        """Create the stage's empty arrays that do not exist yet."""
         for spec in self.specs:
             plan = stored_array.plan_layout(spec.rows, spec.item, spec.dtype, self.shard_rows)
             path = root / layout.RUNS / spec.path(self.run)
             stored_array.create(path, plan, dict(spec.attributes), root)
 
-    def kept(self, root: Path) -> Callable[[str, str], Any] | None:
-        """Where the arrays of rendered frames are among the sources; None without any."""
+    def rendered_arrays(self, root: Path) -> Callable[[str, str], Any] | None:
+        """Function that opens the source arrays of rendered frames; None if there are none."""
         kinds = set(FRAME_KINDS.values())
         if not any(spec.kind in kinds for spec in self.sources):
             return None
-        return partial(self.source, root)
+        return partial(self.source_array, root)
 
-    def source(self, root: Path, kind: str, side: str, mode: str | None = None) -> StoredArray:
-        """The stored array of a source."""
+    def source_array(
+        self, root: Path, kind: str, side: str, mode: str | None = None
+    ) -> StoredArray:
+        """Open the array of a source."""
         for spec in self.sources:
             if spec.kind == kind and spec.side in (side, None) and spec.mode == mode:
-                return spec.opened(root, self.run)
+                return spec.open_array(root, self.run)
         raise KeyError(f"stage {self.name} has no source {kind} {side} {mode}")
 
-    def valid(self, root: Path) -> NDArray[np.bool_]:
-        """The instances whose pose both sides predicted, shape (N,)."""
-        poses = [np.asarray(self.source(root, "prediction", side)[:]) for side in SIDES]
+    def valid_instances(self, root: Path) -> NDArray[np.bool_]:
+        """Whether both sides predicted a pose, for each instance, (N,)."""
+        poses = [np.asarray(self.source_array(root, "prediction", side)[:]) for side in SIDES]
         return np.asarray(np.isfinite(poses).all(axis=(0, 2)))
 
-    def file(self, spec: ArraySpec, shard: int) -> str:
-        """The shard's file, inside the store."""
+    def shard_file(self, spec: ArraySpec, shard: int) -> str:
+        """Path of a shard's file inside the store."""
         folder = Path(layout.RUNS) / spec.path(self.run)
         return stored_array.shard_file(folder, shard, 1 + len(spec.item)).as_posix()
 
     def write(self, root: Path, shard: int, values: dict[ArraySpec, Any]) -> None:
-        """Write one shard of each given array and record them in the ledger."""
+        """Write one shard of each array in `values` and record the files in the ledger."""
         files = []
         for spec, rows in values.items():
             path = root / layout.RUNS / spec.path(self.run)
@@ -135,8 +140,8 @@ class Stage:
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
-    """One shard of the arrays that are still missing there."""
+class WorkUnit:
+    """One shard of a stage, and the arrays that it still lacks."""
 
     stage: Stage
     shard: int
@@ -144,18 +149,18 @@ class Unit:
 
     @property
     def rows(self) -> int:
-        start, stop = self.stage.span(self.shard)
+        start, stop = self.stage.row_range(self.shard)
         return stop - start
 
 
 def content_key(facts: dict[str, Any]) -> str:
-    """A short hash of plain facts, independent of their order."""
+    """A short hash of plain facts, independent of the order of their keys."""
     text = json.dumps({"version": KEY_VERSION, **facts}, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def run_facts(store: Store, run: Run, backend: dict[str, Any]) -> dict[str, Any]:
-    """All that a run's predictions depend on."""
+def run_dependencies(store: Store, run: Run, backend: dict[str, Any]) -> dict[str, Any]:
+    """Everything that a run's predictions depend on."""
     model = store.models[run.model]
     return {
         "dataset": store.dataset.hash,
@@ -168,15 +173,15 @@ def run_facts(store: Store, run: Run, backend: dict[str, Any]) -> dict[str, Any]
     }
 
 
-def missing_units(root: Path, stages: Sequence[Stage]) -> Iterator[Unit]:
-    """The units that ledger and checksums do not prove done."""
+def missing_units(root: Path, stages: Sequence[Stage]) -> Iterator[WorkUnit]:
+    """The units that the ledger and checksums do not prove complete."""
     ledger = Ledger(root)
     entries = ledger.by_path()
     for stage in stages:
         for shard in stage.shards():
             missing = tuple(
                 spec for spec in stage.specs
-                if not ledger.proves(entries.get(stage.file(spec, shard), []))
+                if not ledger.proves(entries.get(stage.shard_file(spec, shard), []))
             )  # fmt: skip
             if missing:
-                yield Unit(stage, shard, missing)
+                yield WorkUnit(stage, shard, missing)

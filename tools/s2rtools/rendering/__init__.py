@@ -1,4 +1,8 @@
-"""Taking a data set's frames anew: `RENDERERS` lists the ways. Adding one is a file and a line."""
+"""Renderers: render a data set's frames again with moved cameras.
+
+Registry: `RENDERERS` lists the `RendererKind`s. To add a renderer, write one module and add one
+line to `RENDERERS`.
+"""
 
 from __future__ import annotations
 
@@ -7,38 +11,38 @@ from s2rstore.reader import Store
 from s2rtools.rendering.frame_renderer import FrameRenderer, RendererKind
 from s2rtools.rendering.world_renderer import WORLD
 
-__all__ = ["RENDERERS", "FrameRenderer", "open_renderer", "reason_against", "renderer_version"]
+__all__ = ["RENDERERS", "FrameRenderer", "no_renderer_reason", "open_renderer", "renderer_version"]
 
 RENDERERS: tuple[RendererKind, ...] = (WORLD,)
 
 
-def reason_against(store: Store) -> str | None:
-    """Why the cameras of a store cannot be moved; None where a renderer claims it. Quick."""
-    if _claiming(store) is not None:
+def no_renderer_reason(store: Store) -> str | None:
+    """Why a store's cameras cannot be moved; None if a renderer supports the store. Fast."""
+    if _find_renderer(store) is not None:
         return None
-    return f"{store.path}: images taken, not rendered: no camera to move"
+    return f"{store.path}: its images were taken, not rendered; cameras cannot be moved"
 
 
 def open_renderer(store: Store, domain: str) -> FrameRenderer:
-    """The renderer of a store's domain.
+    """Open the renderer of a store's domain.
 
-    Raises RequestError where there is none, or none that renders what the store holds.
+    Raises RequestError if no renderer supports the store or renders its frames.
     """
-    kind = _claiming(store)
+    kind = _find_renderer(store)
     if kind is None:
-        raise RequestError(str(reason_against(store)))
-    found = kind.open(store)
-    if domain not in found.domains:
-        known = ", ".join(found.domains)
+        raise RequestError(str(no_renderer_reason(store)))
+    renderer = kind.open(store)
+    if domain not in renderer.domains:
+        known = ", ".join(renderer.domains)
         raise RequestError(f"domain {domain!r}: cannot be rendered (only {known})")
-    return found
+    return renderer
 
 
 def renderer_version(store: Store) -> str:
-    """Names what renders a store: frames of another version are other frames."""
-    kind = _claiming(store)
+    """Name and version of a store's renderer, a part of the key of rendered frames."""
+    kind = _find_renderer(store)
     return f"{kind.name} {kind.version}" if kind else "none"
 
 
-def _claiming(store: Store) -> RendererKind | None:
+def _find_renderer(store: Store) -> RendererKind | None:
     return next((kind for kind in RENDERERS if kind.claims(store)), None)

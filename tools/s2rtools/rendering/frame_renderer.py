@@ -1,4 +1,4 @@
-"""What takes a data set's frames anew with its cameras moved."""
+"""Interface of renderers that render a data set's frames with moved cameras."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from s2rstore.reader import Store
 
 
 class FrameRenderer(Protocol):
-    """Renders the instances of one store; `domains` are those that it can render."""
+    """Renders the instances of one store, in the listed `domains`."""
 
     domains: tuple[str, ...]
 

@@ -1,4 +1,4 @@
-"""Frames of the default world."""
+"""Renderer of the synthetic world's frames."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NOTES = "world"
 
 
 class WorldRenderer:
-    """Either side of a world, from its recipe; the real camera moves from where it really is."""
+    """Renders either side of a world from its recipe; moves the real camera from its true pose."""
 
     domains: tuple[str, ...] = SIDES
 
@@ -28,9 +28,7 @@ class WorldRenderer:
         self._data = data
         truth = store.instances
         self._poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
-        self._numbers = np.array([
-            data.number(t.trajectory, row) for t in store.trajectories for row in range(t.instances)
-        ], dtype=np.intp)  # fmt: skip
+        self._numbers = data.noise_numbers(store)
 
     def frames(
         self, domain: str, start: int, stop: int, move: CameraMove
@@ -39,7 +37,7 @@ class WorldRenderer:
         rows = slice(start, stop)
         camera = self._data.camera(side).moved(move.height, move.pitch, move.zoom)
         views = self._data.views(side, self._poses[rows], self._numbers[rows], camera)
-        return views.rgb, self._data.raw(views)
+        return views.rgb, self._data.raw_depth(views)
 
 
 def _claims(store: Store) -> bool:

@@ -1,1 +1,1 @@
-"""How far heatmaps and reasons are right, where the truth is known."""
+"""Score heatmaps and causes of the gap against the ground truth of a synthetic world."""

@@ -1,4 +1,4 @@
-"""Why the pose suffers: the error with each factor alone, without each, and per changed object."""
+"""Counterfactual pose errors: with each factor alone, without each, and per changed object."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from s2rstore.records import Run
 from s2rtools.adjustments import apply_chain
 from s2rtools.inference import Backend
 from s2rtools.models.preprocessing import preprocess
-from s2rtools.scoring.ground_truth import Truth, moved
+from s2rtools.scoring.ground_truth import GroundTruth, move_camera
 from s2rtools.synthetic_world.factors import FACTORS
-from s2rtools.synthetic_world.renderer import Renderer, Views
-from s2rtools.synthetic_world.world import facts, side_camera, through_sensor
+from s2rtools.synthetic_world.renderer import RenderedViews, SceneRenderer
+from s2rtools.synthetic_world.world import apply_sensor_factors, labelled_changes, side_camera
 
-DENSE = 240
-"""Poses along each route, among which views of an object are looked for."""
+SEARCHED_POSES = 240
+"""Poses along each route that are searched for views of an object."""
 MIN_SHARE = 0.004
-"""Of a view's pixels, for an object to count as seen."""
+"""Share of a view's pixels from which an object counts as visible."""
 MIN_VIEWS = 5
 MAX_VIEWS = 12
-_LOOK = 32
+_SEARCH_FRAME = 32
 _BATCH = 32
-_APART = 100_000_000
+_SEED_OFFSET = 100_000_000
 
 Factors = Mapping[str, float]
-Judges = Sequence[tuple[Run, Backend]]
+EvaluatedRuns = Sequence[tuple[Run, Backend]]
 Errors = dict[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True)
 class FactorScore:
-    """Real error in metres with one factor alone and with all but it, over `n` instances.
+    """Real error in metres with one factor alone and with all others, over `n` instances.
 
-    `cost` is what the factor alone adds to the error without any; `gain` what leaving it out takes
-    from the error with all. `left_out` instances were trained on.
+    `cost` is the increase of the error from no factor to this factor alone; `gain` is the decrease
+    from all factors to all but this one. `left_out` counts the excluded training instances.
     """
 
     run: str
@@ -57,9 +57,10 @@ class FactorScore:
 
 @dataclass(frozen=True, slots=True)
 class ObjectScore:
-    """What restoring one changed object takes from the real error where it is seen, metres.
+    """Decrease of the real error in metres when one changed object is restored.
 
-    Over at most `MAX_VIEWS` views of it along the routes; fewer than `MIN_VIEWS` have no interval.
+    Averaged over at most `MAX_VIEWS` views of it along the routes; fewer than `MIN_VIEWS` views
+    have no interval.
     """
 
     run: str
@@ -71,28 +72,32 @@ class ObjectScore:
 
 
 class Counterfactuals:
-    """Errors of models on views of the world as it is not; a rendering serves all of them."""
+    """Errors of runs on counterfactual views of the world; all runs share each rendering."""
 
-    def __init__(self, truth: Truth, judges: Judges, instances: int) -> None:
-        self._truth, self._judges = truth, judges
+    def __init__(self, truth: GroundTruth, evaluated: EvaluatedRuns, instances: int) -> None:
+        self._truth, self._evaluated = truth, evaluated
         n = len(truth.poses)
         self.iids = np.unique(np.linspace(0, n - 1, min(n, instances)).astype(int))
         self.active = {k: v for k, v in truth.data.severities("real").items() if v > 0}
-        self._renderers: dict[tuple[object, ...], Renderer] = {}
+        self._renderers: dict[tuple[object, ...], SceneRenderer] = {}
         self._by_move: dict[CameraMove, list[tuple[Run, Backend]]] = {}
-        for run, backend in judges:
-            self._by_move.setdefault(truth.moves(run.run)["real"], []).append((run, backend))
+        for run, backend in evaluated:
+            self._by_move.setdefault(truth.camera_moves(run.run)["real"], []).append((run, backend))
 
     def factor_scores(self) -> list[FactorScore]:
-        """Each active factor for each run that has instances it was not trained on."""
-        names = [n for n, found in FACTORS.items() if n in self.active and not found.moves_robot]
+        """Scores of each active factor for each run with held-out instances."""
+        names = [
+            name
+            for name, factor in FACTORS.items()
+            if name in self.active and not factor.moves_robot
+        ]
         conditions: dict[str, Factors] = {"none": {}, "all": self.active}
         for name in names:
             conditions[f"only {name}"] = {name: self.active[name]}
             conditions[f"no {name}"] = {k: v for k, v in self.active.items() if k != name}
         errors = self.errors(conditions)
         found = []
-        for run, _ in self._judges:
+        for run, _ in self._evaluated:
             fresh = run_metrics.held_out(self._truth.store, run.run)[self.iids]
             if not fresh.any():
                 continue
@@ -118,22 +123,22 @@ class Counterfactuals:
         parts: dict[str, list[Errors]] = {label: [] for label in conditions}
         for start in range(0, len(self.iids), _BATCH):
             iids = self.iids[start : start + _BATCH]
-            rendered: dict[tuple[object, ...], Views] = {}
+            rendered: dict[tuple[object, ...], RenderedViews] = {}
             for label, factors in conditions.items():
-                own = side_camera(truth.data.recipe.frame, factors)
+                side_view = side_camera(truth.data.recipe.frame, factors)
                 scene = {k: v for k, v in factors.items() if FACTORS[k].shapes_scene}
-                found: Errors = {}
-                for move, judges in self._by_move.items():
-                    camera = moved(own, move)
+                by_run: Errors = {}
+                for move, evaluated in self._by_move.items():
+                    camera = move_camera(side_view, move)
                     key = (camera, *sorted(scene.items()))
                     if key not in rendered:
                         rendered[key] = self._renderer(scene).render(truth.poses[iids], camera)
                     poses, numbers = truth.poses[iids], truth.numbers[iids]
-                    found |= self._errors(judges, rendered[key], poses, factors, numbers)
-                parts[label].append(found)
-        return {label: _joined(found) for label, found in parts.items()}
+                    by_run |= self._errors(evaluated, rendered[key], poses, factors, numbers)
+                parts[label].append(by_run)
+        return {label: _concatenate(found) for label, found in parts.items()}
 
-    def _renderer(self, scene: Factors) -> Renderer:
+    def _renderer(self, scene: Factors) -> SceneRenderer:
         key = tuple(sorted(scene.items()))
         if key not in self._renderers:
             self._renderers[key] = self._truth.data.world.renderer(scene)
@@ -141,80 +146,83 @@ class Counterfactuals:
 
     def _errors(
         self,
-        judges: Judges,
-        views: Views,
+        evaluated: EvaluatedRuns,
+        views: RenderedViews,
         poses: NDArray[np.float64],
         factors: Factors,
         numbers: NDArray[np.intp],
     ) -> Errors:
-        """Errors by run of rendered views, once the factors' sensors have had their part."""
-        made = through_sensor(views, factors, self._truth.data.recipe.seed, numbers)
-        return {run.run: self._judged(run, backend, made, poses) for run, backend in judges}
+        """Errors by run on rendered views after the factors' sensor effects."""
+        sensed = apply_sensor_factors(views, factors, self._truth.data.recipe.seed, numbers)
+        return {
+            run.run: self._position_errors(run, backend, sensed, poses)
+            for run, backend in evaluated
+        }
 
-    def _seen_by_all(
-        self, renderer: Renderer, rows: NDArray[np.intp], poses: NDArray[np.float64]
+    def _errors_of_all(
+        self, renderer: SceneRenderer, rows: NDArray[np.intp], poses: NDArray[np.float64]
     ) -> Errors:
-        """Errors by run of real views of some poses, each run's through its own camera."""
-        numbers, found = _APART + rows, Errors()
-        for move, judges in self._by_move.items():
-            views = renderer.render(poses[rows], moved(self._truth.data.camera("real"), move))
-            found |= self._errors(judges, views, poses[rows], self.active, numbers)
-        return found
+        """Errors by run on real views of some poses, each run through its own camera."""
+        numbers, by_run = _SEED_OFFSET + rows, Errors()
+        for move, evaluated in self._by_move.items():
+            views = renderer.render(poses[rows], move_camera(self._truth.data.camera("real"), move))
+            by_run |= self._errors(evaluated, views, poses[rows], self.active, numbers)
+        return by_run
 
     def object_scores(self) -> list[ObjectScore]:
-        """Each labelled object put back as it is in simulation, the rest of the gap kept.
+        """Scores of restoring each labelled object to its simulated state, with all else unchanged.
 
-        For runs whose model was trained on none of the store's instances: the views lie between
-        them.
+        Only for runs whose model was trained on none of the store's instances, because the views
+        lie between them.
         """
-        known = {fact["object"]: fact for fact in facts(self._truth.data.world)}
+        changes = {item["object"]: item for item in labelled_changes(self._truth.data.world)}
         fresh = {
             run.run: run_metrics.held_out(self._truth.store, run.run).all()
-            for run, _ in self._judges
+            for run, _ in self._evaluated
         }
         found = []
         for number, before, after in self._restored():
-            for run, _ in self._judges:
+            for run, _ in self._evaluated:
                 gain = before[run.run] - after[run.run]
                 if fresh[run.run]:
                     found.append(
-                        ObjectScore(run.run, number, known[number]["name"],
-                                    known[number]["change"], _spread(gain), gain.size)
+                        ObjectScore(run.run, number, changes[number]["name"],
+                                    changes[number]["change"], _mean_of_views(gain), gain.size)
                     )  # fmt: skip
-        order = {run.run: place for place, (run, _) in enumerate(self._judges)}
+        order = {run.run: place for place, (run, _) in enumerate(self._evaluated)}
         return sorted(found, key=lambda row: (order[row.run], row.object))
 
     def _restored(self) -> Iterator[tuple[int, Errors, Errors]]:
-        """Per object that is seen at all: errors on the same views without and with it put back."""
+        """Per visible object: errors on the same views before and after restoring it."""
         data = self._truth.data
-        poses = np.concatenate([data.world.poses(name, DENSE) for name in data.names])
+        poses = np.concatenate([data.world.poses(name, SEARCHED_POSES) for name in data.names])
         views = self._views_of_objects(poses)
         if not views:
             return
         used = np.unique(np.concatenate(list(views.values())))
         parts = [
-            self._seen_by_all(data.renderer("real"), rows, poses)
+            self._errors_of_all(data.renderer("real"), rows, poses)
             for rows in np.split(used, range(_BATCH, len(used), _BATCH))
         ]
-        before = _joined(parts)
+        before = _concatenate(parts)
         for number, rows in views.items():
             places = np.searchsorted(used, rows)
             restored = data.world.renderer(self.active, restored=number)
-            after = self._seen_by_all(restored, rows, poses)
+            after = self._errors_of_all(restored, rows, poses)
             yield number, {run: errors[places] for run, errors in before.items()}, after
 
     def _views_of_objects(self, poses: NDArray[np.float64]) -> dict[int, NDArray[np.intp]]:
-        """Rows of `poses` that see each labelled object, in either scene, spread over them."""
+        """Rows of `poses` whose views show each labelled object in either scene, evenly spread."""
         data = self._truth.data
-        camera = side_camera(_LOOK, self.active)
+        camera = side_camera(_SEARCH_FRAME, self.active)
         shares = np.zeros((len(self._truth.changed), len(poses)))
         for start in range(0, len(poses), 256):
             span = slice(start, start + 256)
             ids = [data.renderer(scene).render(poses[span], camera, samples=0).identity
                    for scene in ("sim", "real")]  # fmt: skip
             for place, number in enumerate(self._truth.changed):
-                seen = (ids[0] == number) | (ids[1] == number)
-                shares[place, span] = seen.mean(axis=(1, 2))
+                visible = (ids[0] == number) | (ids[1] == number)
+                shares[place, span] = visible.mean(axis=(1, 2))
         found = {}
         for number, share in zip(self._truth.changed, shares, strict=True):
             rows = np.flatnonzero(share >= MIN_SHARE)
@@ -223,29 +231,29 @@ class Counterfactuals:
                 found[number] = rows[np.unique(spread)]
         return found
 
-    def _judged(
-        self, run: Run, backend: Backend, views: Views, poses: NDArray[np.float64]
+    def _position_errors(
+        self, run: Run, backend: Backend, views: RenderedViews, poses: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Position errors (n,) in metres on real views, through the run's adjustments."""
+        """Position errors (n,) in metres on real views, after the run's adjustments."""
         domain = self._truth.store.domain(run.real_domain)
-        depth = self._truth.data.raw(views)
+        depth = self._truth.data.raw_depth(views)
         valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
         rgb, depth = apply_chain(views.rgb, depth, valid, run.real_adjustments)
         x = preprocess(rgb, depth, domain.depth_scale, backend.model.network.input_size)
-        found = [
+        predicted = [
             backend.forward_all(x[start : start + backend.batch]).pose
             for start in range(0, len(x), backend.batch)
         ]
-        away = np.concatenate(found)[:, :2] - poses[:, :2]
-        return np.asarray(np.hypot(away[:, 0], away[:, 1]), dtype=np.float64)
+        offset = np.concatenate(predicted)[:, :2] - poses[:, :2]
+        return np.asarray(np.hypot(offset[:, 0], offset[:, 1]), dtype=np.float64)
 
 
-def _joined(parts: list[Errors]) -> Errors:
+def _concatenate(parts: list[Errors]) -> Errors:
     return {run: np.concatenate([part[run] for part in parts]) for run in parts[0]}
 
 
-def _spread(values: NDArray[np.float64]) -> Interval:
-    """The mean of views that are no neighbours; too few of them have no interval."""
+def _mean_of_views(values: NDArray[np.float64]) -> Interval:
+    """Mean over views that are not neighbours; too few views have no interval."""
     if values.size < MIN_VIEWS:
         return Interval.unknown(float(values.mean()))
     return mean_interval(values, settings=BootstrapSettings(block_length=1))

@@ -1,4 +1,4 @@
-"""Where the labelled objects are: per view and on the floor, rendered again from the recipe."""
+"""Ground truth: positions of the labelled objects in views and on the floor, rendered again."""
 
 from __future__ import annotations
 
@@ -16,67 +16,65 @@ from s2rstore.run_inputs import run_camera_move
 from s2rtools.synthetic_world.dataset import WorldData
 from s2rtools.synthetic_world.renderer import Camera
 
-CELLS = 32
-SHARE = 0.25
+IMAGE_CELLS = 32
+POSITIVE_SHARE = 0.25
 REBIN = 3
-"""Published grid cells on each side of a scored floor cell."""
+"""Published grid cells along each side of a scored floor cell."""
 _BATCH = 32
 
-Plane = NDArray[np.float32]
-Moves = dict[Side, CameraMove]
-NO_MOVES: Moves = dict.fromkeys(SIDES, UNMOVED)
+FloorPlane = NDArray[np.float32]
+CameraMoves = dict[Side, CameraMove]
+NO_CAMERA_MOVES: CameraMoves = dict.fromkeys(SIDES, UNMOVED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VisibleObjects:
-    """What one side's true camera sees.
+    """Labelled objects in the views of one side's true camera.
 
-    `cells` (N, CELLS, CELLS): where labelled objects of either scene cover a quarter of a cell.
-    `hits` and `samples` (rows, columns): how many samples per floor cell show a labelled object of
-    the side's own scene, and how many there are, through its true depth.
+    `cells` (N, IMAGE_CELLS, IMAGE_CELLS): whether labelled objects of either scene cover a quarter
+    of the cell. `hits` and `samples` (rows, columns): number of samples per floor cell that show a
+    labelled object of the side's scene, and number of all samples, projected by the true depth.
     """
 
     cells: NDArray[np.bool_]
-    hits: Plane
-    samples: Plane
+    hits: FloorPlane
+    samples: FloorPlane
 
 
-class Truth:
-    """The labelled changes of a store's world, as its instances see them.
+class GroundTruth:
+    """The labelled changes of a store's synthetic world in the views of its instances.
 
-    Raises RequestError for a store of no world, or of one that is rendered otherwise now.
+    Raises RequestError if the store is not a synthetic world, or is rendered differently now.
     """
 
     def __init__(self, store: Store) -> None:
         data = WorldData.of_store(store)
         if data is None:
-            raise RequestError(f"{store.path}: no truth is known; `s2r ingest world` makes data "
-                               "whose truth is")  # fmt: skip
+            raise RequestError(f"{store.path}: its ground truth is unknown; `s2r ingest world` "
+                               "makes data with ground truth")  # fmt: skip
         if not data.matches(store):
-            raise RequestError(f"{store.path}: its images are not what this version renders; "
+            raise RequestError(f"{store.path}: this version renders other images; "
                                "ingest the world again")  # fmt: skip
         self.store, self.data = store, data
         columns = store.instances
         self.poses = np.stack([columns.x, columns.y, columns.heading], axis=1)
-        self.numbers = np.array([
-            data.number(t.trajectory, row) for t in store.trajectories for row in range(t.instances)
-        ], dtype=np.intp)  # fmt: skip
-        self.changed = data.world.changed(data.severities("real"))
-        self._seen: dict[tuple[Side, CameraMove], VisibleObjects] = {}
+        self.numbers = data.noise_numbers(store)
+        self.changed = data.world.changed_objects(data.severities("real"))
+        self._visible: dict[tuple[Side, CameraMove], VisibleObjects] = {}
 
-    def moves(self, run: str) -> Moves:
-        """How a run moves the cameras of either side."""
+    def camera_moves(self, run: str) -> CameraMoves:
+        """Camera offsets of either side in a run."""
         record = self.store.run(run)
         return {side: run_camera_move(self.store, record, side) for side in SIDES}
 
-    def seen(self, side: Side, move: CameraMove = UNMOVED) -> VisibleObjects:
-        """What a side's true camera sees, moved as a run moves it."""
-        if (side, move) not in self._seen:
-            self._seen[side, move] = self._look(side, move)
-        return self._seen[side, move]
+    def visible_objects(self, side: Side, move: CameraMove = UNMOVED) -> VisibleObjects:
+        """Labelled objects in the views of a side's true camera, moved by a camera offset."""
+        if (side, move) not in self._visible:
+            self._visible[side, move] = self._find_visible_objects(side, move)
+        return self._visible[side, move]
 
-    def _look(self, side: Side, move: CameraMove) -> VisibleObjects:
-        camera, dataset = moved(self.data.camera(side), move), self.store.dataset
+    def _find_visible_objects(self, side: Side, move: CameraMove) -> VisibleObjects:
+        camera, dataset = move_camera(self.data.camera(side), move), self.store.dataset
         fine = MapGrid(dataset.bounds)
         grid = MapGrid(dataset.bounds, max(fine.rows, fine.cols) // REBIN)
         projector = Projector(self._true_domain(side, camera), camera.frame, dataset.y_down)
@@ -89,9 +87,9 @@ class Truth:
                 labelled = np.isin(views.identity, self.changed)
                 mask |= labelled
                 if scene == side:
-                    heat, depth = labelled.astype(np.float32), self.data.raw(views)
+                    heat, depth = labelled.astype(np.float32), self.data.raw_depth(views)
                     grid.add(*projector.project(heat, depth, poses, "rgb", grid))
-            cells.append(to_cells(mask.astype(np.float32)) >= SHARE)
+            cells.append(to_cells(mask.astype(np.float32)) >= POSITIVE_SHARE)
         planes = grid.aggregates()
         return VisibleObjects(np.concatenate(cells), np.nan_to_num(planes[2]), planes[3])
 
@@ -103,29 +101,29 @@ class Truth:
         )  # fmt: skip
 
 
-def moved(camera: Camera, move: CameraMove) -> Camera:
-    """The world's camera, moved as an adjustment says."""
+def move_camera(camera: Camera, move: CameraMove) -> Camera:
+    """The world's camera with the offset of an adjustment."""
     return camera.moved(move.height, move.pitch, move.zoom)
 
 
 def to_cells(heat: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Maps (n, h, w) on the common grid (n, CELLS, CELLS): area means of what has a value.
+    """Resample maps (n, h, w) to (n, IMAGE_CELLS, IMAGE_CELLS) by area means of finite values.
 
-    A coarser map's value counts for every cell that its own cell covers.
+    A value of a coarser map counts for every cell that its own cell covers.
     """
     height, width = heat.shape[1:]
-    rows, cols = _overlaps(height), _overlaps(width)
+    rows, cols = _overlap_shares(height), _overlap_shares(width)
     known = np.isfinite(heat)
     values = np.where(known, heat, 0).astype(np.float64)
-    made = [rows @ plane @ cols.T for plane in (values, known.astype(np.float64))]
+    total, weight = (rows @ plane @ cols.T for plane in (values, known.astype(np.float64)))
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(made[1] > 1e-9, made[0] / made[1], np.nan).astype(np.float32)
+        return np.where(weight > 1e-9, total / weight, np.nan).astype(np.float32)
 
 
-def _overlaps(extent: int) -> NDArray[np.float64]:
-    """(CELLS, extent): the share of each common cell that each own cell covers."""
-    edges = np.linspace(0, extent, CELLS + 1)
-    own = np.arange(extent)
-    low = np.maximum(edges[:-1, None], own[None])
-    high = np.minimum(edges[1:, None], own[None] + 1)
-    return np.maximum(high - low, 0.0) * CELLS / extent
+def _overlap_shares(extent: int) -> NDArray[np.float64]:
+    """(IMAGE_CELLS, extent): share of each common cell that each source cell covers."""
+    edges = np.linspace(0, extent, IMAGE_CELLS + 1)
+    source = np.arange(extent)
+    low = np.maximum(edges[:-1, None], source[None])
+    high = np.minimum(edges[1:, None], source[None] + 1)
+    return np.maximum(high - low, 0.0) * IMAGE_CELLS / extent

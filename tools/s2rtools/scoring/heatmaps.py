@@ -1,4 +1,4 @@
-"""How well each heatmap of a run finds the labelled changes, in the image and on the floor."""
+"""Score how well each heatmap of a run finds the labelled changes, in images and on the floor."""
 
 from __future__ import annotations
 
@@ -13,15 +13,22 @@ from scipy import ndimage
 from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtools.heatmaps import KINDS
-from s2rtools.scoring.ground_truth import NO_MOVES, REBIN, SHARE, Moves, Truth, to_cells
-from s2rtools.scoring.ranking_metrics import TOP, Ranked
+from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtools.scoring.ground_truth import (
+    NO_CAMERA_MOVES,
+    POSITIVE_SHARE,
+    REBIN,
+    CameraMoves,
+    GroundTruth,
+    to_cells,
+)
+from s2rtools.scoring.ranking_metrics import TOP_SHARE, RankedCells
 
 Place = Literal["image", "floor"]
 
 SMOOTH = 0.6
 TILE = 12
-"""Cells on each side of a resampled tile of the floor: larger than an object."""
+"""Cells along each side of a resampled floor tile; larger than an object."""
 REPLICATES = 300
 MIN_SAMPLES = 3
 MIN_FRAMES = 8
@@ -30,17 +37,18 @@ _ROWS = 64
 
 @dataclass(frozen=True, slots=True)
 class HeatScore:
-    """One heatmap in one place; `n` frames with positives or floor cells, `without` frames apart.
+    """Score of one heatmap in one place, over `n` frames with positives or `n` floor cells.
 
-    `base_rate` is the share of positive cells: the precision of a random map. Intervals are 95 %
-    bootstraps: over blocks of neighbouring frames, or over tiles of the floor.
+    `without` counts the frames without positives. `base_rate` is the share of positive cells, the
+    precision of a random map. Intervals are 95 % bootstraps over blocks of neighbouring frames or
+    over tiles of the floor.
     """
 
     run: str
     kind: str
     mode: str | None
     side: str
-    """sim, real, or both maps of the floor together."""
+    """sim, real, or both (floor maps added)."""
     place: Place
     auroc: bootstrap.Interval
     precision: bootstrap.Interval
@@ -49,28 +57,28 @@ class HeatScore:
     without: int
 
 
-def scores(truth: Truth, runs: list[str], seed: int) -> list[HeatScore]:
-    """Every heatmap kind of computed runs, and a random map beside them."""
-    found = [_random_image(truth, seed), _random_floor(truth, seed)]
+def score_heatmaps(truth: GroundTruth, runs: list[str], seed: int) -> list[HeatScore]:
+    """Scores of every heatmap kind of computed runs, and of a random map for comparison."""
+    scores = [_random_image(truth, seed), _random_floor(truth, seed)]
     for run in runs:
-        for kind, mode in _choices(truth.store, run):
-            found += _image_scores(truth, run, kind, mode, seed)
-            found += _floor_scores(truth, run, kind, mode, seed)
-    return found
+        for kind, mode in _scored_kinds(truth.store, run):
+            scores += _image_scores(truth, run, kind, mode, seed)
+            scores += _floor_scores(truth, run, kind, mode, seed)
+    return scores
 
 
-def _choices(store: Store, run: str) -> list[tuple[str, str | None]]:
-    """Kinds and modes that are scored; of kinds with planes the one for the loss."""
+def _scored_kinds(store: Store, run: str) -> list[tuple[str, str | None]]:
+    """Kinds and modes to score; of kinds with several planes, the plane of the loss."""
     chosen: dict[tuple[str, str | None], None] = {}
     for record in store.arrays(run):
-        if record.kind in KINDS:
-            mode = "loss" if KINDS[record.kind].planes else record.mode
+        if record.kind in HEATMAP_KINDS:
+            mode = "loss" if HEATMAP_KINDS[record.kind].planes else record.mode
             chosen[record.kind, mode] = None
     return list(chosen)
 
 
 def _image_scores(
-    truth: Truth, run: str, kind: str, mode: str | None, seed: int
+    truth: GroundTruth, run: str, kind: str, mode: str | None, seed: int
 ) -> Iterator[HeatScore]:
     for side in SIDES:
         blocks = (
@@ -78,39 +86,39 @@ def _image_scores(
             for start in range(0, len(truth.poses), _ROWS)
         )
         cells = np.concatenate([to_cells(block) for block in blocks])
-        positive = truth.seen(side, truth.moves(run)[side]).cells
+        positive = truth.visible_objects(side, truth.camera_moves(run)[side]).cells
         auroc, precision, base, n, without = _per_frame(truth, cells, positive, seed)
         yield HeatScore(run, kind, mode, side, "image", auroc, precision, base, n, without)
 
 
-def _random_image(truth: Truth, seed: int) -> HeatScore:
-    positive = truth.seen("real").cells
+def _random_image(truth: GroundTruth, seed: int) -> HeatScore:
+    positive = truth.visible_objects("real").cells
     cells = np.random.default_rng([seed, 1]).random(positive.shape)
     auroc, precision, base, n, without = _per_frame(truth, cells, positive, seed)
     return HeatScore("-", "random", None, "real", "image", auroc, precision, base, n, without)
 
 
 def _per_frame(
-    truth: Truth, cells: NDArray[Any], positive: NDArray[np.bool_], seed: int
+    truth: GroundTruth, cells: NDArray[Any], positive: NDArray[np.bool_], seed: int
 ) -> tuple[bootstrap.Interval, bootstrap.Interval, float, int, int]:
     """Mean AUROC and precision of frames with positives, base rate, frames with and without."""
     share = positive.mean(axis=(1, 2))
     scored = np.flatnonzero((share > 0) & (share < 1))
     ranked = [
-        Ranked.of(cells[row], positive[row], np.random.default_rng([seed, int(row)]))
+        RankedCells.of(cells[row], positive[row], np.random.default_rng([seed, int(row)]))
         for row in scored
     ]
     trajectory = truth.store.instances.trajectory[scored]
     auroc = _mean(np.array([frame.auroc() for frame in ranked]), trajectory)
-    precision = _mean(np.array([frame.precision(TOP) for frame in ranked]), trajectory)
+    precision = _mean(np.array([frame.precision(TOP_SHARE) for frame in ranked]), trajectory)
     base = float(share[scored].mean()) if scored.size else float("nan")
     return auroc, precision, base, len(ranked), int((share == 0).sum())
 
 
 def _floor_scores(
-    truth: Truth, run: str, kind: str, mode: str | None, seed: int
+    truth: GroundTruth, run: str, kind: str, mode: str | None, seed: int
 ) -> Iterator[HeatScore]:
-    """The floor as either side's heat paints it, and as both together do."""
+    """Scores of the floor maps of either side and of their sum."""
     planes: dict[Side | Literal["both"], NDArray[np.float64]] = {}
     for side in SIDES:
         total = np.nan_to_num(truth.store.map_grid(run, kind, side, mode, "sum"))
@@ -119,29 +127,29 @@ def _floor_scores(
     planes["both"] = planes["sim"] + planes["real"]
     for name, (total, count) in planes.items():
         heat = _smoothed(total, count)
-        yield _floor_score(truth, run, kind, mode, name, heat, seed, truth.moves(run))
+        yield _floor_score(truth, run, kind, mode, name, heat, seed, truth.camera_moves(run))
 
 
-def _random_floor(truth: Truth, seed: int) -> HeatScore:
+def _random_floor(truth: GroundTruth, seed: int) -> HeatScore:
     shape = floor_truth(truth, "both")[0].shape
     heat = np.random.default_rng([seed, 2]).random(shape)
     return _floor_score(truth, "-", "random", None, "both", heat, seed)
 
 
 def _floor_score(
-    truth: Truth,
+    truth: GroundTruth,
     run: str,
     kind: str,
     mode: str | None,
     side: Side | Literal["both"],
     heat: NDArray[Any],
     seed: int,
-    moves: Moves = NO_MOVES,
+    moves: CameraMoves = NO_CAMERA_MOVES,
 ) -> HeatScore:
-    positive, visited = floor_truth(truth, side, moves)
-    rows, cols = np.indices(visited.shape) // TILE
-    tile = (rows * (visited.shape[1] // TILE + 1) + cols)[visited]
-    ranked = Ranked.of(heat[visited], positive[visited], np.random.default_rng([seed, 3]))
+    positive, observed = floor_truth(truth, side, moves)
+    rows, cols = np.indices(observed.shape) // TILE
+    tile = (rows * (observed.shape[1] // TILE + 1) + cols)[observed]
+    ranked = RankedCells.of(heat[observed], positive[observed], np.random.default_rng([seed, 3]))
     _, tile = np.unique(tile, return_inverse=True)
     rng = np.random.default_rng([seed, 4])
     count = int(tile.max()) + 1 if tile.size else 0
@@ -150,27 +158,29 @@ def _floor_score(
         for _ in range(REPLICATES if count else 0)
     ]
     auroc = _interval(ranked.auroc(), [ranked.auroc(w) for w in drawn])
-    precision = _interval(ranked.precision(TOP), [ranked.precision(TOP, w) for w in drawn])
-    base = float(positive[visited].mean()) if visited.any() else float("nan")
-    return HeatScore(run, kind, mode, side, "floor", auroc, precision, base, int(visited.sum()), 0)
+    precision = _interval(
+        ranked.precision(TOP_SHARE), [ranked.precision(TOP_SHARE, w) for w in drawn]
+    )
+    base = float(positive[observed].mean()) if observed.any() else float("nan")
+    return HeatScore(run, kind, mode, side, "floor", auroc, precision, base, int(observed.sum()), 0)
 
 
 def floor_truth(
-    truth: Truth, side: Side | Literal["both"], moves: Moves = NO_MOVES
+    truth: GroundTruth, side: Side | Literal["both"], moves: CameraMoves = NO_CAMERA_MOVES
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Positive floor cells, and those that a side (or either) has seen, each (rows, columns).
+    """Positive floor cells, and cells that a side (or either side) observed, (rows, columns).
 
-    A cell is positive where a quarter of either side's samples show a labelled object.
+    A cell is positive if a quarter of either side's samples show a labelled object.
     """
-    shape = truth.seen("sim", moves["sim"]).samples.shape
-    positive, visited = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
-    for own in SIDES:
-        seen = truth.seen(own, moves[own])
-        enough = seen.samples >= MIN_SAMPLES
-        positive |= enough & (seen.hits >= SHARE * seen.samples)
-        if side in (own, "both"):
-            visited |= enough
-    return positive & visited, visited
+    shape = truth.visible_objects("sim", moves["sim"]).samples.shape
+    positive, observed = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+    for name in SIDES:
+        objects = truth.visible_objects(name, moves[name])
+        enough = objects.samples >= MIN_SAMPLES
+        positive |= enough & (objects.hits >= POSITIVE_SHARE * objects.samples)
+        if side in (name, "both"):
+            observed |= enough
+    return positive & observed, observed
 
 
 def _rebinned(plane: NDArray[Any]) -> NDArray[np.float64]:
@@ -180,7 +190,7 @@ def _rebinned(plane: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _smoothed(total: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The mean heat per cell, softened by `SMOOTH` cells over those that have any."""
+    """Mean heat per cell, smoothed by `SMOOTH` cells over the cells that have any heat."""
     known = count > 0
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(known, total / count, 0.0)
@@ -194,7 +204,7 @@ def _interval(value: float, replicates: list[float]) -> bootstrap.Interval:
 
 
 def _mean(values: NDArray[np.float64], trajectory: NDArray[np.integer]) -> bootstrap.Interval:
-    """The mean of shares; without an interval where there are too few frames for blocks."""
+    """Mean of shares; without an interval if there are too few frames for blocks."""
     found = bootstrap.mean_interval(values, trajectory)
     if values.size < MIN_FRAMES:
         return bootstrap.Interval.unknown(found.value)

@@ -1,4 +1,4 @@
-"""Ranking measures: how well values pick out the positives, ties broken by seeded noise."""
+"""Ranking metrics of how well values separate positives, with ties broken by seeded noise."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-TOP = 0.05
+TOP_SHARE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Ranked:
-    """Cells in ascending order of their value; "no value", NaN, ranks as the median.
+class RankedCells:
+    """Cells in ascending order of their value; NaN ranks as the median.
 
     Source of the area: Mann and Whitney, 1947.
     """
@@ -23,8 +23,8 @@ class Ranked:
     @classmethod
     def of(
         cls, values: NDArray[np.floating], positive: NDArray[np.bool_], rng: np.random.Generator
-    ) -> Ranked:
-        """`values` and `positive` of equal size; `rng` decides between equal values."""
+    ) -> RankedCells:
+        """Rank `values`, with labels `positive` of equal size; `rng` breaks ties."""
         flat = np.asarray(values, dtype=np.float64).ravel()
         known = np.isfinite(flat)
         flat = np.where(known, flat, np.median(flat[known]) if known.any() else 0.0)
@@ -39,10 +39,12 @@ class Ranked:
         pairs = pos.sum() * neg.sum()
         return float((pos * below).sum() / pairs) if pairs > 0 else float("nan")
 
-    def precision(self, top: float = TOP, weights: NDArray[np.float64] | None = None) -> float:
+    def precision(
+        self, top: float = TOP_SHARE, weights: NDArray[np.float64] | None = None
+    ) -> float:
         """Share of positives among the `top` share of cells."""
         w = np.ones(self.order.size) if weights is None else weights[self.order]
         w, positive = w[::-1], self.positive[::-1]
-        wanted = top * w.sum()
-        taken = np.clip(wanted - (np.cumsum(w) - w), 0.0, w)
-        return float((taken * positive).sum() / taken.sum()) if taken.sum() > 0 else float("nan")
+        selected = np.clip(top * w.sum() - (np.cumsum(w) - w), 0.0, w)
+        total = selected.sum()
+        return float((selected * positive).sum() / total) if total > 0 else float("nan")

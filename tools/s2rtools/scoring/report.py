@@ -1,6 +1,7 @@
-"""A store's whole score: heatmaps against the labelled changes, factors and objects against error.
+"""Score report of a store: heatmaps, factors and changed objects against the ground truth.
 
-The report is plain data with six decimals, so that one seed gives one text; the store keeps it.
+The report is plain data rounded to six decimals, so that equal seeds give equal text. It is
+stored in the provenance.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ from s2rtools.models.library import load_model
 from s2rtools.precompute.pipeline import ProgressReporter
 from s2rtools.scoring import heatmaps
 from s2rtools.scoring.factor_effects import Counterfactuals
-from s2rtools.scoring.ground_truth import Truth
+from s2rtools.scoring.ground_truth import GroundTruth
 
-Report = dict[str, Any]
+ScoreReport = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class ScoreSettings:
-    """`instances` of the counterfactual table, spread over the data set; `seed` breaks ties."""
+    """Number of `instances` for counterfactual errors, and the random `seed` for ties."""
 
     runs: tuple[str, ...] = ()
     trust: bool = False
@@ -43,25 +44,25 @@ class ScoreSettings:
             raise RequestError("--seed: 0 .. 2147483647")
 
 
-def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Report:
-    """Score the computed runs of a world's store.
+def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> ScoreReport:
+    """Score the computed runs of a synthetic world's store.
 
-    Raises RequestError where no truth is known or nothing is computed.
+    Raises RequestError if the ground truth is unknown or no run is computed.
     """
     with s2rstore.open(root) as store:
-        truth = Truth(store)
-        runs = _computed(store, settings.runs)
+        truth = GroundTruth(store)
+        runs = _computed_runs(store, settings.runs)
         reporter.begin("score", 3)
-        maps = heatmaps.scores(truth, runs, settings.seed)
+        maps = heatmaps.score_heatmaps(truth, runs, settings.seed)
         reporter.advance(1)
-        judges = [
+        evaluated = [
             (
                 store.run(name),
                 open_backend(load_model(store, store.run(name).model, settings.trust), "torch"),
             )
             for name in runs
         ]
-        table = Counterfactuals(truth, judges, settings.instances)
+        table = Counterfactuals(truth, evaluated, settings.instances)
         factors = table.factor_scores()
         reporter.advance(1)
         objects = table.object_scores()
@@ -71,14 +72,14 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Re
             "instances": len(table.iids),
             "recipe": store.provenance_object("world", "recipe"),
             "runs": {name: store.run(name).key for name in runs},
-            "heatmaps": [_plain(row) for row in maps],
-            "factors": [_plain(row) for row in factors],
-            "objects": [_plain(row) for row in objects],
+            "heatmaps": [_json_row(row) for row in maps],
+            "factors": [_json_row(row) for row in factors],
+            "objects": [_json_row(row) for row in objects],
         }
 
 
-def keep(root: Path, report: Report) -> bool:
-    """Publish the report in the store's provenance; False where it holds the very same."""
+def save_report(root: Path, report: ScoreReport) -> bool:
+    """Publish the report in the store's provenance; False if it is unchanged."""
     check_writable(root)
     text = json.dumps(report, sort_keys=True)
     with s2rstore.open(root) as store:
@@ -89,29 +90,29 @@ def keep(root: Path, report: Report) -> bool:
     return True
 
 
-def _computed(store: Store, wanted: Sequence[str]) -> list[str]:
-    runs = [store.run(name) for name in dict.fromkeys(wanted)] or list(store.runs.values())
+def _computed_runs(store: Store, requested: Sequence[str]) -> list[str]:
+    runs = [store.run(name) for name in dict.fromkeys(requested)] or list(store.runs.values())
     missing = [run.run for run in runs if not run.key]
-    if len(missing) == len(runs) or (wanted and missing):
-        told = ", ".join(missing) or "no run"
-        raise RequestError(f"{store.path}: {told} not computed; run `s2r precompute` first")
+    if len(missing) == len(runs) or (requested and missing):
+        names = ", ".join(missing) or "runs"
+        raise RequestError(f"{store.path}: {names} not computed; run `s2r precompute` first")
     return [run.run for run in runs if run.key]
 
 
-def _plain(row: Any) -> dict[str, Any]:
-    """A record as JSON can hold it: intervals as three figures, NaN as null."""
-    made: dict[str, Any] = {}
+def _json_row(row: Any) -> dict[str, Any]:
+    """A record as JSON: intervals as three numbers, NaN as null."""
+    json_row: dict[str, Any] = {}
     for field in fields(row):
         value = getattr(row, field.name)
         if isinstance(value, Interval):
             low_high = asdict(value)
-            made[field.name] = _figure(low_high["value"])
-            made[f"{field.name}_low"] = _figure(low_high["low"])
-            made[f"{field.name}_high"] = _figure(low_high["high"])
+            json_row[field.name] = _json_number(low_high["value"])
+            json_row[f"{field.name}_low"] = _json_number(low_high["low"])
+            json_row[f"{field.name}_high"] = _json_number(low_high["high"])
         else:
-            made[field.name] = _figure(value) if isinstance(value, float) else value
-    return made
+            json_row[field.name] = _json_number(value) if isinstance(value, float) else value
+    return json_row
 
 
-def _figure(value: float) -> float | None:
+def _json_number(value: float) -> float | None:
     return round(value, 6) if math.isfinite(value) else None

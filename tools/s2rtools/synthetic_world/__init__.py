@@ -1,1 +1,5 @@
-"""The default world: a furnished building that is rendered, with a real side whose gap is known."""
+"""The synthetic world: a furnished building, rendered on two sides with a known gap between them.
+
+Registries: `factors.FACTORS` lists the reasons why the real side differs; `furniture.FURNITURE`
+lists the pieces of furniture.
+"""

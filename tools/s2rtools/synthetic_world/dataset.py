@@ -1,4 +1,4 @@
-"""A world as a data set: its poses, its views on either side, and what a store notes about it."""
+"""A world as a data set: poses, rendered views of either side, and provenance for the store."""
 
 from __future__ import annotations
 
@@ -15,42 +15,42 @@ from s2rstore.files.input_files import parse_json
 from s2rstore.geometry import angles
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtools.synthetic_world.factors import severities
-from s2rtools.synthetic_world.renderer import Camera, Renderer, Views
+from s2rtools.synthetic_world.factors import complete_severities
+from s2rtools.synthetic_world.renderer import Camera, RenderedViews, SceneRenderer
 from s2rtools.synthetic_world.routes import Poses
 from s2rtools.synthetic_world.world import (
     TRAJECTORIES,
-    facts,
-    raw_depth,
+    apply_sensor_factors,
+    labelled_changes,
     side_camera,
-    through_sensor,
+    to_raw_depth,
     world_of,
 )
 
-NOTES = "world"
+PROVENANCE_SECTION = "world"
 SURVEY, TOUR = "survey", "tour"
 
 
 @dataclass(frozen=True, slots=True)
 class WorldRecipe:
-    """All that a data set is made from; equal recipes give equal bytes.
+    """Parameters of a generated data set; equal recipes give equal bytes.
 
-    `count` instances on each of the two trajectories. A training set has `survey` random instances
-    over the whole floor instead, and `count` on a tour of its own. `frame` is the side of the
-    square images; `factors` are the severities of the real side.
+    There are `count` instances on each of the two trajectories. If `survey` is not 0, the data set
+    is a training set: `survey` random instances over the whole floor and `count` on a separate
+    tour. `frame` is the side of the square images; `factors` are the severities of the real side.
     """
 
     seed: int = 1
     count: int = 120
     survey: int = 0
     frame: int = 128
-    factors: Mapping[str, float] = field(default_factory=severities)
+    factors: Mapping[str, float] = field(default_factory=complete_severities)
 
     def __post_init__(self) -> None:
-        """Raises RequestError for counts that make no data set."""
+        """Raises RequestError for counts out of range."""
         for number in (self.seed, self.count, self.survey, self.frame):
             if type(number) is not int:
-                raise TypeError(f"{number!r} is no whole number")
+                raise TypeError(f"{number!r} is not a whole number")
         if not 0 <= self.seed < 2**31:
             raise RequestError(f"--seed {self.seed}: 0 .. 2147483647")
         if not 0 <= self.count <= 5000 or not 0 <= self.survey <= 200_000:
@@ -60,7 +60,7 @@ class WorldRecipe:
 
 
 class WorldData:
-    """The instances of a recipe, and their views on demand."""
+    """The instances of a recipe, with views rendered on request."""
 
     def __init__(self, recipe: WorldRecipe) -> None:
         self.recipe = recipe
@@ -68,8 +68,8 @@ class WorldData:
 
     @classmethod
     def of_store(cls, store: Store) -> WorldData | None:
-        """The world that a store was made from; None for other data."""
-        notes = store.provenance(NOTES)
+        """The world that a store was made from; None if its data was not generated."""
+        notes = store.provenance(PROVENANCE_SECTION)
         if "recipe" not in notes:
             return None
         try:
@@ -77,23 +77,23 @@ class WorldData:
             frame = store.dataset.frame_height, store.dataset.frame_width
             if frame != (recipe.frame, recipe.frame):
                 raise ValueError("another frame size")
-            given = severities(recipe.factors)
-            return cls(replace(recipe, factors={name: given[name] for name in recipe.factors}))
+            factors = complete_severities(recipe.factors)
+            return cls(replace(recipe, factors={name: factors[name] for name in recipe.factors}))
         except (TypeError, ValueError, AttributeError, RequestError) as error:
             raise RequestError(
-                f"{store.path}: its note on the world's recipe makes no sense; ingest it again"
+                f"{store.path}: the stored recipe of the world is invalid; ingest it again"
             ) from error
 
     @property
     def names(self) -> list[str]:
-        """The trajectories, in order; a view's noise is seeded by its place in them."""
+        """The trajectories in order; the order determines the noise of each view."""
         if not self.recipe.survey:
             return list(TRAJECTORIES)
         return [SURVEY, TOUR] if self.recipe.count else [SURVEY]
 
     @cached_property
     def poses(self) -> dict[str, Poses]:
-        """Poses (n, 3) of every trajectory by name: x, y in metres, heading in radians."""
+        """Poses (n, 3) by trajectory: x, y in metres, heading in radians."""
         recipe = self.recipe
         if recipe.survey:
             tour = {TOUR: self.world.tour(recipe.count)} if recipe.count else {}
@@ -106,52 +106,62 @@ class WorldData:
     def views(
         self, side: Side, poses: Poses, numbers: NDArray[np.intp],
         camera: Camera | None = None,
-    ) -> Views:  # fmt: skip
-        """Views (n, h, w, ...) of some poses; `numbers` (n,) seed the noise of each.
+    ) -> RenderedViews:  # fmt: skip
+        """Views (n, h, w, ...) of poses; `numbers` (n,) seed the noise of each.
 
-        `camera` replaces the side's own; `camera(side).moved(...)` is one at another height, pitch
-        or field of view.
+        `camera` replaces the side's camera; `camera(side).moved(...)` changes its height, pitch or
+        field of view.
         """
         views = self.renderer(side).render(poses, camera or self.camera(side))
-        return through_sensor(views, self.severities(side), self.recipe.seed, numbers)
+        return apply_sensor_factors(views, self.severities(side), self.recipe.seed, numbers)
 
     def camera(self, side: Side) -> Camera:
-        """The camera that a side really has."""
+        """The true camera of a side."""
         return side_camera(self.recipe.frame, self.severities(side))
 
     def matches(self, store: Store) -> bool:
-        """Whether what is rendered now is what the store holds, in a view of each trajectory.
+        """Whether one rendered view of each trajectory equals the stored frame.
 
-        Processors round differently: a few pixels may.
+        A few differing pixels are accepted, because processors round differently.
         """
         for trajectory in store.trajectories:
             name, first = trajectory.trajectory, store.first_iid(trajectory.trajectory)
             row = trajectory.instances // 2
             if name not in self.names or row >= len(self.poses[name]):
                 return False
-            number = np.array([self.number(name, row)])
+            number = np.array([self.noise_number(name, row)])
             for side in SIDES:
-                made = self.views(side, self.poses[name][row : row + 1], number)
-                held = store.frame(first + row, side)
-                away = np.abs(made.rgb[0].astype(np.float32) - held.rgb)
-                far = np.abs(self.raw(made)[0].astype(np.float32) - held.depth)
-                if (away > 3).mean() > 0.01 or (far > 20).mean() > 0.01:
+                views = self.views(side, self.poses[name][row : row + 1], number)
+                stored = store.frame(first + row, side)
+                rgb_difference = np.abs(views.rgb[0].astype(np.float32) - stored.rgb)
+                raw = self.raw_depth(views)[0].astype(np.float32)
+                depth_difference = np.abs(raw - stored.depth)
+                if (rgb_difference > 3).mean() > 0.01 or (depth_difference > 20).mean() > 0.01:
                     return False
         return True
 
-    def number(self, name: str, row: int) -> int:
-        """What seeds the noise of a view."""
+    def noise_number(self, name: str, row: int) -> int:
+        """Seed of the noise of a view."""
         return 1_000_000 * self.names.index(name) + row
 
-    def renderer(self, side: Side) -> Renderer:
+    def noise_numbers(self, store: Store) -> NDArray[np.intp]:
+        """Seeds of the noise of all instances of a store, (N,)."""
+        numbers = [
+            self.noise_number(item.trajectory, row)
+            for item in store.trajectories
+            for row in range(item.instances)
+        ]
+        return np.array(numbers, dtype=np.intp)
+
+    def renderer(self, side: Side) -> SceneRenderer:
         return self.world.renderer(self.severities(side))
 
-    def raw(self, views: Views) -> NDArray[np.uint16]:
-        """Depth as it is stored."""
-        return raw_depth(views.depth)
+    def raw_depth(self, views: RenderedViews) -> NDArray[np.uint16]:
+        """Depth in the units of the store."""
+        return to_raw_depth(views.depth)
 
     def odometry(self, name: str) -> Poses:
-        """Wheel odometry of a trajectory: each step a little wrong, so that the error grows."""
+        """Simulated wheel odometry of a trajectory, with an error that grows step by step."""
         poses = self.poses[name]
         rng = np.random.default_rng([self.recipe.seed, 7, len(poses)])
         heading = poses[:, 2]
@@ -169,9 +179,9 @@ class WorldData:
         at = poses[0, :2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
         return np.concatenate([at, angles.wrap(angle)[:, None]], axis=1)
 
-    def notes(self) -> dict[str, Any]:
-        """What a store keeps in its provenance: the recipe, and the labelled changes."""
+    def provenance(self) -> dict[str, Any]:
+        """The recipe and the labelled changes, for the store's provenance."""
         recipe = asdict(self.recipe) | {"factors": dict(self.recipe.factors)}
-        changed = set(self.world.changed(self.severities("real")))
-        objects = [fact for fact in facts(self.world) if fact["object"] in changed]
+        changed = set(self.world.changed_objects(self.severities("real")))
+        objects = [item for item in labelled_changes(self.world) if item["object"] in changed]
         return {"recipe": recipe, "changes": objects}

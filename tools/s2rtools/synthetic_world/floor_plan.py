@@ -1,4 +1,4 @@
-"""The building: two corridors that cross, three rooms in each corner, doors, windows and walls."""
+"""Floor plan of a building: two crossing corridors and three rooms in each corner; its walls."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from s2rtools.synthetic_world.materials import Material
 from s2rtools.synthetic_world.scene import Colour, ScenePart
 
-SIZE = 20.0
-CEILING = 2.7
+BUILDING_SIZE = 20.0
+CEILING_HEIGHT = 2.7
 HALF_WALL = 0.07
 DOOR_WIDTH = 1.0
 DOOR_HEIGHT = 2.08
@@ -27,7 +27,7 @@ _FRAME = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
-    """y grows to the south."""
+    """An axis-aligned rectangle in metres; y grows to the south."""
 
     x0: float
     y0: float
@@ -39,7 +39,7 @@ class Rectangle:
         return (self.x0 + self.x1) / 2, (self.y0 + self.y1) / 2
 
     def ends(self) -> tuple[Rectangle, Rectangle]:
-        """The outer thirds along the longer side, a little away from the walls."""
+        """The outer thirds along the longer side, 0.3 m from the walls."""
         x0, y0, x1, y1 = self.x0 + 0.3, self.y0 + 0.3, self.x1 - 0.3, self.y1 - 0.3
         wide, deep = (x1 - x0) / 3, (y1 - y0) / 3
         if wide > deep:
@@ -56,17 +56,17 @@ class Rectangle:
         return (self.x0 + out if wall == "west" else self.x1 - out), self.y0 + at
 
 
-TURN: dict[Wall, float] = {
+WALL_ANGLES: dict[Wall, float] = {
     "north": 0.0, "south": math.pi, "east": math.pi / 2, "west": -math.pi / 2,
 }  # fmt: skip
-"""How far a piece of furniture, whose back is at y = 0, is turned to stand at a wall."""
+"""Rotation of a piece of furniture, whose back is at y = 0, that puts its back to a wall."""
 
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """An opening at (x, y) in a wall that runs along x (`flat`) or along y; `rooms` it joins.
+    """An opening at (x, y) in a wall that runs along x (`flat`) or along y, between two `rooms`.
 
-    The leaf hangs in the first of them, hinged at the end of the smaller coordinate.
+    The leaf hangs in the first room, hinged at the end of the smaller coordinate.
     """
 
     x: float
@@ -105,7 +105,7 @@ class BuildingPlan:
         return [door for door in self.doors if name in door.rooms]
 
 
-KINDS = (
+ROOM_KINDS = (
     "office", "studio", "meeting", "kitchen", "lounge", "library",
     "laboratory", "servers", "copy", "workshop", "reception", "archive",
 )  # fmt: skip
@@ -133,24 +133,24 @@ _PAINTS: tuple[Colour, ...] = (
 )  # fmt: skip
 
 
-def plan(seed: int) -> BuildingPlan:
-    """A building of its own for every seed."""
+def plan_building(seed: int) -> BuildingPlan:
+    """The building of a seed."""
     rng = np.random.default_rng([seed, 1])
     west, north = (float(rng.uniform(8.4, 9.7)) for _ in range(2))
     east, south = west + 1.9, north + 2.1
-    kinds = [str(kind) for kind in rng.permutation(KINDS)]
+    kinds = [str(kind) for kind in rng.permutation(ROOM_KINDS)]
     paints = [_PAINTS[int(i)] for i in rng.permutation(len(_PAINTS))]
     rooms: list[PlanRoom] = []
     doors: list[Door] = []
     corners = (
         (Rectangle(0, 0, west, north), False, False),
-        (Rectangle(east, 0, SIZE, north), True, False),
-        (Rectangle(0, south, west, SIZE), False, True),
-        (Rectangle(east, south, SIZE, SIZE), True, True),
+        (Rectangle(east, 0, BUILDING_SIZE, north), True, False),
+        (Rectangle(0, south, west, BUILDING_SIZE), False, True),
+        (Rectangle(east, south, BUILDING_SIZE, BUILDING_SIZE), True, True),
     )
     for number, (area, is_east, is_south) in enumerate(corners):
         names = kinds[3 * number : 3 * number + 3]
-        cut = _cut(rng, area, is_east, is_south)
+        cut = _split_corner(rng, area, is_east, is_south)
         for name, part, paint in zip(names, cut, paints[3 * number :], strict=False):
             rooms.append(PlanRoom(name, name, part, paint, _FLOORS[name], (), _windows(part)))
         doors += _doors(rng, names, cut, is_east, is_south)
@@ -158,20 +158,20 @@ def plan(seed: int) -> BuildingPlan:
     return BuildingPlan(tuple(rooms), tuple(doors), _PALETTE)
 
 
-def _cut(
+def _split_corner(
     rng: np.random.Generator, area: Rectangle, is_east: bool, is_south: bool
 ) -> tuple[Rectangle, Rectangle, Rectangle]:
-    """The far room (along the flat corridor), the one at the outer wall, the one at the crossing.
+    """Split a corner into the far room, the room at the outer wall and the room at the crossing.
 
-    The far room touches the flat corridor, the outer one the upright corridor.
+    The far room borders the flat corridor, the outer room borders the upright corridor.
     """
     split = (area.x1 - area.x0) * float(rng.uniform(0.44, 0.54))
     level = (area.y1 - area.y0) * float(rng.uniform(0.44, 0.56))
     s = area.x1 - split if is_east else area.x0 + split
     t = area.y0 + level
-    far = Rectangle(s, area.y0, area.x1, area.y1) if is_east else Rectangle(
-        area.x0, area.y0, s, area.y1)  # fmt: skip
     x0, x1 = (area.x0, s) if is_east else (s, area.x1)
+    far_x0, far_x1 = (s, area.x1) if is_east else (area.x0, s)
+    far = Rectangle(far_x0, area.y0, far_x1, area.y1)
     upper, lower = Rectangle(x0, area.y0, x1, t), Rectangle(x0, t, x1, area.y1)
     return (far, lower, upper) if is_south else (far, upper, lower)
 
@@ -192,33 +192,32 @@ def _doors(
     def between(a: float, b: float) -> float:
         return float(rng.uniform(a + 1.1, b - 1.1))
 
-    doors = [
+    return [
         Door(between(far.x0, far.x1), flat_y, True, (names[0], flat_name)),
         Door(upright_x, between(outer.y0, outer.y1), False, (names[1], upright_name)),
         Door(between(near.x0, near.x1), flat_y, True, (names[2], flat_name)),
         Door(between(near.x0, near.x1), outer.y0 if is_south else outer.y1, True,
              (names[2], names[1])),
     ]  # fmt: skip
-    return doors
 
 
 def _windows(area: Rectangle) -> tuple[tuple[Wall, float], ...]:
-    """A window every 2.4 m of outer wall."""
+    """Windows spread evenly along the outer walls."""
     outer: list[Wall] = []
     if area.y0 < 0.01:
         outer.append("north")
-    if area.y1 > SIZE - 0.01:
+    if area.y1 > BUILDING_SIZE - 0.01:
         outer.append("south")
     if area.x0 < 0.01:
         outer.append("west")
-    if area.x1 > SIZE - 0.01:
+    if area.x1 > BUILDING_SIZE - 0.01:
         outer.append("east")
-    found: list[tuple[Wall, float]] = []
+    windows: list[tuple[Wall, float]] = []
     for wall in outer:
         length = area.length(wall)
         count = int((length - 1.0) // 2.6)
-        found += [(wall, length * (k + 0.5) / count) for k in range(count)]
-    return tuple(found)
+        windows += [(wall, length * (k + 0.5) / count) for k in range(count)]
+    return tuple(windows)
 
 
 WINDOW_WIDTH = 1.8
@@ -231,73 +230,74 @@ def _corridors(west: float, east: float, north: float, south: float) -> list[Pla
     wood = {"floor": 1, "colour": warm}
     pieces: list[tuple[str, Rectangle, tuple[Wall, ...], dict[str, object]]] = [
         ("west corridor", Rectangle(0, north, west, south), ("east",), flat),
-        ("east corridor", Rectangle(east, north, SIZE, south), ("west",), flat),
+        ("east corridor", Rectangle(east, north, BUILDING_SIZE, south), ("west",), flat),
         ("north corridor", Rectangle(west, 0, east, north), ("south",), wood),
-        ("south corridor", Rectangle(west, south, east, SIZE), ("north",), wood),
+        ("south corridor", Rectangle(west, south, east, BUILDING_SIZE), ("north",), wood),
         ("crossing", Rectangle(west, north, east, south), WALLS, flat),
     ]
-    made = []
+    rooms = []
     for name, area, open_walls, look in pieces:
         windows = tuple(
             (wall, area.length(wall) / 2) for wall in WALLS
             if wall not in open_walls and _is_outer(area, wall)
         )  # fmt: skip
-        made.append(
+        rooms.append(
             PlanRoom(name, "corridor", area, look["colour"], int(str(look["floor"])),  # type: ignore[arg-type]
                  open_walls, windows)
         )  # fmt: skip
-    return made
+    return rooms
 
 
 def _is_outer(area: Rectangle, wall: Wall) -> bool:
-    edge = {"north": area.y0, "west": area.x0, "south": SIZE - area.y1, "east": SIZE - area.x1}
-    return edge[wall] < 0.01
+    end = BUILDING_SIZE
+    distance = {"north": area.y0, "west": area.x0, "south": end - area.y1, "east": end - area.x1}
+    return distance[wall] < 0.01
 
 
-def openings(plan: BuildingPlan, room: PlanRoom, wall: Wall) -> list[tuple[float, Door]]:
-    """Doors in a wall of a room, with their middle in metres along it."""
-    area, found = room.area, []
+def door_openings(plan: BuildingPlan, room: PlanRoom, wall: Wall) -> list[tuple[float, Door]]:
+    """Doors in a wall of a room, each with its middle in metres along the wall."""
+    area, doors = room.area, []
     for door in plan.doors_of(room.name):
         flat = wall in ("north", "south")
         if door.flat != flat:
             continue
         line = {"north": area.y0, "south": area.y1, "west": area.x0, "east": area.x1}[wall]
         if abs((door.y if flat else door.x) - line) < 0.01:
-            found.append((door.x - area.x0 if flat else door.y - area.y0, door))
-    return found
+            doors.append((door.x - area.x0 if flat else door.y - area.y0, door))
+    return doors
 
 
-def walls(plan: BuildingPlan) -> tuple[ScenePart, ...]:
-    """Half of every wall for each room that it bounds, with openings for doors and windows."""
+def wall_parts(plan: BuildingPlan) -> tuple[ScenePart, ...]:
+    """Walls of all rooms, each half a wall thick, with openings for doors and windows."""
     parts: list[ScenePart] = []
     for room in plan.rooms:
         for wall in WALLS:
             if wall not in room.open_walls:
                 parts += _wall(plan, room, wall)
     for door in plan.doors:
-        parts += _frame(door)
+        parts += _door_frame(door)
     return tuple(parts)
 
 
 def _wall(plan: BuildingPlan, room: PlanRoom, wall: Wall) -> list[ScenePart]:
     length = room.area.length(wall)
     cuts = [(at - DOOR_WIDTH / 2, at + DOOR_WIDTH / 2, 0.0, DOOR_HEIGHT)
-            for at, _ in openings(plan, room, wall)]  # fmt: skip
+            for at, _ in door_openings(plan, room, wall)]  # fmt: skip
     cuts += [(at - WINDOW_WIDTH / 2, at + WINDOW_WIDTH / 2, SILL, HEAD)
              for w, at in room.windows if w == wall]  # fmt: skip
     parts, start = [], 0.0
     for a, b, low, high in sorted(cuts):
-        parts.append(_slab(room, wall, start, a, 0.0, CEILING))
-        parts.append(_slab(room, wall, a, b, high, CEILING))
+        parts.append(_wall_slab(room, wall, start, a, 0.0, CEILING_HEIGHT))
+        parts.append(_wall_slab(room, wall, a, b, high, CEILING_HEIGHT))
         if low > 0:
-            parts.append(_slab(room, wall, a, b, 0.0, low))
-            parts.append(_slab(room, wall, a, b, low, high, Material.WINDOW))
+            parts.append(_wall_slab(room, wall, a, b, 0.0, low))
+            parts.append(_wall_slab(room, wall, a, b, low, high, Material.WINDOW))
         start = b
-    parts.append(_slab(room, wall, start, length, 0.0, CEILING))
+    parts.append(_wall_slab(room, wall, start, length, 0.0, CEILING_HEIGHT))
     return parts
 
 
-def _slab(
+def _wall_slab(
     room: PlanRoom,
     wall: Wall,
     a: float,
@@ -315,23 +315,23 @@ def _slab(
                 low, high, colour, material, seed=seed)  # fmt: skip
 
 
-def _frame(door: Door) -> list[ScenePart]:
+def _door_frame(door: Door) -> list[ScenePart]:
     """Posts and lintel of a door opening."""
-    made = []
+    parts = []
     reach = DOOR_WIDTH / 2
     for along in (-reach, reach):
         x, y = (door.x + along, door.y) if door.flat else (door.x, door.y + along)
         half = (_FRAME / 2, HALF_WALL + 0.02)
-        made.append(ScenePart(x, y, *(half if door.flat else half[::-1]), 0, DOOR_HEIGHT + 0.05,
+        parts.append(ScenePart(x, y, *(half if door.flat else half[::-1]), 0, DOOR_HEIGHT + 0.05,
                          FRAME_COLOUR, Material.WOOD))  # fmt: skip
     half = (reach, HALF_WALL + 0.02)
-    made.append(ScenePart(door.x, door.y, *(half if door.flat else half[::-1]),
+    parts.append(ScenePart(door.x, door.y, *(half if door.flat else half[::-1]),
                      DOOR_HEIGHT, DOOR_HEIGHT + 0.05, FRAME_COLOUR, Material.WOOD))  # fmt: skip
-    return made
+    return parts
 
 
-def leaf(plan: BuildingPlan, door: Door, is_open: bool) -> ScenePart:
-    """The door's leaf: in its frame, or swung back along the wall of the first room."""
+def door_leaf(plan: BuildingPlan, door: Door, is_open: bool) -> ScenePart:
+    """The leaf of a door: in its frame, or swung back along the wall of the first room."""
     room = plan.room(door.rooms[0]).area
     width = DOOR_WIDTH - 0.06
     reach = DOOR_WIDTH / 2
@@ -348,5 +348,5 @@ def leaf(plan: BuildingPlan, door: Door, is_open: bool) -> ScenePart:
         x, y, turned = door.x + along, door.y + out, -sign * tilt
     else:
         x, y, turned = door.x + out, door.y + along, math.pi / 2 + sign * tilt
-    return ScenePart(x, y, width / 2, 0.02, 0.01, DOOR_HEIGHT - 0.02, tint, Material.DOOR, angle=turned,
-                seed=seed)  # fmt: skip
+    return ScenePart(x, y, width / 2, 0.02, 0.01, DOOR_HEIGHT - 0.02, tint, Material.DOOR,
+                     angle=turned, seed=seed)  # fmt: skip

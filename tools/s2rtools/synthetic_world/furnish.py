@@ -1,4 +1,4 @@
-"""Putting furniture into a building, and deciding what the real side does to some of it."""
+"""Place furniture in a building, and choose the objects that differ on the real side."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ import numpy as np
 from scipy import ndimage
 
 from s2rtools.synthetic_world.floor_plan import (
+    BUILDING_SIZE,
     DOOR_WIDTH,
     HALF_WALL,
-    SIZE,
-    TURN,
+    WALL_ANGLES,
     WALLS,
     WINDOW_WIDTH,
     BuildingPlan,
     Door,
     PlanRoom,
     Wall,
-    leaf,
-    openings,
-    walls,
+    door_leaf,
+    door_openings,
+    wall_parts,
 )
-from s2rtools.synthetic_world.furniture import PIECES, Parts, Piece, table
-from s2rtools.synthetic_world.routes import BODY, CELL, CLEARANCE, clearance
+from s2rtools.synthetic_world.furniture import FURNITURE, FurniturePiece, Parts, table
+from s2rtools.synthetic_world.routes import CLEARANCE, FLOOR_CELL, ROBOT_HEIGHT, clearance
 from s2rtools.synthetic_world.scene import SceneObject, ScenePart, footprint
 
-LISTS: dict[str, tuple[str, ...]] = {
+ROOM_FURNITURE: dict[str, tuple[str, ...]] = {
     "office": ("desk", "desk", "shelf", "cabinet", "whiteboard", "plant", "poster", "bin",
                "clothes", "shelf", "poster"),
     "studio": ("desk", "desk", "desk", "desk", "plant", "cabinet", "poster", "poster", "shelf",
@@ -56,16 +56,16 @@ LISTS: dict[str, tuple[str, ...]] = {
     "corridor": ("poster", "plant", "extinguisher", "poster", "lockers", "poster", "cabinet",
                  "poster", "shelf", "poster", "bin", "poster"),
 }  # fmt: skip
-"""What a room of each kind would like to hold, the most wanted first."""
+"""Furniture of each kind of room, in order of priority."""
 
 _BULKY = ("desk", "table", "sofa", "cabinet", "cartons", "rack", "printer", "plant", "lockers")
 _NO_TABLE = ("corridor", "servers", "copy", "archive")
 _GAP = 0.06
-_TRIES = 60
+_MAX_ATTEMPTS = 60
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class WallSpot:
     """A place at a wall: `at` metres along it, `width` of it, `depth` into the room."""
 
     room: str
@@ -78,26 +78,26 @@ class Spot:
 
 @dataclass(slots=True)
 class Furnishing:
-    """Things in the order of their ids, and the places that are taken."""
+    """Objects in the order of their ids, and the wall spots that are occupied."""
 
     plan: BuildingPlan
     rng: np.random.Generator
-    things: list[SceneObject] = field(default_factory=list)
-    spots: list[Spot] = field(default_factory=list)
+    objects: list[SceneObject] = field(default_factory=list)
+    spots: list[WallSpot] = field(default_factory=list)
 
     def add(self, name: str, room: PlanRoom) -> bool:
-        """Put a piece somewhere at the walls of a room; whether there was a place for it."""
-        spot = self.find(PIECES[name], room)
+        """Place a piece at a wall of a room; False if no spot was found."""
+        spot = self.find_spot(FURNITURE[name], room)
         if spot is None:
             return False
-        parts = standing(PIECES[name].make(self.rng), room, spot)
-        self.things.append(SceneObject(name, parts, parts))
+        parts = place_at_wall(FURNITURE[name].make(self.rng), room, spot)
+        self.objects.append(SceneObject(name, parts, parts))
         self.spots.append(spot)
         return True
 
-    def find(self, piece: Piece, room: PlanRoom) -> Spot | None:
+    def find_spot(self, piece: FurniturePiece, room: PlanRoom) -> WallSpot | None:
         sides = [wall for wall in WALLS if wall not in room.open_walls]
-        for _ in range(_TRIES if sides else 0):
+        for _ in range(_MAX_ATTEMPTS if sides else 0):
             wall = sides[int(self.rng.integers(len(sides)))]
             length = room.area.length(wall)
             reach = piece.width / 2 + HALF_WALL + 0.03
@@ -106,13 +106,13 @@ class Furnishing:
             at = float(self.rng.uniform(reach, length - reach))
             if room.is_corridor and piece.depth > 0.8:
                 return None
-            spot = Spot(room.name, wall, at, piece.width, piece.depth, piece.hangs)
+            spot = WallSpot(room.name, wall, at, piece.width, piece.depth, piece.hangs)
             if self._fits(room, spot):
                 return spot
         return None
 
-    def _fits(self, room: PlanRoom, spot: Spot) -> bool:
-        for at, _ in openings(self.plan, room, spot.wall):
+    def _fits(self, room: PlanRoom, spot: WallSpot) -> bool:
+        for at, _ in door_openings(self.plan, room, spot.wall):
             free = DOOR_WIDTH / 2 + 0.12
             swing = 1.15 if not room.is_corridor else 0.0
             if (
@@ -131,12 +131,12 @@ class Furnishing:
         ) and not any(_overlap(self._box(room, spot), doorway) for doorway in self._doorways(room))
 
     @staticmethod
-    def _passes(spot: Spot, other: Spot) -> bool:
-        """A thing that hangs and a low thing may share a stretch of wall."""
+    def _passes(spot: WallSpot, other: WallSpot) -> bool:
+        """Whether a hanging object and a low one may share a stretch of wall."""
         return spot.hangs != other.hangs and min(spot.depth, other.depth) < 0.07 and max(
             spot.depth, other.depth) > 0.6  # fmt: skip
 
-    def _box(self, room: PlanRoom, spot: Spot) -> tuple[float, float, float, float]:
+    def _box(self, room: PlanRoom, spot: WallSpot) -> tuple[float, float, float, float]:
         x, y = room.area.on_wall(spot.wall, spot.at, spot.depth / 2 + HALF_WALL)
         half = spot.width / 2 + _GAP, spot.depth / 2 + _GAP
         if spot.wall in ("west", "east"):
@@ -154,10 +154,10 @@ def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-def standing(made: Parts, room: PlanRoom, spot: Spot) -> Parts:
+def place_at_wall(parts: Parts, room: PlanRoom, spot: WallSpot) -> Parts:
     """A piece's parts in map coordinates."""
     x, y = room.area.on_wall(spot.wall, spot.at, HALF_WALL)
-    return tuple(part.placed(x, y, TURN[spot.wall]) for part in made)
+    return tuple(part.transformed(x, y, WALL_ANGLES[spot.wall]) for part in parts)
 
 
 CHANGES: tuple[tuple[str, str], ...] = (
@@ -178,7 +178,7 @@ CHANGES: tuple[tuple[str, str], ...] = (
     ("cartons", "added"),
     ("lockers", "removed"),
 )
-"""What the real side does at severity 1; at less, the first of them."""
+"""Changes of the real side at severity 1; at lower severities, the first of them."""
 
 _IN_ROOMS = ("sofa", "cabinet", "cartons")
 
@@ -186,12 +186,12 @@ _IN_ROOMS = ("sofa", "cabinet", "cartons")
 def furnish(
     plan: BuildingPlan, visited: list[str], closable: list[Door], seed: int
 ) -> list[SceneObject]:
-    """Everything that stands in a building, as it stands on either side; doors come last.
+    """All objects of a building, as they are on either side; doors come last.
 
-    What changes goes first, to where the routes pass: `visited` are names of rooms, `closable`
-    doors that no route needs. Ids are places in the list, from 1.
+    Objects that change are placed first, in rooms that the routes pass: `visited` are names of
+    rooms, `closable` doors that no route needs. The id of an object is its position, from 1.
     """
-    done = Furnishing(plan, np.random.default_rng([seed, 2]))
+    furnishing = Furnishing(plan, np.random.default_rng([seed, 2]))
     corridors = [plan.room(name) for name in visited if plan.room(name).is_corridor]
     chambers = [plan.room(name) for name in visited if not plan.room(name).is_corridor]
     turns: Counter[str] = Counter()
@@ -204,46 +204,50 @@ def furnish(
             continue
         near, far = (chambers, corridors) if name in _IN_ROOMS else (corridors, chambers)
         shift = (turn + len(name)) % len(near)
-        _place_change(done, name, kind, [*near[shift:], *near[:shift], *far])
+        _place_change(furnishing, name, kind, [*near[shift:], *near[:shift], *far])
     for room in plan.rooms:
-        first = len(done.things)
+        first = len(furnishing.objects)
         repeat = 2 if room.area.length("north") * room.area.length("west") > 30 else 1
-        for name in LISTS[room.kind] * repeat:
-            done.add(name, room)
-        _centre_tables(done, room)
-        _clear_ways(done, room, first)
+        for name in ROOM_FURNITURE[room.kind] * repeat:
+            furnishing.add(name, room)
+        _centre_tables(furnishing, room)
+        _clear_paths(furnishing, room, first)
     for door in plan.doors:
-        is_open = (leaf(plan, door, True),)
+        is_open = (door_leaf(plan, door, True),)
         if door in shut:
-            done.things.append(SceneObject("door", is_open, (leaf(plan, door, False),), "closed"))
+            furnishing.objects.append(
+                SceneObject("door", is_open, (door_leaf(plan, door, False),), "closed")
+            )
         else:
-            done.things.append(SceneObject("door", is_open, is_open))
-    return done.things
+            furnishing.objects.append(SceneObject("door", is_open, is_open))
+    return furnishing.objects
 
 
-def _place_change(done: Furnishing, name: str, kind: str, rooms: list[PlanRoom]) -> None:
-    """Put a thing that changes into the first of the rooms that has a place for it."""
+def _place_change(furnishing: Furnishing, name: str, kind: str, rooms: list[PlanRoom]) -> None:
+    """Place an object that changes in the first room with a free spot."""
     for room in rooms:
-        spot = done.find(PIECES[name], room)
+        spot = furnishing.find_spot(FURNITURE[name], room)
         if spot is None:
             continue
-        done.spots.append(spot)
-        parts = PIECES[name].make(done.rng)
-        here = standing(parts, room, spot)
+        furnishing.spots.append(spot)
+        parts = FURNITURE[name].make(furnishing.rng)
+        here = place_at_wall(parts, room, spot)
         if kind == "moved":
-            other = done.find(PIECES[name], room)
+            other = furnishing.find_spot(FURNITURE[name], room)
             if other is None:
                 continue
-            done.spots.append(other)
-            done.things.append(SceneObject(name, here, standing(parts, room, other), kind))
+            furnishing.spots.append(other)
+            furnishing.objects.append(
+                SceneObject(name, here, place_at_wall(parts, room, other), kind)
+            )
         else:
             sim, real = (here, ()) if kind == "removed" else ((), here)
-            done.things.append(SceneObject(name, sim, real, kind))
+            furnishing.objects.append(SceneObject(name, sim, real, kind))
         return
 
 
-def _centre_tables(done: Furnishing, room: PlanRoom) -> None:
-    """Tables in the middle of rooms that are wide enough to walk around them."""
+def _centre_tables(furnishing: Furnishing, room: PlanRoom) -> None:
+    """Place tables in the middle of rooms that leave space around them."""
     wide, deep = room.area.length("north"), room.area.length("west")
     if room.kind in _NO_TABLE or min(wide, deep) < 4.0:
         return
@@ -251,34 +255,38 @@ def _centre_tables(done: Furnishing, room: PlanRoom) -> None:
     spread = [-2.0, 2.0] if max(wide, deep) > 7.0 else [0.0]
     for step in spread:
         at = (x, y + step) if deep > wide else (x + step, y)
-        turn = (math.pi / 2 if deep > wide else 0.0) + float(done.rng.uniform(-0.1, 0.1))
-        parts = tuple(part.placed(*at, turn) for part in table(done.rng))
-        done.things.append(SceneObject("table", parts, parts))
+        turn = (math.pi / 2 if deep > wide else 0.0) + float(furnishing.rng.uniform(-0.1, 0.1))
+        parts = tuple(part.transformed(*at, turn) for part in table(furnishing.rng))
+        furnishing.objects.append(SceneObject("table", parts, parts))
 
 
-def _clear_ways(done: Furnishing, room: PlanRoom, first: int) -> None:
-    """Take the youngest bulky things out again until doors and both halves of a room connect."""
-    building = [part for part in walls(done.plan) if part.low < BODY]
-    while not _connected(done, room, building):
-        bulky = [k for k in range(first, len(done.things)) if done.things[k].name in _BULKY]
+def _clear_paths(furnishing: Furnishing, room: PlanRoom, first: int) -> None:
+    """Remove the last bulky objects until the doors and both ends of a room connect."""
+    building = [part for part in wall_parts(furnishing.plan) if part.low < ROBOT_HEIGHT]
+    while not _connected(furnishing, room, building):
+        bulky = [
+            k for k in range(first, len(furnishing.objects)) if furnishing.objects[k].name in _BULKY
+        ]
         if not bulky:
             return
-        del done.things[bulky[-1]]
+        del furnishing.objects[bulky[-1]]
 
 
-def _connected(done: Furnishing, room: PlanRoom, building: list[ScenePart]) -> bool:
-    area, cells = room.area, round(SIZE / CELL)
-    parts = [p for thing in done.things for p in (*thing.sim, *thing.real) if p.low < BODY]
-    free = clearance(footprint([*building, *parts], cells, CELL, 0.05)) >= CLEARANCE
-    rows = slice(round(area.y0 / CELL), round(area.y1 / CELL))
-    cols = slice(round(area.x0 / CELL), round(area.x1 / CELL))
+def _connected(furnishing: Furnishing, room: PlanRoom, building: list[ScenePart]) -> bool:
+    area, cells = room.area, round(BUILDING_SIZE / FLOOR_CELL)
+    parts = [
+        p for item in furnishing.objects for p in (*item.sim, *item.real) if p.low < ROBOT_HEIGHT
+    ]
+    free = clearance(footprint([*building, *parts], cells, FLOOR_CELL, 0.05)) >= CLEARANCE
+    rows = slice(round(area.y0 / FLOOR_CELL), round(area.y1 / FLOOR_CELL))
+    cols = slice(round(area.x0 / FLOOR_CELL), round(area.x1 / FLOOR_CELL))
     labels, _ = ndimage.label(free[rows, cols], structure=np.ones((3, 3)))
-    wanted = [labels[half] for half in _halves(labels.shape)]
-    for door in done.plan.doors_of(room.name):
-        i, j = (int(v / CELL) - s.start for v, s in ((door.y, rows), (door.x, cols)))
-        wanted.append(labels[max(i - 4, 0) : i + 5, max(j - 4, 0) : j + 5])
-    common = set(np.unique(wanted[0])) - {0}
-    for part in wanted[1:]:
+    connected = [labels[half] for half in _halves(labels.shape)]
+    for door in furnishing.plan.doors_of(room.name):
+        i, j = (int(v / FLOOR_CELL) - s.start for v, s in ((door.y, rows), (door.x, cols)))
+        connected.append(labels[max(i - 4, 0) : i + 5, max(j - 4, 0) : j + 5])
+    common = set(np.unique(connected[0])) - {0}
+    for part in connected[1:]:
         common &= set(np.unique(part))
     return bool(common)
 

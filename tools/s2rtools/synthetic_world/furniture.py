@@ -1,6 +1,7 @@
-"""The pieces of furniture: each a function of a random generator that gives parts.
+"""Pieces of furniture: functions that return the parts of a piece, randomised by a generator.
 
-A piece stands with its back to a wall: x runs along the wall, y out of it, z up; metres.
+A piece has its back to a wall: x runs along the wall, y into the room, z up; metres. To add a
+piece, write one function and add one line to `FURNITURE`.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ DARK: Colour = (0.05, 0.05, 0.06)
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
-    """How wide and deep a piece is, what it is made by, and whether it hangs on the wall."""
+class FurniturePiece:
+    """Width and depth along the wall, the function that makes it, and whether it hangs."""
 
     width: float
     depth: float
@@ -43,7 +44,7 @@ def block(
     material: Material = Material.PAINT, seed: int = 0, shape: Shape = Shape.BOX,
     angle: float = 0.0,
 ) -> ScenePart:  # fmt: skip
-    """A part by its full width and depth."""
+    """A part with full instead of half width and depth."""
     return ScenePart(x, y, width / 2, depth / 2, low, high, colour, material, shape, angle, seed)
 
 
@@ -55,8 +56,8 @@ def _seed(rng: Generator) -> int:
     return int(rng.integers(1, 10_000))
 
 
-def vivid(rng: Generator) -> Colour:
-    """A colour that stands out."""
+def vivid_colour(rng: Generator) -> Colour:
+    """A random saturated colour."""
     turn, grey = float(rng.random()), float(rng.uniform(0.25, 0.45))
     red, green, blue = (
         grey + 0.75 * grey * math.cos(2 * math.pi * (turn - k / 3)) for k in range(3)
@@ -72,7 +73,7 @@ def chair(rng: Generator, x: float, y: float, angle: float) -> Parts:
         block(0, 0, 0.06, 0.06, 0.06, 0.43, DARK, Material.METAL, shape=Shape.PILLAR),
         block(0, 0, 0.50, 0.50, 0.0, 0.07, DARK, Material.METAL, shape=Shape.PILLAR),
     )
-    return tuple(part.placed(x, y, angle) for part in parts)
+    return tuple(part.transformed(x, y, angle) for part in parts)
 
 
 def desk(rng: Generator) -> Parts:
@@ -86,7 +87,7 @@ def desk(rng: Generator) -> Parts:
         block(at, 0.22, 0.60, 0.04, 0.88, 1.24, DARK, Material.SCREEN, seed),
         block(at, 0.20, 0.07, 0.06, 0.75, 0.90, DARK),
         block(at, 0.55, 0.42, 0.14, 0.75, 0.77, (0.6, 0.6, 0.6)),
-        block(-0.55, 0.35, 0.14, 0.24, 0.75, 0.75 + 0.25 * float(rng.random()), vivid(rng)),
+        block(-0.55, 0.35, 0.14, 0.24, 0.75, 0.75 + 0.25 * float(rng.random()), vivid_colour(rng)),
         *chair(rng, at, 0.80, float(rng.uniform(-0.4, 0.4))),
     )
 
@@ -108,8 +109,8 @@ def cabinet(rng: Generator) -> Parts:
         block(0, 0.475, 0.02, 0.01, 0.10, 1.06, DARK),
         block(0.08, 0.485, 0.02, 0.02, 0.55, 0.70, GREY, Material.METAL),
         block(-0.08, 0.485, 0.02, 0.02, 0.55, 0.70, GREY, Material.METAL),
-        block(-0.2, 0.22, 0.22, 0.16, 1.10, 1.38, vivid(rng)),
-        block(0.25, 0.24, 0.16, 0.16, 1.10, 1.30, vivid(rng), shape=Shape.PILLAR),
+        block(-0.2, 0.22, 0.22, 0.16, 1.10, 1.38, vivid_colour(rng)),
+        block(0.25, 0.24, 0.16, 0.16, 1.10, 1.30, vivid_colour(rng), shape=Shape.PILLAR),
     )
 
 
@@ -125,12 +126,12 @@ def sofa(rng: Generator) -> Parts:
         block(0, 0.14, 1.90, 0.24, 0.42, 0.86, cloth, Material.FABRIC, seed),
         block(-0.86, 0.48, 0.20, 0.85, 0.42, 0.62, cloth, Material.FABRIC, seed),
         block(0.86, 0.48, 0.20, 0.85, 0.42, 0.62, cloth, Material.FABRIC, seed),
-        block(-0.45, 0.33, 0.42, 0.16, 0.44, 0.80, vivid(rng), Material.FABRIC, seed + 1),
+        block(-0.45, 0.33, 0.42, 0.16, 0.44, 0.80, vivid_colour(rng), Material.FABRIC, seed + 1),
     )
 
 
 def plant(rng: Generator) -> Parts:
-    pot, tall = vivid(rng), float(rng.uniform(1.1, 1.75))
+    pot, tall = vivid_colour(rng), float(rng.uniform(1.1, 1.75))
     green = (0.12 + 0.1 * float(rng.random()), 0.42, 0.10)
     return (
         block(0, 0.28, 0.36, 0.36, 0, 0.38, pot, shape=Shape.PILLAR),
@@ -147,7 +148,9 @@ def whiteboard(rng: Generator) -> Parts:
 
 
 def poster(rng: Generator) -> Parts:
-    return (block(0, 0.012, 0.84, 0.02, 1.02, 1.98, vivid(rng), Material.POSTER, _seed(rng)),)
+    return (
+        block(0, 0.012, 0.84, 0.02, 1.02, 1.98, vivid_colour(rng), Material.POSTER, _seed(rng)),
+    )
 
 
 def extinguisher(rng: Generator) -> Parts:
@@ -171,7 +174,7 @@ def cartons(rng: Generator) -> Parts:
 
 
 def bicycle(rng: Generator) -> Parts:
-    paint = vivid(rng)
+    paint = vivid_colour(rng)
     wheels = tuple(
         block(x, 0.22, 0.68, 0.03, 0.0, 0.68, DARK, shape=Shape.WHEEL) for x in (-0.52, 0.52)
     )
@@ -195,7 +198,7 @@ def kitchen(rng: Generator) -> Parts:
         block(0, 0.32, 2.44, 0.64, 0.88, 0.93, wood, Material.WOOD, seed),
         block(0, 0.18, 2.40, 0.34, 1.50, 2.15, wood, Material.WOOD, seed + 1),
         block(-0.7, 0.35, 0.45, 0.36, 0.93, 1.20, GREY, Material.METAL),
-        block(0.4, 0.3, 0.20, 0.20, 0.93, 1.28, vivid(rng), shape=Shape.PILLAR),
+        block(0.4, 0.3, 0.20, 0.20, 0.93, 1.28, vivid_colour(rng), shape=Shape.PILLAR),
     )
 
 
@@ -203,7 +206,7 @@ def fridge(rng: Generator) -> Parts:
     return (
         block(0, 0.34, 0.70, 0.66, 0, 1.85, (0.78, 0.79, 0.80), Material.METAL),
         block(0.28, 0.685, 0.03, 0.03, 0.9, 1.5, GREY, Material.METAL),
-        block(-0.1, 0.68, 0.2, 0.01, 1.2, 1.45, vivid(rng), Material.POSTER, _seed(rng)),
+        block(-0.1, 0.68, 0.2, 0.01, 1.2, 1.45, vivid_colour(rng), Material.POSTER, _seed(rng)),
     )
 
 
@@ -224,7 +227,7 @@ def rack(rng: Generator) -> Parts:
 
 
 def bin_(rng: Generator) -> Parts:
-    return (block(0, 0.2, 0.30, 0.30, 0, 0.55, vivid(rng), shape=Shape.PILLAR),)
+    return (block(0, 0.2, 0.30, 0.30, 0, 0.55, vivid_colour(rng), shape=Shape.PILLAR),)
 
 
 def clothes(rng: Generator) -> Parts:
@@ -237,7 +240,7 @@ def clothes(rng: Generator) -> Parts:
 
 
 def table(rng: Generator) -> Parts:
-    """A meeting table with chairs around it; it stands free, its centre at the origin."""
+    """A free-standing meeting table with chairs, centred at the origin."""
     wood = _pick(rng, WOODS)
     chairs: Parts = ()
     for x in (-0.55, 0.55):
@@ -250,22 +253,22 @@ def table(rng: Generator) -> Parts:
     )
 
 
-PIECES: dict[str, Piece] = {
-    "desk": Piece(1.6, 1.1, desk),
-    "shelf": Piece(1.2, 0.35, shelf),
-    "cabinet": Piece(1.0, 0.5, cabinet),
-    "lockers": Piece(1.7, 0.5, lockers),
-    "sofa": Piece(2.0, 0.9, sofa),
-    "plant": Piece(0.8, 0.7, plant),
-    "whiteboard": Piece(1.9, 0.06, whiteboard, hangs=True),
-    "poster": Piece(0.9, 0.05, poster, hangs=True),
-    "extinguisher": Piece(0.4, 0.25, extinguisher, hangs=True),
-    "cartons": Piece(1.15, 0.6, cartons),
-    "bicycle": Piece(1.8, 0.5, bicycle),
-    "kitchen": Piece(2.5, 0.65, kitchen),
-    "fridge": Piece(0.8, 0.7, fridge),
-    "printer": Piece(0.8, 0.7, printer),
-    "rack": Piece(0.75, 0.85, rack),
-    "bin": Piece(0.4, 0.4, bin_),
-    "clothes": Piece(1.3, 0.25, clothes, hangs=True),
+FURNITURE: dict[str, FurniturePiece] = {
+    "desk": FurniturePiece(1.6, 1.1, desk),
+    "shelf": FurniturePiece(1.2, 0.35, shelf),
+    "cabinet": FurniturePiece(1.0, 0.5, cabinet),
+    "lockers": FurniturePiece(1.7, 0.5, lockers),
+    "sofa": FurniturePiece(2.0, 0.9, sofa),
+    "plant": FurniturePiece(0.8, 0.7, plant),
+    "whiteboard": FurniturePiece(1.9, 0.06, whiteboard, hangs=True),
+    "poster": FurniturePiece(0.9, 0.05, poster, hangs=True),
+    "extinguisher": FurniturePiece(0.4, 0.25, extinguisher, hangs=True),
+    "cartons": FurniturePiece(1.15, 0.6, cartons),
+    "bicycle": FurniturePiece(1.8, 0.5, bicycle),
+    "kitchen": FurniturePiece(2.5, 0.65, kitchen),
+    "fridge": FurniturePiece(0.8, 0.7, fridge),
+    "printer": FurniturePiece(0.8, 0.7, printer),
+    "rack": FurniturePiece(0.75, 0.85, rack),
+    "bin": FurniturePiece(0.4, 0.4, bin_),
+    "clothes": FurniturePiece(1.3, 0.25, clothes, hangs=True),
 }

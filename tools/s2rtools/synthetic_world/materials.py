@@ -1,7 +1,7 @@
-"""Procedural textures: a colour factor for a point on a surface, without any image file.
+"""Procedural textures: the colour of a point on a surface, computed without image files.
 
-Every function is compiled into the renderer's kernel. `u` and `v` are metres along a surface,
-`seed` tells two objects of one material apart.
+Every function is compiled into the ray caster. `u` and `v` are metres along a surface; `seed`
+distinguishes objects of the same material.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from s2rtools.common.numba_cache import njit
 
 
 class Material(IntEnum):
-    """What a surface is made of."""
+    """Material of a surface."""
 
     PAINT = 0
     PLASTER = 1
@@ -41,7 +41,7 @@ class Material(IntEnum):
 
 @njit(cache=True)
 def hashed(a: int, b: int, c: int) -> float:
-    """A number in [0, 1) that looks random, the same for the same three integers."""
+    """Pseudo-random number in [0, 1), a function of three integers."""
     h = (a * 374761393 + b * 668265263 + c * 2147483647 + 1013904223) & 0xFFFFFFFF
     h = ((h ^ (h >> 13)) * 1274126177) & 0xFFFFFFFF
     h = ((h ^ (h >> 15)) * 2246822519) & 0xFFFFFFFF
@@ -50,7 +50,7 @@ def hashed(a: int, b: int, c: int) -> float:
 
 @njit(cache=True)
 def noise(u: float, v: float, seed: int) -> float:
-    """Smooth value noise with unit lattice, in [0, 1)."""
+    """Smooth value noise on the unit lattice, in [0, 1)."""
     iu, iv = math.floor(u), math.floor(v)
     fu, fv = u - iu, v - iv
     fu, fv = fu * fu * (3 - 2 * fu), fv * fv * (3 - 2 * fv)
@@ -64,7 +64,7 @@ def noise(u: float, v: float, seed: int) -> float:
 def textured(
     material: int, u: float, v: float, seed: int, top: bool, r: float, g: float, b: float
 ) -> tuple[float, float, float]:
-    """Linear colour of a surface point whose plain colour is (r, g, b)."""
+    """Linear colour of a surface point with base colour (r, g, b)."""
     if material == 1:
         f = 0.95 + 0.05 * noise(u * 6, v * 6, seed) + 0.03 * noise(u * 30, v * 30, seed + 1)
         if not top and v < 0.09:

@@ -1,7 +1,7 @@
-"""The ray caster: nearest surface of a ray, its shade, and whole images; compiled by numba.
+"""Ray caster, compiled by numba: nearest surface of a ray, its shade, and whole images.
 
-Rays walk a grid of the floor from cell to cell and test the parts that stand there, so the cost
-of a ray is that of the furniture it passes.
+A ray traverses a grid of floor cells and tests the parts of each cell, so that its cost depends
+on the furniture that it passes.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def _hit_bush(
     high: float,
     seed: int,
 ) -> tuple[float, int]:
-    """An ellipsoid whose leaves leave holes; axis 3."""
+    """An ellipsoid with random holes between its leaves; axis 3."""
     half_z = 0.5 * (high - low)
     ox, oy, pz = lx / half_x, ly / half_y, (oz - 0.5 * (low + high)) / half_z
     dx, dy, ez = kx / half_x, ky / half_y, dz / half_z
@@ -168,9 +168,9 @@ def trace(
     cell: float,
     cells: int,
 ) -> tuple[float, int, int]:
-    """Distance along (dx, dy, dz), the part that is hit and its face.
+    """Distance along (dx, dy, dz), index of the hit part, and its face.
 
-    Part -1 is the floor, -2 the ceiling, -3 nothing at all.
+    Part -1 is the floor, -2 the ceiling, -3 no hit.
     """
     best, part, face = _FAR, -3, 2
     if dz < -1e-9:
@@ -246,10 +246,10 @@ def shade(
     light: Any,
     cell: float,
 ) -> tuple[float, float, float]:
-    """Linear colour of what a ray has hit.
+    """Linear colour at the hit point of a ray.
 
     `floor` holds palette rows per cell, `palette` (m, 5) material, r, g, b, seed; `light`
-    (rows, cols, 4) is the light that reaches a cell and, last, how open the floor is there.
+    (rows, cols, 4) is the light that reaches a cell and, last, the openness of the floor.
     """
     if part == -3:
         return 0.0, 0.0, 0.0
@@ -430,9 +430,9 @@ def render(
 
 @njit(cache=True)
 def light_map(lamps: Any, walls: Any, cell: float) -> NDArray[np.float64]:
-    """Light of all lamps that a cell sees, (rows, cols, 3).
+    """Light of all lamps visible from each cell, (rows, cols, 3).
 
-    `lamps` (k, 6): x, y, height, r, g, b; `walls` (rows, cols) marks cells that stop light.
+    `lamps` (k, 6): x, y, height, r, g, b; `walls` (rows, cols) marks opaque cells.
     """
     rows, cols = walls.shape
     out = np.zeros((rows, cols, 3))
@@ -445,14 +445,14 @@ def light_map(lamps: Any, walls: Any, cell: float) -> NDArray[np.float64]:
                 if square > 49.0:
                     continue
                 steps = int(math.sqrt(square) / cell) + 1
-                seen = 1.0
+                visible = 1.0
                 for step in range(2, steps - 1):
                     a = int((y + dy * step / steps) / cell)
                     b = int((x + dx * step / steps) / cell)
                     if walls[a, b]:
-                        seen = 0.0
+                        visible = 0.0
                         break
-                strength = seen / (square + lamps[k, 2] * lamps[k, 2])
+                strength = visible / (square + lamps[k, 2] * lamps[k, 2])
                 for channel in range(3):
                     out[i, j, channel] += strength * lamps[k, 3 + channel]
     return out
@@ -464,7 +464,7 @@ def render_plan(
     numbers: Any, codes: Any, start: Any, members: Any, grid_cell: float, cells: int,
     floor: Any, palette: Any, light: Any, cell: float, rgb: Any,
 ) -> None:  # fmt: skip
-    """Fill rgb (pixels, pixels, 3) uint8 with what is seen straight from above."""
+    """Fill rgb (pixels, pixels, 3) uint8 with the view from straight above."""
     for i in prange(pixels):
         for j in range(pixels):
             x, y = (j + 0.5) * metres / pixels, (i + 0.5) * metres / pixels

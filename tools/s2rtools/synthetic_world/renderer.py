@@ -1,4 +1,4 @@
-"""What draws a scene: poses and a camera in, RGB, depth and object ids out."""
+"""Render a scene: poses and a camera in; RGB, depth and object ids out."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from s2rstore.records import Intrinsics
 from s2rtools.synthetic_world import raycaster
 from s2rtools.synthetic_world.scene import (
     Lamp,
-    Packed,
+    PackedScene,
     ScenePart,
     WorldScene,
     footprint,
-    pack,
+    pack_scene,
 )
 
 LIGHT_CELL = 0.1
 SAMPLES = 2
 _PLAN_HEIGHT = 2.05
-_ONE_AT_A_TIME = threading.Lock()
-"""Numba's simplest threading layer must not be entered twice."""
+_KERNEL_LOCK = threading.Lock()
+"""numba's simplest threading layer must not be entered by two threads at once."""
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A pinhole for frames of (height, width), y metres above the floor; pitch upwards, radians."""
+    """A pinhole camera: frame (height, width), height above the floor in metres."""
 
     frame: tuple[int, int]
     lens: Intrinsics
@@ -41,7 +41,7 @@ class Camera:
     def moved(
         self, height: float = 0.0, pitch: float = 0.0, zoom: float = 1.0, forward: float = 0.0
     ) -> Camera:
-        """Higher by metres, pitched up by radians, with `zoom` times the focal length."""
+        """The camera moved by metres, pitched up by radians, with `zoom` times the focal length."""
         lens = replace(
             self.lens, fx=self.lens.fx * zoom, fy=self.lens.fy * zoom,
             pitch=self.lens.pitch + pitch,
@@ -53,10 +53,10 @@ class Camera:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Views:
+class RenderedViews:
     """rgb (n, h, w, 3) uint8, planar depth (n, h, w) float32 metres, object id (n, h, w) int16.
 
-    Depth 0 means nothing was hit; object 0 is the building.
+    Depth is 0 where nothing was hit; object 0 is the building.
     """
 
     rgb: NDArray[np.uint8]
@@ -64,39 +64,39 @@ class Views:
     identity: NDArray[np.int16]
 
 
-class Renderer(Protocol):
-    """An engine that can show a world. Poses are (n, 3): x, y in metres, heading in radians.
+class SceneRenderer(Protocol):
+    """Interface of renderers. Poses are (n, 3): x, y in metres, heading in radians.
 
-    Colour is the mean of samples x samples rays per pixel; 0 leaves it black, where only depth
-    and ids are wanted.
+    Colour is the mean of samples x samples rays per pixel. With 0 samples the image stays black
+    and only depth and ids are computed.
     """
 
     def render(
         self, poses: NDArray[np.float64], camera: Camera, samples: int = SAMPLES
-    ) -> Views: ...
+    ) -> RenderedViews: ...
 
     def plan(self, pixels: int) -> NDArray[np.uint8]:
         """The scene from above, (pixels, pixels, 3) uint8 RGB."""
 
 
 class RayCaster:
-    """The renderer of the project: a numba kernel, the same bytes for the same scene and pose."""
+    """Renderer with a numba kernel; the same scene and pose give the same bytes."""
 
     def __init__(self, scene: WorldScene) -> None:
         self._scene = scene
 
     @cached_property
-    def _packed(self) -> Packed:
-        return pack(self._scene)
+    def _packed(self) -> PackedScene:
+        return pack_scene(self._scene)
 
     @cached_property
     def _light(self) -> NDArray[np.float64]:
-        """Light per cell (rows, cols, 4); the last channel is how open the floor is."""
+        """Light per cell, (rows, cols, 4); the last channel is the openness of the floor."""
         scene = self._scene
         cells = round(scene.size / LIGHT_CELL)
         walls = tuple(p for p in scene.building if p.high > 2.5 and p.low < 0.5)
-        light = _lit(scene.lamps, walls, cells) + np.array(scene.ambient)
-        parts = [part for _, parts in scene.things for part in parts]
+        light = _lamp_light(scene.lamps, walls, cells) + np.array(scene.ambient)
+        parts = [part for _, parts in scene.objects for part in parts]
         low = [part for part in (*scene.building, *parts) if part.low < 0.3]
         distance = ndimage.distance_transform_edt(
             ~footprint(low, cells, LIGHT_CELL, 0.04)
@@ -104,10 +104,12 @@ class RayCaster:
         openness = 1.0 - np.exp(-(distance + 0.02) / 0.22)
         return np.ascontiguousarray(np.concatenate([light, openness[..., None]], axis=2))
 
-    def render(self, poses: NDArray[np.float64], camera: Camera, samples: int = SAMPLES) -> Views:
+    def render(
+        self, poses: NDArray[np.float64], camera: Camera, samples: int = SAMPLES
+    ) -> RenderedViews:
         scene, packed = self._scene, self._packed
         shape = (len(poses), *camera.frame)
-        views = Views(
+        views = RenderedViews(
             np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int16)
         )
         lens = np.array(
@@ -120,12 +122,12 @@ class RayCaster:
             scene.floor, self._palette, self._light, LIGHT_CELL,
             views.rgb, views.depth, views.identity,
         )  # fmt: skip
-        with _ONE_AT_A_TIME:
+        with _KERNEL_LOCK:
             raycaster.render(*arguments)
         return views
 
     def plan(self, pixels: int) -> NDArray[np.uint8]:
-        """The scene from above without its ceiling, (pixels, pixels, 3) uint8; walls are dark."""
+        """The scene from above without its ceiling, (pixels, pixels, 3) uint8, walls dark."""
         scene, packed = self._scene, self._packed
         rgb = np.empty((pixels, pixels, 3), np.uint8)
         arguments = (
@@ -133,7 +135,7 @@ class RayCaster:
             packed.numbers, packed.codes, packed.start, packed.members, packed.cell, packed.cells,
             scene.floor, self._palette, self._light, LIGHT_CELL, rgb,
         )  # fmt: skip
-        with _ONE_AT_A_TIME:
+        with _KERNEL_LOCK:
             raycaster.render_plan(*arguments)
         tall = [part for part in scene.building if part.low < 0.5]
         rgb[footprint(tall, pixels, scene.size / pixels, 0.5)] = (52, 54, 58)
@@ -145,19 +147,19 @@ class RayCaster:
 
 
 @lru_cache(maxsize=8)
-def _lit(lamps: tuple[Lamp, ...], walls: tuple[ScenePart, ...], cells: int) -> NDArray[np.float64]:
-    """Light of all lamps per cell (cells, cells, 3), whatever stands in the rooms."""
+def _lamp_light(
+    lamps: tuple[Lamp, ...], walls: tuple[ScenePart, ...], cells: int
+) -> NDArray[np.float64]:
+    """Light of all lamps per cell, (cells, cells, 3), regardless of furniture."""
     taken = footprint(list(walls), cells, LIGHT_CELL, 2.5)
-    rows = np.array([_lamp(lamp) for lamp in lamps], dtype=np.float64).reshape(-1, 6)
-    return _spread(raycaster.light_map(rows, taken, LIGHT_CELL), taken)
+    rows = np.array(
+        [(lamp.x, lamp.y, max(lamp.height, 0.8), *lamp.power) for lamp in lamps]
+    ).reshape(-1, 6)
+    return _soften_shadows(raycaster.light_map(rows, taken, LIGHT_CELL), taken)
 
 
-def _lamp(lamp: Lamp) -> tuple[float, ...]:
-    return (lamp.x, lamp.y, max(lamp.height, 0.8), *lamp.power)
-
-
-def _spread(light: NDArray[np.float64], walls: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Soften shadows inside rooms without letting light through walls."""
+def _soften_shadows(light: NDArray[np.float64], walls: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Blur shadows inside rooms without leaking light through walls."""
     open_ = ~walls
     weight = ndimage.gaussian_filter(open_.astype(float), 2.5, truncate=2)
     soft = np.stack(

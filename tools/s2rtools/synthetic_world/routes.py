@@ -1,4 +1,4 @@
-"""Where the robot drives: shortest ways with room to spare, sampled as poses that see something."""
+"""Routes of the robot: shortest paths with clearance, sampled as poses with informative views."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from scipy.sparse import csgraph
 from s2rstore.geometry import angles
 
 Poses = NDArray[np.float64]
-Sees = Callable[[Poses], NDArray[np.bool_]]
+HasContent = Callable[[Poses], NDArray[np.bool_]]
 
-CELL = 0.1
+FLOOR_CELL = 0.1
 CLEARANCE = 0.26
-BODY = 1.0
-"""The robot's height: what hangs higher is no obstacle."""
+ROBOT_HEIGHT = 1.0
+"""Metres; parts that hang higher are not obstacles."""
 _COMFORT = 0.45
 _TURN = math.radians(22)
 
 
 def clearance(taken: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Distance of every cell to the nearest one that is taken, metres."""
-    return np.asarray(ndimage.distance_transform_edt(~taken) * CELL)
+    """Distance of every cell to the nearest occupied cell, metres."""
+    return np.asarray(ndimage.distance_transform_edt(~taken) * FLOOR_CELL)
 
 
-class Floor:
-    """Free space of a building on a grid of 0.1 m, with ways through it."""
+class DrivableFloor:
+    """Free space of a building on a grid of 0.1 m, with routes through it."""
 
     def __init__(self, taken: NDArray[np.bool_]) -> None:
-        """`taken` [y, x] marks cells that something covers on either side."""
+        """`taken` [y, x] marks cells that are occupied on either side."""
         self.clearance = clearance(taken)
         self.free = self.clearance >= CLEARANCE
         self._cells = taken.shape[0]
@@ -55,68 +55,76 @@ class Floor:
         joined = tuple(np.concatenate(part) for part in (weights, rows, cols))
         return sparse.csr_matrix((joined[0], (joined[1], joined[2])), shape=(n * n, n * n))
 
-    def roomiest(self, x0: float, y0: float, x1: float, y1: float) -> tuple[float, float]:
-        """The point of a rectangle with the most clearance, metres."""
-        rows = slice(round(y0 / CELL), round(y1 / CELL))
-        cols = slice(round(x0 / CELL), round(x1 / CELL))
+    def most_open_point(self, x0: float, y0: float, x1: float, y1: float) -> tuple[float, float]:
+        """The point of a rectangle with the largest clearance, metres."""
+        rows = slice(round(y0 / FLOOR_CELL), round(y1 / FLOOR_CELL))
+        cols = slice(round(x0 / FLOOR_CELL), round(x1 / FLOOR_CELL))
         i, j = np.unravel_index(
             self.clearance[rows, cols].argmax(), self.clearance[rows, cols].shape
         )
-        return (cols.start + int(j) + 0.5) * CELL, (rows.start + int(i) + 0.5) * CELL
+        return (cols.start + int(j) + 0.5) * FLOOR_CELL, (rows.start + int(i) + 0.5) * FLOOR_CELL
 
-    def way(self, stops: Sequence[tuple[float, float]]) -> NDArray[np.float64]:
-        """A smooth polyline (k, 2) through all stops that can be reached, metres."""
+    def route(self, stops: Sequence[tuple[float, float]]) -> NDArray[np.float64]:
+        """A smooth polyline (k, 2) through all reachable stops, metres."""
         legs: list[int] = []
-        here = self._index(stops[0])
+        current = self._index(stops[0])
         for stop in stops[1:]:
-            there = self._index(stop)
+            target = self._index(stop)
             length, before = csgraph.dijkstra(
-                self._graph, directed=False, indices=here, return_predecessors=True
+                self._graph, directed=False, indices=current, return_predecessors=True
             )
-            if not np.isfinite(length[there]):
+            if not np.isfinite(length[target]):
                 continue
-            cells = [there]
-            while cells[-1] != here:
+            cells = [target]
+            while cells[-1] != current:
                 cells.append(int(before[cells[-1]]))
             legs += cells[::-1][1 if legs else 0 :]
-            here = there
+            current = target
         at = np.array(legs)
-        line = np.stack([(at % self._cells + 0.5) * CELL, (at // self._cells + 0.5) * CELL], axis=1)
-        return self._smoothed(line)
+        line = np.stack(
+            [(at % self._cells + 0.5) * FLOOR_CELL, (at // self._cells + 0.5) * FLOOR_CELL], axis=1
+        )
+        return self._smooth(line)
 
     def _index(self, point: tuple[float, float]) -> int:
         """The free cell nearest to a point."""
         rows, cols = np.nonzero(self.free)
-        distance = np.hypot((cols + 0.5) * CELL - point[0], (rows + 0.5) * CELL - point[1])
+        distance = np.hypot(
+            (cols + 0.5) * FLOOR_CELL - point[0], (rows + 0.5) * FLOOR_CELL - point[1]
+        )
         best = int(distance.argmin())
         return int(rows[best]) * self._cells + int(cols[best])
 
-    def _smoothed(self, line: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Round the corners, where that keeps clear of everything."""
-        round_ = ndimage.gaussian_filter1d(line, 4.0, axis=0, mode="nearest")
-        i, j = (np.clip((round_[:, k] / CELL).astype(int), 0, self._cells - 1) for k in (1, 0))
+    def _smooth(self, line: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Round the corners where the rounded path stays in free space."""
+        rounded = ndimage.gaussian_filter1d(line, 4.0, axis=0, mode="nearest")
+        i, j = (
+            np.clip((rounded[:, k] / FLOOR_CELL).astype(int), 0, self._cells - 1) for k in (1, 0)
+        )
         safe = ndimage.binary_erosion(self.free[i, j], iterations=3, border_value=1)
         weight = ndimage.uniform_filter1d(safe.astype(float), 7)[:, None]
-        return weight * round_ + (1 - weight) * line
+        return weight * rounded + (1 - weight) * line
 
-    def samples(self, rng: np.random.Generator, count: int, sees: Sees) -> Poses:
-        """Random poses (count, 3) that see something, anywhere that is free."""
+    def samples(self, rng: np.random.Generator, count: int, has_content: HasContent) -> Poses:
+        """Random poses (count, 3) in free space whose views have content."""
         rows, cols = np.nonzero(self.clearance >= CLEARANCE)
-        found: list[Poses] = []
-        while sum(map(len, found)) < count:
+        accepted: list[Poses] = []
+        while sum(map(len, accepted)) < count:
             pick = rng.integers(len(rows), size=count)
-            x = (cols[pick] + rng.random(count)) * CELL
-            y = (rows[pick] + rng.random(count)) * CELL
+            x = (cols[pick] + rng.random(count)) * FLOOR_CELL
+            y = (rows[pick] + rng.random(count)) * FLOOR_CELL
             poses = np.stack([x, y, rng.uniform(-math.pi, math.pi, count)], axis=1)
-            found.append(poses[sees(poses)])
-        return np.concatenate(found)[:count]
+            accepted.append(poses[has_content(poses)])
+        return np.concatenate(accepted)[:count]
 
 
-def drive(line: NDArray[np.float64], rng: np.random.Generator, count: int, sees: Sees) -> Poses:
-    """`count` poses (count, 3) along a polyline, in order.
+def drive_along(
+    line: NDArray[np.float64], rng: np.random.Generator, count: int, has_content: HasContent
+) -> Poses:
+    """At most `count` poses (n, 3) along a polyline, in order.
 
-    The robot looks where it will be, sways a little, turns on the spot at sharp bends, and skips
-    views of nothing but a near wall.
+    The robot looks ahead along the path, sways a little, turns on the spot at sharp bends, and
+    leaves out views without content.
     """
     step = np.hypot(*np.diff(line, axis=0).T)
     way = np.concatenate([[0.0], np.cumsum(step)])
@@ -130,13 +138,19 @@ def drive(line: NDArray[np.float64], rng: np.random.Generator, count: int, sees:
     poses = np.stack([x, y, angles.wrap(heading + sway)], axis=1)[:-45]
     turning = np.abs(np.diff(np.unwrap(poses[:, 2]), prepend=poses[0, 2])) / _TURN
     clock = np.cumsum(0.02 / 0.25 + turning)
-    poses = poses[sees(poses)] if len(poses) < 2 else _thinned(poses, clock, sees, count)
+    poses = (
+        poses[has_content(poses)]
+        if len(poses) < 2
+        else _sample_evenly(poses, clock, has_content, count)
+    )
     return poses
 
 
-def _thinned(poses: Poses, clock: NDArray[np.float64], sees: Sees, count: int) -> Poses:
-    """Evenly in driving time, of the poses that see something."""
-    keep = np.flatnonzero(sees(poses[::3])) * 3
+def _sample_evenly(
+    poses: Poses, clock: NDArray[np.float64], has_content: HasContent, count: int
+) -> Poses:
+    """Poses whose views have content, evenly spaced in driving time."""
+    keep = np.flatnonzero(has_content(poses[::3])) * 3
     at = np.interp(np.linspace(0, len(keep) - 1, count), np.arange(len(keep)), clock[keep])
     nearest = np.clip(np.searchsorted(clock[keep], at), 0, len(keep) - 1)
     return poses[np.unique(keep[nearest])]

@@ -1,4 +1,4 @@
-"""What stands in a world: parts of simple shapes, grouped into things that have an identity."""
+"""Scenes: parts of simple shapes, grouped into identified objects, and their packed arrays."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class ScenePart:
     angle: float = 0.0
     seed: int = 0
 
-    def placed(self, x: float, y: float, angle: float) -> ScenePart:
-        """The same part of something that is turned by `angle` and put at (x, y)."""
+    def transformed(self, x: float, y: float, angle: float) -> ScenePart:
+        """The part rotated by `angle` about the origin and then moved by (x, y)."""
         cos, sin = math.cos(angle), math.sin(angle)
         return replace(
             self,
@@ -55,9 +55,9 @@ class ScenePart:
 
 @dataclass(frozen=True, slots=True)
 class SceneObject:
-    """Parts that belong together. `change` names what the real side does to it, if anything.
+    """Parts that belong together; `change` names how the real side differs, if it does.
 
-    `sim` and `real` are the parts as they stand on either side; empty where it is absent.
+    `sim` and `real` are the parts on either side; empty where the object is absent.
     """
 
     name: str
@@ -84,14 +84,14 @@ class Lamp:
 class WorldScene:
     """One side of a world, ready for a renderer.
 
-    `things` are (id, parts), ids from 1; 0 is the building. `floor` holds a row of the palette
-    per cell of `floor_cell` metres, [y, x].
+    `objects` are (id, parts), ids from 1; 0 is the building. `floor` [y, x] holds a palette row
+    per cell of `floor_cell` metres.
     """
 
     size: float
     ceiling: float
     building: tuple[ScenePart, ...]
-    things: tuple[tuple[int, tuple[ScenePart, ...]], ...]
+    objects: tuple[tuple[int, tuple[ScenePart, ...]], ...]
     lamps: tuple[Lamp, ...]
     floor: NDArray[np.uint8]
     floor_cell: float
@@ -100,8 +100,8 @@ class WorldScene:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Packed:
-    """A scene's parts as arrays, and the grid that tells which parts a cell may hold.
+class PackedScene:
+    """A scene's parts as arrays, and a grid with the parts that may reach into each cell.
 
     `numbers` (P, 12): x, y, cos, sin, half_x, half_y, low, high, r, g, b, outer radius;
     `codes` (P, 4): shape, material, object id, seed. `start` (cells + 1,) and `members` list the
@@ -119,23 +119,23 @@ class Packed:
 GRID_CELL = 0.25
 
 
-def pack(scene: WorldScene) -> Packed:
-    """Flatten a scene for the kernel."""
-    owned = [(0, part) for part in scene.building]
-    owned += [(number, part) for number, parts in scene.things for part in parts]
-    numbers = np.array([_numbers(part) for _, part in owned], dtype=np.float64).reshape(-1, 12)
+def pack_scene(scene: WorldScene) -> PackedScene:
+    """Convert a scene into arrays for the ray caster."""
+    parts = [(0, part) for part in scene.building]
+    parts += [(number, part) for number, object_parts in scene.objects for part in object_parts]
+    numbers = np.array([_numbers(part) for _, part in parts], dtype=np.float64).reshape(-1, 12)
     codes = np.array(
-        [(part.shape, part.material, number, part.seed) for number, part in owned], dtype=np.int64
+        [(part.shape, part.material, number, part.seed) for number, part in parts], dtype=np.int64
     ).reshape(-1, 4)
     cells = math.ceil(scene.size / GRID_CELL)
     lists: list[list[int]] = [[] for _ in range(cells * cells)]
-    for index, (_, part) in enumerate(owned):
+    for index, (_, part) in enumerate(parts):
         for row, col in _touched(part, cells):
             lists[row * cells + col].append(index)
     start = np.zeros(cells * cells + 1, dtype=np.int32)
-    start[1:] = np.cumsum([len(found) for found in lists])
-    members = np.array([index for found in lists for index in found], dtype=np.int32)
-    return Packed(numbers, codes, start, members, GRID_CELL, cells)
+    start[1:] = np.cumsum([len(indices) for indices in lists])
+    members = np.array([index for indices in lists for index in indices], dtype=np.int32)
+    return PackedScene(numbers, codes, start, members, GRID_CELL, cells)
 
 
 def _numbers(part: ScenePart) -> tuple[float, ...]:
@@ -146,22 +146,22 @@ def _numbers(part: ScenePart) -> tuple[float, ...]:
 
 
 def _touched(part: ScenePart, cells: int) -> list[tuple[int, int]]:
-    """Cells that the part's turned rectangle may reach."""
+    """Cells that the part's rotated rectangle may reach."""
     cos, sin = abs(math.cos(part.angle)), abs(math.sin(part.angle))
     reach_x = part.half_x * cos + part.half_y * sin + 1e-6
     reach_y = part.half_x * sin + part.half_y * cos + 1e-6
     first_col, last_col = _span(part.x, reach_x, cells)
     first_row, last_row = _span(part.y, reach_y, cells)
     half = GRID_CELL * 0.5 * (cos + sin)
-    found = []
+    touched = []
     for row in range(first_row, last_row + 1):
         for col in range(first_col, last_col + 1):
             dx, dy = (col + 0.5) * GRID_CELL - part.x, (row + 0.5) * GRID_CELL - part.y
             along = dx * math.cos(part.angle) + dy * math.sin(part.angle)
             across = -dx * math.sin(part.angle) + dy * math.cos(part.angle)
             if abs(along) <= part.half_x + half and abs(across) <= part.half_y + half:
-                found.append((row, col))
-    return found
+                touched.append((row, col))
+    return touched
 
 
 def _span(centre: float, reach: float, cells: int) -> tuple[int, int]:
@@ -173,7 +173,7 @@ def _span(centre: float, reach: float, cells: int) -> tuple[int, int]:
 def footprint(
     parts: Sequence[ScenePart], cells: int, cell: float, above: float
 ) -> NDArray[np.bool_]:
-    """Which floor cells [y, x] are covered by parts that reach higher than `above` metres."""
+    """Floor cells [y, x] covered by parts that reach higher than `above` metres."""
     taken = np.zeros((cells, cells), dtype=bool)
     for part in parts:
         if part.high <= above:

@@ -1,4 +1,4 @@
-"""A world: a building with furniture, routes through it, and the real side of it by factors."""
+"""A world: a furnished building, routes through it, and its real side as changed by factors."""
 
 from __future__ import annotations
 
@@ -13,15 +13,21 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Intrinsics
 from s2rtools.synthetic_world import floor_plan as planning
-from s2rtools.synthetic_world.factors import FACTORS, active
+from s2rtools.synthetic_world.factors import FACTORS, active_factors
 from s2rtools.synthetic_world.furnish import furnish
 from s2rtools.synthetic_world.materials import Material
-from s2rtools.synthetic_world.renderer import Camera, RayCaster, Renderer, Views
-from s2rtools.synthetic_world.routes import BODY, CELL, Floor, Poses, drive
+from s2rtools.synthetic_world.renderer import Camera, RayCaster, RenderedViews, SceneRenderer
+from s2rtools.synthetic_world.routes import (
+    FLOOR_CELL,
+    ROBOT_HEIGHT,
+    DrivableFloor,
+    Poses,
+    drive_along,
+)
 from s2rtools.synthetic_world.scene import Lamp, SceneObject, ScenePart, WorldScene, footprint
 
-HFOV = 72.0
-HEIGHT = 0.62
+CAMERA_HFOV = 72.0
+CAMERA_HEIGHT = 0.62
 DEPTH_SCALE = 0.001
 DEPTH_MAX = 10.0
 TRAJECTORIES = {"traj1": "2026-03-02T10:00", "traj2": "2026-03-02T16:30"}
@@ -29,41 +35,41 @@ _NEAR = 0.75
 
 
 class World:
-    """One building, its two trajectories, and how either side of it looks."""
+    """One building, its two trajectories and the scene of either side."""
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
-        self.plan = planning.plan(seed)
+        self.plan = planning.plan_building(seed)
         stops = {name: self._stops(number) for number, name in enumerate(TRAJECTORIES)}
-        visited = _interleaved([room for room, _ in stops[name]] for name in TRAJECTORIES)
-        wanted = {room for rooms in stops.values() for room, _ in rooms}
+        visited = _interleave([room for room, _ in stops[name]] for name in TRAJECTORIES)
+        visited_rooms = {room for rooms in stops.values() for room, _ in rooms}
         closable = [
             door for door in self.plan.doors
             if not any(self.plan.room(name).is_corridor for name in door.rooms)
-            and set(door.rooms) & wanted
+            and set(door.rooms) & visited_rooms
         ]  # fmt: skip
-        self.things: list[SceneObject] = furnish(self.plan, visited, closable, seed)
+        self.objects: list[SceneObject] = furnish(self.plan, visited, closable, seed)
         self._stops_of = stops
-        self._driven: dict[tuple[str, int], Poses] = {}
+        self._driven_poses: dict[tuple[str, int], Poses] = {}
 
     @cached_property
-    def floor(self) -> Floor:
-        """Where the robot may drive, whichever side is the true one."""
-        cells = round(planning.SIZE / CELL)
-        parts = list(planning.walls(self.plan))
-        for thing in self.things:
-            parts += [*thing.sim, *thing.real]
-        parts = [part for part in parts if part.low < BODY]
-        taken = footprint(parts, cells, CELL, 0.05)
+    def floor(self) -> DrivableFloor:
+        """Space that is free on both sides."""
+        cells = round(planning.BUILDING_SIZE / FLOOR_CELL)
+        parts = list(planning.wall_parts(self.plan))
+        for item in self.objects:
+            parts += [*item.sim, *item.real]
+        parts = [part for part in parts if part.low < ROBOT_HEIGHT]
+        taken = footprint(parts, cells, FLOOR_CELL, 0.05)
         taken[0, :] = taken[-1, :] = taken[:, 0] = taken[:, -1] = True
-        return Floor(taken)
+        return DrivableFloor(taken)
 
     def _stops(self, half: int) -> list[tuple[str, planning.Rectangle]]:
-        """Rooms in the order in which a trajectory visits them: one half of the building each."""
-        middle = planning.SIZE / 2
+        """Rooms in the order of a trajectory's visits; each trajectory covers half the building."""
+        middle = planning.BUILDING_SIZE / 2
         rooms = [r for r in self.plan.rooms if not r.is_corridor]
-        mine = [r for r in rooms if (r.area.centre[0] > middle) == bool(half)]
-        mine.sort(
+        own_rooms = [r for r in rooms if (r.area.centre[0] > middle) == bool(half)]
+        own_rooms.sort(
             key=lambda r: (
                 math.atan2(r.area.centre[1] - middle, r.area.centre[0] - middle)
                 if half
@@ -72,42 +78,42 @@ class World:
         )
         corridor = "east corridor" if half else "west corridor"
         upright = "south corridor" if half else "north corridor"
-        seen = [self.plan.room(corridor), *mine[:3], self.plan.room(upright), *mine[3:],
-                self.plan.room(corridor)]  # fmt: skip
-        return [(room.name, room.area) for room in seen]
+        ends, middle_stop = self.plan.room(corridor), self.plan.room(upright)
+        visited = [ends, *own_rooms[:3], middle_stop, *own_rooms[3:], ends]
+        return [(room.name, room.area) for room in visited]
 
     def poses(self, trajectory: str, count: int) -> Poses:
-        """`count` poses (n, 3) or a few less along a trajectory; not to be written to."""
-        if (trajectory, count) not in self._driven:
-            self._driven[trajectory, count] = poses = self._drive(trajectory, count)
+        """At most `count` poses (n, 3) along a trajectory, as a read-only array."""
+        if (trajectory, count) not in self._driven_poses:
+            self._driven_poses[trajectory, count] = poses = self._drive(trajectory, count)
             poses.flags.writeable = False
-        return self._driven[trajectory, count]
+        return self._driven_poses[trajectory, count]
 
     def _drive(self, trajectory: str, count: int) -> Poses:
         number = list(TRAJECTORIES).index(trajectory)
         stops = [
-            self.floor.roomiest(half.x0, half.y0, half.x1, half.y1)
+            self.floor.most_open_point(half.x0, half.y0, half.x1, half.y1)
             for _, area in self._stops_of[trajectory] for half in area.ends()
         ]  # fmt: skip
         rng = np.random.default_rng([self.seed, 4, number])
-        return drive(self.floor.way(stops), rng, count, self.sees)
+        return drive_along(self.floor.route(stops), rng, count, self.has_content)
 
     def tour(self, count: int) -> Poses:
-        """`count` poses or a few less of a drive of its own through all rooms."""
+        """At most `count` poses of a separate drive through all rooms."""
         rng = np.random.default_rng([self.seed, 8])
         rooms = [room.area for room in self.plan.rooms]
         stops = [
             (float(rng.uniform(a.x0 + 0.5, a.x1 - 0.5)), float(rng.uniform(a.y0 + 0.5, a.y1 - 0.5)))
             for a in (rooms[int(k)] for k in rng.permutation(len(rooms)))
         ]
-        return drive(self.floor.way(stops), rng, count, self.sees)
+        return drive_along(self.floor.route(stops), rng, count, self.has_content)
 
     def survey(self, count: int) -> Poses:
         """Random poses (count, 3) over the whole floor."""
-        return self.floor.samples(np.random.default_rng([self.seed, 5, 0]), count, self.sees)
+        return self.floor.samples(np.random.default_rng([self.seed, 5, 0]), count, self.has_content)
 
-    def sees(self, poses: Poses) -> NDArray[np.bool_]:
-        """Whether a view holds more than a near wall: on either side, by its depth."""
+    def has_content(self, poses: Poses) -> NDArray[np.bool_]:
+        """Whether the depth of a view, on both sides, shows more than a near wall."""
         camera = standard_camera(24)
         good = np.ones(len(poses), dtype=bool)
         for renderer in (self.renderer({}), self.renderer({"objects": 1.0})):
@@ -116,100 +122,99 @@ class World:
             good &= (near < 0.35) & (np.median(depth, axis=(1, 2)) > 1.4)
         return good
 
-    def renderer(self, factors: Mapping[str, float], restored: int | None = None) -> Renderer:
-        """The engine for one side; `restored` is the id of a thing that is as in simulation."""
+    def renderer(self, factors: Mapping[str, float], restored: int | None = None) -> SceneRenderer:
+        """Renderer of one side; `restored` is the id of an object kept as in simulation."""
         if restored is not None:
             return RayCaster(self.scene(factors, restored))
         return _renderer(self, tuple(sorted(factors.items())))
 
     def scene(self, factors: Mapping[str, float], restored: int | None = None) -> WorldScene:
-        """One side's scene: the simulated one without factors."""
-        changed = self.changed(factors)
-        things = tuple(
-            (number, thing.parts(number in changed and number != restored))
-            for number, thing in enumerate(self.things, 1)
+        """Scene of one side; without factors, the simulated one."""
+        changed = self.changed_objects(factors)
+        objects = tuple(
+            (number, item.parts(number in changed and number != restored))
+            for number, item in enumerate(self.objects, 1)
         )
         scene = self._bare
-        for factor, severity in active(factors):
+        for factor, severity in active_factors(factors):
             scene = factor.scene(scene, severity)
-        fixtures = tuple(_fixture(lamp) for lamp in scene.lamps if not lamp.window)
-        return replace(scene, things=things, building=scene.building + fixtures)
+        fixtures = tuple(_lamp_fixture(lamp) for lamp in scene.lamps if not lamp.window)
+        return replace(scene, objects=objects, building=scene.building + fixtures)
 
-    def changed(self, factors: Mapping[str, float]) -> list[int]:
-        """Ids of the things that the real side has otherwise; the first share of them."""
-        ids = [number for number, thing in enumerate(self.things, 1) if thing.change]
+    def changed_objects(self, factors: Mapping[str, float]) -> list[int]:
+        """Ids of the objects that differ on the real side: the first share of them."""
+        ids = [number for number, item in enumerate(self.objects, 1) if item.change]
         return ids[: math.ceil(len(ids) * min(factors.get("objects", 0.0), 1.0))]
 
     @cached_property
     def _bare(self) -> WorldScene:
-        cells = round(planning.SIZE / CELL)
+        cells = round(planning.BUILDING_SIZE / FLOOR_CELL)
         floor = np.zeros((cells, cells), dtype=np.uint8)
         for room in self.plan.rooms:
             a = room.area
-            rows = slice(round(a.y0 / CELL), round(a.y1 / CELL))
-            floor[rows, round(a.x0 / CELL) : round(a.x1 / CELL)] = room.floor
+            rows = slice(round(a.y0 / FLOOR_CELL), round(a.y1 / FLOOR_CELL))
+            floor[rows, round(a.x0 / FLOOR_CELL) : round(a.x1 / FLOOR_CELL)] = room.floor
         return WorldScene(
-            size=planning.SIZE,
-            ceiling=planning.CEILING,
-            building=planning.walls(self.plan),
-            things=(),
+            size=planning.BUILDING_SIZE,
+            ceiling=planning.CEILING_HEIGHT,
+            building=planning.wall_parts(self.plan),
+            objects=(),
             lamps=tuple(_lamps(self.plan)),
             floor=floor,
-            floor_cell=CELL,
+            floor_cell=FLOOR_CELL,
             palette=self.plan.palette,
         )
 
 
 @lru_cache(maxsize=4)
 def world_of(seed: int) -> World:
-    """The world of a seed, furnished once per process."""
+    """The world of a seed, built once per process."""
     return World(seed)
 
 
 @lru_cache(maxsize=16)
-def _renderer(world: World, factors: tuple[tuple[str, float], ...]) -> Renderer:
-    """Engines keep what they make of their scene."""
+def _renderer(world: World, factors: tuple[tuple[str, float], ...]) -> SceneRenderer:
+    """Cached, because a renderer keeps the arrays that it prepares for its scene."""
     return RayCaster(world.scene(dict(factors)))
 
 
 def standard_camera(frame: int) -> Camera:
-    """The simulator's camera for square frames."""
-    focal = frame / 2 / math.tan(math.radians(HFOV) / 2)
+    """Camera of the simulator, for square frames."""
+    focal = frame / 2 / math.tan(math.radians(CAMERA_HFOV) / 2)
     lens = Intrinsics(focal, focal, frame / 2, frame / 2, 0.0)
-    return Camera((frame, frame), lens, HEIGHT)
+    return Camera((frame, frame), lens, CAMERA_HEIGHT)
 
 
 def side_camera(frame: int, factors: Mapping[str, float]) -> Camera:
-    """The camera with what the factors do to it."""
+    """The simulator's camera as the factors change it."""
     camera = standard_camera(frame)
-    for factor, severity in active(factors):
+    for factor, severity in active_factors(factors):
         camera = factor.camera(camera, severity)
     return camera
 
 
-def through_sensor(
-    views: Views, factors: Mapping[str, float], seed: int, numbers: Iterable[int]
-) -> Views:
-    """What the factors' sensors make of rendered views; `numbers` seed the noise of each."""
-    working = active(factors)
+def apply_sensor_factors(
+    views: RenderedViews, factors: Mapping[str, float], seed: int, numbers: Iterable[int]
+) -> RenderedViews:
+    """Apply the sensor effects of factors to rendered views; `numbers` seed the noise of each."""
+    applied = active_factors(factors)
     rgb, depth = views.rgb.copy(), views.depth.copy()
     for row, number in enumerate(numbers):
         colour = views.rgb[row].astype(np.float32)
         metres = views.depth[row]
-        for factor, severity in working:
-            stream = [seed, 6, number, list(FACTORS).index(factor.name)]
-            rng = np.random.default_rng(stream)
+        for factor, severity in applied:
+            rng = np.random.default_rng([seed, 6, number, list(FACTORS).index(factor.name)])
             colour = factor.rgb(colour, views.depth[row], rng, severity)
             metres = factor.depth(metres, rng, severity)
         rgb[row] = np.clip(colour + 0.5, 0, 255).astype(np.uint8)
         depth[row] = metres
-    return Views(rgb, depth, views.identity)
+    return RenderedViews(rgb, depth, views.identity)
 
 
-def raw_depth(metres: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """Millimetres as a depth camera's file holds them, 0 where there is no return."""
-    seen = (metres > 0) & (metres <= DEPTH_MAX)
-    return np.where(seen, np.rint(metres / DEPTH_SCALE), 0).astype(np.uint16)
+def to_raw_depth(metres: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Depth in millimetres, as a depth camera stores it; 0 where there is no return."""
+    valid = (metres > 0) & (metres <= DEPTH_MAX)
+    return np.where(valid, np.rint(metres / DEPTH_SCALE), 0).astype(np.uint16)
 
 
 def _lamps(plan: planning.BuildingPlan) -> Iterable[Lamp]:
@@ -219,13 +224,13 @@ def _lamps(plan: planning.BuildingPlan) -> Iterable[Lamp]:
         for i in range(nx):
             for j in range(ny):
                 x, y = a.x0 + (i + 0.5) * (a.x1 - a.x0) / nx, a.y0 + (j + 0.5) * (a.y1 - a.y0) / ny
-                yield Lamp(x, y, planning.CEILING - 0.05, (1.35, 1.30, 1.22))
+                yield Lamp(x, y, planning.CEILING_HEIGHT - 0.05, (1.35, 1.30, 1.22))
         for wall, at in room.windows:
             x, y = a.on_wall(wall, at, 0.3)
             yield Lamp(x, y, 1.5, (0.5, 0.57, 0.68), window=True)
 
 
-def _fixture(lamp: Lamp) -> ScenePart:
+def _lamp_fixture(lamp: Lamp) -> ScenePart:
     strength = sum(lamp.power) / 3.87
     colour = tuple(0.30 + value / 1.35 * min(strength, 1.2) for value in lamp.power)
     return ScenePart(
@@ -233,7 +238,7 @@ def _fixture(lamp: Lamp) -> ScenePart:
     )
 
 
-def _interleaved(lists: Iterable[list[str]]) -> list[str]:
+def _interleave(lists: Iterable[list[str]]) -> list[str]:
     """Names in turn from each list, each once."""
     rows = list(lists)
     longest = max(map(len, rows))
@@ -241,12 +246,12 @@ def _interleaved(lists: Iterable[list[str]]) -> list[str]:
     return list(dict.fromkeys(mixed))
 
 
-def facts(world: World) -> list[dict[str, Any]]:
-    """The labelled changes, for people: id, name, change and where it stands."""
-    listed = []
-    for number, thing in enumerate(world.things, 1):
-        if thing.change:
-            part = (thing.sim or thing.real)[0]
-            listed.append({"object": number, "name": thing.name, "change": thing.change,
+def labelled_changes(world: World) -> list[dict[str, Any]]:
+    """The labelled changes for the provenance: id, name, change and position of each object."""
+    changes = []
+    for number, item in enumerate(world.objects, 1):
+        if item.change:
+            part = (item.sim or item.real)[0]
+            changes.append({"object": number, "name": item.name, "change": item.change,
                            "x": round(part.x, 2), "y": round(part.y, 2)})  # fmt: skip
-    return listed
+    return changes

@@ -1,4 +1,8 @@
-"""Training pose networks on a data set's own frames; `RECIPES` lists the ways to do it."""
+"""Training of pose networks on a store's frames.
+
+Registry: `RECIPES` maps a recipe's name to a `TrainingRecipe`. To add a recipe, write its
+augmentation in one module and add one line to `RECIPES`.
+"""
 
 from s2rtools.training.recipes import RECIPES, TrainingRecipe
 from s2rtools.training.training_frames import DomainFrames, TrainingFrames

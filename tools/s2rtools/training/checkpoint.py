@@ -1,4 +1,4 @@
-"""The state of an unfinished training, as one safetensors file with a JSON header."""
+"""Checkpoints: the state of an unfinished training as a safetensors file with a JSON header."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from s2rstore.files.input_files import check_regular
 
 @dataclass(slots=True)
 class TrainingProgress:
-    """How far a training is; batches and augmentations follow from the seed and `step` alone."""
+    """Progress of a training; seed and `step` determine all batches and augmentations."""
 
     step: int = 0
     seconds: float = 0.0
@@ -34,7 +34,7 @@ def write_checkpoint(
     progress: TrainingProgress,
     facts: dict[str, Any],
 ) -> None:
-    """Replace the file at once; `facts` say which training it belongs to."""
+    """Replace the file atomically; `facts` identify the training."""
     tensors = {f"network/{key}": value for key, value in network.state_dict().items()}
     for number, values in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer/{number}/{key}": value for key, value in values.items()}
@@ -47,16 +47,18 @@ def write_checkpoint(
 def read_checkpoint(
     path: Path, network: nn.Module, optimizer: Optimizer, facts: dict[str, Any]
 ) -> TrainingProgress:
-    """Put the state back. Raises RequestError where the file is another training's or damaged."""
+    """Restore the state. Raises RequestError if the file is damaged or of another training."""
     check_regular(path)
     try:
         with safe_open(path, framework="pt") as file:
             header = file.metadata() or {}
             tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
     except (OSError, ValueError, SafetensorError) as error:
-        raise RequestError(f"{path}: no checkpoint ({error}); remove it to start anew") from error
+        raise RequestError(
+            f"{path}: not a checkpoint ({error}); remove it to start again"
+        ) from error
     if header.get("facts") != json.dumps(facts, sort_keys=True):
-        raise RequestError(f"{path}: checkpoint of another training; remove it to start anew")
+        raise RequestError(f"{path}: checkpoint of another training; remove it to start again")
     states: dict[int, dict[str, Tensor]] = {}
     weights = {}
     for key, value in tensors.items():

@@ -1,4 +1,4 @@
-"""Random changes of a batch's RGB: brightness, contrast, dynamic range, hue."""
+"""Colour augmentation: random brightness, contrast, dynamic range and hue."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _RGB = torch.linalg.inv(_YIQ)
 
 
 def vary_colours(x: Tensor, generator: torch.Generator) -> Tensor:
-    """Each image of x (B, 4, h, w) in [-1, 1] gets its own look; depth stays as it is.
+    """Vary the colours of each image of x (B, 4, h, w) in [-1, 1]; depth is unchanged.
 
-    Hue turns the colour plane of YIQ, contrast spreads around the image's mean luma, dynamic
-    range maps [black point, white point] to [0, 1] and cuts the rest off. All four are linear up
-    to that cut, so they are one matrix and one offset per image.
+    Hue rotates the colour plane of YIQ, contrast scales around the image's mean luma, dynamic
+    range maps [black point, white point] to [0, 1] and clips. All four are linear before the
+    clipping, so they are combined into one matrix and one offset per image.
     """
     draws = torch.rand(5, len(x), generator=generator)
     spans = (BRIGHTNESS, CONTRAST, BLACK_POINT, WHITE_POINT, HUE)

@@ -1,4 +1,4 @@
-"""Depth noise made by hand after a real sensor: Perlin noise for errors and for missing returns."""
+"""Depth augmentation after a real sensor: Perlin noise for errors and for missing returns."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from torch import Tensor
 
 FIELDS = 64
 CELLS = (4, 8, 16)
-"""Lattice cells along each axis, one octave each; an octave weighs half of the one before."""
+"""Lattice cells along each axis, one per octave; each octave weighs half of the previous one."""
 
 RELATIVE_ERROR = 0.06
-"""Deviation of depth at the noise's deviation, as a share of the depth itself."""
+"""Standard deviation of the error relative to the depth."""
 
 MISSING = (0.0, 0.25)
-"""Share of an image's pixels without a return: read as no distance, as a sensor's zero."""
+"""Share of an image's pixels without a return, stored as depth 0."""
 
 
 def perlin(shape: tuple[int, int], cells: int, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -54,14 +54,14 @@ def noise_fields(shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np
 
 
 class DepthNoise:
-    """Disturbs the depth of a batch: smooth errors that grow with distance, and holes."""
+    """Adds smooth errors that grow with distance, and holes, to the depth of a batch."""
 
     def __init__(self, shape: tuple[int, int], seed: int) -> None:
         self._fields = torch.from_numpy(noise_fields(shape, np.random.default_rng(seed)))
         self._sorted = self._fields.flatten(1).sort(dim=1).values
 
     def __call__(self, x: Tensor, generator: torch.Generator) -> Tensor:
-        """x (B, 4, h, w) in [-1, 1]; RGB stays as it is."""
+        """x (B, 4, h, w) in [-1, 1]; RGB is unchanged."""
         size = len(x)
         error = self._fields[torch.randint(FIELDS, (size,), generator=generator)]
         hole = torch.randint(FIELDS, (size,), generator=generator)

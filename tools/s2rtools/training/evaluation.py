@@ -1,4 +1,4 @@
-"""How far a network's predictions are from the truth, for each domain and split."""
+"""Evaluate a network: errors of its predictions by domain and split."""
 
 from __future__ import annotations
 
@@ -36,34 +36,38 @@ def predict(
     return np.concatenate(poses)
 
 
-def errors(
+def pose_errors(
     poses: NDArray[np.float64], truth: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Distance in metres and heading error in degrees, (B,) each."""
-    away = poses[:, :2] - truth[:, :2]
-    return np.hypot(away[:, 0], away[:, 1]), np.degrees(angles.distance(poses[:, 2], truth[:, 2]))
+    offset = poses[:, :2] - truth[:, :2]
+    return np.hypot(offset[:, 0], offset[:, 1]), np.degrees(
+        angles.distance(poses[:, 2], truth[:, 2])
+    )
 
 
-def split_figures(
+def evaluate_splits(
     network: PoseNetwork, convention: OutputConvention, frames: TrainingFrames, splits: Splits
 ) -> dict[str, float]:
-    """`DOMAIN.SPLIT.FIGURE` -> value: instances, median_error and mean_error in metres,
-    median_heading_error in degrees, and baseline_error, the median error in metres of always
-    saying the mean position of the split's own instances."""
-    figures: dict[str, float] = {}
+    """Metrics by `DOMAIN.SPLIT.METRIC`.
+
+    instances, median_error and mean_error in metres, median_heading_error in degrees, and
+    baseline_error, the median error in metres of a constant prediction, the mean position.
+    """
+    metrics: dict[str, float] = {}
     for name, codes in splits.items():
         poses = predict(network, convention, frames.domains[name], np.arange(len(frames)))
         for code in np.unique(codes[codes >= 0]):
             rows = np.flatnonzero(codes == code)
             truth = frames.poses[rows]
-            distance, turn = errors(poses[rows], truth)
+            distance, heading_error = pose_errors(poses[rows], truth)
             mean = np.broadcast_to(truth.mean(axis=0), truth.shape)
             values = {
                 "instances": float(len(rows)),
                 "median_error": float(np.median(distance)),
                 "mean_error": float(distance.mean()),
-                "median_heading_error": float(np.median(turn)),
-                "baseline_error": float(np.median(errors(mean, truth)[0])),
+                "median_heading_error": float(np.median(heading_error)),
+                "baseline_error": float(np.median(pose_errors(mean, truth)[0])),
             }
-            figures |= {f"{name}.{SPLITS[code]}.{key}": value for key, value in values.items()}
-    return figures
+            metrics |= {f"{name}.{SPLITS[code]}.{key}": value for key, value in values.items()}
+    return metrics

@@ -1,7 +1,7 @@
-"""The models that come with the program, trained on the default world by `s2r train`.
+"""Pretrained models that come with the program, trained on the synthetic world by `s2r train`.
 
-Beside each file of weights stands how it came to be: recipe, seed, data hash, figures. They are
-kept by `python -m s2rtools.training.pretrained STORE ...`, from stores in which they were trained.
+A JSON file beside each weights file records recipe, seed, data hash and metrics. Both are written
+by `python -m s2rtools.training.pretrained STORE ...`, from stores in which models were trained.
 """
 
 from __future__ import annotations
@@ -22,94 +22,98 @@ from s2rstore.files import layout, safe_files
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register
-from s2rtools.precompute.registry import domain_of, insert_run
+from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register_model
+from s2rtools.precompute.registration import find_domain, insert_run
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 
-NAMES = ("vanilla", "dataaug", "finetune", "perlin")
+PRETRAINED_MODELS = ("vanilla", "dataaug", "finetune", "perlin")
 WORLD_SEED = 1
-"""The building that they know."""
+"""Seed of the building on which they were trained."""
 FOLDER = Path(str(files("s2rtools.training"))) / "checkpoints"
 GOLDEN = FOLDER / "golden.npz"
-"""Views of the world as it was when they were trained."""
+"""Views of the world at the time of their training."""
 
 
-def facts(name: str) -> dict[str, Any]:
-    """What is known of a model: recipe, seed, steps, data hash, figures by side and split."""
-    found: dict[str, Any] = json.loads((FOLDER / f"{name}.json").read_text())
-    return found
+def model_description(name: str) -> dict[str, Any]:
+    """Recipe, seed, steps, data hash and metrics by side and split of a pretrained model."""
+    description: dict[str, Any] = json.loads((FOLDER / f"{name}.json").read_text())
+    return description
 
 
-def add(root: Path) -> list[str]:
-    """Register the models that a store lacks, each with a run of it; gives their names.
+def add_pretrained_models(root: Path) -> list[str]:
+    """Register the missing pretrained models, each with a run; return their names.
 
-    Raises RequestError for a store of anything but the building that they know.
+    Raises RequestError if the store is not the world on which they were trained.
     """
     with s2rstore.open(root) as store:
         recipe = store.provenance_object("world", "recipe")
         if recipe.get("seed") != WORLD_SEED:
             raise RequestError(
-                f"{root}: the shipped models know the world of --seed {WORLD_SEED} alone; "
+                f"{root}: the pretrained models fit the world of --seed {WORLD_SEED} only; "
                 "train your own with `s2r train`"
             )
         models = {name: model.sha256 for name, model in store.models.items()}
         runs = {name: run.model for name, run in store.runs.items()}
-        domains = domain_of(store, "sim", None), domain_of(store, "real", None)
+        domains = find_domain(store, "sim", None), find_domain(store, "real", None)
     added = []
-    for name in NAMES:
-        told = facts(name)
-        weights = read_weights(FOLDER / f"{name}.safetensors", told["architecture"])
+    for name in PRETRAINED_MODELS:
+        description = model_description(name)
+        weights = read_weights(FOLDER / f"{name}.safetensors", description["architecture"])
         if models.get(name, weights.sha256) != weights.sha256 or runs.get(name, name) != name:
-            raise RequestError(f"{root}: {name!r} is something else there; the shipped model "
-                               "needs that name")  # fmt: skip
+            raise RequestError(f"{root}: {name!r} is used for something else; the "
+                               "pretrained model needs that name")  # fmt: skip
         if name in models and name in runs:
             continue
         with edit(root) as draft:
             if name not in models:
-                convention = DEFAULT_CONVENTIONS[told["architecture"]]
-                register(root, draft, name, weights, convention, f"{name}: {told['command']}")
-                draft.set_provenance(f"model:{name}", told)
+                convention = DEFAULT_CONVENTIONS[description["architecture"]]
+                register_model(
+                    root, draft, name, weights, convention, f"{name}: {description['command']}"
+                )
+                draft.set_provenance(f"model:{name}", description)
             if name not in runs:
                 insert_run(draft, name, name, domains)
         added.append(name)
     return added
 
 
-def keep(store: Store, name: str) -> None:
-    """Write a trained model of a store, and what is known of it, into the package."""
+def export_model(store: Store, name: str) -> None:
+    """Write a trained model of a store and its description into the package."""
     if name not in store.models:
         raise RequestError(f"{store.path}: no model {name!r}")
     data = WorldData.of_store(store)
     if data is None or not data.matches(store):
-        raise RequestError(f"{store.path}: its images are not what is rendered now; train again")
-    model, noted = store.models[name], store.provenance(f"model:{name}")
+        raise RequestError(f"{store.path}: this version renders other images; train again")
+    model, notes = store.models[name], store.provenance(f"model:{name}")
     content = safe_files.read(store.path, f"{layout.MODELS}/{model.sha256}.safetensors")
-    told = {key: _plain(text) for key, text in noted.items() if not key.startswith("split:")}
+    description = {
+        key: _decode_value(text) for key, text in notes.items() if not key.startswith("split:")
+    }
     recipe = store.provenance_object("world", "recipe")
-    told["command"] = str(told["command"]).split(" --store")[0]
-    told["golden"] = hashlib.sha256(GOLDEN.read_bytes()).hexdigest()
-    told["data_hash"] = store.dataset.hash
-    told["data"] = (
+    description["command"] = str(description["command"]).split(" --store")[0]
+    description["golden"] = hashlib.sha256(GOLDEN.read_bytes()).hexdigest()
+    description["data_hash"] = store.dataset.hash
+    description["data"] = (
         f"s2r ingest world --survey {recipe['survey']} --instances {recipe['count']} "
         f"--seed {recipe['seed']}"
     )
     (FOLDER / f"{name}.safetensors").write_bytes(content)
-    (FOLDER / f"{name}.json").write_text(json.dumps(told, indent=1, sort_keys=True) + "\n")
+    (FOLDER / f"{name}.json").write_text(json.dumps(description, indent=1, sort_keys=True) + "\n")
 
 
 def golden_views() -> dict[str, NDArray[Any]]:
-    """A few views of the default building, small: colour, raw depth and ids of both sides."""
+    """A few small views of the default building: colour, raw depth and ids of both sides."""
     data = WorldData(WorldRecipe(seed=WORLD_SEED, count=2, frame=48))
     poses = data.world.survey(4)
-    made: dict[str, NDArray[Any]] = {}
+    arrays: dict[str, NDArray[Any]] = {}
     for side in SIDES:
         views = data.views(side, poses, np.arange(len(poses)))
-        made |= {f"{side}_rgb": views.rgb, f"{side}_depth": data.raw(views),
+        arrays |= {f"{side}_rgb": views.rgb, f"{side}_depth": data.raw_depth(views),
                  f"{side}_identity": views.identity}  # fmt: skip
-    return made
+    return arrays
 
 
-def _plain(text: str) -> Any:
+def _decode_value(text: str) -> Any:
     try:
         return json.loads(text)
     except ValueError:
@@ -122,6 +126,6 @@ if __name__ == "__main__":
     np.savez_compressed(GOLDEN, **views)
     for path in sys.argv[1:]:
         with s2rstore.open(path) as opened:
-            for chosen in NAMES:
+            for chosen in PRETRAINED_MODELS:
                 if chosen in opened.models:
-                    keep(opened, chosen)
+                    export_model(opened, chosen)

@@ -1,4 +1,4 @@
-"""The ways of training a model that the Sim2RealViz paper compares."""
+"""Training recipes that the Sim2RealViz paper compares."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Augmentation = Callable[[Tensor, torch.Generator], Tensor]
 
 @dataclass(frozen=True, slots=True)
 class TrainingRecipe:
-    """What a model learns from and how.
+    """Training data, learning rate and augmentation of a model.
 
-    `learns_from` are the kinds of the domains that are trained on: sim images are split in
-    blocks, of real ones a trajectory, or half of the only one, is left for testing.
-    `augmentation(shape, seed)` makes the function that changes each batch (B, 4, h, w).
+    `learns_from` are the kinds of domains to train on: sim images are split in blocks; of real
+    images a trajectory, or half of the only one, is held out for testing.
+    `augmentation(shape, seed)` returns the function that changes each batch (B, 4, h, w).
     """
 
     name: str
@@ -33,7 +33,7 @@ class TrainingRecipe:
     needs_start: bool = False
 
 
-def _untouched(shape: tuple[int, int], seed: int) -> Augmentation:
+def _no_augmentation(shape: tuple[int, int], seed: int) -> Augmentation:
     return lambda x, generator: x
 
 
@@ -44,7 +44,7 @@ def _colours(shape: tuple[int, int], seed: int) -> Augmentation:
 RECIPES: dict[str, TrainingRecipe] = {
     recipe.name: recipe
     for recipe in (
-        TrainingRecipe("vanilla", "sim images as they are", ("sim",), 2e-3, _untouched),
+        TrainingRecipe("vanilla", "sim images as they are", ("sim",), 2e-3, _no_augmentation),
         TrainingRecipe(
             "dataaug",
             "sim images with random brightness, contrast, dynamic range and hue",
@@ -68,8 +68,8 @@ RECIPES: dict[str, TrainingRecipe] = {
 }
 
 
-def recipe_named(name: str) -> TrainingRecipe:
-    """A registered recipe; RequestError for unknown names."""
+def find_recipe(name: str) -> TrainingRecipe:
+    """A recipe by name. Raises RequestError for unknown names."""
     if name not in RECIPES:
         raise RequestError(f"recipe {name!r}: one of {', '.join(RECIPES)}")
     return RECIPES[name]

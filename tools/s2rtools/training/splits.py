@@ -1,8 +1,8 @@
-"""Which instances a model learns from: int8 codes into `records.SPLITS`, one per instance.
+"""Splits of instances into training, validation and test: int8 codes into `records.SPLITS`.
 
-The split depends on the data alone, not on the training seed, so that recipes are compared on
-the same held-out instances. Neighbouring frames look alike, hence contiguous blocks; a robot that
-passes a place twice may still show a held-out place from the other pass.
+The split depends on the data only, not on the training seed, so that recipes are compared on the
+same held-out instances. Blocks are contiguous because neighbouring frames look alike; if a robot
+passes a place twice, a held-out place may still occur in training frames.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ TEST_EVERY = 5
 VALIDATION_SHARE = 10
 SEED = 20
 
-RULE = (
+SIM_RULE = (
     f"sim images: contiguous blocks of {BLOCK} instances in each trajectory: every {TEST_EVERY}th "
     f"is test, one of {VALIDATION_SHARE} of the others (seed {SEED}) validation, the rest train"
 )
-HALVES_RULE = (
+REAL_RULE = (
     "real images: the first trajectory is test, the others train; the second half is test where "
     f"there is only one; one block of {BLOCK} in {VALIDATION_SHARE} (seed {SEED}) validation"
 )
@@ -31,12 +31,12 @@ HALVES_RULE = (
 Codes = NDArray[np.int8]
 
 
-def unseen(count: int) -> Codes:
+def split_unseen(count: int) -> Codes:
     return np.full(count, UNSEEN, dtype=np.int8)
 
 
-def by_blocks(trajectory: NDArray[np.int32]) -> Codes:
-    """Train, validation and test blocks of a model that learns from all trajectories."""
+def split_by_blocks(trajectory: NDArray[np.int32]) -> Codes:
+    """Split all trajectories into training, validation and test blocks."""
     codes = np.full(len(trajectory), TRAIN, dtype=np.int8)
     for rows in _trajectories(trajectory):
         block = np.arange(len(rows)) // BLOCK
@@ -46,12 +46,12 @@ def by_blocks(trajectory: NDArray[np.int32]) -> Codes:
     return codes
 
 
-def by_halves(trajectory: NDArray[np.int32]) -> Codes:
-    """Train on one part of a recording and test on another; `HALVES_RULE` says which."""
+def split_by_recording(trajectory: NDArray[np.int32]) -> Codes:
+    """Train on one part of a recording and test on another; by `REAL_RULE`."""
     codes = np.full(len(trajectory), TEST, dtype=np.int8)
     parts = _trajectories(trajectory)
-    learnt = parts[1:] if len(parts) > 1 else [parts[0][: len(parts[0]) // 2]]
-    for rows in learnt:
+    training = parts[1:] if len(parts) > 1 else [parts[0][: len(parts[0]) // 2]]
+    for rows in training:
         block = np.arange(len(rows)) // BLOCK
         codes[rows] = np.where(_validation(block, block), VALIDATION, TRAIN)
     return codes
@@ -63,7 +63,7 @@ def _trajectories(trajectory: NDArray[np.int32]) -> list[NDArray[np.intp]]:
 
 
 def _validation(candidates: NDArray[np.intp], block: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Mark one in ten of the candidate blocks, at least one where there are two or more."""
+    """Mark one in ten of the candidate blocks, at least one if there are two or more."""
     blocks = np.unique(candidates)
     if len(blocks) < 2:
         return np.zeros(len(block), dtype=bool)

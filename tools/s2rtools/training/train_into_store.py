@@ -1,4 +1,4 @@
-"""Training on a store's frames and registering the model with a run of it."""
+"""Train on a store's frames and register the model with a run."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.index.transaction import check_writable, edit
 from s2rstore.reader import Store
-from s2rtools.models import build
-from s2rtools.models.library import load_model, pack, register
+from s2rtools.models import build_network
+from s2rtools.models.library import load_model, pack_weights, register_model
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
-from s2rtools.precompute.registry import domain_of, insert_run, refuse_taken
+from s2rtools.precompute.registration import check_name_free, find_domain, insert_run
 from s2rtools.training.evaluation import Splits
-from s2rtools.training.recipes import recipe_named
+from s2rtools.training.recipes import find_recipe
 from s2rtools.training.training_frames import DomainFrames, TrainingFrames
-from s2rtools.training.training_loop import Budget, Report, TrainingResult, train
+from s2rtools.training.training_loop import Budget, ReportProgress, TrainingResult, train
 
 _BLOCK = 64
 
 
 @dataclass(frozen=True, slots=True)
 class TrainingRequest:
-    """`start` names the run whose model is trained on; `name` defaults to the recipe's."""
+    """`start` names the run whose model is trained further; `name` defaults to the recipe's."""
 
     recipe: str
     name: str | None = None
@@ -44,24 +44,26 @@ class TrainingRequest:
     seed: int = 0
 
 
-def train_into_store(root: Path, request: TrainingRequest, report: Report, command: str) -> str:
-    """Train, publish the model and a run of it; gives the run's name.
+def train_into_store(
+    root: Path, request: TrainingRequest, report: ReportProgress, command: str
+) -> str:
+    """Train, publish the model and a run of it; return the run's name.
 
-    Interrupted training goes on from its checkpoint when the same request is made again. Raises
-    RequestError for unknown names and names that are taken.
+    An interrupted training continues from its checkpoint when the same request is repeated. Raises
+    RequestError for unknown names and names that exist already.
     """
     name = checked_name(request.name or request.recipe, "run")
-    recipe = recipe_named(request.recipe)
+    recipe = find_recipe(request.recipe)
     check_writable(root)
     with s2rstore.open(root) as store:
         if name in store.runs or name in store.models:
             raise RequestError(f"--name {name}: already in {root}; choose another")
         if recipe.needs_start and request.start is None:
             raise RequestError(f"--recipe {recipe.name}: name the run to begin with by --from RUN")
-        start, known = _start(store, request)
-        size = (start.network if start else build(request.architecture)).input_size
+        start, start_splits = _start_model(store, request)
+        size = (start.network if start else build_network(request.architecture)).input_size
         frames = _frames(store, size)
-        domains = domain_of(store, "sim", None), domain_of(store, "real", None)
+        domains = find_domain(store, "sim", None), find_domain(store, "real", None)
         checkpoint = _checkpoint(store, request, start)
     result = train(
         frames,
@@ -70,7 +72,7 @@ def train_into_store(root: Path, request: TrainingRequest, report: Report, comma
         budget=Budget(request.minutes, request.steps),
         seed=request.seed,
         start=start,
-        start_splits=known,
+        start_splits=start_splits,
         report=report,
         checkpoint=checkpoint,
     )
@@ -79,7 +81,9 @@ def train_into_store(root: Path, request: TrainingRequest, report: Report, comma
     return name
 
 
-def _start(store: Store, request: TrainingRequest) -> tuple[LoadedModel | None, Splits | None]:
+def _start_model(
+    store: Store, request: TrainingRequest
+) -> tuple[LoadedModel | None, Splits | None]:
     if request.start is None:
         return None, None
     model = load_model(store, store.run(request.start).model)
@@ -92,7 +96,7 @@ def _start(store: Store, request: TrainingRequest) -> tuple[LoadedModel | None, 
 def _frames(store: Store, size: tuple[int, int]) -> TrainingFrames:
     truth = store.instances
     domains = {
-        name: DomainFrames.collect(
+        name: DomainFrames.from_blocks(
             domain.kind, _blocks(store, name), len(truth), size, domain.depth_scale
         )
         for name, domain in store.domains.items()
@@ -109,7 +113,7 @@ def _blocks(store: Store, domain: str) -> Iterator[tuple[NDArray[np.uint8], NDAr
 
 
 def _checkpoint(store: Store, request: TrainingRequest, start: LoadedModel | None) -> Path:
-    """A file of this request's own in the user's cache folder."""
+    """Path of this request's checkpoint in the user's cache folder."""
     facts = [store.dataset.hash, repr(request), start.sha256 if start else None]
     digest = hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
@@ -121,12 +125,12 @@ def _checkpoint(store: Store, request: TrainingRequest, start: LoadedModel | Non
 def _publish(
     root: Path, name: str, result: TrainingResult, domains: tuple[str, str], command: str
 ) -> None:
-    weights = pack(result.network)
+    weights = pack_weights(result.network)
     with edit(root) as draft:
         for table in ("model", "run"):
-            refuse_taken(draft, table, name)
+            check_name_free(draft, table, name)
         trained_by = f"{result.provenance['recipe']}: {command}"
-        register(root, draft, name, weights, result.convention, trained_by)
+        register_model(root, draft, name, weights, result.convention, trained_by)
         insert_run(draft, name, name, domains)
         splits = {f"split:{d}": encode_split(codes) for d, codes in result.splits.items()}
         draft.set_provenance(f"model:{name}", {**result.provenance, **splits, "command": command})

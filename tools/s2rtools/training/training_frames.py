@@ -1,4 +1,4 @@
-"""The images that training reads: every domain once at the network's input size."""
+"""Training images: the frames of every domain at the network's input size."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class DomainFrames:
     depth_scale: float
 
     @classmethod
-    def collect(
+    def from_blocks(
         cls,
         kind: Side,
         blocks: Iterable[tuple[NDArray[np.uint8], NDArray[Any]]],
@@ -36,9 +36,9 @@ class DomainFrames:
         depth_scale: float,
         folder: Path | None = None,
     ) -> DomainFrames:
-        """Resize blocks of (rgb, depth) in iid order; into files of `folder` where it is given.
+        """Resize blocks of (rgb, depth) in iid order; into files of `folder` if given.
 
-        Raises ValueError where the blocks do not add up to `count` frames.
+        Raises ValueError if the blocks do not add up to `count` frames.
         """
         rgb: NDArray[np.uint8] | None = None
         depth: NDArray[Any] | None = None
@@ -74,7 +74,7 @@ def _array(
 class TrainingFrames:
     """Domains by name, poses (N, 3) x, y in metres, heading in radians, trajectory codes (N,).
 
-    Row i is iid i: rows of one trajectory stand together, in recording order.
+    Row i is iid i; rows of one trajectory are contiguous, in recording order.
     """
 
     domains: dict[str, DomainFrames]

@@ -1,4 +1,4 @@
-"""Training a pose network within a number of minutes or of steps."""
+"""Train a pose network for a number of minutes or of steps."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from torch import Tensor
 
 from s2rstore.errors import RequestError
 from s2rstore.metrics.pose_metrics import LOSS_GAMMA
-from s2rtools.models import build
+from s2rtools.models import build_network
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.pose_network import LoadedModel, PoseNetwork
 from s2rtools.training import splits as split_rules
 from s2rtools.training.checkpoint import TrainingProgress, read_checkpoint, write_checkpoint
-from s2rtools.training.evaluation import Splits, errors, predict, split_figures
-from s2rtools.training.recipes import Augmentation, TrainingRecipe, recipe_named
+from s2rtools.training.evaluation import Splits, evaluate_splits, pose_errors, predict
+from s2rtools.training.recipes import Augmentation, TrainingRecipe, find_recipe
 from s2rtools.training.training_frames import TrainingFrames
 
 BATCH = 32
 HEADING_LEVER = 4.0
-"""Metres ahead of the robot at which a turn counts as the displacement that it causes."""
+"""Metres ahead of the robot of the point whose displacement measures the heading error."""
 
 WEIGHT_DECAY = 0.02
 WARM_UP = 0.05
 CHECKPOINT_SECONDS = 10.0
 
-Report = Callable[[float, float, float], None]
-"""Called with the fraction done, the last loss and the seconds to go."""
+ReportProgress = Callable[[float, float, float], None]
+"""Called with the finished fraction, the last loss and the remaining seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """When to stop: after `steps` batches where given (repeatable), else after `minutes`."""
+    """End of a training: after `steps` batches if given (reproducible), else after `minutes`."""
 
     minutes: float = 2.0
     steps: int | None = None
@@ -53,17 +53,17 @@ class Budget:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrainingResult:
-    """A trained network in evaluation mode and all that is known of how it came to be.
+    """A trained network in evaluation mode with its splits, history and metrics.
 
-    `splits` tells for each domain what the model knew of each instance (codes into
-    `records.SPLITS`); `history` has a row per epoch; `figures` are `figures.split_figures`.
+    `splits` holds codes into `records.SPLITS` for each domain; `history` has a row per epoch;
+    `metrics` are those of `evaluation.evaluate_splits`.
     """
 
     network: PoseNetwork
     convention: OutputConvention
     splits: Splits
     history: list[dict[str, float]]
-    figures: dict[str, float]
+    metrics: dict[str, float]
     provenance: dict[str, str]
 
 
@@ -76,42 +76,42 @@ def train(
     seed: int = 0,
     start: LoadedModel | None = None,
     start_splits: Splits | None = None,
-    report: Report | None = None,
+    report: ReportProgress | None = None,
     checkpoint: Path | None = None,
 ) -> TrainingResult:
     """Train by a recipe; the same seed and number of steps give the same weights.
 
-    `start` is the model to train on, with the splits that it was trained by. With `checkpoint`
-    the state is kept there every few seconds and a later call goes on from it. Raises
+    `start` is the model to train further, with its splits. With `checkpoint` the state is saved
+    there every few seconds and a later call continues from it. Raises
     RequestError for unknown names, a missing start and too few images.
     """
-    chosen = recipe_named(recipe)
+    chosen = find_recipe(recipe)
     if chosen.needs_start and start is None:
         raise RequestError(f"recipe {recipe}: needs a trained model to begin with; name its run")
     splits = _splits(frames, chosen, start_splits)
     trainer = _Trainer(frames, chosen, splits, architecture, budget or Budget(), seed, start)
     trainer.run(report or (lambda fraction, loss, seconds: None), checkpoint)
     network = trainer.network.eval().requires_grad_(False)
-    figures = split_figures(network, trainer.convention, frames, splits)
+    metrics = evaluate_splits(network, trainer.convention, frames, splits)
     history = trainer.progress.history
-    provenance = {**trainer.provenance(), "figures": json.dumps(figures)}
-    return TrainingResult(network, trainer.convention, splits, history, figures, provenance)
+    provenance = {**trainer.provenance(), "figures": json.dumps(metrics)}
+    return TrainingResult(network, trainer.convention, splits, history, metrics, provenance)
 
 
-def _splits(frames: TrainingFrames, recipe: TrainingRecipe, known: Splits | None) -> Splits:
-    """What the finished model will have known of each instance, for each domain."""
+def _splits(frames: TrainingFrames, recipe: TrainingRecipe, start_splits: Splits | None) -> Splits:
+    """Split of the instances of each domain, including what the start model was trained on."""
     rows = frames.trajectory
     splits: Splits = {}
     for name, domain in frames.domains.items():
-        before = (known or {}).get(name)
+        before = (start_splits or {}).get(name)
         if domain.kind not in recipe.learns_from:
-            splits[name] = split_rules.unseen(len(frames)) if before is None else before
+            splits[name] = split_rules.split_unseen(len(frames)) if before is None else before
         elif domain.kind == "real":
-            splits[name] = split_rules.by_halves(rows)
+            splits[name] = split_rules.split_by_recording(rows)
         elif before is not None and (before == split_rules.TRAIN).any():
             splits[name] = before
         else:
-            splits[name] = split_rules.by_blocks(rows)
+            splits[name] = split_rules.split_by_blocks(rows)
     return splits
 
 
@@ -146,19 +146,19 @@ class _Trainer:
     def _network(self, architecture: str) -> tuple[PoseNetwork, OutputConvention]:
         if self.start is not None:
             with torch.random.fork_rng():
-                network = build(self.start.architecture)
+                network = build_network(self.start.architecture)
             network.load_state_dict(self.start.network.state_dict())
             return network, self.start.convention
         with torch.random.fork_rng():
             torch.manual_seed(self.seed)
-            network = build(architecture)
+            network = build_network(architecture)
         places = self.frames.poses[self.rows[:, 1], :2]
         x, y = places.mean(axis=0)
         network.centre_output((float(x), float(y)), float(max(places.std(axis=0).max(), 0.1)))
         return network, network.convention
 
-    def run(self, report: Report, checkpoint: Path | None) -> None:
-        """Train until the budget is spent; an interrupt leaves a checkpoint."""
+    def run(self, report: ReportProgress, checkpoint: Path | None) -> None:
+        """Train until the budget is used up; an interrupt saves a checkpoint."""
         self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         if checkpoint is not None and checkpoint.exists():
             self.progress = read_checkpoint(checkpoint, self.network, self.optimizer, self.facts())
@@ -186,9 +186,9 @@ class _Trainer:
         x = self.augment(self._inputs(batch), generator)
         truth = _components(self.frames.poses[batch[:, 1]])
         for group in self.optimizer.param_groups:
-            group["lr"] = self.recipe.learning_rate * schedule(done)
+            group["lr"] = self.recipe.learning_rate * learning_rate_share(done)
         raw = self.network(x.contiguous(memory_format=torch.channels_last))
-        loss = pose_loss(self.convention.components(raw), truth)
+        loss = training_loss(self.convention.components(raw), truth)
         self.optimizer.zero_grad()
         loss.backward()
         self.optimizer.step()
@@ -202,24 +202,24 @@ class _Trainer:
         """(B, 4, h, w) of (domain number, iid) rows."""
         x = np.empty((len(batch), 4, *self.network.input_size), dtype=np.float32)
         for number, name in enumerate(self.domains):
-            own = batch[:, 0] == number
-            if own.any():
-                x[own] = self.frames.domains[name].inputs(batch[own, 1])
+            rows = batch[:, 0] == number
+            if rows.any():
+                x[rows] = self.frames.domains[name].inputs(batch[rows, 1])
         return torch.from_numpy(x)
 
     def _end_epoch(self, epoch: int, steps: int) -> None:
         """Add a row of training and validation figures to the history."""
-        found = [np.empty((2, 0))]
+        parts = [np.empty((2, 0))]
         for number, name in enumerate(self.domains):
             rows = self.held_out[self.held_out[:, 0] == number, 1]
             poses = predict(self.network, self.convention, self.frames.domains[name], rows)
-            found.append(np.stack(errors(poses, self.frames.poses[rows])))
-        distance, turn = np.concatenate(found, axis=1)
+            parts.append(np.stack(pose_errors(poses, self.frames.poses[rows])))
+        distance, heading_error = np.concatenate(parts, axis=1)
         row = {"epoch": epoch, "step": self.progress.step, "loss": self.progress.loss_sum / steps}
         if len(distance):
             row["validation_median_error"] = float(np.median(distance))
             row["validation_mean_error"] = float(distance.mean())
-            row["validation_median_heading_error"] = float(np.median(turn))
+            row["validation_median_heading_error"] = float(np.median(heading_error))
         self.progress.history.append({key: round(value, 5) for key, value in row.items()})
         self.progress.loss_sum = 0.0
 
@@ -231,7 +231,7 @@ class _Trainer:
         write_checkpoint(path, self.network, self.optimizer, self.progress, self.facts())
 
     def facts(self) -> dict[str, Any]:
-        """What tells this training from another."""
+        """Facts that identify this training."""
         return {
             "recipe": self.recipe.name,
             "architecture": self.network.architecture,
@@ -244,7 +244,7 @@ class _Trainer:
         }
 
     def provenance(self) -> dict[str, str]:
-        rules = {"sim": split_rules.RULE, "real": split_rules.HALVES_RULE}
+        rules = {"sim": split_rules.SIM_RULE, "real": split_rules.REAL_RULE}
         facts = {
             **self.facts(),
             "description": self.recipe.description,
@@ -277,18 +277,18 @@ def _components(poses: NDArray[np.float64]) -> Tensor:
     return torch.from_numpy(np.stack(values, axis=1).astype(np.float32))
 
 
-def pose_loss(predicted: Tensor, truth: Tensor) -> Tensor:
+def training_loss(predicted: Tensor, truth: Tensor) -> Tensor:
     """Mean of (1 - g) error^2 + g displacement^2 over (B, 4) x, y, cosine, sine, g = 0.3.
 
-    The paper's loss with the displacement of a point `HEADING_LEVER` ahead for the angle: smooth
-    where the angle wraps, and in metres as the other term.
+    The paper's loss, but with the displacement of a point `HEADING_LEVER` ahead instead of the
+    angle: smooth where the angle wraps, and in metres like the other term.
     """
     squares = (predicted - truth).square()
-    place, turn = squares[:, :2].sum(dim=1), squares[:, 2:].sum(dim=1)
-    return ((1 - LOSS_GAMMA) * place + LOSS_GAMMA * HEADING_LEVER**2 * turn).mean()
+    position, heading = squares[:, :2].sum(dim=1), squares[:, 2:].sum(dim=1)
+    return ((1 - LOSS_GAMMA) * position + LOSS_GAMMA * HEADING_LEVER**2 * heading).mean()
 
 
-def schedule(done: float) -> float:
+def learning_rate_share(done: float) -> float:
     """Share of the learning rate: a linear warm-up, then half a cosine down to zero."""
     if done < WARM_UP:
         return (done + 0.01) / (WARM_UP + 0.01)

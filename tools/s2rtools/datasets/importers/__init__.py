@@ -1,1 +1,1 @@
-"""Importers: one module per kind of data set."""
+"""Importers, one module per data set layout; `s2rtools.datasets.IMPORTERS` lists them."""

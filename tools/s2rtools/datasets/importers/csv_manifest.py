@@ -1,78 +1,80 @@
-"""Any paired data, by a CSV manifest: one row per instance and domain.
+"""Import any paired data by a CSV manifest with one row per instance and domain.
 
     trajectory,seq,domain,rgb,depth,x,y,heading[,timestamp,odom_x,odom_y,odom_heading]
 
 `rgb` and `depth` are files relative to the manifest, inside its folder; x and y in metres and
 headings in degrees in map coordinates (forward = (cos, sin)); `timestamp` in seconds. Rows of one
-(trajectory, seq) must agree on the pose. The header (bounds, rooms, cameras: see `header`) is the
-TOML or JSON file of the manifest's name, or the one given with `--header`; its floor plan lies in
-the header's folder.
+(trajectory, seq) must agree on the pose. The configuration (bounds, rooms, cameras: see
+`dataset_config`) is the TOML or JSON file with the manifest's name, or the one given by
+`--header`; its floor plan lies in the configuration's folder.
 """
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
-from s2rtools.datasets import dataset_config
 from s2rtools.datasets.csv_rows import read_rows
-from s2rtools.datasets.image_decoding import Images
-from s2rtools.datasets.path_containment import Containment
+from s2rtools.datasets.dataset_config import DatasetConfig, Size
+from s2rtools.datasets.image_decoding import ImageFiles
+from s2rtools.datasets.path_containment import PathContainment
 from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan, ScanOptions
 
 REQUIRED = ("trajectory", "seq", "domain", "rgb", "depth", "x", "y", "heading")
 _OPTIONAL = ("timestamp", "odom_x", "odom_y", "odom_heading")
-_NAMING = REQUIRED[:5]
+_IDENTIFYING = REQUIRED[:5]
 _POSE_TOLERANCE = 1e-6
 _POSE_LIMIT = 1e6
 
 Row = dict[str, str]
-Sizes = dict[str, tuple[tuple[int, int], tuple[int, int]]]
+NumberedRow = tuple[int, Row]
+"""The number of the row's last line, and its values."""
+Sizes = dict[str, tuple[Size, Size]]
 
 
 def scan(path: Path, options: ScanOptions) -> Scan:
-    """Read a manifest. Raises RequestError where it or its header is not as described above."""
-    rows = _rows(path)
-    where = options.header or _header_of(path)
-    data = dataset_config.read(where)
-    bounds = dataset_config.bounds(data, where)
-    plan = dataset_config.text(data, "floor_plan", "", where)
-    inside = Containment(path.parent, options.allow_outside)
-    beside = inside.under(where.parent)
+    """Read a manifest and its configuration. Raises RequestError if either is malformed."""
+    rows = _read_manifest(path)
+    config = DatasetConfig(
+        options.header or _config_path(path), name=path.stem, y_down=False
+    )  # fmt: skip
+    containment = PathContainment(path.parent, options.allow_outside)
     result = Scan(
-        name=dataset_config.text(data, "name", path.stem, where),
+        name=config.table.name,
         root=path.parent,
         frame=options.frame,
-        y_down=dataset_config.flag(data, "y_down", False, where),
-        bounds=bounds,
-        accuracy_scale=dataset_config.scale(data, bounds.diagonal, where),
+        y_down=config.table.y_down,
+        bounds=config.bounds,
+        accuracy_scale=config.accuracy_scale,
         domains={},
-        rooms=dataset_config.rooms(data, where),
-        floor_plan=beside.file(plan, f"{where}: floor_plan") if plan else None,
+        rooms=config.rooms,
+        floor_plan=None,
         trajectories={},
-        recorded_at=dataset_config.recorded_at(data, where),
+        recorded_at=config.recorded_at,
+        outside_folders=containment.outside_folders,
     )
-    if isinstance(result.floor_plan, Path) and not result.floor_plan.is_file():
-        result.problems.append(InputIssue("missing floor plan", plan))
-        result.floor_plan = None
-    rows = _complete(result, path, rows)
+    if plan := config.table.floor_plan:
+        folder = containment.for_folder(config.path.parent)
+        file = folder.resolve(plan, f"{config.path}: floor_plan")
+        if file.is_file():
+            result.floor_plan = file
+        else:
+            result.issues.append(InputIssue("missing floor plan", plan))
+    rows = _complete_rows(result, path, rows)
     names = list(dict.fromkeys(row["domain"] for _, row in rows))
-    result.domains = {n: dataset_config.domain(data, n, options.frame, where) for n in names}
+    result.domains = {name: config.domain(name, options.frame) for name in names}
     kinds = {domain.kind for domain in result.domains.values()}
     if kinds != {"sim", "real"}:
         raise RequestError(f"{path}: needs rows of a sim and of a real domain (has: {names})")
-    sizes = {name: dataset_config.sizes(data, name, where) for name in names}
-    _collect(result, path, rows, sizes, options.trajectories, inside)
-    result.outside = inside.outside
+    sizes = {name: config.image_sizes(name) for name in names}
+    _collect(result, path, rows, sizes, options.trajectories, containment)
     return result
 
 
-def _rows(path: Path) -> list[tuple[int, Row]]:
-    """Rows with the numbers of their lines."""
+def _read_manifest(path: Path) -> list[NumberedRow]:
     rows = list(read_rows(path, (*REQUIRED, *_OPTIONAL)))
     if not rows:
         raise RequestError(f"{path}: no rows; the first line names {', '.join(REQUIRED)}")
@@ -82,20 +84,20 @@ def _rows(path: Path) -> list[tuple[int, Row]]:
     return rows
 
 
-def _complete(result: Scan, path: Path, rows: list[tuple[int, Row]]) -> list[tuple[int, Row]]:
-    """The rows that say which instance and which files; the others are reported."""
-    whole = []
+def _complete_rows(result: Scan, path: Path, rows: list[NumberedRow]) -> list[NumberedRow]:
+    """The rows that name their instance and files; the others are reported."""
+    complete = []
     for number, row in rows:
-        blank = [name for name in _NAMING if not row[name]]
+        blank = [name for name in _IDENTIFYING if not row[name]]
         if blank:
             where = f"{path.name}:{number}"
-            result.problems.append(InputIssue("incomplete row", where, f"no {blank[0]}"))
+            result.issues.append(InputIssue("incomplete row", where, f"no {blank[0]}"))
         else:
-            whole.append((number, row))
-    return whole
+            complete.append((number, row))
+    return complete
 
 
-def _header_of(path: Path) -> Path:
+def _config_path(path: Path) -> Path:
     for suffix in (".toml", ".json"):
         if path.with_suffix(suffix).is_file():
             return path.with_suffix(suffix)
@@ -105,101 +107,100 @@ def _header_of(path: Path) -> Path:
 def _collect(
     result: Scan,
     path: Path,
-    rows: list[tuple[int, Row]],
+    rows: list[NumberedRow],
     sizes: Sizes,
-    wanted: tuple[str, ...],
-    inside: Containment,
+    requested: tuple[str, ...],
+    containment: PathContainment,
 ) -> None:
-    views: dict[str, dict[int, dict[str, tuple[int, Row]]]] = {}
+    """Group the rows by trajectory, seq and domain, and add the usable instances to the scan."""
+    instances: dict[str, dict[int, dict[str, NumberedRow]]] = {}
     for number, row in rows:
         where = f"{path.name}:{number}"
-        seq = _integer(row["seq"])
-        if seq is None:
-            result.problems.append(InputIssue("bad seq", where, row["seq"]))
+        try:
+            seq = int(row["seq"])
+        except ValueError:
+            result.issues.append(InputIssue("bad seq", where, row["seq"]))
             continue
-        group = views.setdefault(row["trajectory"], {}).setdefault(seq, {})
-        if row["domain"] in group:
+        by_domain = instances.setdefault(row["trajectory"], {}).setdefault(seq, {})
+        if row["domain"] in by_domain:
             detail = f"{row['trajectory']} {seq} {row['domain']}"
-            result.problems.append(InputIssue("duplicate row", where, detail))
+            result.issues.append(InputIssue("duplicate row", where, detail))
             continue
-        group[row["domain"]] = (number, row)
-    for name in wanted:
-        if name not in views:
-            raise RequestError(f"--trajectory {name}: not in {path} (has: {', '.join(views)})")
-    for trajectory in wanted or sorted(views):
+        by_domain[row["domain"]] = (number, row)
+    for name in requested:
+        if name not in instances:
+            raise RequestError(f"--trajectory {name}: not in {path} (has: {', '.join(instances)})")
+    for trajectory in requested or sorted(instances):
         checked_name(trajectory, "trajectory")
-        sightings = []
-        for seq in sorted(views[trajectory]):
-            sighting = _sighting(result, path, views[trajectory][seq], sizes, inside)
-            if sighting is not None:
-                sightings.append(sighting)
-        if sightings:
-            result.trajectories[trajectory] = sightings
+        records = [
+            _instance_record(result, path, by_domain, sizes, containment)
+            for _, by_domain in sorted(instances[trajectory].items())
+        ]
+        usable = [record for record in records if record is not None]
+        if usable:
+            result.trajectories[trajectory] = usable
         else:
-            result.problems.append(InputIssue("empty trajectory", trajectory, "no usable pair"))
+            result.issues.append(InputIssue("empty trajectory", trajectory, "no usable pair"))
 
 
-def _sighting(
+def _instance_record(
     result: Scan,
     path: Path,
-    views: dict[str, tuple[int, Row]],
+    by_domain: dict[str, NumberedRow],
     sizes: Sizes,
-    inside: Containment,
+    containment: PathContainment,
 ) -> InstanceRecord | None:
-    number, first = next(iter(views.values()))
+    number, first = next(iter(by_domain.values()))
     where = f"{path.name}:{number}"
-    absent = [name for name in sizes if name not in views]
-    if absent:
-        result.problems.append(InputIssue("unmatched pair", where, f"no row of {absent[0]}"))
+    missing = [name for name in sizes if name not in by_domain]
+    if missing:
+        result.issues.append(InputIssue("unmatched pair", where, f"no row of {missing[0]}"))
         return None
     pose = _pose(first)
     if not all(abs(value) <= _POSE_LIMIT for value in pose):
-        result.problems.append(InputIssue("bad pose", where))
+        result.issues.append(InputIssue("bad pose", where))
         return None
-    for other, row in views.values():
+    for other, row in by_domain.values():
         if any(abs(a - b) > _POSE_TOLERANCE for a, b in zip(pose, _pose(row), strict=True)):
-            result.problems.append(InputIssue("poses disagree", f"{path.name}:{other}"))
+            result.issues.append(InputIssue("poses disagree", f"{path.name}:{other}"))
             return None
-    images = {}
+    sources = {}
     for domain in sizes:
-        line, row = views[domain]
-        rgb, depth = (inside.file(row[key], f"{path}:{line}: {key}") for key in ("rgb", "depth"))
+        line, row = by_domain[domain]
+        rgb, depth = (
+            containment.resolve(row[key], f"{path}:{line}: {key}") for key in ("rgb", "depth")
+        )
         for file in (rgb, depth):
             if len(file.name) > 255 or not file.is_file():
-                result.problems.append(InputIssue("missing image", result.relative(file)))
+                result.issues.append(InputIssue("missing image", result.relative(file)))
                 return None
-        images[domain] = Images(rgb, depth, *sizes[domain])
-    real = next(row for name, (_, row) in views.items() if result.domains[name].kind == "real")
-    odometry = [_float(real.get(f"odom_{name}")) for name in ("x", "y", "heading")]
-    known = all(math.isfinite(value) for value in odometry)
-    stamp = _float(real.get("timestamp"))
+        sources[domain] = ImageFiles(rgb, depth, *sizes[domain])
+    real = next(row for name, (_, row) in by_domain.items() if result.domains[name].kind == "real")
+    odometry = [_parse_float(real.get(f"odom_{name}")) for name in ("x", "y", "heading")]
+    has_odometry = all(math.isfinite(value) for value in odometry)
+    timestamp = _parse_float(real.get("timestamp"))
     return InstanceRecord(
         x=pose[0],
         y=pose[1],
-        heading=_wrapped(pose[2]),
-        images=images,
-        odometry=(odometry[0], odometry[1], _wrapped(odometry[2])) if known else None,
-        timestamp=stamp if math.isfinite(stamp) else None,
+        heading=_heading(pose[2]),
+        sources=sources,
+        odometry=(odometry[0], odometry[1], _heading(odometry[2])) if has_odometry else None,
+        timestamp=timestamp if math.isfinite(timestamp) else None,
     )
 
 
-def _pose(row: dict[str, Any]) -> tuple[float, float, float]:
-    return _float(row["x"]), _float(row["y"]), _float(row["heading"])
+def _pose(row: Row) -> tuple[float, float, float]:
+    return _parse_float(row["x"]), _parse_float(row["y"]), _parse_float(row["heading"])
 
 
-def _wrapped(degrees: float) -> float:
+def _heading(degrees: float) -> float:
+    """Radians in [-pi, pi)."""
     return math.radians(angles.wrap_degrees(degrees))
 
 
-def _float(text: str | None) -> float:
+def _parse_float(text: str | None) -> float:
+    """NaN for a missing value or one that is not a number."""
     try:
         return float(text) if text else math.nan
     except ValueError:
         return math.nan
-
-
-def _integer(text: str) -> int | None:
-    try:
-        return int(text)
-    except ValueError:
-        return None

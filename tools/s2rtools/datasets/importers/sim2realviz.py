@@ -1,8 +1,8 @@
-"""The layout of the Sim2RealViz data: traj1/{real,sim,sim_edit} with poses in the file names.
+"""Import the Sim2RealViz layout: traj1/{real,sim,sim_edit} with poses in the file names.
 
 `sim/match.csv` (REAL_RGB, SIM_RGB) pairs the images in recording order. The sim pose is the
-ground truth; the real one is the robot's odometry, in a frame of its own. Every instance is seen
-in every domain, so that `sim_edit` counts where all chosen trajectories have it.
+ground truth; the real pose is the robot's odometry, in its own frame. Every instance needs a frame
+in every domain, so `sim_edit` becomes a domain only if all chosen trajectories have it.
 """
 
 from __future__ import annotations
@@ -13,67 +13,66 @@ import re
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
-from s2rtools.datasets import dataset_config
 from s2rtools.datasets.csv_rows import read_rows
-from s2rtools.datasets.image_decoding import Images, declared_size, size_text
-from s2rtools.datasets.path_containment import Containment
+from s2rtools.datasets.dataset_config import DatasetConfig, Size
+from s2rtools.datasets.image_decoding import ImageFiles, declared_size, size_text
+from s2rtools.datasets.path_containment import PathContainment
 from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan, ScanOptions
 
 _NAME = re.compile(
-    r"x(?P<x>[^_]+)_y(?P<y>[^_]+)_z(?P<z>[^_]+)_r(?P<r>[^_]+)_(?P<what>rgb|depth)"
+    r"x(?P<x>[^_]+)_y(?P<y>[^_]+)_z(?P<z>[^_]+)_r(?P<r>[^_]+)_(?P<image>rgb|depth)"
     r"\.(?:jpe?g|png)\Z",
     re.IGNORECASE,
 )
-_PLACES = ("", "data_source/traj_cap", "static/assets/data_source/traj_cap", "traj_cap")
-_PLAN = "static/assets/images/map.jpg"
-_PLANS = ((0, "map.jpg"), (0, _PLAN), (2, _PLAN))
-"""How many folders above the data, and where in that one."""
+_DATA_FOLDERS = ("", "data_source/traj_cap", "static/assets/data_source/traj_cap", "traj_cap")
+_REPOSITORY_FLOOR_PLAN = "static/assets/images/map.jpg"
+_FLOOR_PLANS = ((0, "map.jpg"), (0, _REPOSITORY_FLOOR_PLAN), (2, _REPOSITORY_FLOOR_PLAN))
+"""Number of folders above the data, and the path below that folder."""
 _EDITED = "sim_edit"
 _DOMAINS = ("sim", _EDITED, "real")
-_PEEKED = 3
+_SAMPLED_IMAGES = 3
 
-Sizes = dict[str, tuple[tuple[int, int], tuple[int, int]]]
+Sizes = dict[str, tuple[Size, Size]]
 
 
 def scan(path: Path, options: ScanOptions) -> Scan:
     """Find trajectories, pairs and calibration under `path`.
 
     `path` holds `traj1/`, `traj2/` ... or is the root of the public repository. Raises
-    RequestError where nothing of that layout lies there.
+    RequestError if it has no such layout.
     """
     root = _root(path)
-    calibration, where = _calibration(options.header)
-    inside = Containment(path, options.allow_outside)
+    config = _read_calibration(options.header)
+    containment = PathContainment(path, options.allow_outside)
     result = Scan(
-        name=str(calibration.get("name", "sim2realviz")),
+        name=config.table.name,
         root=root,
         frame=options.frame,
-        y_down=dataset_config.flag(calibration, "y_down", True, where),
-        bounds=dataset_config.bounds(calibration, where),
-        accuracy_scale=dataset_config.scale(calibration, 26.0, where),
+        y_down=config.table.y_down,
+        bounds=config.bounds,
+        accuracy_scale=config.accuracy_scale,
         domains={},
-        rooms=dataset_config.rooms(calibration, where),
-        floor_plan=_floor_plan(path, root, inside),
+        rooms=config.rooms,
+        floor_plan=_floor_plan(path, root, containment),
         trajectories={},
+        outside_folders=containment.outside_folders,
     )
     folders = _trajectories(root, options.trajectories)
-    names = [name for name in _DOMAINS if name != _EDITED or _edited_everywhere(result, folders)]
-    result.domains = {n: dataset_config.domain(calibration, n, options.frame, where) for n in names}
-    sizes = {name: dataset_config.sizes(calibration, name, where) for name in names}
+    names = [name for name in _DOMAINS if name != _EDITED or _all_have_sim_edit(result, folders)]
+    result.domains = {name: config.domain(name, options.frame) for name in names}
+    sizes = {name: config.image_sizes(name) for name in names}
     for folder in folders:
-        _scan_trajectory(result, folder, sizes, inside)
-    result.outside = inside.outside
+        _scan_trajectory(result, folder, sizes, containment)
     return result
 
 
 def _root(path: Path) -> Path:
-    for place in _PLACES:
-        folder = path / place
+    for name in _DATA_FOLDERS:
+        folder = path / name
         if any(_is_trajectory(child) for child in folder.glob("*")):
             return folder
     if not path.is_dir():
@@ -87,89 +86,97 @@ def _is_trajectory(folder: Path) -> bool:
     return (folder / "sim").is_dir() and (folder / "real").is_dir()
 
 
-def _trajectories(root: Path, wanted: tuple[str, ...]) -> list[Path]:
-    found = {folder.name: folder for folder in sorted(root.glob("*")) if _is_trajectory(folder)}
-    for name in wanted:
-        if name not in found:
-            raise RequestError(f"--trajectory {name}: not in {root} (has: {', '.join(found)})")
-    for name in found:
+def _trajectories(root: Path, requested: tuple[str, ...]) -> list[Path]:
+    folders = {folder.name: folder for folder in sorted(root.glob("*")) if _is_trajectory(folder)}
+    for name in requested:
+        if name not in folders:
+            known = ", ".join(folders)
+            raise RequestError(f"--trajectory {name}: not in {root} (has: {known})")
+    for name in folders:
         checked_name(name, "trajectory")
-    return [found[name] for name in wanted or found]
+    return [folders[name] for name in requested or folders]
 
 
-def _calibration(given: Path | None) -> tuple[dict[str, Any], Path]:
-    if given is not None:
-        return dataset_config.read(given), given
-    packaged = resources.files("s2rtools.datasets") / "sim2realviz.toml"
-    with resources.as_file(packaged) as path:
-        return dataset_config.read(path), Path(path.name)
+def _read_calibration(path: Path | None) -> DatasetConfig:
+    """The given calibration file, or the one that comes with the program."""
+    packaged = resources.files("s2rtools.datasets.importers") / "sim2realviz.toml"
+    with resources.as_file(packaged) as default:
+        return DatasetConfig(
+            path or default, name="sim2realviz", y_down=True, accuracy_scale=26.0
+        )  # fmt: skip
 
 
-def _floor_plan(path: Path, root: Path, inside: Containment) -> Path | None:
-    for place in (path, root):
-        for up, name in _PLANS:
-            folder = place.resolve().joinpath(*[os.pardir] * up)
+def _floor_plan(path: Path, root: Path, containment: PathContainment) -> Path | None:
+    for start in (path, root):
+        for levels_up, name in _FLOOR_PLANS:
+            folder = start.resolve().joinpath(*[os.pardir] * levels_up)
             if (folder / name).is_file():
-                return inside.under(folder).check(folder / name, str(folder / name))
+                return containment.for_folder(folder).check(folder / name, str(folder / name))
     return None
 
 
-def _edited_everywhere(result: Scan, folders: list[Path]) -> bool:
-    """Whether `sim_edit` can be a domain; where only some trajectories have it, that is told."""
-    recorded = [folder for folder in folders if _pictures(folder / "sim")]
-    with_images = [folder for folder in recorded if _pictures(folder / _EDITED)]
+def _all_have_sim_edit(result: Scan, folders: list[Path]) -> bool:
+    """Whether `sim_edit` can be a domain; report it if only some trajectories have it."""
+    recorded = [folder for folder in folders if _image_files(folder / "sim")]
+    with_images = [folder for folder in recorded if _image_files(folder / _EDITED)]
     for folder in recorded:
         edited = folder / _EDITED
         if folder in with_images:
             continue
         if edited.is_dir():
-            result.problems.append(InputIssue("empty folder", result.relative(edited)))
+            result.issues.append(InputIssue("empty folder", result.relative(edited)))
         if with_images:
-            keep = " ".join(f"--trajectory {other.name}" for other in with_images)
-            detail = f"{_EDITED} is left out; {keep} keeps it"
-            result.problems.append(InputIssue("domain not everywhere", folder.name, detail))
+            options = " ".join(f"--trajectory {other.name}" for other in with_images)
+            detail = f"{_EDITED} is left out; {options} keeps it"
+            result.issues.append(InputIssue("domain not everywhere", folder.name, detail))
     return bool(recorded) and len(with_images) == len(recorded)
 
 
-def _scan_trajectory(result: Scan, folder: Path, sizes: Sizes, inside: Containment) -> None:
-    inside.check(folder / "sim" / "match.csv", str(folder / "sim" / "match.csv"))
-    rows = _matches(result, folder)
+def _scan_trajectory(
+    result: Scan, folder: Path, sizes: Sizes, containment: PathContainment
+) -> None:
+    containment.check(folder / "sim" / "match.csv", str(folder / "sim" / "match.csv"))
+    rows = _matched_names(result, folder)
     images = [_images(folder, real, sim, sizes) for real, sim in rows]
     for image in (image for row in images for image in row.values()):
         for file in (image.rgb, image.depth):
-            inside.check(file, str(file))
-    images = _as_stored(result, folder, images)
+            containment.check(file, str(file))
+    images = _with_stored_size(result, folder, images)
     _report_unmatched(result, folder, rows, list(sizes))
-    sightings = [_sighting(result, files) for files in images]
-    found = [sighting for sighting in sightings if sighting is not None]
-    if not found:
-        result.problems.append(InputIssue("empty trajectory", folder.name, "no usable pair"))
+    records = [_instance_record(result, files) for files in images]
+    usable = [record for record in records if record is not None]
+    if not usable:
+        result.issues.append(InputIssue("empty trajectory", folder.name, "no usable pair"))
         return
-    result.trajectories[folder.name] = found
+    result.trajectories[folder.name] = usable
 
 
-def _matches(result: Scan, folder: Path) -> list[tuple[str, str]]:
-    """The (real, sim) RGB file names of match.csv, each real image once."""
+def _matched_names(result: Scan, folder: Path) -> list[tuple[str, str]]:
+    """(real, sim) RGB file names in match.csv, each real image once."""
     path = folder / "sim" / "match.csv"
-    made: dict[str, str] = {}
-    for number, row in _rows(result, path):
+    pairs: dict[str, str] = {}
+    for number, row in _read_match_rows(result, path):
         where = f"{result.relative(path)}:{number}"
         real, sim = (Path(row.get(name, "")).name for name in ("REAL_RGB", "SIM_RGB"))
         if not real and not sim:
             continue
-        if not all((match := _NAME.match(name)) and match["what"] == "rgb" for name in (real, sim)):
-            result.problems.append(InputIssue("bad name", where, f"{real},{sim}"))
-        elif real in made:
-            detail = real if made[real] == sim else f"{real} with another sim image; kept the first"
-            result.problems.append(InputIssue("duplicate row", where, detail))
+        if not all(
+            (match := _NAME.match(name)) and match["image"] == "rgb" for name in (real, sim)
+        ):
+            result.issues.append(InputIssue("bad name", where, f"{real},{sim}"))
+        elif real in pairs:
+            detail = (
+                real if pairs[real] == sim else f"{real} with another sim image; kept the first"
+            )
+            result.issues.append(InputIssue("duplicate row", where, detail))
         else:
-            made[real] = sim
-    return list(made.items())
+            pairs[real] = sim
+    return list(pairs.items())
 
 
-def _rows(result: Scan, path: Path) -> list[tuple[int, dict[str, str]]]:
+def _read_match_rows(result: Scan, path: Path) -> list[tuple[int, dict[str, str]]]:
     if not path.exists():
-        result.problems.append(InputIssue("no match.csv", result.relative(path)))
+        result.issues.append(InputIssue("no match.csv", result.relative(path)))
         return []
     rows = list(read_rows(path, ("REAL_RGB", "SIM_RGB")))
     if rows and not {"REAL_RGB", "SIM_RGB"} <= set(rows[0][1]):
@@ -177,10 +184,10 @@ def _rows(result: Scan, path: Path) -> list[tuple[int, dict[str, str]]]:
     return rows
 
 
-def _images(folder: Path, real: str, sim: str, sizes: Sizes) -> dict[str, Images]:
+def _images(folder: Path, real: str, sim: str, sizes: Sizes) -> dict[str, ImageFiles]:
     names = {name: real if name == "real" else sim for name in sizes}
     return {
-        name: Images(folder / name / file, folder / name / _depth_name(file), *sizes[name])
+        name: ImageFiles(folder / name / file, folder / name / _depth_name(file), *sizes[name])
         for name, file in names.items()
     }
 
@@ -189,27 +196,27 @@ def _depth_name(rgb: str) -> str:
     return re.sub(r"_rgb(\.\w+)\Z", r"_depth\1", rgb, flags=re.IGNORECASE)
 
 
-def _as_stored(
-    result: Scan, folder: Path, rows: list[dict[str, Images]]
-) -> list[dict[str, Images]]:
-    """Expect another size than the calibration's where a domain's images agree on a scaled one.
+def _with_stored_size(
+    result: Scan, folder: Path, rows: list[dict[str, ImageFiles]]
+) -> list[dict[str, ImageFiles]]:
+    """Replace the calibrated image size by the images' own if they are a scaled version of it.
 
-    The intrinsics of the stored frame hold for every size of the same shape.
+    The intrinsics of the stored frame hold for every size of the same aspect ratio.
     """
     scaled: dict[str, tuple[int, int]] = {}
     for name in rows[0] if rows else ():
-        images = [row[name] for row in rows[:_PEEKED]]
+        images = [row[name] for row in rows[:_SAMPLED_IMAGES]]
         files = [file for image in images for file in (image.rgb, image.depth) if file.is_file()]
-        found = {declared_size(file) for file in files}
-        size = found.pop() if len(found) == 1 else None
+        own_sizes = {declared_size(file) for file in files}
+        size = own_sizes.pop() if len(own_sizes) == 1 else None
         declared = images[0].rgb_size, images[0].depth_size
         if size is None or declared == (size, size):
             continue
-        if all(size[0] * wide == size[1] * high for high, wide in declared):
+        if all(size[0] * width == size[1] * height for height, width in declared):
             scaled[name] = size
             detail = f"{size_text(size)}, the calibration is for {size_text(declared[0])}; scaled"
             where = result.relative(folder / name)
-            result.problems.append(InputIssue("other size than calibrated", where, detail))
+            result.issues.append(InputIssue("other size than calibrated", where, detail))
     return [
         {
             name: replace(image, rgb_size=scaled[name], depth_size=scaled[name])
@@ -220,32 +227,33 @@ def _as_stored(
     ]  # fmt: skip
 
 
-def _sighting(result: Scan, images: dict[str, Images]) -> InstanceRecord | None:
-    files = [file for image in images.values() for file in (image.rgb, image.depth)]
+def _instance_record(result: Scan, sources: dict[str, ImageFiles]) -> InstanceRecord | None:
+    files = [file for image in sources.values() for file in (image.rgb, image.depth)]
     missing = [file for file in files if not file.is_file()]
-    result.problems += [InputIssue("missing image", result.relative(file)) for file in missing]
+    result.issues += [InputIssue("missing image", result.relative(file)) for file in missing]
     if missing:
         return None
-    x, _, z, r = _numbers(images["sim"].rgb.name)
-    odometry = _numbers(images["real"].rgb.name)
+    x, _, z, r = _pose_in_name(sources["sim"].rgb.name)
+    odometry = _pose_in_name(sources["real"].rgb.name)
     if not all(math.isfinite(value) for value in (x, z, r)):
-        result.problems.append(InputIssue("bad pose", result.relative(images["sim"].rgb)))
+        result.issues.append(InputIssue("bad pose", result.relative(sources["sim"].rgb)))
         return None
     return InstanceRecord(
         x=x,
         y=z,
         heading=float(angles.from_habitat(math.radians(r))),
-        images=images,
+        sources=sources,
         odometry=(odometry[0], odometry[1], math.radians(odometry[3])),
     )
 
 
-def _numbers(name: str) -> tuple[float, float, float, float]:
-    found = _NAME.match(name)
+def _pose_in_name(name: str) -> tuple[float, float, float, float]:
+    """x, y, z and rotation in a file name; NaN for what does not parse."""
+    match = _NAME.match(name)
     values = []
     for key in "xyzr":
         try:
-            values.append(float(found[key]) if found else math.nan)
+            values.append(float(match[key]) if match else math.nan)
         except ValueError:
             values.append(math.nan)
     return values[0], values[1], values[2], values[3]
@@ -257,12 +265,12 @@ def _report_unmatched(
     for domain in domains:
         used = {real if domain == "real" else sim for real, sim in pairs}
         used |= {_depth_name(name) for name in used}
-        for path in _pictures(folder / domain):
+        for path in _image_files(folder / domain):
             if path.name not in used:
-                result.problems.append(InputIssue("unmatched image", result.relative(path)))
+                result.issues.append(InputIssue("unmatched image", result.relative(path)))
 
 
-def _pictures(folder: Path) -> list[Path]:
-    """Image files by name, whatever their name says."""
+def _image_files(folder: Path) -> list[Path]:
+    """Image files in order of name, including those whose names do not parse."""
     endings = (".jpg", ".jpeg", ".png")
     return sorted(path for path in folder.glob("*") if path.suffix.lower() in endings)

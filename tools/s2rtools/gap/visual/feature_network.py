@@ -32,7 +32,7 @@ from s2rtools.gap.visual.inception import FidInception
 from s2rtools.models.library import read_state
 from s2rtools.models.weights_file import (
     check_tensors,
-    most_bytes,
+    max_file_bytes,
     parameter_bytes,
     read_weights_file,
 )
@@ -103,7 +103,7 @@ def read_network(path: Path) -> ImageNetwork:
     file = path.parent / weights
     network = ARCHITECTURES[architecture]()
     try:
-        content = read_weights_file(file, most_bytes(parameter_bytes(network.state_dict())))
+        content = read_weights_file(file, max_file_bytes(parameter_bytes(network.state_dict())))
     except RequestError as error:
         raise RequestError(f"{error}; {path} names it") from error
     digest = hashlib.sha256(content).hexdigest()

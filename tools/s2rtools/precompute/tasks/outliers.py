@@ -1,9 +1,9 @@
-"""How far an instance lies from the others of its side, by embedding.
+"""Task: outlier scores, by the distance of an instance's embedding to the others of its side.
 
-The mean distance to the nearest neighbours in the principal components is stored as an array, unit
-by unit; the score of the index is that distance over the side's median, so 1 is ordinary. Source:
-k-nearest-neighbour outlier detection, Angiulli and Pizzuti, 2002, against a seeded sample so that a
-million instances stay feasible.
+The mean distance to the nearest neighbours in the principal components is stored as an array. The
+score in the index is that distance over the side's median, so 1 is typical. Source:
+k-nearest-neighbour outlier detection, Angiulli and Pizzuti, 2002, against a seeded sample to stay
+feasible for a million instances.
 """
 
 from __future__ import annotations
@@ -15,15 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rtools.precompute.work_units import ArraySpec, Unit
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key
 
 KIND = "neighbour_distance"
 
 
 @dataclass(frozen=True, slots=True)
 class OutlierSettings:
-    """What an outlier score depends on beside the principal components."""
+    """Parameters of an outlier score."""
 
     neighbours: int = 10
     sample: int = 20_000
@@ -35,28 +36,41 @@ class OutlierSettings:
 
 
 SETTINGS = OutlierSettings()
+OUTLIER_ROWS = 32_768
 _RESOLUTION = 1e-6
 _READ_ROWS = 16_384
 
 
-def distances(root: Path, unit: Unit, threads: int) -> dict[ArraySpec, NDArray[np.float32]]:
-    """Neighbour distances of a unit's instances, for each side that is missing."""
+def outlier_stage(store: Store, forward: Stage, projection: Stage) -> Stage:
+    """Distances to the nearest principal components of the same side."""
+    n = len(store.instances)
+    components = projection.specs_of_kind("pca")
+    key = content_key({"pca": components[0].key, **SETTINGS.facts()})
+    specs = [ArraySpec(KIND, side, None, (), "float32", ("iid",), "", key, n) for side in SIDES]
+    sources = forward.specs_of_kind("prediction") + components
+    return Stage("outlier", forward.run, tuple(specs), OUTLIER_ROWS, sources)
+
+
+def compute_distances(
+    root: Path, unit: WorkUnit, threads: int
+) -> dict[ArraySpec, NDArray[np.float32]]:
+    """Neighbour distances of a unit's instances, for each missing side."""
     stage = unit.stage
-    sample = sample_rows(stage.valid(root))
-    start, stop = stage.span(unit.shard)
-    made = {}
+    sample = sample_rows(stage.valid_instances(root))
+    start, stop = stage.row_range(unit.shard)
+    distances = {}
     for spec in unit.missing:
         side = next(side for side in SIDES if side == spec.side)
-        points = stage.source(root, "pca", side)
+        points = stage.source_array(root, "pca", side)
         rows = np.asarray(points[start:stop])
-        around = _gathered(points, sample)
-        places = np.arange(start, stop)
-        made[spec] = neighbour_distance(rows, places, around, sample, threads)
-    return made
+        neighbours = _read_rows(points, sample)
+        iids = np.arange(start, stop)
+        distances[spec] = neighbour_distance(rows, iids, neighbours, sample, threads)
+    return distances
 
 
-def _gathered(points: Any, rows: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Rows (ascending) of a Zarr array, read block by block so that little memory is needed."""
+def _read_rows(points: Any, rows: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Rows (ascending) of a Zarr array, read block by block to bound the memory."""
     parts = [np.empty((0, points.shape[1]), dtype=np.float32)]
     for start in range(0, points.shape[0], _READ_ROWS):
         first, last = np.searchsorted(rows, [start, start + _READ_ROWS])
@@ -68,7 +82,7 @@ def _gathered(points: Any, rows: NDArray[np.int64]) -> NDArray[np.float32]:
 def sample_rows(
     valid: NDArray[np.bool_], settings: OutlierSettings = SETTINGS
 ) -> NDArray[np.int64]:
-    """The instances that all are compared with, ascending: the valid ones, or a seeded part."""
+    """The instances to compare with, ascending: all valid ones, or a seeded sample of them."""
     rows = np.flatnonzero(valid)
     if rows.size > settings.sample:
         rng = np.random.default_rng(settings.seed)
@@ -78,40 +92,41 @@ def sample_rows(
 
 def neighbour_distance(
     points: NDArray[np.float32],
-    places: NDArray[np.int64],
+    iids: NDArray[np.int64],
     sample: NDArray[np.float32],
-    sample_places: NDArray[np.int64],
+    sample_iids: NDArray[np.int64],
     threads: int = 1,
     settings: OutlierSettings = SETTINGS,
 ) -> NDArray[np.float32]:
     """Mean distance of each of `points` (n, d) to its nearest in `sample` (m, d), shape (n,).
 
-    `places` are the instances that rows stand for: no instance is its own neighbour. NaN for
-    points that are not finite and where nothing else is in the sample.
+    `iids` identify the rows, because no instance is its own neighbour. NaN for points that are not
+    finite and for points without another instance in the sample.
     """
     from sklearn.neighbors import NearestNeighbors
     from threadpoolctl import threadpool_limits
 
-    found = np.full(len(points), np.nan, dtype=np.float32)
+    mean_distance = np.full(len(points), np.nan, dtype=np.float32)
     rows = np.flatnonzero(np.isfinite(points).all(axis=1))
     count = min(settings.neighbours + 1, len(sample))
     if not rows.size or count == 0:
-        return found
+        return mean_distance
     with threadpool_limits(threads):
         search = NearestNeighbors(n_neighbors=count, algorithm="brute").fit(sample)
-        distance, near = search.kneighbors(points[rows])
+        distance, nearest = search.kneighbors(points[rows])
     length = np.linalg.norm(points[rows], axis=1)
     distance[distance < _RESOLUTION * length[:, None]] = 0.0  # equal embeddings
-    others = sample_places[near] != places[rows, None]
-    others[others.all(axis=1), settings.neighbours :] = False  # itself was not among them
+    others = sample_iids[nearest] != iids[rows, None]
+    others[others.all(axis=1), settings.neighbours :] = False  # the point itself was not found
     total = np.where(others, distance, 0.0).sum(axis=1)
-    known = others.sum(axis=1)
-    found[rows[known > 0]] = (total[known > 0] / known[known > 0]).astype(np.float32)
-    return found
+    neighbour_count = others.sum(axis=1)
+    known = neighbour_count > 0
+    mean_distance[rows[known]] = (total[known] / neighbour_count[known]).astype(np.float32)
+    return mean_distance
 
 
-def scores(distance: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Distances (n,) over their median; NaN where a distance is, and where the median is 0."""
+def outlier_scores(distance: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Distances (n,) over their median; NaN where the distance is NaN or the median is 0."""
     values = np.asarray(distance, dtype=np.float64)
     known = values[np.isfinite(values)]
     median = float(np.median(known)) if known.size else 0.0

@@ -1,25 +1,30 @@
-"""One seeded UMAP over both sides of a run, so that the two panels are comparable.
+"""Task: one seeded UMAP over both sides of a run, so that the two panels are comparable.
 
-PCA first, fitted in batches of both sides so that memory does not grow with the data set; UMAP
-fitted on at most `fit_instances` seeded instances, the others by transform. Source: McInnes et
-al., "UMAP", 2018.
+PCA is fitted first, in batches of both sides, so that memory does not grow with the data set. UMAP
+is fitted on at most `fit_instances` seeded instances; the others are transformed. Source: McInnes
+et al., "UMAP", 2018.
 """
 
 from __future__ import annotations
 
 import warnings
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from s2rstore.reader import Store
+from s2rstore.records import SIDES
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key
 
 _BATCH = 512
 
 
 @dataclass(frozen=True, slots=True)
 class ProjectionSettings:
-    """What a projection depends on beside the embeddings."""
+    """Parameters of a projection."""
 
     components: int = 50
     neighbours: int = 15
@@ -35,13 +40,39 @@ class ProjectionSettings:
 SETTINGS = ProjectionSettings()
 
 
+def projection_stage(store: Store, forward: Stage) -> Stage:
+    """PCA and joint UMAP of the forward stage's embeddings, in a single unit."""
+    n = len(store.instances)
+    embedding = forward.specs_of_kind("embedding")[0]
+    key = content_key({"embedding": embedding.key, **SETTINGS.facts()})
+    specs = [
+        ArraySpec(kind, side, None, (width,), "float32", ("iid", axis), "", key, n)
+        for kind, width, axis in (("pca", SETTINGS.components, "component"), ("umap", 2, "u v"))
+        for side in SIDES
+    ]
+    sources = forward.specs_of_kind("prediction") + forward.specs_of_kind("embedding")
+    return Stage("projection", forward.run, tuple(specs), max(n, 1), sources)
+
+
+def compute_projection(root: Path, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
+    """Principal components and UMAP coordinates of both sides."""
+    stage = unit.stage
+    valid = stage.valid_instances(root)
+    embeddings = tuple(stage.source_array(root, "embedding", side) for side in SIDES)
+    sim, real, _ = principal_components((embeddings[0], embeddings[1]), valid)
+    plane = joint_umap((sim, real), valid)
+    computed = {("pca", "sim"): sim, ("pca", "real"): real}
+    computed |= {("umap", "sim"): plane[0], ("umap", "real"): plane[1]}
+    return {spec: computed[spec.kind, str(spec.side)] for spec in unit.missing}
+
+
 def principal_components(
     sides: tuple[Any, Any], valid: NDArray[np.bool_], settings: ProjectionSettings = SETTINGS
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
     """PCA over both sides together.
 
     `sides` are two (N, D) arrays (Zarr or numpy) of embeddings; rows that are not valid become
-    NaN. Gives two (N, components) arrays and the share of variance that they keep.
+    NaN. Returns two (N, components) arrays and the share of variance that they explain.
     """
     from sklearn.decomposition import IncrementalPCA
 
@@ -74,7 +105,7 @@ def joint_umap(
     valid: NDArray[np.bool_],
     settings: ProjectionSettings = SETTINGS,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Two (N, 2) arrays of coordinates in one common plane; NaN where not valid."""
+    """Coordinates of both sides in one plane, two (N, 2) arrays; NaN where not valid."""
     coordinates = tuple(np.full((valid.size, 2), np.nan, dtype=np.float32) for _ in range(2))
     rows = _fit_rows(valid, settings)
     if rows.size == 0:
@@ -118,7 +149,7 @@ def _fit(points: NDArray[np.float32], settings: ProjectionSettings) -> tuple[Any
 
 
 def _fit_rows(valid: NDArray[np.bool_], settings: ProjectionSettings) -> NDArray[np.int64]:
-    """The seeded instances that PCA and UMAP are fitted on, ascending."""
+    """The seeded sample of instances for fitting PCA and UMAP, ascending."""
     rows = np.flatnonzero(valid)
     limit = settings.fit_instances // 2
     if rows.size > limit:
@@ -128,7 +159,7 @@ def _fit_rows(valid: NDArray[np.bool_], settings: ProjectionSettings) -> NDArray
 
 
 def _gather(side: Any, rows: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Rows of a Zarr or numpy array, read as one span where they lie close."""
+    """Rows of a Zarr or numpy array; rows that lie close are read as one block."""
     if rows.size and rows[-1] - rows[0] < 4 * rows.size:
         block = np.asarray(side[int(rows[0]) : int(rows[-1]) + 1])
         return block[rows - rows[0]].astype(np.float32)

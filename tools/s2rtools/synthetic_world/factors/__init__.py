@@ -1,11 +1,15 @@
-"""Why the real side differs: `FACTORS` lists the reasons. Adding one is a file and a line here."""
+"""Factors: reasons why the real side of the synthetic world differs from the simulated one.
+
+Registry: `FACTORS` maps a factor's name to a `Factor`. To add a factor, write one module with a
+subclass of `Factor` and add one line to `FACTORS`. The order seeds the noise: append at the end.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 from s2rstore.errors import RequestError
-from s2rtools.synthetic_world.factors.camera import Mount
+from s2rtools.synthetic_world.factors.camera import CameraMount
 from s2rtools.synthetic_world.factors.depth_sensor import DepthSensor
 from s2rtools.synthetic_world.factors.exposure import Exposure
 from s2rtools.synthetic_world.factors.factor import Factor
@@ -14,7 +18,7 @@ from s2rtools.synthetic_world.factors.objects import Objects
 from s2rtools.synthetic_world.factors.robot import Latency, Wheels
 from s2rtools.synthetic_world.factors.sensor import Sensor
 
-__all__ = ["FACTORS", "Factor", "Severities", "active", "severities"]
+__all__ = ["FACTORS", "Factor", "Severities", "active_factors", "complete_severities"]
 
 Severities = Mapping[str, float]
 
@@ -25,7 +29,7 @@ FACTORS: dict[str, Factor] = {
         Exposure(),
         Sensor(),
         DepthSensor(),
-        Mount(),
+        CameraMount(),
         Objects(),
         Latency(),
         Wheels(),
@@ -33,34 +37,34 @@ FACTORS: dict[str, Factor] = {
 }
 
 
-def severities(given: Severities | None = None) -> dict[str, float]:
-    """Severity of every factor: 1 by default, as `given` for those that it names.
+def complete_severities(requested: Severities | None = None) -> dict[str, float]:
+    """Severity of every factor: as `requested`, 1 for factors that are not named.
 
     Raises RequestError for unknown names and severities outside 0 .. 2.
     """
-    chosen = dict.fromkeys(FACTORS, 1.0)
-    for name, value in (given or {}).items():
+    complete = dict.fromkeys(FACTORS, 1.0)
+    for name, value in (requested or {}).items():
         if name not in FACTORS:
             raise RequestError(f"factor {name!r}: one of {', '.join(FACTORS)}; or all, none")
         if not 0 <= value <= 2:
             raise RequestError(f"factor {name}: severity 0 .. 2, not {value:g}")
-        chosen[name] = float(value)
-    return chosen
+        complete[name] = float(value)
+    return complete
 
 
-def active(given: Severities) -> list[tuple[Factor, float]]:
-    """The factors that do something, in the one order in which they act."""
-    return [(factor, given[name]) for name, factor in FACTORS.items() if given.get(name, 0) > 0]
+def active_factors(severities: Severities) -> list[tuple[Factor, float]]:
+    """The factors with a severity above 0, in the order in which they are applied."""
+    return [(f, severities[name]) for name, f in FACTORS.items() if severities.get(name, 0) > 0]
 
 
 def parse_factors(text: str) -> dict[str, float]:
-    """Severities from `lights=0.5,objects`: those that are not named are 0; `all`, `none`.
+    """Severities from a text such as `lights=0.5,objects`, `all` or `none`; others are 0.
 
-    Raises RequestError for what it cannot read.
+    Raises RequestError for malformed texts.
     """
     if text in ("", "all"):
-        return severities()
-    chosen = dict.fromkeys(FACTORS, 0.0)
+        return complete_severities()
+    parsed = dict.fromkeys(FACTORS, 0.0)
     named: set[str] = set()
     for item in text.split(",") if text != "none" else ():
         name, equals, value = (part.strip() for part in item.partition("="))
@@ -70,6 +74,6 @@ def parse_factors(text: str) -> dict[str, float]:
         try:
             severity = float(value) if equals else 1.0
         except ValueError as error:
-            raise RequestError(f"--factors {item}: {value!r} is no number") from error
-        chosen[name] = severities({name: severity})[name]
-    return chosen
+            raise RequestError(f"--factors {item}: {value!r} is not a number") from error
+        parsed[name] = complete_severities({name: severity})[name]
+    return parsed

@@ -1,4 +1,4 @@
-"""The rig was not mounted as the simulator believes."""
+"""Factor `camera`: the rig is mounted differently from its declaration."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from s2rtools.synthetic_world.factors.factor import Factor
 from s2rtools.synthetic_world.renderer import Camera
 
 
-class Mount(Factor):
+class CameraMount(Factor):
     """The camera sits 9 cm lower and has a 6 % longer focal length than declared."""
 
     name = "camera"

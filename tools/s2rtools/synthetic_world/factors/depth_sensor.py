@@ -1,4 +1,4 @@
-"""What a stereo depth camera makes of true depth."""
+"""Factor `depth`: errors of a stereo depth camera."""
 
 from __future__ import annotations
 

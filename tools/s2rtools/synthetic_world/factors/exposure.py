@@ -1,4 +1,4 @@
-"""The camera's own exposure, contrast and vignette."""
+"""Factor `exposure`: automatic exposure, contrast and vignette of the camera."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from s2rtools.synthetic_world.factors.factor import Factor, Generator
 
 
 class Exposure(Factor):
-    """Automatic exposure that misses (each view its own gain, 0.95 with deviation 0.05), flatter
-    contrast, corners up to 22 % darker.
+    """A random gain per view (mean 0.95, deviation 0.05), flatter contrast, and corners up to 22 %
+    darker.
     """
 
     name = "exposure"

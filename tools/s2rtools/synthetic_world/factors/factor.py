@@ -1,4 +1,4 @@
-"""What a factor may change on the way from a world to a real image."""
+"""Base class of factors: the steps from a world to a real image that a factor may change."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ Generator = np.random.Generator
 
 
 class Factor:
-    """One named reason why reality looks different; severity 0 changes nothing, 1 is the default.
+    """A named cause of the gap; severity 0 changes nothing, 1 is the default.
 
-    A factor overrides the steps that it has a part in. Images are seeded per instance, so that a
-    view is the same whatever else is rendered.
+    A subclass overrides the steps that it changes. Noise is seeded per instance, so that a view
+    does not depend on what else is rendered.
     """
 
     name: ClassVar[str]
     description: ClassVar[str]
     shapes_scene: ClassVar[bool] = False
-    """Whether another severity is another scene, beyond the camera and its sensors."""
+    """Whether the severity changes the scene itself, not only the camera and its sensors."""
     moves_robot: ClassVar[bool] = False
-    """Whether it is seen in drives alone, and in no image."""
+    """Whether it changes drives only, and no image."""
 
     def scene(self, scene: WorldScene, severity: float) -> WorldScene:
-        """Other lights."""
+        """The scene with other lights."""
         return scene
 
     def camera(self, camera: Camera, severity: float) -> Camera:
-        """Another mount or lens."""
+        """The camera with another mount or lens."""
         return camera
 
     def rgb(

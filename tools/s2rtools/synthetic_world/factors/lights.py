@@ -1,4 +1,4 @@
-"""Another hour: some lamps are off, the others warmer, the windows brighter."""
+"""Factor `lights`: other lighting and white balance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was carried away, brought in, moved or closed since the scan."""
+"""Factor `objects`: changes of the scene since it was scanned."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from s2rtools.synthetic_world.factors.factor import Factor
 
 
 class Objects(Factor):
-    """The first share of the world's changes, all of them from severity 1 on; `World` applies it,
-    because only it knows both places of a thing.
+    """The first share of the world's changes, all of them from severity 1 on. `World` applies it,
+    because only it knows both positions of an object.
     """
 
     name = "objects"

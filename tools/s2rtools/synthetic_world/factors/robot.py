@@ -1,4 +1,4 @@
-"""What the real robot does otherwise; the drives of a world show it, images do not."""
+"""Factors `latency` and `wheels`: differences of the robot, visible in its drives only."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from s2rtools.synthetic_world.factors.factor import Factor
 
 
 class Latency(Factor):
-    """Wheels that obey later than they are told; the drives' maker knows by how much."""
+    """Actuators that follow commands with a delay, set by the generator of the drives."""
 
     name = "latency"
     description = "actuators that answer late"
@@ -14,7 +14,7 @@ class Latency(Factor):
 
 
 class Wheels(Factor):
-    """One wheel larger than the other, which no parameter of the simulator can be."""
+    """One wheel larger than the other, which no simulator parameter can express."""
 
     name = "wheels"
     description = "wheels of unequal radius"

@@ -1,4 +1,4 @@
-"""Noise and blur of the colour sensor."""
+"""Factor `sensor`: noise and blur of the colour sensor."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from s2rtools.synthetic_world.factors.factor import Factor, Generator
 
 
 class Sensor(Factor):
-    """Blur of 0.45 pixels of a 128-pixel image, half as much again along the motion, then noise
-    that grows in the dark.
+    """Blur of 0.45 pixels in a 128-pixel image, up to half as much again along the motion, then
+    noise that grows in dark areas.
     """
 
     name = "sensor"

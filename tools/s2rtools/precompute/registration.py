@@ -1,4 +1,4 @@
-"""Registering models and runs in a store."""
+"""Register models and runs in a store."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtools.models.conventions import parse_convention
-from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register
+from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register_model
 from s2rtools.rendering import open_renderer
 
 Chains = Mapping[str, Sequence[Mapping[str, Any]]]
@@ -27,45 +27,47 @@ def add_model(
     """Check a weights file and publish it as a model. Raises RequestError."""
     checked_name(name, "model")
     with s2rstore.open(root) as store:
-        _unused(name, store.models, "model", root)
+        _refuse_existing(name, store.models, "model", root)
     weights = read_weights(file, architecture, trust)
     if convention is None and architecture not in DEFAULT_CONVENTIONS:
-        raise RequestError(f"--convention: {architecture} does not say how to read its output")
-    read = parse_convention(convention) if convention else DEFAULT_CONVENTIONS[architecture]
+        raise RequestError(
+            f"--convention: {architecture} has no default; name heading unit and frame"
+        )
+    output = parse_convention(convention) if convention else DEFAULT_CONVENTIONS[architecture]
     with edit(root) as draft:
-        refuse_taken(draft, "model", name)
-        register(root, draft, name, weights, read)
+        check_name_free(draft, "model", name)
+        register_model(root, draft, name, weights, output)
         draft.set_provenance(f"model:{name}", {"file": file.name, "file_sha256": weights.sha256})
 
 
 def add_run(
     root: Path, name: str, model: str, sim: str | None, real: str | None, chains: Chains
 ) -> str:
-    """Publish a run that is not computed yet; gives its name. Raises RequestError."""
+    """Publish a run that is not computed yet; return its name. Raises RequestError."""
     checked_name(name, "run")
     for side, chain in chains.items():
         names = [str(step["name"]) for step in chain]
-        twice = next((one for one in names if names.count(one) > 1), None)
-        if twice is not None:
-            raise RequestError(f"--adjust {side}: {twice} twice; name each adjustment once")
+        repeated = next((name for name in names if names.count(name) > 1), None)
+        if repeated is not None:
+            raise RequestError(f"--adjust {side}: {repeated} twice; name each adjustment once")
     with s2rstore.open(root) as store:
-        _unused(name, store.runs, "run", root)
+        _refuse_existing(name, store.runs, "run", root)
         if model not in store.models:
             known = ", ".join(store.models) or "none"
             raise RequestError(f"--model {model}: not in {root} (models: {known})")
-        domains = domain_of(store, "sim", sim), domain_of(store, "real", real)
+        domains = find_domain(store, "sim", sim), find_domain(store, "real", real)
         for domain, chain in zip(domains, (chains["sim"], chains["real"]), strict=True):
             _check_move(store, domain, chain)
     with edit(root) as draft:
-        refuse_taken(draft, "run", name)
+        check_name_free(draft, "run", name)
         insert_run(draft, name, model, domains, chains)
     return name
 
 
 def drop_run(root: Path, name: str) -> bool:
-    """Take a run that was never computed out of the store; False where it is not that.
+    """Remove a run that was never published; False if there is no such run.
 
-    Its arrays stay until `s2r prune`: a run of that name and the same facts takes them up.
+    Its arrays stay until `s2r prune`; a new run with the same name and inputs reuses them.
     """
     with s2rstore.open(root) as store:
         if name not in store.runs or store.runs[name].key is not None:
@@ -77,7 +79,7 @@ def drop_run(root: Path, name: str) -> bool:
 
 
 def _check_move(store: Store, domain: str, chain: Sequence[Mapping[str, Any]]) -> None:
-    """Raises RequestError where a chain moves cameras that it cannot."""
+    """Raises RequestError if a chain moves cameras that cannot be rendered."""
     record = store.domain(domain)
     if camera_move(chain, record, store.dataset.frame_width) != UNMOVED:
         open_renderer(store, domain)
@@ -90,7 +92,7 @@ def insert_run(
     domains: tuple[str, str],
     chains: Chains | None = None,
 ) -> None:
-    """List a run in the next generation."""
+    """Insert a run into the next generation."""
     chains = chains or {"sim": [], "real": []}
     draft.insert_row(
         "run",
@@ -106,22 +108,24 @@ def insert_run(
     )
 
 
-def refuse_taken(draft: IndexTransaction, table: str, name: str) -> None:
-    """Raises RequestError where another process took the name since it was looked up."""
+def check_name_free(draft: IndexTransaction, table: str, name: str) -> None:
+    """Raises RequestError if another process has used the name in the meantime."""
     if draft.rows(f'SELECT 1 FROM "{table}" WHERE "{table}" = ?', [name]):
-        raise RequestError(f"{table} {name!r}: somebody else has just taken it; choose another")
+        raise RequestError(
+            f"{table} {name!r}: another process has just used the name; choose another"
+        )
 
 
-def domain_of(store: Store, kind: Side, wanted: str | None) -> str:
-    """The named domain if it is of that kind, by default `sim` / `real` or the first of it."""
-    names = [name for name, domain in store.domains.items() if domain.kind == kind]
-    if wanted is None:
-        wanted = kind if kind in names else next(iter(names), None)
-    if wanted not in names:
-        raise RequestError(f"--{kind} {wanted}: no {kind} domain (has: {', '.join(names)})")
-    return wanted
+def find_domain(store: Store, kind: Side, name: str | None) -> str:
+    """The named domain of a kind; by default `sim` / `real`, or the first of that kind."""
+    names = [key for key, domain in store.domains.items() if domain.kind == kind]
+    if name is None:
+        name = kind if kind in names else next(iter(names), None)
+    if name not in names:
+        raise RequestError(f"--{kind} {name}: no {kind} domain (has: {', '.join(names)})")
+    return name
 
 
-def _unused(name: str, taken: Mapping[str, Any], what: str, root: Path) -> None:
-    if name in taken:
-        raise RequestError(f"{what} {name!r}: already in {root}; choose another name")
+def _refuse_existing(name: str, existing: Mapping[str, Any], table: str, root: Path) -> None:
+    if name in existing:
+        raise RequestError(f"{table} {name!r}: already in {root}; choose another name")

@@ -1,4 +1,4 @@
-"""Decoded views on the disk, between the pass that checks them and the pass that stores them."""
+"""Decoded frames on the disk, between the pass that checks them and the pass that stores them."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from s2rstore.records import Domain
 from s2rtools.datasets.scan import CheckedFrame, DecodedFrame, FrameSource, InputIssue, Scan
 
 
-class ViewCache:
-    """A nameless temporary file of one trajectory's views; any thread may add and read.
+class FrameCache:
+    """An unnamed temporary file with one trajectory's frames; any thread may add and read.
 
-    It takes 5 bytes a stored pixel at most, and spares decoding every image twice.
+    It takes at most 5 bytes per stored pixel and avoids decoding every image twice.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -28,7 +28,7 @@ class ViewCache:
         self._lock = threading.Lock()
         self._end = 0
 
-    def __enter__(self) -> ViewCache:
+    def __enter__(self) -> FrameCache:
         return self
 
     def __exit__(
@@ -37,25 +37,25 @@ class ViewCache:
     ) -> None:  # fmt: skip
         self._file.close()
 
-    def add(self, picture: FrameSource, view: DecodedFrame) -> CachedView:
-        """The same picture, whose view is from now on read from here."""
-        content = view.rgb.tobytes() + view.depth.tobytes()
+    def add(self, source: FrameSource, frame: DecodedFrame) -> CachedFrame:
+        """Store a frame; the returned source reads it from here."""
+        content = frame.rgb.tobytes() + frame.depth.tobytes()
         with self._lock:
-            at = self._end
+            offset = self._end
             self._end += len(content)
         written = 0
         while written < len(content):
-            written += os.pwrite(self._file.fileno(), content[written:], at + written)
-        nothing = np.empty(0, dtype=np.uint8)
-        shapes = view.rgb.shape, view.depth.shape
-        facts = replace(view, rgb=nothing, depth=nothing)
-        return CachedView(picture, self, facts, at, shapes, view.depth.dtype)
+            written += os.pwrite(self._file.fileno(), content[written:], offset + written)
+        empty = np.empty(0, dtype=np.uint8)
+        shapes = frame.rgb.shape, frame.depth.shape
+        metadata = replace(frame, rgb=empty, depth=empty)
+        return CachedFrame(source, self, metadata, offset, shapes, frame.depth.dtype)
 
-    def read(self, size: int, at: int) -> bytearray:
+    def read(self, size: int, offset: int) -> bytearray:
         content = bytearray(size)
         done = 0
         while done < size:
-            count = os.preadv(self._file.fileno(), [memoryview(content)[done:]], at + done)
+            count = os.preadv(self._file.fileno(), [memoryview(content)[done:]], offset + done)
             if not count:
                 raise OSError(0, "a temporary file was cut")
             done += count
@@ -63,31 +63,32 @@ class ViewCache:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CachedView:
-    """A `FrameSource` that was decoded already."""
+class CachedFrame:
+    """A `FrameSource` whose frame lies in a `FrameCache`."""
 
-    picture: FrameSource
-    cache: ViewCache
-    facts: DecodedFrame
-    at: int
+    source: FrameSource
+    cache: FrameCache
+    metadata: DecodedFrame
+    offset: int
     shapes: tuple[tuple[int, ...], tuple[int, ...]]
     depth_dtype: np.dtype[Any]
 
     @property
     def pixels(self) -> int:
-        return self.picture.pixels
+        return self.source.pixels
 
-    def files(self, scan: Scan) -> tuple[str | None, str | None]:
-        return self.picture.files(scan)
+    def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
+        return self.source.file_names(scan)
 
     def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
-        return CheckedFrame(str(self.depth_dtype), self.facts.notes, self.view(scan, domain))
+        frame = self.decode(scan, domain)
+        return CheckedFrame(str(self.depth_dtype), self.metadata.issues, frame)
 
-    def view(self, scan: Scan, domain: Domain) -> DecodedFrame:
+    def decode(self, scan: Scan, domain: Domain) -> DecodedFrame:
         rgb_shape, depth_shape = self.shapes
         split = int(np.prod(rgb_shape))
         size = split + int(np.prod(depth_shape)) * self.depth_dtype.itemsize
-        content = self.cache.read(size, self.at)
+        content = self.cache.read(size, self.offset)
         rgb: NDArray[np.uint8] = np.frombuffer(content, np.uint8, split).reshape(rgb_shape)
         depth = np.frombuffer(content, self.depth_dtype, offset=split).reshape(depth_shape)
-        return replace(self.facts, rgb=rgb, depth=depth)
+        return replace(self.metadata, rgb=rgb, depth=depth)
