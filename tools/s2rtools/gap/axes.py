@@ -9,10 +9,10 @@ if TYPE_CHECKING:
     from s2rtools.gap.axis_result import Axis
 
 AXES: dict[str, str] = {
-    "visual": "visual.axis:Visual",
-    "task": "task.axis:Task",
-    "dynamics": "dynamics.axis:Dynamics",
-    "delay": "dynamics.lateness:Delay",
+    "visual": "visual.visual_axis:Visual",
+    "task": "task.task_axis:Task",
+    "dynamics": "dynamics.dynamics_axis:Dynamics",
+    "delay": "delay.delay_axis:DelayAxis",
 }
 """Where each is; imported when it is measured."""
 
