@@ -11,8 +11,8 @@ from s2rtools.gap import blocks
 from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.bootstrap_correction import widened
 from s2rtools.gap.task.group_metrics import mean_replicates
-from s2rtools.gap.visual.block_mmd import paired
 from s2rtools.gap.visual.further_metrics import figures
+from s2rtools.gap.visual.kid import block_mmd
 from s2rtools.gap.visual.low_dimensional_samples import principal
 
 
@@ -73,7 +73,7 @@ def test_a_part_keeps_its_trajectories() -> None:
 def test_pairs_inside_a_trajectory_come_with_each_of_its_copies() -> None:
     rng = np.random.default_rng(1)
     cut = blocks.cut(np.repeat(np.arange(6), 12).astype(np.int32), 4)
-    pair = paired(rng.normal(1, 1, size=(72, 3)), rng.normal(size=(72, 3)), cut)
+    pair = block_mmd(rng.normal(1, 1, size=(72, 3)), rng.normal(size=(72, 3)), cut)
     drawn = [0, 0, 0, 2, 4, 4]
     made = [(copy, b) for copy, t in enumerate(drawn) for b in np.flatnonzero(cut.trajectory == t)]
     total, count = 0.0, 0.0

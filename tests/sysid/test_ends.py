@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2rtools.sysid.bound_check import at_ends
+from s2rtools.sysid.identifiability import at_ends
 from s2rtools.sysid.parameter_space import space_of
 from s2rtools.sysid.simulators import Planar
 

@@ -12,7 +12,7 @@ from s2rstore.errors import InconclusiveError, RequestError
 
 if TYPE_CHECKING:
     from s2rtools.sysid.identify import Identification
-    from s2rtools.sysid.parameter_ranges import Range
+    from s2rtools.sysid.parameter_space import Range
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -112,7 +112,7 @@ def _fixed(words: list[str]) -> dict[str, float]:
 
 
 def _ranges(words: list[str]) -> dict[str, Range]:
-    from s2rtools.sysid.parameter_ranges import parsed
+    from s2rtools.sysid.parameter_space import parsed
 
     found = {}
     for word in words:

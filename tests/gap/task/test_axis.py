@@ -26,7 +26,7 @@ from s2rtools.gap.task.group_metrics import (
     mean_replicates,
     swap_interval,
 )
-from s2rtools.gap.task.task_axis import Task, heading_sectors
+from s2rtools.gap.task.task_axis import TaskAxis, heading_sectors
 from s2rtui.cli.formatting.gap_details import details as shown
 from tests.support import tiny
 from tests.support.copies import copied
@@ -55,7 +55,7 @@ def test_m_is_the_mean_paired_gap_of_what_the_model_was_not_trained_on(store: St
         "SELECT r.error - s.error FROM prediction s JOIN prediction r USING (run, iid) "
         "WHERE run = 'vanilla' AND s.side = 'sim' AND r.side = 'real' AND s.split = 'test'"
     )
-    found = Task().measure(evidence(store), SETTINGS)
+    found = TaskAxis().measure(evidence(store), SETTINGS)
     assert found.n == len(rows) == N // 5
     assert found.value == pytest.approx(np.mean(rows))
     assert found.floor == 0
@@ -68,7 +68,7 @@ def test_m_is_the_mean_paired_gap_of_what_the_model_was_not_trained_on(store: St
 
 
 def test_the_details_break_the_gap_down(store: Store) -> None:
-    found = Task().measure(evidence(store), SETTINGS)
+    found = TaskAxis().measure(evidence(store), SETTINGS)
     details = found.details
     assert details["real"] - details["sim"] == pytest.approx(found.value)
     assert details["gap"]["value"] == pytest.approx(found.value)
@@ -80,7 +80,7 @@ def test_the_details_break_the_gap_down(store: Store) -> None:
         assert total / found.n == pytest.approx(found.value)
     assert set(details["rooms"]) == {"left hall", "right"}
     assert set(details["runs"]) == {"vanilla", "dataaug"}
-    other = Task().measure(evidence(store, "dataaug"), SETTINGS)
+    other = TaskAxis().measure(evidence(store, "dataaug"), SETTINGS)
     assert details["runs"]["dataaug"]["gap"]["value"] == pytest.approx(other.value)
     truth = store.instances
     held_out = np.arange(N) % 5 == 4
@@ -109,15 +109,15 @@ def test_a_trajectory_is_told_by_its_blocks_where_whole_ones_are_drawn(
 ) -> None:
     monkeypatch.setattr(blocks, "LEAST_TRAJECTORIES", 2)
     monkeypatch.setattr(blocks, "MOST_OF_ONE", 1)
-    found = Task().measure(evidence(store), SETTINGS)
+    found = TaskAxis().measure(evidence(store), SETTINGS)
     assert "2 whole trajectories" in found.notes[0]
     assert found.details["trajectories"]["a"]["gap"]["low"] is not None
     assert found.details["rooms"]["right"]["gap"]["low"] is None
 
 
 def test_the_anchor_is_the_constant_prediction(store: Store) -> None:
-    measured = Task().measure(evidence(store), SETTINGS)
-    anchor = Task().anchor(evidence(store), SETTINGS)
+    measured = TaskAxis().measure(evidence(store), SETTINGS)
+    anchor = TaskAxis().anchor(evidence(store), SETTINGS)
     assert anchor.value == pytest.approx(measured.details["baseline"] - measured.details["sim"])
     assert anchor.replicates.shape == (300,)
     assert "constant prediction" in anchor.state
@@ -137,7 +137,7 @@ def test_identical_predictions_have_no_gap(path: Path, tmp_path: Path) -> None:
              "error": error, "split": ["unseen"] * N},
         )  # fmt: skip
     with s2rstore.open(root) as store:
-        found = Task().measure(evidence(store), SETTINGS)
+        found = TaskAxis().measure(evidence(store), SETTINGS)
         assert found.value == 0
         assert not found.replicates.any()
         assert found.details["no_gap_interval"] == [0, 0]
@@ -146,10 +146,10 @@ def test_identical_predictions_have_no_gap(path: Path, tmp_path: Path) -> None:
 def test_too_few_instances_are_inconclusive(store: Store) -> None:
     for iids in (np.array([4, 9, 14]), np.arange(0), np.arange(90)):
         with pytest.raises(InconclusiveError, match="at least 20"):
-            Task().measure(evidence(store, iids=iids), SETTINGS)
+            TaskAxis().measure(evidence(store, iids=iids), SETTINGS)
     with pytest.raises(RequestError, match="run 'nobody'"):
-        Task().missing(evidence(store, "nobody"))
-    assert Task().missing(evidence(store)) is None
+        TaskAxis().missing(evidence(store, "nobody"))
+    assert TaskAxis().missing(evidence(store)) is None
 
 
 def test_an_uncomputed_run_is_missing(path: Path, tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def test_an_uncomputed_run_is_missing(path: Path, tmp_path: Path) -> None:
     with edit(root) as draft:
         draft.update("run", {"run": "vanilla"}, {"key": None})
     with s2rstore.open(root) as store:
-        assert "s2r precompute" in str(Task().missing(evidence(store)))
+        assert "s2r precompute" in str(TaskAxis().missing(evidence(store)))
 
 
 def test_rows_without_an_error_leave_the_figures(path: Path, tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_rows_without_an_error_leave_the_figures(path: Path, tmp_path: Path) -> 
     with edit(root) as draft:
         draft.update("prediction", {"run": "vanilla", "side": "real", "iid": "4"}, {"error": None})
     with s2rstore.open(root) as store:
-        found = Task().measure(evidence(store), SETTINGS)
+        found = TaskAxis().measure(evidence(store), SETTINGS)
         assert found.n == N // 5 - 1
         assert np.isfinite(found.replicates).all()
 

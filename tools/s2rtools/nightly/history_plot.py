@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from s2rstore.gap_history.gate_status import word_of
 from s2rstore.gap_history.reader import Night
 from s2rstore.metrics.pose_metrics import Interval
-from s2rtools.nightly.report_model import Content, axes_of, figures_of
+from s2rtools.nightly.night_status import Content, axes_of, figures_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

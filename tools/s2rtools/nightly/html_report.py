@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from html import escape
 
 from s2rstore.security.printable_text import printable
-from s2rtools.nightly import report_model as c
+from s2rtools.nightly import night_status as c
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 _SIGNS = {"PASS": "●", "FAIL": "▲", "INCONCLUSIVE": "■", "ERROR": "▲", "SKIPPED": "·"}

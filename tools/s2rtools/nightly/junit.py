@@ -6,7 +6,7 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from s2rstore.security.printable_text import printable
-from s2rtools.nightly.report_model import Content, facts
+from s2rtools.nightly.night_status import Content, facts
 
 
 def junit(told: Content) -> bytes:

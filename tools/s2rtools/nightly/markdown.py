@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from s2rstore.security.printable_text import printable
-from s2rtools.nightly import report_model as c
+from s2rtools.nightly import night_status as c
 
 
 def markdown(told: c.Content) -> str:

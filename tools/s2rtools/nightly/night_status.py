@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from s2rstore.gap_history.gate_status import Told, Word, known_word, of_report, word_of, worst
-from s2rstore.gap_history.reader import AxisFigures, Night
-from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.gap_history.reader import AxisFigures, History, Night
+from s2rstore.metrics.pose_metrics import LEVEL_TOLD, Interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,3 +78,75 @@ def _fresh(night: Night) -> Check:
     days = f"{night.evidence_age} day{'' if night.evidence_age == 1 else 's'}"
     told = f"evidence is {days} old, since {night.evidence_since}, limit {night.stale_after:g} days"
     return Check("staleness", "INCONCLUSIVE" if night.stale else "PASS", told)
+
+
+MOST_NIGHTS = 90
+"""That tables and plots go back."""
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """A night, its checks, and the nights up to it (itself last), each once."""
+
+    night: Night
+    checks: tuple[Check, ...]
+    past: tuple[Night, ...]
+
+    @property
+    def title(self) -> str:
+        return f"{self.night.name}: {self.night.outcome}, {self.night.night}"
+
+
+def content(found: History, night: Night) -> Content:
+    """Later rows do not change what was told before them."""
+    rows = [each for each in found.nights if each.id <= night.id and each.night <= night.night]
+    past = History(tuple(rows)).counting(night.name)[-MOST_NIGHTS:]
+    return Content(night, tuple(checks(night)), past)
+
+
+def axes_of(past: tuple[Night, ...]) -> list[str]:
+    """All axes that any night has judged, in the order of the newest."""
+    axes = (axis for night in reversed(past) for axis in night.axes)
+    return list(dict.fromkeys(axis.axis for axis in axes if math.isfinite(axis.gap.value)))
+
+
+def figures_of(night: Night, axis: str) -> AxisFigures | None:
+    """One axis of a night."""
+    return next((each for each in night.axes if each.axis == axis), None)
+
+
+def facts(night: Night) -> list[tuple[str, str]]:
+    """What the night was about."""
+    return [
+        ("data set", f"{night.dataset} ({night.dataset_hash[:12]})"),
+        ("run", f"{night.run} (model {night.model})"),
+        ("selection", night.expression),
+        ("threshold", f"{night.threshold:g}"),
+        ("evidence since", f"{night.evidence_since}, {night.evidence_age} days old"),
+        ("written", night.written_at),
+        ("key", night.key[:12]),
+    ]
+
+
+CHECKS = ("check", "result", "what was found")
+PAST = ("night", "result", f"G ({LEVEL_TOLD})", "worst axis", "evidence, days")
+ESTIMATES = ("parameter", f"estimate ({LEVEL_TOLD})", "unit", "note")
+
+
+def check_rows(told: Content) -> list[tuple[str, ...]]:
+    return [(each.name, each.word, each.told) for each in told.checks]
+
+
+def past_rows(told: Content) -> list[tuple[str, ...]]:
+    """The newest night first."""
+    return [
+        (str(n.night), n.outcome, bounds(n.gap), n.worst or "-", str(n.evidence_age))
+        for n in reversed(told.past)
+    ]
+
+
+def estimate_rows(told: Content) -> list[tuple[str, ...]]:
+    return [
+        (each.parameter, bounds(each.value, 4), each.unit, each.note or "")
+        for each in told.night.estimates
+    ]

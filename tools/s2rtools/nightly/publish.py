@@ -18,7 +18,7 @@ from s2rtools.nightly.html_report import page
 from s2rtools.nightly.junit import junit
 from s2rtools.nightly.markdown import markdown
 from s2rtools.nightly.metrics import metrics
-from s2rtools.nightly.report_model import content
+from s2rtools.nightly.night_status import content
 
 LATEST = "latest"
 

@@ -16,10 +16,9 @@ from s2rstore.gap_history.reader import Night
 from s2rstore.reader import Store
 from s2rtools.nightly import history_writer, input_fingerprint, measurement
 from s2rtools.nightly.config import Config
-from s2rtools.nightly.failed_night import refused
 from s2rtools.nightly.history_writer import Tonight
 from s2rtools.nightly.input_fingerprint import Inputs
-from s2rtools.nightly.measurement import Estimates, Estimating, Measuring, Report
+from s2rtools.nightly.measurement import Estimates, Estimating, Measuring, Report, refused
 from s2rtools.nightly.publish import check_own, publish
 
 Clock = Callable[[], datetime.datetime]

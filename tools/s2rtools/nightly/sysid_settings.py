@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def settings(wanted: Sysid) -> SysidSettings:
     """As `s2r sysid` would have them. Raises RequestError for ranges that are none."""
     from s2rtools.sysid import SysidSettings
-    from s2rtools.sysid.parameter_ranges import parsed
+    from s2rtools.sysid.parameter_space import parsed
 
     ranges = {}
     for name, text in wanted.ranges.items():

@@ -10,13 +10,11 @@ import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.motion_logs import Drive
-from s2rtools.sysid.bound_check import at_ends, end_warning
 from s2rtools.sysid.drive_bootstrap import interval, normal_equations, replicates
 from s2rtools.sysid.heldout_error import HeldOut, held_out_error
-from s2rtools.sysid.identifiability import Identifiability, identifiability
+from s2rtools.sysid.identifiability import Identifiability, at_ends, end_warning, identifiability
 from s2rtools.sysid.model_mismatch import Structure, structure
-from s2rtools.sysid.parameter_ranges import ranged
-from s2rtools.sysid.parameter_space import Space, check, space_of
+from s2rtools.sysid.parameter_space import Space, check, ranged, space_of
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.search import Course, search
 from s2rtools.sysid.settings import SysidSettings
@@ -109,13 +107,14 @@ def identify(
     shape = structure(held_problem, everything, cube, settings.replicates, rng)
     error = held_out_error(held_problem, space.start(), cube, settings.replicates, rng)
     reached = at_ends(space, cube, limits)
+    log_warnings = tuple(warning for drive in drives for warning in drive.real.warnings)
     ends = tuple(name for name in reached if name not in known_well.open_names)
     return Identification(
         settings, space, cube, _estimates(space, cube, limits, (*known_well.open_names, *ends)),
         tuple(drive.name for drive in fitted), tuple(drive.name for drive in held),
         found.courses, problem, everything, error, known_well, shape,
         ends,
-        (*_doubts(drives), *_warnings(space, known_well, shape), *_end_warnings(space, cube, ends)),
+        (*log_warnings, *_warnings(space, known_well, shape), *_end_warnings(space, cube, ends)),
     )  # fmt: skip
 
 
@@ -169,10 +168,6 @@ def _estimates(space: Space, cube: Floats, limits: Floats,
         found.append(ParameterEstimate(one.name, one.unit, one.meaning, one.default, float(natural[i]),
                               *bounds, free))  # fmt: skip
     return tuple(found)
-
-
-def _doubts(drives: Sequence[Drive]) -> tuple[str, ...]:
-    return tuple(doubt for drive in drives for doubt in drive.real.doubts)
 
 
 def _end_warnings(space: Space, cube: Floats, names: tuple[str, ...]) -> tuple[str, ...]:

@@ -140,6 +140,6 @@ def state_at(time: Floats, poses: Floats, i: int) -> Floats:
 
 def _jitter(log: Log) -> Floats:
     """Standard deviation of the poses' white noise, x and y pooled."""
-    found = noise.of(log)
+    found = noise.estimate_noise(log)
     place = found.position / np.sqrt(2)
     return np.array([place, place, found.heading])

@@ -26,7 +26,7 @@ LEAST_BLOCKS = 4
 SECTORS = 8
 
 
-class Task(Axis):
+class TaskAxis(Axis):
     """m = mean over the instances of real error - sim error.
 
     A reference fits the same poses and selection, however many of them a model was trained on: m

@@ -15,10 +15,9 @@ from s2rstore.records import Run
 from s2rtools.gap import blocks, instance_selection
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.blocks import Blocks
-from s2rtools.gap.visual.block_mmd import Paired, paired
 from s2rtools.gap.visual.features import Source, source
 from s2rtools.gap.visual.further_metrics import figures
-from s2rtools.gap.visual.kid import KERNEL
+from s2rtools.gap.visual.kid import KERNEL, BlockMMD, block_mmd
 from s2rtools.gap.visual.kl_divergence import bias
 from s2rtools.gap.visual.low_dimensional_samples import Points, predicted, principal
 
@@ -52,7 +51,7 @@ class _Sample:
     notes: tuple[str, ...]
 
 
-class Visual(Axis):
+class VisualAxis(Axis):
     name: ClassVar[str] = "visual"
     unit: ClassVar[str] = "KID"
     measure_is: ClassVar[str] = "kernel distance of sim and real images"
@@ -79,7 +78,7 @@ class Visual(Axis):
 
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         sample = _sample(evidence)
-        pair = paired(sample.sim, sample.real, sample.blocks)
+        pair = block_mmd(sample.sim, sample.real, sample.blocks)
         counts = blocks.draws(sample.blocks, settings.replicates, settings.seed)
         components = principal(sample.sim, sample.real, settings.pca)
         points = {"pca": components, **predicted(evidence.store, evidence.run, sample.iids)}
@@ -114,7 +113,7 @@ class Visual(Axis):
             raw = _unadapted(evidence, run)
             state = f"the sim images before {_steps(run)} (run {raw.run})"
         sample = _sample(replace(evidence, run=raw.run), iids=_iids(evidence))
-        pair = paired(sample.sim, sample.real, sample.blocks)
+        pair = block_mmd(sample.sim, sample.real, sample.blocks)
         counts = blocks.draws(sample.blocks, settings.replicates, settings.seed)
         return Anchor(pair.value(), pair.replicates(counts, settings.level), state)
 
@@ -192,7 +191,7 @@ def _fingerprint(evidence: Evidence, sample: _Sample) -> dict[str, str | int | f
 
 
 def _details(
-    sample: _Sample, pair: Paired, points: Mapping[str, Points], settings: GapSettings
+    sample: _Sample, pair: BlockMMD, points: Mapping[str, Points], settings: GapSettings
 ) -> dict[str, Any]:
     return {
         "blocks": pair.blocks,
