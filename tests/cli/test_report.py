@@ -13,7 +13,7 @@ import pytest
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
-from s2rstore.metrics import pose_metrics, run_metrics
+from s2rstore.metrics import bootstrap, pose_metrics, run_metrics
 from s2rtui.cli import main
 from s2rtui.export.report.request import ReportRequest, RequestedSelection
 from s2rtui.export.report.write import report
@@ -110,7 +110,7 @@ def test_figures_are_those_of_the_store(tiny_store: Path, page: Page) -> None:
         chance = pose_metrics.accuracy(away, store.dataset.accuracy_scale).mean()
         found = page.tables["Run dataaug on the selection"]
         for row, part in zip(found[1:], (columns.sim, columns.real), strict=True):
-            accuracy = pose_metrics.bootstrap_mean(part.accuracy[fresh])
+            accuracy = bootstrap.mean_interval(part.accuracy[fresh], truth.trajectory[fresh])
             assert row[1].startswith(f"{100 * accuracy.value:.1f} %")
             assert row[2] == f"{100 * chance:.1f} %"
             assert row[3] == f"{np.median(part.error[fresh]):.2f} m"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from s2rstore.metrics.pose_metrics import bounds, interval
+from s2rstore.metrics.bootstrap import percentile_bounds, percentile_interval
 from s2rtools.gap.bootstrap_correction import small_sample, widened
 
 
@@ -33,6 +33,6 @@ def test_replicates_are_drawn_apart_about_the_value() -> None:
 
 
 def test_what_is_unknown_has_no_bounds() -> None:
-    assert np.isnan(bounds(np.zeros(0))).all()
-    assert np.isnan(bounds(np.array([1.0, np.nan]))).all()
-    assert interval(1.0, np.arange(101.0), 0.9).low == pytest.approx(5.0)
+    assert np.isnan(percentile_bounds(np.zeros(0))).all()
+    assert np.isnan(percentile_bounds(np.array([1.0, np.nan]))).all()
+    assert percentile_interval(1.0, np.arange(101.0), 0.9).low == pytest.approx(5.0)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
 from s2rstore.gap_history.gate_status import outcome_of
-from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.metrics.bootstrap import Interval
 from s2rtools.gap.axis_result import Anchor, AxisResult, GapSettings
 from s2rtools.gap.gate import reference
 from s2rtools.gap.gate.verdict import judge
@@ -188,10 +188,10 @@ def test_an_anchor_within_noise_of_the_floor_is_no_scale(tmp_path: Path) -> None
 def test_the_word_follows_the_interval(
     value: float, under: float, over: float, threshold: float
 ) -> None:
-    outcome = outcome_of(Interval(value, value - under, value + over), threshold)
+    outcome = outcome_of(Interval(value - under, value, value + over), threshold)
     assert (outcome == "PASS") == (value + over < threshold)
     assert (outcome == "FAIL") == (value - under > threshold)
 
 
 def test_bounds_that_are_unknown_decide_nothing() -> None:
-    assert outcome_of(Interval(0.0, np.nan, np.nan), 15) == "INCONCLUSIVE"
+    assert outcome_of(Interval.unknown(0.0), 15) == "INCONCLUSIVE"

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import pytest
 
 from s2rstore.gap_history.gate_status import EXIT_CODES, known_word, of_report, word_of, worst
-from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.metrics.bootstrap import Interval
 
 
 def report(headline: str, golden: str | None, judged: bool = True) -> dict[str, Any]:
@@ -42,5 +41,5 @@ def test_words_and_codes() -> None:
     assert worst([]) == "PASS"
     assert known_word("FAIL") == "FAIL"
     assert known_word("nonsense") == "SKIPPED"
-    assert word_of(Interval(math.nan, math.nan, math.nan), 15) == "SKIPPED"
-    assert word_of(Interval(3, math.nan, math.nan), 15) == "INCONCLUSIVE"
+    assert word_of(Interval.unknown(), 15) == "SKIPPED"
+    assert word_of(Interval.unknown(3), 15) == "INCONCLUSIVE"

@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as hnp
 
 import s2rstore
 from s2rstore.geometry import angles
-from s2rstore.metrics import pose_metrics, run_metrics, store_summary
+from s2rstore.metrics import bootstrap, pose_metrics, run_metrics, store_summary
 from tests.support import tiny
 
 
@@ -48,7 +48,9 @@ def test_the_interval_covers_the_mean_of_independent_values_about_as_often_as_it
     rng = np.random.default_rng(3)
     hits = 0
     for _ in range(200):
-        found = pose_metrics.bootstrap_mean(rng.normal(1, 1, 200), pose_metrics.Bootstrap(5, 400))
+        found = bootstrap.mean_interval(
+            rng.normal(1, 1, 200), settings=bootstrap.BootstrapSettings(400, block_length=5)
+        )
         hits += found.low <= 1 <= found.high
     assert 175 <= hits <= 199
 
@@ -56,9 +58,11 @@ def test_the_interval_covers_the_mean_of_independent_values_about_as_often_as_it
 def test_neighbouring_values_that_repeat_widen_the_interval() -> None:
     rng = np.random.default_rng(4)
     values = rng.normal(0, 1, 40)
-    single = pose_metrics.bootstrap_mean(np.tile(values, 1).repeat(1))
-    repeated = pose_metrics.bootstrap_mean(values.repeat(10))
-    naive = pose_metrics.bootstrap_mean(values.repeat(10), pose_metrics.Bootstrap(1))
+    single = bootstrap.mean_interval(np.tile(values, 1).repeat(1))
+    repeated = bootstrap.mean_interval(values.repeat(10))
+    naive = bootstrap.mean_interval(
+        values.repeat(10), settings=bootstrap.BootstrapSettings(block_length=1)
+    )
     assert repeated.high - repeated.low > 2 * (naive.high - naive.low)
     assert single.low < single.value < single.high
 

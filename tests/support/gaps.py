@@ -9,17 +9,17 @@ from typing import Any
 
 from s2rstore.gap_history.gate_status import EXIT_CODES, word_of
 from s2rstore.gap_history.reader import AxisFigures, History, Night
-from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.metrics.bootstrap import Interval
 
 FIRST = datetime.date(2026, 11, 16)
-NOTHING = Interval(math.nan, math.nan, math.nan)
+NOTHING = Interval.unknown()
 
 
 def night(number: int, gaps: Mapping[str, float], half: float = 2.0, **changes: Any) -> Night:
     """Night `number` (1 is the first) whose axes have these G +- `half`; NaN is not judged."""
     axes = tuple(
-        AxisFigures(name, "measured", name, "m", Interval(0.2, 0.1, 0.3), Interval(0.1, 0.1, 0.1),
-                    Interval(gap, gap - half, gap + half), 1.1, 100, None)
+        AxisFigures(name, "measured", name, "m", Interval(0.1, 0.2, 0.3), Interval(0.1, 0.1, 0.1),
+                    Interval(gap - half, gap, gap + half), 1.1, 100, None)
         for name, gap in gaps.items()
     )  # fmt: skip
     judged = [axis for axis in axes if not math.isnan(axis.gap.value)]

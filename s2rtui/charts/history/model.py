@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from s2rstore.gap_history.gate_status import Word, known_word, word_of
 from s2rstore.gap_history.reader import AxisFigures, Night
-from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.metrics.bootstrap import Interval
 
 HEADLINE = "headline"
 LOWEST, HIGHEST = -20.0, 120.0
 """G is clipped to these for display only."""
-_NOTHING = Interval(math.nan, math.nan, math.nan)
+_NOTHING = Interval.unknown()
 Floats = NDArray[np.float64]
 
 
@@ -42,7 +42,7 @@ class Track:
     @property
     def last(self) -> Interval:
         """The newest night's."""
-        return Interval(float(self.value[-1]), float(self.low[-1]), float(self.high[-1]))
+        return Interval(float(self.low[-1]), float(self.value[-1]), float(self.high[-1]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

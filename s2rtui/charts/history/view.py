@@ -10,7 +10,7 @@ from textwrap import wrap
 from s2rstore.errors import RequestError
 from s2rstore.gap_history.gate_status import known_word, word_of
 from s2rstore.gap_history.reader import History, Night
-from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.metrics.bootstrap import Interval
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.charts.history import model, terminal
 from s2rtui.charts.view import Pane, Pixels, Scene, Table, View

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from s2rstore.metrics.pose_metrics import LEVEL_TOLD
+from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rtui.canvas.colour import LIGHT, Theme
 from s2rtui.charts.overview.model import OverviewModel, overview_model
 from s2rtui.charts.overview.paper_lines import draw_lines, keys
@@ -226,7 +226,7 @@ def _legend(
     theme = page.theme
     handles = _diamonds(theme)
     handles.append(Line2D([], [], color=unit(theme.muted), linewidth=1.3, marker="|", markersize=6))
-    names = ["sim", "real", f"{LEVEL_TOLD} interval"]
+    names = ["sim", "real", f"{LEVEL_TEXT} interval"]
     if model.baseline is not None:
         line = axes.axvline(
             100 * model.baseline, color=unit(theme.truth), linewidth=1.4, linestyle=(0, (2, 2))

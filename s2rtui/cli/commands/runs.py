@@ -5,15 +5,15 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from s2rstore.metrics.pose_metrics import LEVEL_TOLD
+from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rtui.cli.formatting import rows as output
 
 if TYPE_CHECKING:
     from s2rstore.metrics.run_metrics import Headline
 
 _NAMES = (
-    "run", "model", "sim", "real", "n", "trained on", "sim accuracy %", f"sim {LEVEL_TOLD}",
-    "sim median m", "real accuracy %", f"real {LEVEL_TOLD}", "real median m", "baseline %", "note",
+    "run", "model", "sim", "real", "n", "trained on", "sim accuracy %", f"sim {LEVEL_TEXT}",
+    "sim median m", "real accuracy %", f"real {LEVEL_TEXT}", "real median m", "baseline %", "note",
 )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from s2rstore.gap_history.gate_status import of_report
-from s2rstore.metrics.pose_metrics import LEVEL_TOLD
+from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rtui.cli.formatting import rows as output
 from s2rtui.cli.formatting.gap_details import bounds, details
 
@@ -43,7 +43,7 @@ def _lines(found: dict[str, Any], with_details: bool) -> Iterator[str]:
 
 
 def _axes(axes: list[dict[str, Any]]) -> str:
-    level = f"({LEVEL_TOLD})"
+    level = f"({LEVEL_TEXT})"
     names = ("axis", "m", f"value {level}", "floor", "unit", "n", f"G {level}")
     rows = [
         (

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics import pose_metrics, run_metrics
+from s2rstore.metrics import bootstrap, run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtui.export.report.content import ReportTable
@@ -31,7 +31,7 @@ def percent(value: float) -> str:
     return number(100 * value, 1, "%")
 
 
-def interval(found: pose_metrics.Interval) -> str:
+def interval(found: bootstrap.Interval) -> str:
     """`98.0 % (97.6 to 98.3)`."""
     if not math.isfinite(found.value):
         return "n/a"
@@ -54,7 +54,8 @@ def compared(
              percent(run_metrics.baseline(store, run, members)),
              number(sim.median_error, 2, "m"), number(real.median_error, 2, "m"), str(sim.n))
         )  # fmt: skip
-    note = f"Accuracy with its {pose_metrics.LEVEL_TOLD} block bootstrap interval. {BASELINE} {_left_out()}"
+    level = bootstrap.LEVEL_TEXT
+    note = f"Accuracy with its {level} block bootstrap interval. {BASELINE} {_left_out()}"
     return ReportTable(caption, names, rows, note)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Literal, get_args
 
 from s2rstore.errors import InconclusiveError, NotSoError, RequestError
-from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.metrics.bootstrap import Interval
 
 Outcome = Literal["PASS", "FAIL", "INCONCLUSIVE"]
 Word = Outcome | Literal["SKIPPED"]

@@ -16,7 +16,7 @@ from s2rstore.files import layout, safe_files
 from s2rstore.gap_history import schema
 from s2rstore.index import locked_connection
 from s2rstore.index.schema import Table
-from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.metrics.bootstrap import Interval
 from s2rstore.security.printable_text import printable
 
 _MEMORY = "64MB"
@@ -259,7 +259,7 @@ def _estimate(row: Row) -> NightlyEstimate:
 
 
 def _interval(row: Row, name: str) -> Interval:
-    return Interval(*(_number(row[f"{name}{end}"]) for end in ("", "_low", "_high")))
+    return Interval(*(_number(row[f"{name}{end}"]) for end in ("_low", "", "_high")))
 
 
 def _number(value: float | None) -> float:

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from s2rstore.gap_history.gate_status import CODES_TOLD
 from s2rstore.index.schema import Column, Table, statements_of
-from s2rstore.metrics.pose_metrics import LEVEL_TOLD
+from s2rstore.metrics.bootstrap import LEVEL_TEXT
 
 BOUNDS = {
     "": "",
-    "_low": f", lower {LEVEL_TOLD} bound",
-    "_high": f", upper {LEVEL_TOLD} bound",
+    "_low": f", lower {LEVEL_TEXT} bound",
+    "_high": f", upper {LEVEL_TEXT} bound",
 }
 """How the columns of a figure and of its interval end, and what is said of each."""
 

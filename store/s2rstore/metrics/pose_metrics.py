@@ -1,8 +1,6 @@
-"""Figures that stand beside every summary: ranks, accuracy, baseline and bootstrap intervals."""
+"""Errors, losses, accuracies and ranks of predicted poses."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,45 +8,6 @@ from numpy.typing import NDArray
 from s2rstore.geometry import angles
 
 LOSS_GAMMA = 0.3
-LEVEL = 0.95
-"""Of every interval that is shown."""
-LEVEL_TOLD = f"{100 * LEVEL:g} %"
-
-
-@dataclass(frozen=True, slots=True)
-class Bootstrap:
-    """Block bootstrap settings; `block_length` 0 means the rounded-up square root of n."""
-
-    block_length: int = 0
-    replicates: int = 1000
-    seed: int = 20210101
-    level: float = LEVEL
-
-
-BOOTSTRAP = Bootstrap()
-
-
-@dataclass(frozen=True, slots=True)
-class Interval:
-    """An estimate with the bounds of its bootstrap interval."""
-
-    value: float
-    low: float
-    high: float
-
-
-def bounds(replicates: NDArray[np.float64], level: float = LEVEL) -> tuple[float, float]:
-    """The percentile interval of replicates (R,); NaN where there is none, or one is NaN."""
-    if not replicates.size:
-        return np.nan, np.nan
-    tail = 50 * (1 - level)
-    low, high = np.percentile(replicates, [tail, 100 - tail])
-    return float(low), float(high)
-
-
-def interval(value: float, replicates: NDArray[np.float64], level: float = LEVEL) -> Interval:
-    """An estimate with the percentile interval of its replicates (R,)."""
-    return Interval(float(value), *bounds(replicates, level))
 
 
 def position_error(
@@ -90,28 +49,3 @@ def baseline_accuracy(
     if x.size == 0:
         return np.zeros(0)
     return accuracy(np.hypot(x - x.mean(), y - y.mean()), scale)
-
-
-def bootstrap_mean(values: NDArray[np.float64], settings: Bootstrap = BOOTSTRAP) -> Interval:
-    """Mean with its percentile interval by circular blocks of neighbouring values.
-
-    `values` (n,) are in recording order, without NaN. NaN bounds below two values. Deviations from
-    the mean are widened by sqrt(b / (b - 1)), b the number of blocks, because b blocks know no more
-    than b values. Source: Politis and Romano, "A circular block-resampling procedure for stationary
-    data", 1992.
-    """
-    n = values.size
-    if n == 0:
-        return Interval(np.nan, np.nan, np.nan)
-    mean = float(values.mean())
-    if n == 1:
-        return Interval(mean, np.nan, np.nan)
-    length = min(settings.block_length or int(np.ceil(np.sqrt(n))), n // 2)
-    blocks = -(-n // length)
-    around = np.concatenate([[0.0], np.cumsum(np.concatenate([values, values[: length - 1]]))])
-    sums = around[length:] - around[:-length]
-    rng = np.random.default_rng(settings.seed)
-    starts = rng.integers(0, n, size=(settings.replicates, blocks))
-    means = sums[starts].sum(axis=1) / (blocks * length)
-    means = mean + (means - mean) * np.sqrt(blocks / (blocks - 1))
-    return interval(mean, means, settings.level)

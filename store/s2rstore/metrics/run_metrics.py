@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics import pose_metrics
+from s2rstore.metrics import bootstrap, pose_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SPLITS, Side
 
@@ -27,7 +27,7 @@ class Headline:
 
     n: int
     trained_on: int
-    accuracy: pose_metrics.Interval
+    accuracy: bootstrap.Interval
     mean_error: float
     median_error: float
 
@@ -51,7 +51,9 @@ def headline(
     return Headline(
         n=int(keep.sum()),
         trained_on=int(chosen.sum() - keep.sum()),
-        accuracy=pose_metrics.bootstrap_mean(part.accuracy[keep]),
+        accuracy=bootstrap.mean_interval(
+            part.accuracy[keep], store.instances.trajectory[keep]
+        ).clipped(0.0, 1.0),
         mean_error=float(errors.mean()) if errors.size else float("nan"),
         median_error=float(np.median(errors)) if errors.size else float("nan"),
     )

@@ -207,5 +207,5 @@ def test_a_short_slow_drive_is_bounded_or_inconclusive(seconds: float) -> None:
             assert found.low <= found.high
         except InconclusiveError as error:
             told.add(str(error))
-    assert any("too short for an interval their delay" in line for line in told)
+    assert any("too short for an interval of the time delay" in line for line in told)
     assert not any("\n" in line for line in told)

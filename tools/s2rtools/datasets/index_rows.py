@@ -13,7 +13,7 @@ import numpy as np
 from s2rstore.geometry.rooms import room_codes
 from s2rstore.geometry.trajectory import curvature
 from s2rstore.index.transaction import IndexTransaction
-from s2rstore.metrics import pose_metrics
+from s2rstore.metrics import bootstrap
 from s2rstore.records import Domain
 from s2rtools.datasets.scan import FrameChecksum, InstanceRecord, Scan
 
@@ -63,7 +63,7 @@ def write_index(
     for what, facts in scan.notes.items():
         draft.note(what, facts)
     rule = "block_length 0: the rounded-up square root of n, in recording order"
-    draft.note("statistics", {"bootstrap": {**asdict(pose_metrics.BOOTSTRAP), "rule": rule}})
+    draft.note("statistics", {"bootstrap": {**asdict(bootstrap.DEFAULT_SETTINGS), "rule": rule}})
 
 
 def _dataset_row(scan: Scan, rows: list[Row], plan: str | None) -> dict[str, Any]:

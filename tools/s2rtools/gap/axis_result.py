@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.pose_metrics import LEVEL
+from s2rstore.metrics.bootstrap import LEVEL
 from s2rstore.reader import Store
 from s2rtools.gap import defaults
 from s2rtools.motion_logs import Drive

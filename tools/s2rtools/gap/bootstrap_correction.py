@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
-from s2rstore.metrics.pose_metrics import LEVEL
+from s2rstore.metrics.bootstrap import LEVEL
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore.metrics.pose_metrics import Interval, interval
+from s2rstore.metrics.bootstrap import Interval, percentile_interval
 from s2rtools.gap.axis_result import Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.gate.golden_run import Compared
 from s2rtools.gap.gate.reference import Frozen, Reference
@@ -75,8 +75,10 @@ def _axis(found: AxisResult, settings: GapSettings, judged: Judged) -> dict[str,
         "axis": found.axis,
         "measure": axis.measure_is,
         "unit": axis.unit,
-        **_bounds("value", interval(found.value, found.replicates, settings.level)),
-        **_bounds("floor", interval(found.floor, found.floor_replicates, settings.level)),
+        **_bounds("value", percentile_interval(found.value, found.replicates, settings.level)),
+        **_bounds(
+            "floor", percentile_interval(found.floor, found.floor_replicates, settings.level)
+        ),
         "floor_is": axis.floor_is,
         "n": found.n,
         **_scaled(gaps.get(found.axis), judged.scale.get(found.axis)),
@@ -90,7 +92,7 @@ def _scaled(gap: AxisGap | None, frozen: Frozen | None) -> dict[str, Any]:
     bounds = _bounds("gap", gap.gap if gap else NOTHING)
     if frozen is None:
         return bounds
-    anchor = Interval(frozen.anchor, frozen.anchor_low, frozen.anchor_high)
+    anchor = Interval(frozen.anchor_low, frozen.anchor, frozen.anchor_high)
     return {**bounds, **_bounds("anchor", anchor), "anchor_state": frozen.state}
 
 

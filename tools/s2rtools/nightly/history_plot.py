@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from s2rstore.gap_history.gate_status import word_of
 from s2rstore.gap_history.reader import Night
-from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.metrics.bootstrap import Interval
 from s2rtools.nightly.night_status import Content, axes_of, figures_of
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def _panels(told: Content) -> list[Drawn]:
     def of(axis: str) -> Drawn:
         def gap(night: Night) -> Interval:
             found = figures_of(night, axis)
-            return found.gap if found else Interval(math.nan, math.nan, math.nan)
+            return found.gap if found else Interval.unknown()
 
         return axis, gap, lambda night: word_of(gap(night), night.threshold)
 

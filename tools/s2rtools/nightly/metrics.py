@@ -19,7 +19,7 @@ from prometheus_client.registry import Collector
 from s2rstore.gap_history.gate_status import CODES_TOLD, EXIT_CODES
 from s2rstore.gap_history.reader import Night
 from s2rstore.gap_history.schema import BOUNDS
-from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.metrics.bootstrap import Interval
 from s2rtools.nightly.night_status import axis_check
 
 HEADLINE = "headline"

@@ -8,7 +8,7 @@ from typing import Any
 
 from s2rstore.gap_history.gate_status import Told, Word, known_word, of_report, word_of, worst
 from s2rstore.gap_history.reader import AxisFigures, History, Night
-from s2rstore.metrics.pose_metrics import LEVEL_TOLD, Interval
+from s2rstore.metrics.bootstrap import LEVEL_TEXT, Interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +129,8 @@ def facts(night: Night) -> list[tuple[str, str]]:
 
 
 CHECKS = ("check", "result", "what was found")
-PAST = ("night", "result", f"G ({LEVEL_TOLD})", "worst axis", "evidence, days")
-ESTIMATES = ("parameter", f"estimate ({LEVEL_TOLD})", "unit", "note")
+PAST = ("night", "result", f"G ({LEVEL_TEXT})", "worst axis", "evidence, days")
+ESTIMATES = ("parameter", f"estimate ({LEVEL_TEXT})", "unit", "note")
 
 
 def check_rows(told: Content) -> list[tuple[str, ...]]:

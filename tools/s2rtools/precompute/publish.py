@@ -14,7 +14,7 @@ import numpy as np
 import s2rstore
 from s2rstore.files.input_files import parse_object
 from s2rstore.index.transaction import edit
-from s2rstore.metrics import pose_metrics
+from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtools.heatmaps import KINDS
@@ -154,7 +154,7 @@ def _provenance(
         "heat ranges": parse_object(noted.get("heat ranges", "{}"), "heat ranges") | ranges,
         "projection": SETTINGS.facts(),
         "outlier": outliers.SETTINGS.facts(),
-        "bootstrap": asdict(pose_metrics.BOOTSTRAP),
+        "bootstrap": asdict(bootstrap.DEFAULT_SETTINGS),
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
     }

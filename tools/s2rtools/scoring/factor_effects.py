@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry.camera_offset import CameraMove
-from s2rstore.metrics import pose_metrics, run_metrics
+from s2rstore.metrics import run_metrics
+from s2rstore.metrics.bootstrap import BootstrapSettings, Interval, mean_interval
 from s2rstore.records import Run
 from s2rtools.adjustments import apply_chain
 from s2rtools.inference import Backend
@@ -44,12 +45,12 @@ class FactorScore:
 
     run: str
     factor: str
-    alone: pose_metrics.Interval
-    without: pose_metrics.Interval
+    alone: Interval
+    without: Interval
     alone_median: float
     without_median: float
-    cost: pose_metrics.Interval
-    gain: pose_metrics.Interval
+    cost: Interval
+    gain: Interval
     n: int
     left_out: int
 
@@ -65,7 +66,7 @@ class ObjectScore:
     object: int
     name: str
     change: str
-    gain: pose_metrics.Interval
+    gain: Interval
     n: int
 
 
@@ -95,15 +96,17 @@ class Counterfactuals:
             fresh = run_metrics.held_out(self._truth.store, run.run)[self.iids]
             if not fresh.any():
                 continue
+            trajectory = self._truth.store.instances.trajectory[self.iids][fresh]
             of = {label: made[run.run][fresh] for label, made in errors.items()}
             for name in names:
                 alone, without = of[f"only {name}"], of[f"no {name}"]
                 found.append(
                     FactorScore(
-                        run.run, name, pose_metrics.bootstrap_mean(alone), pose_metrics.bootstrap_mean(without),
+                        run.run, name, mean_interval(alone, trajectory),
+                        mean_interval(without, trajectory),
                         float(np.median(alone)), float(np.median(without)),
-                        pose_metrics.bootstrap_mean(alone - of["none"]),
-                        pose_metrics.bootstrap_mean(of["all"] - without),
+                        mean_interval(alone - of["none"], trajectory),
+                        mean_interval(of["all"] - without, trajectory),
                         int(fresh.sum()), int((~fresh).sum()),
                     )
                 )  # fmt: skip
@@ -241,8 +244,8 @@ def _joined(parts: list[Errors]) -> Errors:
     return {run: np.concatenate([part[run] for part in parts]) for run in parts[0]}
 
 
-def _spread(values: NDArray[np.float64]) -> pose_metrics.Interval:
+def _spread(values: NDArray[np.float64]) -> Interval:
     """The mean of views that are no neighbours; too few of them have no interval."""
     if values.size < MIN_VIEWS:
-        return pose_metrics.Interval(float(values.mean()), float("nan"), float("nan"))
-    return pose_metrics.bootstrap_mean(values, pose_metrics.Bootstrap(block_length=1))
+        return Interval.unknown(float(values.mean()))
+    return mean_interval(values, settings=BootstrapSettings(block_length=1))

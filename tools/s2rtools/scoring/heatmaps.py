@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from s2rstore.metrics import pose_metrics
+from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.heatmaps import KINDS
@@ -42,8 +42,8 @@ class HeatScore:
     side: str
     """sim, real, or both maps of the floor together."""
     place: Place
-    auroc: pose_metrics.Interval
-    precision: pose_metrics.Interval
+    auroc: bootstrap.Interval
+    precision: bootstrap.Interval
     base_rate: float
     n: int
     without: int
@@ -79,33 +79,32 @@ def _image_scores(
         )
         cells = np.concatenate([to_cells(block) for block in blocks])
         positive = truth.seen(side, truth.moves(run)[side]).cells
-        auroc, precision, base, without = _per_frame(cells, positive, seed)
-        yield HeatScore(run, kind, mode, side, "image", _mean(auroc),
-                        _mean(precision), base, len(auroc), without)  # fmt: skip
+        auroc, precision, base, n, without = _per_frame(truth, cells, positive, seed)
+        yield HeatScore(run, kind, mode, side, "image", auroc, precision, base, n, without)
 
 
 def _random_image(truth: Truth, seed: int) -> HeatScore:
     positive = truth.seen("real").cells
     cells = np.random.default_rng([seed, 1]).random(positive.shape)
-    auroc, precision, base, without = _per_frame(cells, positive, seed)
-    return HeatScore("-", "random", None, "real", "image", _mean(auroc),
-                     _mean(precision), base, len(auroc), without)  # fmt: skip
+    auroc, precision, base, n, without = _per_frame(truth, cells, positive, seed)
+    return HeatScore("-", "random", None, "real", "image", auroc, precision, base, n, without)
 
 
 def _per_frame(
-    cells: NDArray[Any], positive: NDArray[np.bool_], seed: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float, int]:
-    """AUROC and precision of each frame that has positives, base rate, and frames without."""
+    truth: Truth, cells: NDArray[Any], positive: NDArray[np.bool_], seed: int
+) -> tuple[bootstrap.Interval, bootstrap.Interval, float, int, int]:
+    """Mean AUROC and precision of frames with positives, base rate, frames with and without."""
     share = positive.mean(axis=(1, 2))
     scored = np.flatnonzero((share > 0) & (share < 1))
     ranked = [
         Ranked.of(cells[row], positive[row], np.random.default_rng([seed, int(row)]))
         for row in scored
     ]
-    auroc = np.array([frame.auroc() for frame in ranked])
-    precision = np.array([frame.precision(TOP) for frame in ranked])
+    trajectory = truth.store.instances.trajectory[scored]
+    auroc = _mean(np.array([frame.auroc() for frame in ranked]), trajectory)
+    precision = _mean(np.array([frame.precision(TOP) for frame in ranked]), trajectory)
     base = float(share[scored].mean()) if scored.size else float("nan")
-    return auroc, precision, base, int((share == 0).sum())
+    return auroc, precision, base, len(ranked), int((share == 0).sum())
 
 
 def _floor_scores(
@@ -190,13 +189,13 @@ def _smoothed(total: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray
     return np.where(known, soft, np.nan)
 
 
-def _interval(value: float, replicates: list[float]) -> pose_metrics.Interval:
-    return pose_metrics.interval(value, np.array([r for r in replicates if np.isfinite(r)]))
+def _interval(value: float, replicates: list[float]) -> bootstrap.Interval:
+    return bootstrap.percentile_interval(value, np.array([r for r in replicates if np.isfinite(r)]))
 
 
-def _mean(values: NDArray[np.float64]) -> pose_metrics.Interval:
+def _mean(values: NDArray[np.float64], trajectory: NDArray[np.integer]) -> bootstrap.Interval:
     """The mean of shares; without an interval where there are too few frames for blocks."""
-    found = pose_metrics.bootstrap_mean(values)
+    found = bootstrap.mean_interval(values, trajectory)
     if values.size < MIN_FRAMES:
-        return pose_metrics.Interval(found.value, float("nan"), float("nan"))
-    return pose_metrics.Interval(found.value, max(found.low, 0.0), min(found.high, 1.0))
+        return bootstrap.Interval.unknown(found.value)
+    return found.clipped(0.0, 1.0)

@@ -15,7 +15,7 @@ from typing import Any
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import check_writable, edit
-from s2rstore.metrics.pose_metrics import Interval
+from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from s2rtools.inference import open_backend
 from s2rtools.models.library import load_model

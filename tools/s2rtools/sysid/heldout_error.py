@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore.metrics.pose_metrics import LEVEL, bounds
+from s2rstore.metrics.bootstrap import LEVEL, percentile_bounds
 from s2rtools.sysid.drive_bootstrap import interval
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats, Integers
@@ -71,7 +71,7 @@ def compared(before: Floats, after: Floats, drives: Integers, count: int,
     groups = [gain[drives == drive] for drive in np.unique(drives)]
     drawn = drawn_means(groups, count, rng)
     if len(groups) < _FEW:
-        low, high = bounds(drawn)
+        low, high = percentile_bounds(drawn)
     else:
         low, high = interval(drawn, LEVEL, len(groups))
     whole = [tuple(np.sqrt((table**2).mean(axis=0)).tolist()) for table in (before, after)]

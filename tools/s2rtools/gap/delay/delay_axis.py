@@ -9,9 +9,8 @@ import numpy as np
 from scipy import stats
 
 from s2rstore.errors import RequestError
-from s2rstore.metrics.pose_metrics import bounds
+from s2rstore.metrics.bootstrap import corrected, percentile_bounds
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
-from s2rtools.gap.bootstrap_correction import widened
 from s2rtools.gap.delay import time_delay
 from s2rtools.gap.dynamics.log_quality import untuned_log
 from s2rtools.gap.dynamics.window_bootstrap import drive_counts
@@ -69,7 +68,7 @@ class DelayAxis(Axis):
         delays = self._delays(drives, lambda drive: drive.sim, settings)
         value, replicates = mean_size(delays, settings)
         signed, draws = _pooled(delays, np.array([each.seconds for each in delays]), settings)
-        low, high = bounds(draws, settings.level)
+        low, high = percentile_bounds(draws, settings.level)
         n = sum(int(each.overlap // time_delay.BLOCK) for each in delays)
         return AxisResult(
             axis=self.name,
@@ -198,7 +197,7 @@ def _pooled(
     mean = float(np.average(values, weights=overlap))
     weights = drive_counts(len(delays), settings) * overlap
     means = weights @ values / weights.sum(axis=1)
-    return mean, widened(means, mean, len(delays), settings.level)
+    return mean, corrected(means, mean, len(delays), settings.level)
 
 
 def _notes(drives: Sequence[Drive], delays: Sequence[time_delay.TimeDelay]) -> tuple[str, ...]:

@@ -17,9 +17,8 @@ from scipy import ndimage, optimize
 from scipy.interpolate import CubicSpline
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rstore.metrics.pose_metrics import bounds
+from s2rstore.metrics.bootstrap import correction_factor, percentile_bounds
 from s2rtools.gap.axis_result import GapSettings
-from s2rtools.gap.bootstrap_correction import small_sample
 from s2rtools.motion_logs.motion_log import Floats, Log, poses_at
 
 RATES = ("forward speed", "sideways speed", "yaw rate")
@@ -107,7 +106,7 @@ def estimate_delay(
         )
     except InconclusiveError as error:
         raise InconclusiveError(f"{real.source} and {sim.source}: {error}") from error
-    low, high = bounds(replicates, settings.level)
+    low, high = percentile_bounds(replicates, settings.level)
     return TimeDelay(
         float(shift) * step, low, high, replicates,
         dict(zip(RATES, correlation.tolist(), strict=True)), overlap,
@@ -295,7 +294,7 @@ def _resampled_shifts(
     bend = np.maximum(before - 2 * here + after, 1e-300)
     fine = np.clip(0.5 * (before - after) / bend, -1, 1)
     deviation = shifts[at] + fine * (shifts[1] - shifts[0])
-    return best + deviation * small_sample(blocks, settings.level), inside
+    return best + deviation * correction_factor(blocks, settings.level), inside
 
 
 def _block_sums(a: Floats, b: Floats, edges: NDArray[np.int_]) -> Floats:

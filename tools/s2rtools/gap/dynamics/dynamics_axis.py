@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from s2rstore.errors import InconclusiveError
-from s2rstore.metrics.pose_metrics import bounds
+from s2rstore.metrics.bootstrap import percentile_bounds
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.delay import time_delay
 from s2rtools.gap.dynamics import ape_rpe, log_quality, noise_floor, repeatability
@@ -287,7 +287,7 @@ def _with_bounds(
     name: str, value: float, draws: Floats, blocks: Resamples, settings: GapSettings
 ) -> dict[str, float]:
     spread = np.maximum(blocks.widened(np.array(value), draws), 0.0)
-    low, high = bounds(spread, settings.level)
+    low, high = percentile_bounds(spread, settings.level)
     return {name: value, f"{name}_low": low, f"{name}_high": high}
 
 

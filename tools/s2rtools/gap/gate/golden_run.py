@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.files.input_files import read_json
 from s2rstore.gap_history.gate_status import Outcome, outcome_of
-from s2rstore.metrics.pose_metrics import Interval, interval
+from s2rstore.metrics.bootstrap import Interval, percentile_interval
 from s2rtools.gap import blocks, defaults, instance_selection
 from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.gate.verdict import NOTHING
@@ -127,7 +127,7 @@ def compare(
         return Compared("INCONCLUSIVE", NOTHING, shared.size, margin, missing, reason)
     changes = np.array([now[iid] - golden.errors[iid] for iid in shared.tolist()])
     replicates = mean_replicates(changes, cut, settings)
-    change = interval(float(changes.mean()), replicates, settings.level)
+    change = percentile_interval(float(changes.mean()), replicates, settings.level)
     outcome, reason = outcome_of(change, margin), ""
     if outcome == "PASS" and missing > _MOST_MISSING * len(golden.errors):
         outcome, reason = "INCONCLUSIVE", f"{missing} of {len(golden.errors)} are not comparable"

@@ -12,7 +12,7 @@ from typing import Any
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import MOST_JSON, parse_json, read_bytes
-from s2rstore.metrics.pose_metrics import bounds
+from s2rstore.metrics.bootstrap import percentile_bounds
 from s2rtools.gap.axis_result import Anchor, AxisResult, GapSettings
 
 FORMAT = 2
@@ -55,14 +55,14 @@ def freeze(measured: AxisResult, anchor: Anchor, unit: str, settings: GapSetting
     The noise is that of their difference, because a resample moves both.
     """
     span = anchor.value - measured.floor
-    low, _ = bounds(anchor.replicates - measured.floor_replicates, settings.level)
+    low, _ = percentile_bounds(anchor.replicates - measured.floor_replicates, settings.level)
     if not (math.isfinite(span) and span > 0 and low > 0):
         raise RequestError(
             f"{measured.axis}: the anchor ({anchor.state}: {anchor.value:.3g} {unit}) is within "
             f"noise of the floor ({measured.floor:.3g} {unit}), so it is no scale; declare a worse "
             "state (--anchor-run, untuned logs), or name only the other axes (--axis)"
         )
-    least, most = bounds(anchor.replicates, settings.level)
+    least, most = percentile_bounds(anchor.replicates, settings.level)
     return Frozen(
         anchor.value, least, most, measured.floor, anchor.state, dict(measured.fingerprint)
     )

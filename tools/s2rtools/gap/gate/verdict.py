@@ -16,14 +16,14 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.gap_history.gate_status import Outcome, outcome_of
-from s2rstore.metrics.pose_metrics import Interval, interval
+from s2rstore.metrics.bootstrap import Interval, percentile_interval
 from s2rtools.gap import defaults
 from s2rtools.gap.axis_result import AxisResult, Floats, GapSettings
 from s2rtools.gap.gate.reference import Frozen, Reference
 from s2rtools.gap.measure import Measurement
 
 _HASH = re.compile("[0-9a-f]{64}")
-NOTHING = Interval(np.nan, np.nan, np.nan)
+NOTHING = Interval.unknown()
 _REASONS: dict[Outcome, str] = {
     "PASS": "the whole interval is under the threshold of {:g}",
     "FAIL": "the whole interval is over the threshold of {:g}",
@@ -68,7 +68,7 @@ def judge(
         return Verdict("INCONCLUSIVE", threshold, None, NOTHING, (), "; ".join(unsure))
     worst = max(gaps, key=lambda each: each.gap.value)
     together = np.max([each.replicates for each in gaps], axis=0)
-    gap = interval(worst.gap.value, together, settings.level)
+    gap = percentile_interval(worst.gap.value, together, settings.level)
     outcome = outcome_of(gap, threshold)
     reason = _REASONS[outcome].format(threshold)
     beside = [axis for axis in found.measured if axis not in reference.axes]
@@ -111,7 +111,7 @@ def axis_gap(measured: AxisResult, frozen: Frozen, level: float) -> AxisGap:
     span = frozen.anchor - frozen.floor
     value = 100 * (measured.value - measured.floor) / span
     replicates = 100 * (measured.replicates - measured.floor_replicates) / span
-    return AxisGap(measured.axis, interval(value, replicates, level), replicates)
+    return AxisGap(measured.axis, percentile_interval(value, replicates, level), replicates)
 
 
 def _check_fits(measured: AxisResult, frozen: Frozen, source: str) -> None:

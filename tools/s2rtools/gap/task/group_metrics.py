@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics import pose_metrics
+from s2rstore.metrics import bootstrap
 from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.blocks import Blocks, draws
 from s2rtools.gap.bootstrap_correction import widened
@@ -95,10 +95,10 @@ def swap_interval(errors: GroupErrors, settings: GapSettings) -> list[float]:
     rng, units = np.random.default_rng(settings.seed), errors.blocks.units
     signs = rng.choice([-1.0, 1.0], (settings.replicates, errors.blocks.drawn))[:, units]
     means = signs @ errors.blocks.sums(errors.gap) / errors.gap.size
-    return list(pose_metrics.bounds(means, settings.level))
+    return list(bootstrap.percentile_bounds(means, settings.level))
 
 
 def _bounded(value: float, replicates: Floats, level: float) -> dict[str, float | None]:
-    low, high = pose_metrics.bounds(replicates[np.isfinite(replicates)], level)
+    low, high = bootstrap.percentile_bounds(replicates[np.isfinite(replicates)], level)
     plain = [float(v) if np.isfinite(v) else None for v in (value, low, high)]
     return dict(zip(("value", "low", "high"), plain, strict=True))

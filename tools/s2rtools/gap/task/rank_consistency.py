@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.pose_metrics import Interval, interval
+from s2rstore.metrics.bootstrap import Interval, percentile_interval
 from s2rstore.reader import Store
 from s2rtools.gap import blocks
 from s2rtools.gap.axis_result import GapSettings
@@ -109,5 +109,5 @@ def _means(errors: Floats, cut: blocks.Blocks, settings: GapSettings) -> tuple[F
 def _interval(value: Floats, replicates: Floats, level: float) -> Interval:
     known = replicates[np.isfinite(replicates)]
     if not np.isfinite(value[0]) or not known.size:
-        return Interval(float("nan"), float("nan"), float("nan"))
-    return interval(value[0], known, level)
+        return Interval.unknown()
+    return percentile_interval(value[0], known, level)

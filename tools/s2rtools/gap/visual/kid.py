@@ -22,9 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.pose_metrics import LEVEL
-from s2rtools.gap.blocks import Blocks
-from s2rtools.gap.bootstrap_correction import widened
+from s2rstore.metrics.bootstrap import LEVEL, Blocks, corrected
 
 Floats = NDArray[np.float64]
 
@@ -78,7 +76,7 @@ class BlockMMD:
         itself would bias the distance; pairs inside a unit count once for each of its copies.
         """
         resampled = self._resampled(counts, self.excess) / self._resampled(counts, self.pairs)
-        return widened(resampled, self.value(), self._count, level)
+        return corrected(resampled, self.value(), self._count, level)
 
     def _resampled(self, counts: Floats, matrix: Floats) -> Floats:
         inside = np.where(self.units[:, None] == self.units, matrix, 0.0)
