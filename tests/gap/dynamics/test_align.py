@@ -164,7 +164,9 @@ def test_what_shows_no_delay_is_inconclusive() -> None:
     with pytest.raises(InconclusiveError, match="do not correlate at any time delay"):
         time_delay.estimate_delay(replace(still, x=x, y=y), sim)
     other = robot.sampled(robot.drive(robot.commands(20.0, np.random.default_rng(77))))
-    with pytest.raises(InconclusiveError, match=r"do not correlate at any time delay|end of the search"):
+    with pytest.raises(
+        InconclusiveError, match=r"do not correlate at any time delay|end of the search"
+    ):
         time_delay.estimate_delay(other, sim)
 
 

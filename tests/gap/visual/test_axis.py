@@ -21,7 +21,7 @@ from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
 from s2rtools.gap.visual import visual_axis
 from s2rtools.gap.visual.inception import FidInception
-from s2rtools.gap.visual.visual_axis import LEAST_INSTANCES, VisualAxis
+from s2rtools.gap.visual.visual_axis import MIN_INSTANCES, VisualAxis
 from s2rtui.cli.formatting.gap_details import details
 from tests.support import embeddings, tiny
 from tests.support.copies import copied
@@ -94,7 +94,7 @@ def test_a_gap_is_seen_beside_its_floor(store: Store) -> None:
     assert far.details["kid_p"] < 0.05
     halves = far.details["halves"]
     real = f"{halves['kid']['floor']:.3f} ({halves['kid']['floor_low']:.3f} .."
-    assert any(f"n = {halves['n']}: KID" in note and real in note for note in far.notes)
+    assert any(f"n = {halves['n']} each: KID" in note and real in note for note in far.notes)
     for name in ("fid", "kid", "sliced_wasserstein", "wasserstein", "kl_pca_sim_real"):
         assert halves[name]["value"] > halves[name]["floor"]
     for name in ("kl_poses_sim_real", "kl_poses_real_sim", "kl_errors_real_sim"):
@@ -190,8 +190,8 @@ def test_other_models_have_other_fingerprints(store: Store) -> None:
 
 
 def test_too_few_images_are_inconclusive(store: Store) -> None:
-    for iids in (np.array([4, 9, 14]), np.arange(0), np.arange(5 * LEAST_INSTANCES - 5)):
-        with pytest.raises(InconclusiveError, match=f"at least {LEAST_INSTANCES}"):
+    for iids in (np.array([4, 9, 14]), np.arange(0), np.arange(5 * MIN_INSTANCES - 5)):
+        with pytest.raises(InconclusiveError, match=f"at least {MIN_INSTANCES}"):
             VisualAxis().measure(evidence(store, "far", iids), SETTINGS)
     with pytest.raises(RequestError, match="iids 0"):
         VisualAxis().measure(evidence(store, "far", np.array([N])), SETTINGS)
@@ -200,11 +200,11 @@ def test_too_few_images_are_inconclusive(store: Store) -> None:
 def test_more_images_than_needed_are_sampled_by_blocks(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(visual_axis, "MOST_INSTANCES", 44)
+    monkeypatch.setattr(visual_axis, "MAX_INSTANCES", 44)
     found = VisualAxis().measure(evidence(store, "far"), SETTINGS)
     assert 36 <= found.n == found.fingerprint["n"] <= 44
     assert any("bootstrap over" in note for note in found.notes)
-    assert found.notes[0] == f"{found.n} of 50 instances, as seeded whole blocks"
+    assert found.notes[0] == f"{found.n} of 50 instances, a random sample of whole blocks"
     assert VisualAxis().measure(evidence(store, "far"), SETTINGS).value == found.value
 
 

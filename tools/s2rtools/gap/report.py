@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,12 @@ def report(evidence: Evidence, settings: GapSettings, judged: Judged) -> Report:
         "expression": evidence.expression,
         "selected": int(evidence.iids.size),
         "drives": [drive.name for drive in evidence.drives],
-        "settings": asdict(settings),
+        "settings": {
+            "replicates": settings.replicates,
+            "seed": settings.seed,
+            "level": settings.level,
+            "pca": settings.pca,
+        },
         "axes": [_axis(each, settings, judged) for each in judged.found.measured.values()],
         "absent": dict(judged.found.absent),
         "inconclusive": dict(judged.found.inconclusive),

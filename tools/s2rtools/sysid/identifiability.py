@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtools.sysid.drive_bootstrap import Normal
+from s2rtools.sysid.drive_bootstrap import NormalEquations
 from s2rtools.sysid.parameter_space import Space
 from s2rtools.sysid.simulators.simulator import Floats, Parameter
 
@@ -29,7 +29,7 @@ class Identifiability:
     warnings: tuple[str, ...]
 
 
-def identifiability(normal: Normal, space: Space) -> Identifiability:
+def identifiability(normal: NormalEquations, space: Space) -> Identifiability:
     """From normal equations in units of the residuals' noise."""
     values, vectors = np.linalg.eigh(normal.matrices.sum(axis=0))
     floor = max(float(values[-1]), 1.0) * 1e-15

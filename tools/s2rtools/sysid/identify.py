@@ -10,7 +10,7 @@ import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.motion_logs import Drive
-from s2rtools.sysid.drive_bootstrap import interval, normal_equations, replicates
+from s2rtools.sysid.drive_bootstrap import drive_interval, normal_equations, refit_replicates
 from s2rtools.sysid.heldout_error import HeldOut, held_out_error
 from s2rtools.sysid.identifiability import Identifiability, at_ends, end_warning, identifiability
 from s2rtools.sysid.model_mismatch import Structure, structure
@@ -99,9 +99,9 @@ def identify(
     problem, cube = found.problem, found.cube
     normal = normal_equations(problem, cube)
     rng = np.random.default_rng((settings.seed, 10_000))
-    drawn = replicates(normal, cube, settings.replicates, rng)
+    refits = refit_replicates(normal, cube, settings.replicates, rng)
     known_well = identifiability(normal, space)
-    limits = interval(drawn, settings.level, len(fitted))
+    limits = drive_interval(refits, cube, settings.level, len(fitted))
     held_problem = problem.of(together.only(number[first_held]))
     everything = problem.of(together)
     shape = structure(held_problem, everything, cube, settings.replicates, rng)
@@ -165,8 +165,11 @@ def _estimates(space: Space, cube: Floats, limits: Floats,
     for i, one in enumerate(space.parameters):
         free = one.name in unknown
         bounds = (one.low, one.high) if free else (float(low[i]), float(high[i]))
-        found.append(ParameterEstimate(one.name, one.unit, one.meaning, one.default, float(natural[i]),
-                              *bounds, free))  # fmt: skip
+        found.append(
+            ParameterEstimate(
+                one.name, one.unit, one.meaning, one.default, float(natural[i]), *bounds, free
+            )
+        )
     return tuple(found)
 
 

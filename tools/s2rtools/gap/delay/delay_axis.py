@@ -36,9 +36,9 @@ class DelayAxis(Axis):
     floor_is: ClassVar[str] = "0: the share of noise in the size of a delay is subtracted in m"
     reason: ClassVar[str] = (
         "A delay matters to a controller relative to its period, early or late: the absolute "
-        "delays of the drives are averaged, so that opposite signs do not cancel. The noise of each "
-        "estimate adds to its size and is subtracted, so the floor is 0. The bad state is a delay "
-        "of one whole period. The untuned simulator's delay can be chosen instead "
+        "delays of the drives are averaged, so that opposite signs do not cancel. The noise of "
+        "each estimate adds to its size and is subtracted, so the floor is 0. The bad state is a "
+        "delay of one whole period. The untuned simulator's delay can be chosen instead "
         "(--dynamics bad=untuned), but it differs between sets of drives."
     )
 

@@ -136,7 +136,8 @@ def _require_sampling(real: Log, sim: Log, width: float) -> None:
     if _seconds(shorter) <= 2 * _TRUNCATE * width or _step(slower) > MAX_STEP:
         raise RequestError(
             f"{slower.source}: a pose every {_step(slower):.3g} s is too slow to estimate a time "
-            f"delay over the {_seconds(shorter):.3g} s of {shorter.source}; are both clocks in seconds?"
+            f"delay over the {_seconds(shorter):.3g} s of {shorter.source}; are both "
+            "clocks in seconds?"
         )
 
 

@@ -66,7 +66,7 @@ class _DriveSet:
         """m and its replicates (R,): signed root of the mean squared error minus its floor."""
         values, draws = (e - f for e, f in zip(self.ends, self.floors, strict=True))
         shares = values / self.scales.values**2
-        spread = self.blocks.widened(shares, draws / self.scales.draws**2)
+        spread = self.blocks.corrected(shares, draws / self.scales.draws**2)
         return float(_signed_root(shares).mean()), _signed_root(spread).mean(axis=0)
 
 
@@ -286,7 +286,7 @@ def _signed_root(squares: Floats) -> Floats:
 def _with_bounds(
     name: str, value: float, draws: Floats, blocks: Resamples, settings: GapSettings
 ) -> dict[str, float]:
-    spread = np.maximum(blocks.widened(np.array(value), draws), 0.0)
+    spread = np.maximum(blocks.corrected(np.array(value), draws), 0.0)
     low, high = percentile_bounds(spread, settings.level)
     return {name: value, f"{name}_low": low, f"{name}_high": high}
 

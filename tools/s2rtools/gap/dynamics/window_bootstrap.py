@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.gap import bootstrap_correction
+from s2rstore.metrics.bootstrap import circular_block_sums, corrected
 from s2rtools.gap.axis_result import GapSettings
 from s2rtools.motion_logs.motion_log import Floats
 
@@ -47,7 +47,7 @@ class Resamples:
     def means(self, values: Sequence[Floats]) -> tuple[Floats, Floats]:
         """Mean over the windows of all drives (H,), and over every resample (H, R).
 
-        `values` holds (H, K) per drive, NaN where there is no window. `widened` must still be
+        `values` holds (H, K) per drive, NaN where there is no window. `corrected` must still be
         applied to the replicates.
         """
         totals = np.sum([np.nansum(v, axis=1) for v in values], axis=0)
@@ -64,18 +64,12 @@ class Resamples:
             unknown, mean[:, None], resampled_sums / np.where(unknown, 1.0, resampled_counts)
         )
 
-    def widened(self, value: Floats, replicates: Floats) -> Floats:
+    def corrected(self, value: Floats, replicates: Floats) -> Floats:
         """Replicates (..., R) of a value (...), corrected for the number of blocks or drives."""
-        return bootstrap_correction.widened(
-            replicates, np.asarray(value)[..., None], self._parts, self._level
-        )
+        return corrected(replicates, np.asarray(value)[..., None], self._parts, self._level)
 
     def _totals(self, table: Floats) -> Floats:
         """Sums (H, R) over resampled blocks of one drive, or (H, 1) where drives stay whole."""
         if not self._length:
             return np.asarray(table.sum(axis=1, keepdims=True))
-        length = self._length
-        circular = np.concatenate([table, table[:, : length - 1]], axis=1)
-        total = np.cumsum(np.pad(circular, ((0, 0), (1, 0))), axis=1)
-        sums = total[:, length:] - total[:, :-length]
-        return np.asarray(sums[:, self._starts].sum(axis=2))
+        return circular_block_sums(table, self._length, self._starts)

@@ -20,7 +20,7 @@ from s2rtools.gap.gate import reference
 from s2rtools.gap.gate.verdict import judge, unjudged
 from s2rtools.gap.measure import frozen, measure
 from s2rtools.gap.report import Judged, Report, across_report, report
-from s2rtools.gap.task.rank_consistency import across
+from s2rtools.gap.task.rank_consistency import rank_consistency
 from s2rtools.motion_logs import Drive
 from s2rtools.motion_logs.drives import read_drives
 from s2rtools.motion_logs.store_odometry import odometry
@@ -146,7 +146,7 @@ def _across(found_on: Evidence, request: GapRequest) -> dict[str, object] | None
     if "task" not in request.wanted:
         return None
     try:
-        return across_report(across(found_on.store, found_on.iids, request.settings))
+        return across_report(rank_consistency(found_on.store, found_on.iids, request.settings))
     except InconclusiveError as error:
         return {"refused": str(error)}
 

@@ -17,11 +17,16 @@ from numpy.typing import NDArray
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.files.input_files import read_json
 from s2rstore.gap_history.gate_status import Outcome, outcome_of
-from s2rstore.metrics.bootstrap import Interval, percentile_interval
-from s2rtools.gap import blocks, defaults, instance_selection
+from s2rstore.metrics.bootstrap import (
+    Blocks,
+    Interval,
+    mean_replicates,
+    percentile_interval,
+    split_into_blocks,
+)
+from s2rtools.gap import defaults, instance_selection
 from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.gate.verdict import NOTHING
-from s2rtools.gap.task.group_metrics import mean_replicates
 
 FORMAT = 1
 _FEWEST = 20
@@ -72,7 +77,7 @@ def take(evidence: Evidence) -> Golden:
             f"{len(errors)} in {count}"
         )
     return Golden(
-        instance_selection.poses(evidence.store), evidence.run, evidence.expression, errors
+        instance_selection.poses_sha256(evidence.store), evidence.run, evidence.expression, errors
     )
 
 
@@ -105,7 +110,7 @@ def compare(
     INCONCLUSIVE where too few of the golden run's instances are left, for example because a newer
     model was trained on them. Raises RequestError for other poses or another selection.
     """
-    if golden.poses != instance_selection.poses(evidence.store):
+    if golden.poses != instance_selection.poses_sha256(evidence.store):
         raise RequestError(
             f"{evidence.store.path}: holds other poses than the golden run; "
             "`s2r gap --freeze-golden` accepts a new one"
@@ -118,15 +123,15 @@ def compare(
     now = _errors(evidence)
     shared = np.array(sorted(now.keys() & golden.errors.keys()), dtype=np.int64)
     missing = len(golden.errors) - shared.size
-    cut = _blocks(evidence, shared)
-    if shared.size < _FEWEST or cut.count < _FEWEST_BLOCKS:
+    blocks = _blocks(evidence, shared)
+    if shared.size < _FEWEST or blocks.count < _FEWEST_BLOCKS:
         reason = (
-            f"{shared.size} instances in {cut.count} blocks are in both, {_FEWEST} in "
+            f"{shared.size} instances in {blocks.count} blocks are in both, {_FEWEST} in "
             f"{_FEWEST_BLOCKS} are needed"
         )
         return Compared("INCONCLUSIVE", NOTHING, shared.size, margin, missing, reason)
     changes = np.array([now[iid] - golden.errors[iid] for iid in shared.tolist()])
-    replicates = mean_replicates(changes, cut, settings)
+    replicates = mean_replicates(changes, blocks, settings)
     change = percentile_interval(float(changes.mean()), replicates, settings.level)
     outcome, reason = outcome_of(change, margin), ""
     if outcome == "PASS" and missing > _MOST_MISSING * len(golden.errors):
@@ -134,8 +139,8 @@ def compare(
     return Compared(outcome, change, shared.size, margin, missing, reason)
 
 
-def _blocks(evidence: Evidence, iids: NDArray[np.int64]) -> blocks.Blocks:
-    return blocks.cut(evidence.store.instances.trajectory[iids])
+def _blocks(evidence: Evidence, iids: NDArray[np.int64]) -> Blocks:
+    return split_into_blocks(evidence.store.instances.trajectory[iids])
 
 
 def _errors(evidence: Evidence) -> dict[int, float]:
