@@ -44,7 +44,6 @@ from s2rstore.reader import Store
 from s2rtools.gap.axis_result import Evidence
 from s2rtools.gap.defaults import THRESHOLD
 from s2rtools.gap.gate import gate
-from s2rtools.gap.instance_selection import poses
 from s2rtools.motion_logs import Drive
 from s2rtools.precompute.pipeline import Options, precompute
 from s2rtools.sysid import make_drives
@@ -220,7 +219,7 @@ def verdict(
     evidence = Evidence(store, look(condition), iids, drives=drives)
     _fit(reference, evidence)
     request = gate.GapRequest(run=look(condition), reference=reference)
-    found = gate.judged(evidence, request).verdict
+    found = gate.judge_gap(evidence, request).verdict
     gaps = {each.axis: each.gap for each in found.axes}
     return found.outcome, [(gaps[a].value, gaps[a].low, gaps[a].high) for a in AXES]
 
@@ -228,7 +227,7 @@ def verdict(
 def _fit(reference: Path, evidence: Evidence) -> None:
     scale = json.loads(reference.read_text())
     for axis in ("visual", "task"):
-        scale["axes"][axis]["fingerprint"]["poses"] = poses(evidence.store)
+        scale["axes"][axis]["fingerprint"]["poses"] = poses_sha256(evidence.store)
     reference.write_text(json.dumps(scale))
 
 

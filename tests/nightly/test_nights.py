@@ -13,7 +13,7 @@ import pytest
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.gap_history import reader
 from s2rstore.index.transaction import edit
-from s2rtools.nightly.config import Config
+from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.run import Done, nightly
 from tests.nightly.conftest import files
 from tests.support import nights
@@ -248,7 +248,7 @@ def test_two_gates_do_not_overwrite_each_other(week: Week) -> None:
 
 
 def test_evidence_that_changes_meanwhile_is_refused(week: Week) -> None:
-    def slow(store: object, config: Config) -> dict:
+    def slow(store: object, config: NightlyConfig) -> dict:
         (config.source.parent / "drives" / "late.csv").write_text("new")
         return week.measure(store, config)
 

@@ -92,9 +92,9 @@ def test_what_drives_leave_open_ends_with_3(
 
 
 @pytest.mark.parametrize(("words", "line"), [
-    (["latency=0..0.1..2"], "latency=0..0.1..2: NAME=0..0.1..2: give LOW..HIGH"),
-    (["latency"], "NAME=: give LOW..HIGH"),
-    (["latency=0..1:root"], "give LOW..HIGH"),
+    (["latency=0..0.1..2"], "latency=0..0.1..2: NAME=0..0.1..2: expected LOW..HIGH"),
+    (["latency"], "NAME=: expected LOW..HIGH"),
+    (["latency=0..1:root"], "expected LOW..HIGH"),
     (["weight=1..2"], "weight: no parameter"),
     (["mass=9..3"], "the lower first"),
     (["mass=0..3"], "must be over 0"),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import datetime
 
-    from s2rtools.nightly.config import Config
+    from s2rtools.nightly.config import NightlyConfig
     from s2rtools.nightly.run import Done
 
 
@@ -71,7 +71,7 @@ def _date(option: str, text: str) -> datetime.date:
         raise RequestError(f"{option} {text}: a date such as 2026-11-21") from error
 
 
-def _withdraw(config: Config, options: argparse.Namespace) -> int:
+def _withdraw(config: NightlyConfig, options: argparse.Namespace) -> int:
     from s2rstore.errors import RequestError
     from s2rtools.nightly.withdraw import withdraw
 
@@ -89,7 +89,7 @@ def _withdraw(config: Config, options: argparse.Namespace) -> int:
     return 0
 
 
-def _tell(config: Config, done: Done) -> None:
+def _tell(config: NightlyConfig, done: Done) -> None:
     from s2rtools.nightly.night_status import checks
 
     night = done.night
@@ -103,7 +103,7 @@ def _tell(config: Config, done: Done) -> None:
               file=sys.stderr)  # fmt: skip
 
 
-def _facts(config: Config, done: Done) -> dict[str, object]:
+def _facts(config: NightlyConfig, done: Done) -> dict[str, object]:
     from s2rtools.gap.report import plain
 
     night = done.night

@@ -112,13 +112,13 @@ def _fixed(words: list[str]) -> dict[str, float]:
 
 
 def _ranges(words: list[str]) -> dict[str, Range]:
-    from s2rtools.sysid.parameter_space import parsed
+    from s2rtools.sysid.parameter_space import parse_range
 
     found = {}
     for word in words:
         name, _, text = word.partition("=")
         try:
-            found[name.strip()] = parsed(text)
+            found[name.strip()] = parse_range(text)
         except RequestError as error:
             raise RequestError(f"--range {word}: NAME={error}") from None
     return found

@@ -171,7 +171,7 @@ def test_a_run_without_predictions_is_refused(path: Path, tmp_path: Path) -> Non
     with edit(root) as draft:
         draft.delete("prediction", run="vanilla")
     with s2rstore.open(root) as store, pytest.raises(RequestError, match="both sides predicted"):
-        gate.evidence(store, gate.GapRequest(run="vanilla"))
+        gate.collect_evidence(store, gate.GapRequest(run="vanilla"))
 
 
 def test_trajectories_keep_their_intervals_where_whole_ones_are_drawn() -> None:

@@ -231,7 +231,7 @@ def test_what_is_missing_is_said(tiny_store: Path, store: Store) -> None:
         assert "no embeddings" in told
         asked = gate.GapRequest(axes=("visual",))
         with pytest.raises(RequestError, match=r"--axis visual: cannot be measured: .*no embed"):
-            gate.judged(Evidence(bare, "vanilla", np.arange(40)), asked)
+            gate.judge_gap(Evidence(bare, "vanilla", np.arange(40)), asked)
         with pytest.raises(RequestError, match="run 'nobody'"):
             VisualAxis().missing(Evidence(bare, "nobody", np.arange(40)))
 

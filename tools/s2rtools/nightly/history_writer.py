@@ -21,7 +21,7 @@ from s2rstore.gap_history.gate_status import EXIT_CODES
 from s2rstore.gap_history.reader import History, Night
 from s2rstore.index import locked_connection
 from s2rstore.index.schema import STORAGE_VERSION, Table
-from s2rtools.nightly.config import Config
+from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.input_fingerprint import Inputs, version
 from s2rtools.nightly.measurement import Estimates, Report
 from s2rtools.nightly.night_status import outcome
@@ -36,7 +36,7 @@ _ENDS = ("", "_low", "_high")
 class Tonight:
     """What is to be added; with `measured` the figures are those of that measurement."""
 
-    config: Config
+    config: NightlyConfig
     inputs: Inputs
     night: datetime.date
     report: Report

@@ -16,7 +16,7 @@ from s2rstore.files import layout
 from s2rstore.files.input_files import read_document, sha256
 from s2rstore.reader import Store
 from s2rtools.gap.defaults import ODOMETRY
-from s2rtools.nightly.config import Config
+from s2rtools.nightly.config import NightlyConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def open_store(path: Path) -> tuple[Store, layout.Current]:
         store.close()
 
 
-def inputs(config: Config, store: Store, current: layout.Current) -> Inputs:
+def inputs(config: NightlyConfig, store: Store, current: layout.Current) -> Inputs:
     """Raises RequestError for a run that is not computed and files that cannot be read."""
     run = store.run(config.run)
     if not run.key:
@@ -79,7 +79,7 @@ def inputs(config: Config, store: Store, current: layout.Current) -> Inputs:
     return Inputs(_digest(everything), _digest(recorded), tuple(recorded), run.run)
 
 
-def _sysid(config: Config) -> dict[str, Any] | None:
+def _sysid(config: NightlyConfig) -> dict[str, Any] | None:
     wanted = config.sysid
     if wanted is None:
         return None

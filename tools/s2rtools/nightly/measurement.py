@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from s2rstore.errors import InconclusiveError
 from s2rstore.reader import Store
-from s2rtools.nightly import sysid_settings
-from s2rtools.nightly.config import Config, Sysid
+from s2rtools.nightly.config import NightlyConfig, SysidConfig
 
 if TYPE_CHECKING:
     from s2rtools.sysid import Identification
@@ -19,11 +18,11 @@ from s2rtools.nightly.input_fingerprint import Inputs
 Report = dict[str, Any]
 Estimates = Sequence[Mapping[str, Any]]
 """Per parameter `parameter`, `value`, `value_low`, `value_high`, `unit` and, maybe, `note`."""
-Measuring = Callable[[Store, Config], Report]
-Estimating = Callable[[Sysid], Estimates]
+Measuring = Callable[[Store, NightlyConfig], Report]
+Estimating = Callable[[SysidConfig], Estimates]
 
 
-def measured(store: Store, config: Config) -> Report:
+def measured(store: Store, config: NightlyConfig) -> Report:
     """The report of `s2r gap` for this configuration."""
     from s2rtools.gap.axis_result import GapSettings
     from s2rtools.gap.gate import gate
@@ -43,17 +42,17 @@ def measured(store: Store, config: Config) -> Report:
         margin=config.margin,
         settings=GapSettings(config.replicates, config.seed),
     )
-    return gate.measured_report(gate.evidence(store, request), request)
+    return gate.measured_report(gate.collect_evidence(store, request), request)
 
 
-def estimated(sysid: Sysid) -> Estimates:
+def estimated(sysid: SysidConfig) -> Estimates:
     """What `s2r sysid` finds; where the drives are too few, one row that says so."""
     from s2rtools.motion_logs.drives import read_drives
     from s2rtools.sysid import identify
 
     drives = read_drives(Path(sysid.drives), sysid.topic)
     try:
-        return estimates(identify(drives, sysid_settings.settings(sysid), _Silent()))
+        return estimates(identify(drives, sysid.settings(), _Silent()))
     except InconclusiveError as error:
         return [{"parameter": sysid.simulator, "note": f"not identified: {error}"}]
 
@@ -83,7 +82,7 @@ class _Silent:
     def say(self, line: str) -> None: ...
 
 
-def refused(store: Store, config: Config, inputs: Inputs, error: S2RError) -> Report:
+def refused(store: Store, config: NightlyConfig, inputs: Inputs, error: S2RError) -> Report:
     """No axis and no figure; `refused` tells the outcome and the reason.
 
     Too little evidence is INCONCLUSIVE; a request that does not fit what is there is an ERROR.

@@ -12,7 +12,7 @@ from s2rstore.errors import RequestError
 from s2rstore.gap_history import reader
 from s2rstore.gap_history.reader import History, Night
 from s2rtools.common.result_files import write_all
-from s2rtools.nightly.config import Config
+from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.history_plot import picture
 from s2rtools.nightly.html_report import page
 from s2rtools.nightly.junit import junit
@@ -23,7 +23,7 @@ from s2rtools.nightly.night_status import content
 LATEST = "latest"
 
 
-def publish(config: Config, found: History, night: Night) -> list[Path]:
+def publish(config: NightlyConfig, found: History, night: Night) -> list[Path]:
     """Write this night's reports, and what tells of the newest night; gives what was written.
 
     All files or none, and those that differ only.
@@ -42,7 +42,7 @@ def publish(config: Config, found: History, night: Night) -> list[Path]:
     return written
 
 
-def check_own(config: Config) -> None:
+def check_own(config: NightlyConfig) -> None:
     """Raises RequestError where the reports or the metrics there are another gate's."""
     suites = config.reports / LATEST / "junit.xml", r'<testsuite name="([^"]*)"'
     places = {"reports": (config.reports, *suites)}
@@ -60,7 +60,7 @@ def check_own(config: Config) -> None:
             )
 
 
-def _files(config: Config, found: History, night: Night, folder: Path) -> dict[Path, bytes]:
+def _files(config: NightlyConfig, found: History, night: Night, folder: Path) -> dict[Path, bytes]:
     told = content(found, night)
     drawn = picture(told)
     report = reader.report_text(config.history, night.measured)

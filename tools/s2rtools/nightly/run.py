@@ -15,7 +15,7 @@ from s2rstore.gap_history import reader as stored
 from s2rstore.gap_history.reader import Night
 from s2rstore.reader import Store
 from s2rtools.nightly import history_writer, input_fingerprint, measurement
-from s2rtools.nightly.config import Config
+from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.history_writer import Tonight
 from s2rtools.nightly.input_fingerprint import Inputs
 from s2rtools.nightly.measurement import Estimates, Estimating, Measuring, Report, refused
@@ -43,7 +43,7 @@ def utc_now() -> datetime.datetime:
 
 
 def nightly(
-    config: Config,
+    config: NightlyConfig,
     night: datetime.date,
     measure: Measuring = measurement.measured,
     estimate: Estimating = measurement.estimated,
@@ -76,7 +76,7 @@ def nightly(
     return Done(present, new, new and present.measured == present.id, tuple(written))
 
 
-def _check_near(config: Config, night: datetime.date) -> None:
+def _check_near(config: NightlyConfig, night: datetime.date) -> None:
     """RequestError for a date that looks like that of a clock which was reset.
 
     Evidence is as old as the first night that saw it, so one such night would make the evidence of
@@ -94,7 +94,7 @@ def _check_near(config: Config, night: datetime.date) -> None:
 
 
 def _figures(
-    config: Config, night: datetime.date, measure: Measuring, estimate: Estimating
+    config: NightlyConfig, night: datetime.date, measure: Measuring, estimate: Estimating
 ) -> Tonight:
     """Tonight's figures: those of the same key, where there are some."""
     store, current = input_fingerprint.open_store(config.store)
@@ -114,7 +114,7 @@ def _figures(
 
 
 def _measured(
-    store: Store, config: Config, inputs: Inputs, measure: Measuring, estimate: Estimating
+    store: Store, config: NightlyConfig, inputs: Inputs, measure: Measuring, estimate: Estimating
 ) -> tuple[Report, Estimates]:
     try:
         return measure(store, config), estimate(config.sysid) if config.sysid else ()
@@ -124,7 +124,7 @@ def _measured(
         return refused(store, config, inputs, error), ()
 
 
-def check_writable(config: Config) -> None:
+def check_writable(config: NightlyConfig) -> None:
     """Before anything is measured: whether all that will be written can be."""
     places = {"history": config.history.parent, "reports": config.reports}
     if config.metrics is not None:

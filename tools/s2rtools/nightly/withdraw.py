@@ -9,12 +9,14 @@ from s2rstore.files import locks
 from s2rstore.gap_history import reader
 from s2rstore.gap_history.reader import Night
 from s2rtools.nightly import history_writer as writing
-from s2rtools.nightly.config import Config
+from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.publish import LATEST, check_own, publish
 from s2rtools.nightly.run import Clock, check_writable, utc_now
 
 
-def withdraw(config: Config, night: datetime.date, clock: Clock = utc_now) -> tuple[Night, ...]:
+def withdraw(
+    config: NightlyConfig, night: datetime.date, clock: Clock = utc_now
+) -> tuple[Night, ...]:
     """Move the rows of one night to the table `withdrawn`, and publish the newest night left.
 
     Readers of the history no longer see the night, and evidence is no longer dated by it. Its

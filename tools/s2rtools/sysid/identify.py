@@ -14,7 +14,7 @@ from s2rtools.sysid.drive_bootstrap import drive_interval, normal_equations, ref
 from s2rtools.sysid.heldout_error import HeldOut, held_out_error
 from s2rtools.sysid.identifiability import Identifiability, at_ends, end_warning, identifiability
 from s2rtools.sysid.model_mismatch import Structure, structure
-from s2rtools.sysid.parameter_space import Space, check, ranged, space_of
+from s2rtools.sysid.parameter_space import Space, check, space_of, with_ranges
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.search import Course, search
 from s2rtools.sysid.settings import SysidSettings
@@ -85,7 +85,7 @@ def identify(
     drives: Sequence[Drive], settings: SysidSettings, reporter: ProgressReporter
 ) -> Identification:
     """Raises RequestError for a wrong request, InconclusiveError for too few drives."""
-    simulator = wanted_simulator(settings)
+    simulator = configured_simulator(settings)
     fitted, held = _split(drives, settings)
     together = cut([*fitted, *held], simulator, settings.window)
     known = _torques_known(drives, simulator)
@@ -125,9 +125,9 @@ def simulator_named(name: str) -> Simulator:
     return SIMULATORS[name]()
 
 
-def wanted_simulator(settings: SysidSettings) -> Simulator:
+def configured_simulator(settings: SysidSettings) -> Simulator:
     """With the ranges that are asked for; raises RequestError for all that it does not know."""
-    simulator = ranged(simulator_named(settings.simulator), settings.ranges)
+    simulator = with_ranges(simulator_named(settings.simulator), settings.ranges)
     check(simulator, settings.parameters, settings.fixed, settings.ranges)
     return simulator
 

@@ -170,7 +170,7 @@ class Range:
     scale: Literal["linear", "log"] | None = None
 
 
-def parsed(text: str) -> Range:
+def parse_range(text: str) -> Range:
     """LOW..HIGH, LOW..HIGH:log or LOW..HIGH:linear. Raises RequestError."""
     bounds, _, scale = text.partition(":")
     low, dots, high = bounds.partition("..")
@@ -179,14 +179,14 @@ def parsed(text: str) -> Range:
     except (KeyError, ValueError):
         dots = ""
     if not dots:
-        raise RequestError(f"{text}: give LOW..HIGH or LOW..HIGH:log, as 0.1..0.5")
+        raise RequestError(f"{text}: expected LOW..HIGH or LOW..HIGH:log, such as 0.1..0.5")
     return found
 
 
 _SCALES: dict[str, Literal["linear", "log"] | None] = {"": None, "log": "log", "linear": "linear"}
 
 
-def ranged(simulator: Simulator, ranges: Mapping[str, Range]) -> Simulator:
+def with_ranges(simulator: Simulator, ranges: Mapping[str, Range]) -> Simulator:
     """The simulator with other ranges.
 
     Raises RequestError for unknown parameters and ranges that it cannot have.
