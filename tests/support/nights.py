@@ -14,7 +14,7 @@ import numpy as np
 from s2rstore.reader import Store
 from s2rtools.nightly import config as configs
 from s2rtools.nightly.config import NightlyConfig
-from s2rtools.nightly.run import Done, nightly
+from s2rtools.nightly.run import NightRun, nightly
 
 FIRST = datetime.date(2026, 11, 16)
 THRESHOLD = 15.0
@@ -118,7 +118,7 @@ class Week:
                 {"parameter": "mass", "value": 12.0, "value_low": None, "value_high": math.nan,
                  "unit": "kg", "note": "not identifiable"}]  # fmt: skip
 
-    def night(self, number: int, new_log: bool = True) -> Done:
+    def night(self, number: int, new_log: bool = True) -> NightRun:
         self._day = number
         if new_log:
             log = self.config.source.parent / "drives" / f"day{number}" / "real.csv"
