@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-import s2rtools.gap
+import s2rtools.gap.gate
 from s2rstore.gap_history import reader as stored
 from s2rtools.nightly.config import NightlyConfig
 from s2rtui.cli import main
@@ -31,10 +31,12 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         return given
 
     gate = SimpleNamespace(
-        Request=request, evidence=lambda store, request: store, measured_report=measured_report
+        GapRequest=request,
+        collect_evidence=lambda store, request: store,
+        measured_report=measured_report,
     )
     monkeypatch.setitem(sys.modules, "s2rtools.gap.gate.gate", gate)
-    monkeypatch.setattr(s2rtools.gap, "gate", gate, raising=False)
+    monkeypatch.setattr(s2rtools.gap.gate, "gate", gate, raising=False)
     return seen
 
 

@@ -80,8 +80,8 @@ def _judge(drives: str, found: Identification) -> None:
             f"{drives}: {', '.join(found.at_ends)} at the end of the range; "
             "give another with --range, or --fix what is known"
         )
-    if found.identifiability.open_names:
-        names_open = ", ".join(found.identifiability.open_names)
+    if found.identifiability.undetermined:
+        names_open = ", ".join(found.identifiability.undetermined)
         raise InconclusiveError(
             f"{drives}: these drives do not determine {names_open}; "
             "record more varied drives, or --fix what is known"

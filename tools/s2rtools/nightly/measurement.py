@@ -60,7 +60,7 @@ def estimate_parameters(sysid: SysidConfig) -> Estimates:
 def estimate_rows(found: Identification) -> Estimates:
     """One row per parameter, and one for the simulator that holds all warnings."""
     notes = dict.fromkeys(found.unsettled, "the search did not converge")
-    notes |= dict.fromkeys(found.identifiability.open_names, "not determined by these drives")
+    notes |= dict.fromkeys(found.identifiability.undetermined, "not determined by these drives")
     notes |= dict.fromkeys(found.at_ends, "at the end of its range")
     rows: list[Mapping[str, Any]] = [
         {

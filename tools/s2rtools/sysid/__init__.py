@@ -1,4 +1,4 @@
-"""System identification: a simulator's parameters from recorded drives, and what they leave."""
+"""System identification: estimate a simulator's parameters from recorded drives."""
 
 from s2rtools.sysid.identify import Identification, identify
 from s2rtools.sysid.report import record

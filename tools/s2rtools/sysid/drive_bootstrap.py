@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
-from s2rstore.metrics.bootstrap import corrected, percentile_bounds
+from s2rstore.metrics.bootstrap import correction_factor
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats
 
@@ -51,7 +52,12 @@ def refit_replicates(
     return cube - np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
 
 
-def drive_interval(replicates: Floats, estimate: Floats, level: float, drives: int) -> Floats:
-    """Bounds (2, p) of replicates (r, p) around an estimate (p,), corrected for few drives."""
-    columns = corrected(replicates, estimate, drives, level).T
-    return np.array([percentile_bounds(column, level) for column in columns]).T
+def drive_interval(replicates: Floats, level: float, drives: int) -> Floats:
+    """Bounds (2, ...) of replicates (r, ...): percentiles at a level expanded for few drives.
+
+    The normal quantile of the level is multiplied by `correction_factor`. For normal replicates
+    these are the corrected bounds of `s2rstore.metrics.bootstrap`; for skewed ones they never leave
+    the range of the refits. Source: Hesterberg, The American Statistician 69, 2015, section 5.3.
+    """
+    tail = float(ndtr(correction_factor(drives, level) * ndtri((1 - level) / 2)))
+    return np.quantile(replicates, [tail, 1 - tail], axis=0)

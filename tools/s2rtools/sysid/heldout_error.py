@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore.metrics.bootstrap import circular_block_sums, corrected, percentile_interval
+from s2rstore.metrics.bootstrap import LEVEL, circular_block_sums, percentile_bounds
+from s2rtools.sysid.drive_bootstrap import drive_interval
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats, Integers
 
@@ -71,12 +72,13 @@ def compared(before: Floats, after: Floats, drives: Integers, count: int,
     groups = [gain[drives == drive] for drive in np.unique(drives)]
     mean = float(gain.mean())
     replicates = grouped_mean_replicates(groups, count, rng)
-    if len(groups) >= _MIN_DRIVES:
-        replicates = corrected(replicates, mean, len(groups))
-    interval = percentile_interval(mean, replicates)
+    if len(groups) < _MIN_DRIVES:
+        low, high = percentile_bounds(replicates)
+    else:
+        low, high = map(float, drive_interval(replicates, LEVEL, len(groups)))
     whole = [tuple(np.sqrt((table**2).mean(axis=0)).tolist()) for table in (before, after)]
-    return HeldOut(len(groups), len(gain), whole[0], whole[1], mean, interval.low,
-                   interval.high)  # fmt: skip
+    return HeldOut(len(groups), len(gain), whole[0], whole[1], mean, low,
+                   high)  # fmt: skip
 
 
 def grouped_mean_replicates(groups: list[Floats], count: int, rng: np.random.Generator) -> Floats:

@@ -133,7 +133,7 @@ def _candidates(problem: PredictionError, cube: Floats, count: int,
         refits = refit_replicates(normal, point, count, rng)
         centre = point - np.linalg.solve(normal.matrices.sum(axis=0) + 1e-9 * np.eye(len(point)),
                                          normal.vectors.sum(axis=0))  # fmt: skip
-        low, high = drive_interval(refits, centre, _LEVEL, len(normal.vectors))
+        low, high = drive_interval(refits, _LEVEL, len(normal.vectors))
         told = wide.natural(np.clip(np.stack([centre, low, high]), 0.0, 1.0))[:, -1]
         found.append(Candidate(declared.name, space.fixed[declared.name], *map(float, told)))
     return tuple(found)
