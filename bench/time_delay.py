@@ -1,4 +1,4 @@
-"""The delay between two logs at 50 Hz against the peak of their cross-correlation."""
+"""Time delay between two logs at 50 Hz against the peak of their cross-correlation."""
 
 from __future__ import annotations
 
