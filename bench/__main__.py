@@ -1,4 +1,4 @@
-"""Run all measurements, or those named by --only."""
+"""Run all measurements, or those selected by --only."""
 
 from __future__ import annotations
 
@@ -29,50 +29,60 @@ from bench import (
 from bench.budget import BudgetRow
 from bench.measured_stores import QUIET
 
-_ROOMS = (
-    "startup", "wire", "scale", "projection", "occlusion", "inference", "live", "memory", "delay",
-)  # fmt: skip
+_MEASUREMENTS = (
+    "startup",
+    "terminal_bytes",
+    "scale",
+    "back_projection",
+    "occlusion_speed",
+    "inference",
+    "live_prediction",
+    "precompute_memory",
+    "time_delay",
+)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
     parser.add_argument("--json", action="store_true", help="one JSON object per line")
-    parser.add_argument("--only", choices=_ROOMS, action="append", help="repeatable")
-    parser.add_argument("--store", type=Path, help="for startup and wire: a computed store")
+    parser.add_argument("--only", choices=_MEASUREMENTS, action="append", help="repeatable")
+    parser.add_argument(
+        "--store", type=Path, help="a computed store for startup and terminal_bytes"
+    )
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
-    wanted = options.only or list(_ROOMS)
+    selected = options.only or list(_MEASUREMENTS)
     failed = 0
     folder = Path(tempfile.mkdtemp())
     try:
-        for figure in _all(wanted, options, folder):
-            failed += not figure.ok
-            print(json.dumps(figure.row()) if options.json else _line(figure), flush=True)
+        for row in _rows(selected, options, folder):
+            failed += not row.ok
+            print(json.dumps(row.as_json()) if options.json else _line(row), flush=True)
     finally:
         shutil.rmtree(folder)
     return 1 if failed else 0
 
 
-def _all(wanted: list[str], options: argparse.Namespace, folder: Path) -> Iterator[BudgetRow]:
-    if {"startup", "wire"} & set(wanted):
+def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Iterator[BudgetRow]:
+    if {"startup", "terminal_bytes"} & set(selected):
         store = options.store or _computed(folder)
-        if "startup" in wanted:
+        if "startup" in selected:
             yield from startup.figures(store)
-        if "wire" in wanted:
+        if "terminal_bytes" in selected:
             yield from terminal_bytes.figures(store)
-    if "scale" in wanted:
+    if "scale" in selected:
         yield from scale.figures(folder)
-    if "projection" in wanted:
+    if "back_projection" in selected:
         yield from back_projection.figures()
-    if "occlusion" in wanted:
+    if "occlusion_speed" in selected:
         yield from occlusion_speed.figures(options.threads)
-    if "inference" in wanted:
+    if "inference" in selected:
         yield from inference.figures(options.threads)
-    if "live" in wanted:
+    if "live_prediction" in selected:
         yield from live_prediction.figures(options.threads)
-    if "memory" in wanted:
+    if "precompute_memory" in selected:
         yield from precompute_memory.figures((1_000, 100_000))
-    if "delay" in wanted:
+    if "time_delay" in selected:
         yield from time_delay.figures()
 
 
@@ -90,10 +100,10 @@ def _computed(folder: Path) -> Path:
     return path
 
 
-def _line(figure: BudgetRow) -> str:
-    budget = "reference" if figure.budget is None else f"{figure.sense} {figure.budget:g}"
-    state = "" if figure.ok else "  OVER"
-    return f"{figure.name:<55} {figure.value:10.4g} {figure.unit:<9} {budget}{state}"
+def _line(row: BudgetRow) -> str:
+    budget = "reference" if row.budget is None else f"{row.sense} {row.budget:g}"
+    state = "" if row.ok else "  OVER"
+    return f"{row.name:<55} {row.value:10.4g} {row.unit:<9} {budget}{state}"
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Flip bits of a store and look for changes that nobody would notice.
+"""Flip bits of a store and search for changes that `s2r verify` does not report.
 
     python -m bench.bit_flips STORE                every bit of every file: days for a large store
     python -m bench.bit_flips STORE --sample 500   as many, evenly over the files, seeded

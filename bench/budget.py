@@ -1,4 +1,4 @@
-"""A figure with its budget."""
+"""One measured value with its budget, and a timer."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from typing import Any, Literal
 
 @dataclass(frozen=True, slots=True)
 class BudgetRow:
-    """`budget` None marks a reference row; `sense` tells on which side of it is good."""
+    """One row of the bench; `budget` None marks a reference row without a limit.
+
+    `sense` is the side of the budget on which a value passes.
+    """
 
     name: str
     value: float
@@ -25,7 +28,7 @@ class BudgetRow:
             return True
         return self.value <= self.budget if self.sense == "at most" else self.value >= self.budget
 
-    def row(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, Any]:
         values = asdict(self)
         values.pop("sense")
         return {**values, "value": float(f"{self.value:.4g}"), "ok": self.ok}

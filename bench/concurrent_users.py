@@ -1,4 +1,4 @@
-"""Many users at once over SSH, on a copy of a store: `python -m bench.concurrent_users STORE`.
+"""Many concurrent users over SSH on a copy of a store: `python -m bench.concurrent_users STORE`.
 
 Every user presses seeded random keys, waits for the screen, pauses, and goes on; with `--publish` a
 precompute publishes new generations meanwhile. Afterwards every screen is drawn from the bytes that
@@ -261,7 +261,7 @@ def main() -> int:
     seconds = 60 * options.minutes
     for figure in measure(options.store, options.users, seconds, options.seed, options.publish):
         failed += not figure.ok
-        text = json.dumps(figure.row()) if options.json else _line(figure)
+        text = json.dumps(figure.as_json()) if options.json else _line(figure)
         print(text, flush=True)
     return 1 if failed else 0
 

@@ -1,4 +1,4 @@
-"""Changing a published index behind the store's back, for what no writer of a store would do."""
+"""Edit a published index directly, for states that no writer of a store produces."""
 
 from __future__ import annotations
 

@@ -1,19 +1,19 @@
-"""How often does the gate cry without a gap, and how often does it see one?
+"""False alarm rate and detection rate of the gate.
 
-`python -m bench.false_alarm_rate` freezes one reference on the default world with all factors, and lets it
-judge, as `s2r gap` does, fresh evidence of every seed: a tour of 64 views through five rooms that
-the model was not trained on, and twelve drives. The gate says FAIL where the whole 95 % interval of
-the worst axis is over the threshold: without a gap, and with one at the threshold itself, that may
-happen in 2.5 % of the seeds. It exits with 1 where false alarms are surely more frequent, or where
-the verdict is not PASS on a seed without factors. Behind G of every axis (mean and deviation over
-the seeds) stands how often its whole interval is over that mean: the share of false alarms if the
-mean were the threshold.
+`python -m bench.false_alarm_rate` freezes one reference on the default world with all factors and
+uses it, as `s2r gap` does, to judge fresh evidence of every seed: a tour of 64 views through five
+rooms that the model was not trained on, and twelve drives. The gate answers FAIL where the whole
+95 % interval of the worst axis is above the threshold: without a gap, and with one exactly at the
+threshold, that may happen for 2.5 % of the seeds. The exit code is 1 where false alarms are
+significantly more frequent, or where the verdict of a seed without factors is not PASS. The number
+after G of every axis (mean and deviation over the seeds) is the share of seeds whose whole interval
+is above that mean: the false alarm rate if the mean were the threshold.
 
-The tours are new poses, for which a reference of other poses is refused; the bench writes theirs
-into it and keeps the scale, which is that of the same building, model and count.
+The tours have new poses, which a reference of other poses refuses; the bench writes their hash into
+the reference and keeps its scale, which belongs to the same building, model and count.
 
-Without factors sim and real images are the same bytes; `noise` photographs both sides through the
-noisy sensor, each with noise of its own, so that there is no gap but much to be mistaken for one.
+Without factors sim and real images have the same bytes; `noise` renders both sides through the
+noisy sensor with independent noise, so that there is no gap but much that could look like one.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from s2rstore.reader import Store
 from s2rtools.gap.axis_result import Evidence
 from s2rtools.gap.defaults import THRESHOLD
 from s2rtools.gap.gate import gate
-from s2rtools.gap.instance_selection import poses
+from s2rtools.gap.instance_selection import poses_sha256
 from s2rtools.motion_logs import Drive
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.sysid import make_drives
@@ -220,7 +220,7 @@ def verdict(
     evidence = Evidence(store, look(condition), iids, drives=drives)
     _fit(reference, evidence)
     request = gate.GapRequest(run=look(condition), reference=reference)
-    found = gate.judged(evidence, request).verdict
+    found = gate.judge_gap(evidence, request).verdict
     gaps = {each.axis: each.gap for each in found.axes}
     return found.outcome, [(gaps[a].value, gaps[a].low, gaps[a].high) for a in AXES]
 
@@ -228,7 +228,7 @@ def verdict(
 def _fit(reference: Path, evidence: Evidence) -> None:
     scale = json.loads(reference.read_text())
     for axis in ("visual", "task"):
-        scale["axes"][axis]["fingerprint"]["poses"] = poses(evidence.store)
+        scale["axes"][axis]["fingerprint"]["poses"] = poses_sha256(evidence.store)
     reference.write_text(json.dumps(scale))
 
 

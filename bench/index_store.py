@@ -1,4 +1,4 @@
-"""A store of any number of instances and eight runs, index alone: for what depends on their number.
+"""Build a store of any number of instances with eight runs, index only, to measure scaling.
 
 The instances walk through twelve rooms in sixteen trajectories; every run errs in its own way, more
 in some rooms than in others.

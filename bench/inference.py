@@ -68,8 +68,13 @@ def _measured(store: s2rstore.reader.Store, threads: int) -> Iterator[BudgetRow]
         yield BudgetRow(f"predictions + embeddings, {label}", alone, "images/s")
         yield BudgetRow(f"predictions + embeddings / bare, {label}", alone / plain, "ratio", 0.85,
                      "at least")  # fmt: skip
-        yield BudgetRow(f"... with image reading / bare, {label}", with_reading / plain, "ratio", 0.6,
-                     "at least")  # fmt: skip
+        yield BudgetRow(
+            f"... with image reading / bare, {label}",
+            with_reading / plain,
+            "ratio",
+            0.6,
+            "at least",
+        )
         fastest = alone
 
     def one_at_a_time() -> None:

@@ -1,4 +1,4 @@
-"""One instance under a moving slider: how soon the prediction and the heat are there."""
+"""Latency of the prediction and the heatmap of one instance while a slider moves."""
 
 from __future__ import annotations
 

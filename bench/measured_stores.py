@@ -1,4 +1,4 @@
-"""Stores for measuring, made by code."""
+"""Generated stores for measurements."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""A week of nights on a real store, with a regression on day 5: is it told, and only then?
+"""A week of nightly runs with a regression on day 5: it must be reported on days 5 and 6 only.
 
-`python -m bench.nightly_regression` takes photographs on the same course through the default building every day,
-lets a shipped model look at them, records twelve drives, and starts `s2r nightly` twice. From day 5
-to 6 something is wrong (`--factors`, by default lamps are off); on day 7 it is mended. A line per
-day tells what the exit code, JUnit, the metrics and the dashboard's expressions say, and whether
-the second start left every file as it was. It exits with 1 where any of them is not so.
+`python -m bench.nightly_regression` renders images on the same course through the default building
+every day, predicts them with a shipped model, records twelve drives, and starts `s2r nightly`
+twice. On days 5 and 6 the world is changed (`--factors`, by default lamps are off); day 7 is as
+before. One line per day shows the exit code, JUnit, metrics and the dashboard's expressions, and
+whether the second start left all files unchanged. The exit code is 1 where any of them is wrong.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Occlusion by locality against 216 forwards of the folded network at its best batch size."""
+"""Occlusion by incremental inference against 216 forward passes at the best batch size."""
 
 from __future__ import annotations
 

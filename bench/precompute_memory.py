@@ -1,4 +1,4 @@
-"""Memory of a precompute above the loaded process, small and large."""
+"""Memory of a precompute above that of the loaded process, for small and large stores."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a change costs at 1e3 and 1e6 instances of eight runs: `python -m bench.scale STORE`.
+"""Cost of user actions at 1e3 and 1e6 instances of eight runs: `python -m bench.scale STORE`.
 
 Each store has a process of its own. Every change is made once unmeasured, on whatever it needs
 that was never read, and then several times with other values each time; its time is the median.

@@ -1,4 +1,4 @@
-"""What a user does at scale, as functions of the session; and the numbers behind every view."""
+"""User actions as functions of the session, and the numbers behind every view."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A slider on the screen: from the key to the new prediction, drawn.
+"""Latency from a key press on a slider to the drawn prediction.
 
 `python -m bench.slider_latency STORE --run R` measures on a store of your own.
 """

@@ -1,4 +1,4 @@
-"""How soon something useful is there, the modules compiled as an installation leaves them."""
+"""Start-up time, with modules compiled as in an installation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Are parameters inside their own 95 % intervals, and is a structural mismatch told?
+"""Coverage of the parameters' 95 % intervals, and detection of a structural mismatch.
 
 `python -m bench.sysid` identifies the planar robot in ten worlds of random truth and prints the 40
 cases of delay, mass, friction and damping, then the same worlds with wheels of unequal radius, and

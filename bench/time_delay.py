@@ -1,4 +1,4 @@
-"""The delay between two logs at 50 Hz against the peak of their cross-correlation."""
+"""Time delay between two logs at 50 Hz against the peak of their cross-correlation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def figures(seeds: int = SEEDS) -> Iterator[BudgetRow]:
         ours, theirs, held = [], [], []
         for seed in range(seeds):
             late, real, sim = _pair(seed, noise, turn_noise)
-            found = time_delay.delay(real, sim, GapSettings(400))
+            found = time_delay.estimate_delay(real, sim, GapSettings(400))
             ours.append(found.seconds - late)
             held.append(found.low <= late <= found.high)
             theirs.append(cross_correlation(real, sim) - late)

@@ -1,4 +1,4 @@
-"""Stores of many short tours through the default building, each seen in several ways."""
+"""Stores of many short tours through the default building under several conditions."""
 
 from __future__ import annotations
 

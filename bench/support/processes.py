@@ -1,4 +1,4 @@
-"""What runs below a process, and what it costs: read from /proc."""
+"""Child processes and their memory and processor time, read from /proc."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Terminal screens drawn again from the bytes that arrived, and what is wrong with them."""
+"""Replay terminal screens from recorded bytes and report what is wrong with them."""
 
 from __future__ import annotations
 

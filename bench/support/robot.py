@@ -1,4 +1,4 @@
-"""A differential-drive robot on paper: random commands, first-order motors, exact poses."""
+"""A simulated differential-drive robot: random commands, first-order motors, exact poses."""
 
 from __future__ import annotations
 

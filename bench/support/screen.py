@@ -1,4 +1,4 @@
-"""A terminal for tests: a program on a pseudo-terminal, drawn by an emulator, read as text."""
+"""A terminal for tests: run a program on a pseudo-terminal and read the emulated screen."""
 
 from __future__ import annotations
 

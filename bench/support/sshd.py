@@ -1,4 +1,4 @@
-"""An OpenSSH server of one's own on loopback: own keys, own configuration, free ports."""
+"""A private OpenSSH server on the loopback interface, with temporary keys and free ports."""
 
 from __future__ import annotations
 

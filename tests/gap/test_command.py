@@ -74,7 +74,7 @@ def test_the_last_word_is_that_of_the_exit_code(store: Path, tmp_path: Path, cap
 def test_a_place_that_cannot_be_is_refused_before_anything_is_measured(
     store: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch, option: str
 ) -> None:
-    monkeypatch.setattr(gate, "judged", None)
+    monkeypatch.setattr(gate, "judge_gap", None)
     assert gap(store, option, str(tmp_path / "nowhere" / "f.json")) == 2
     err = capsys.readouterr().err
     assert err.startswith(f"s2r: {option} ")

@@ -69,7 +69,7 @@ def test_few_shared_instances_say_nothing(evidence: Evidence) -> None:
     few = replace(taken, errors=dict(list(taken.errors.items())[:5]))
     found = golden_run.compare(evidence, few, SETTINGS)
     assert found.outcome == "INCONCLUSIVE"
-    assert "5 instances in 2 blocks are in both, 20 in 4 are needed" in found.reason
+    assert "5 instances in 2 blocks are common to both runs, 20 in 4 are needed" in found.reason
     with pytest.raises(InconclusiveError, match="20 held-out instances"):
         golden_run.take(replace(evidence, iids=np.arange(5)))
 

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -36,7 +37,7 @@ def found(*axes: AxisResult) -> Measurement:
 
 def scale(*axes: str, anchor: float = 1.1, floor: float = 0.1) -> reference.Reference:
     frozen = {
-        axis: reference.Frozen(anchor, anchor, anchor, floor, "bad",
+        axis: reference.AxisScale(anchor, anchor, anchor, floor, "bad",
                                {"features": "f", "n": 50})
         for axis in axes
     }  # fmt: skip
@@ -74,7 +75,7 @@ def test_the_maximum_is_taken_inside_each_replicate() -> None:
 def test_noise_that_reaches_across_the_threshold_decides_nothing() -> None:
     verdict = judge(found(measured("task", 0.25, spread=0.2)), scale("task"), SETTINGS)
     assert verdict.outcome == "INCONCLUSIVE"
-    assert "across" in verdict.reason
+    assert "contains the threshold" in verdict.reason
 
 
 def test_what_is_shared_by_value_and_floor_is_no_noise() -> None:
@@ -114,7 +115,8 @@ def test_an_axis_with_too_little_evidence_cannot_pass(value: float, outcome: str
 )
 def test_a_reference_of_another_kind_is_refused(change: dict, told: str) -> None:
     made = scale("task")
-    frozen = replace(made.axes["task"], fingerprint={**made.axes["task"].fingerprint, **change})
+    fingerprint = {**made.axes["task"].fingerprint, **change}
+    frozen = msgspec.structs.replace(made.axes["task"], fingerprint=fingerprint)
     with pytest.raises(RequestError, match=told):
         judge(found(measured("task", 0.1)), replace(made, axes={"task": frozen}), SETTINGS)
 
@@ -156,7 +158,7 @@ def test_a_scale_without_a_span_or_a_state_is_refused(tmp_path: Path, change: di
               "fingerprint": {}}  # fmt: skip
     content = {"format": reference.FORMAT, "made_from": {}, "axes": {"task": frozen | change}}
     (tmp_path / "ref.json").write_text(json.dumps(content))
-    with pytest.raises(RequestError, match=r"ref\.json: task: .* anew"):
+    with pytest.raises(RequestError, match=r"ref\.json: axes\.task"):
         reference.read(tmp_path / "ref.json")
 
 
@@ -178,7 +180,7 @@ def test_a_scale_must_be_of_numbers(tmp_path: Path, key: str, value: object) -> 
 
 def test_an_anchor_within_noise_of_the_floor_is_no_scale(tmp_path: Path) -> None:
     path = tmp_path / "ref.json"
-    frozen = replace(scale("task").axes["task"], anchor_low=0.05)
+    frozen = msgspec.structs.replace(scale("task").axes["task"], anchor_low=0.05)
     path.write_text(reference.text({"task": frozen}, {}))
     with pytest.raises(RequestError, match="within noise of the floor"):
         reference.read(path)

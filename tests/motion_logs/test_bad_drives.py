@@ -116,7 +116,7 @@ def test_a_file_that_is_wrong_ends_with_2(
         (clock(1000.0, 1.0), "(1000 to 1003.98 s) and", "poses from 1000 to 1003.98 s, commands"),
         (lines(lambda f: f.__delitem__(slice(4, None))), "real.csv: 3 poses in 0.04 s",
          "poses from 0 to 0.04 s"),
-        (clock(0.0, 1000.0), "a pose every 20 s is too few to find a delay by",
+        (clock(0.0, 1000.0), "a pose every 20 s is too slow to estimate a time delay",
          "poses from 0 to 3980 s, commands from 0 to 4 s"),
     ],
     ids=["apart", "three rows", "milliseconds"],
@@ -157,7 +157,7 @@ def millimetres(drive: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "told"),
     [
-        (still, "the motion never changes; no delay can be seen"),
+        (still, "the motion never changes; no time delay can be estimated"),
         (degrees, "if these are degrees, name the column heading_deg"),
         (millimetres, "are both logs in metres and seconds?"),
     ],

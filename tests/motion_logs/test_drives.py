@@ -17,7 +17,7 @@ from s2rtools.datasets.scan import ScanOptions
 from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.dynamics import options
 from s2rtools.motion_logs import csv_reader, read_drives
-from s2rtools.motion_logs.rigid_alignment import Rigid, fit
+from s2rtools.motion_logs.rigid_alignment import RigidTransform, fit
 from s2rtools.motion_logs.store_odometry import odometry
 
 
@@ -91,7 +91,7 @@ def walked(tmp_path: Path) -> Path:
     """Trajectory a has mirrored odometry and times, b has no odometry."""
     drive = robot.pair(4, seconds=8.0, noise=0.0, turn_noise=0.0)
     log = robot.sampled(robot.drive(drive.commands), 5.0) if drive.commands else drive.real
-    odom = Rigid(angle=1.0, reflected=True, x=3.0, y=-2.0)(log)
+    odom = RigidTransform(angle=1.0, reflected=True, x=3.0, y=-2.0)(log)
     n = log.time.size
     missing = np.full(5, np.nan)
     pairs = {"x": log.x, "y": log.y, "heading": log.heading, "odom_x": odom.x, "odom_y": odom.y,

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import pytest
 
-from s2rtools.nightly.config import Config, Sysid
+from s2rtools.nightly.config import NightlyConfig, SysidConfig
 from tests.support import nights
 
 
 @pytest.fixture
-def config(tmp_path: Path, tiny_store: Path) -> Config:
+def config(tmp_path: Path, tiny_store: Path) -> NightlyConfig:
     """A gate on a store of its own, with drives, metrics and a simulator to identify."""
     return made(tmp_path, tiny_store)
 
 
 @pytest.fixture
-def week(config: Config) -> nights.Week:
+def week(config: NightlyConfig) -> nights.Week:
     return nights.Week(config, {"task": 20.0}, from_day=5)
 
 
@@ -33,13 +33,13 @@ def told_week(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> nig
     return week
 
 
-def made(folder: Path, store: Path) -> Config:
+def made(folder: Path, store: Path) -> NightlyConfig:
     shutil.copytree(store, folder / "lab.s2r")
     config = nights.written(folder, folder / "lab.s2r")
-    return replace(config, sysid=Sysid(str(folder / "drives")))
+    return replace(config, sysid=SysidConfig(str(folder / "drives")))
 
 
-def files(config: Config) -> dict[Path, tuple[bytes, int]]:
+def files(config: NightlyConfig) -> dict[Path, tuple[bytes, int]]:
     """Content and time of every file that a night may write; locks name their last holder."""
     roots = [config.history.parent, config.reports]
     found = [path for root in roots for path in root.rglob("*")]

@@ -11,13 +11,13 @@ import pytest
 
 from bench.support import robot
 from s2rtools.motion_logs import csv_reader
-from s2rtools.nightly.config import Config
+from s2rtools.nightly.config import NightlyConfig
 from s2rtui.cli import main
 from tests.support.bags import ODOMETRY, POSE, write
 
 
 @pytest.fixture
-def bags(config: Config) -> Path:
+def bags(config: NightlyConfig) -> Path:
     """A drive whose bags hold its poses as /truth, and as /odom those of a robot that stands."""
     told = robot.commands(8.0, np.random.default_rng(3))
     real = robot.sampled(robot.drive(told, delay=0.1), 10.0)
@@ -31,7 +31,7 @@ def bags(config: Config) -> Path:
     return folder.parent
 
 
-def night(config: Config, drives: str) -> int:
+def night(config: NightlyConfig, drives: str) -> int:
     """Of the delay axis and the identification."""
     config.source.write_text(
         f'store = "{config.store}"\naxes = ["delay"]\nreplicates = 100\n[drives]\n{drives}\n'
@@ -40,7 +40,7 @@ def night(config: Config, drives: str) -> int:
     return main(["nightly", str(config.source), "--night", "2026-11-21"])
 
 
-def test_the_topic_that_is_named_is_measured(config: Config, bags: Path) -> None:
+def test_the_topic_that_is_named_is_measured(config: NightlyConfig, bags: Path) -> None:
     assert night(config, f'folder = "{bags}"\ntopic = "/truth"') == 3
     folder = config.reports / "2026-11-21"
     (delay,) = json.loads((folder / "report.json").read_text())["axes"]
@@ -54,7 +54,12 @@ def test_the_topic_that_is_named_is_measured(config: Config, bags: Path) -> None
      ('topic = "/odom"', "the motion never changes", 3)],
 )  # fmt: skip
 def test_another_topic_is_told(
-    config: Config, bags: Path, capsys: pytest.CaptureFixture[str], topic: str, told: str, code: int
+    config: NightlyConfig,
+    bags: Path,
+    capsys: pytest.CaptureFixture[str],
+    topic: str,
+    told: str,
+    code: int,
 ) -> None:
     assert night(config, f'folder = "{bags}"\n{topic}') == code
     captured = capsys.readouterr()

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-import s2rtools.gap
+import s2rtools.gap.gate
 from s2rstore.gap_history import reader as stored
-from s2rtools.nightly.config import Config
+from s2rtools.nightly.config import NightlyConfig
 from s2rtui.cli import main
 from tests.support import nights
 
@@ -31,21 +31,23 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         return given
 
     gate = SimpleNamespace(
-        Request=request, evidence=lambda store, request: store, measured_report=measured_report
+        GapRequest=request,
+        collect_evidence=lambda store, request: store,
+        measured_report=measured_report,
     )
     monkeypatch.setitem(sys.modules, "s2rtools.gap.gate.gate", gate)
-    monkeypatch.setattr(s2rtools.gap, "gate", gate, raising=False)
+    monkeypatch.setattr(s2rtools.gap.gate, "gate", gate, raising=False)
     return seen
 
 
-def command(config: Config, *words: str) -> int:
+def command(config: NightlyConfig, *words: str) -> int:
     return main(["nightly", str(config.source), "--night", "2026-11-21", *words])
 
 
 @pytest.mark.parametrize(("gap", "code", "word"), [(5, 0, "PASS"), (15, 3, "INCONCLUSIVE"),
                                                    (40, 1, "FAIL")])  # fmt: skip
 def test_the_exit_code_is_the_gates(
-    config: Config, asked: SimpleNamespace, capsys, gap: float, code: int, word: str
+    config: NightlyConfig, asked: SimpleNamespace, capsys, gap: float, code: int, word: str
 ) -> None:
     asked.gaps = {"task": float(gap)}
     assert command(config) == code
@@ -55,7 +57,7 @@ def test_the_exit_code_is_the_gates(
 
 
 def test_the_same_night_says_that_nothing_is_new(
-    config: Config, asked: SimpleNamespace, capsys
+    config: NightlyConfig, asked: SimpleNamespace, capsys
 ) -> None:
     assert command(config) == 0
     assert "nothing new" not in capsys.readouterr().err
@@ -67,7 +69,9 @@ def test_the_same_night_says_that_nothing_is_new(
     assert asked.count == 1
 
 
-def test_json_tells_all_that_a_script_needs(config: Config, asked: SimpleNamespace, capsys) -> None:
+def test_json_tells_all_that_a_script_needs(
+    config: NightlyConfig, asked: SimpleNamespace, capsys
+) -> None:
     asked.gaps = {"visual": 3.0, "task": 40.0}
     assert command(config, "--json") == 1
     found = json.loads(capsys.readouterr().out)
@@ -80,7 +84,7 @@ def test_json_tells_all_that_a_script_needs(config: Config, asked: SimpleNamespa
 
 
 def test_the_gate_is_asked_what_the_configuration_says(
-    config: Config, asked: SimpleNamespace
+    config: NightlyConfig, asked: SimpleNamespace
 ) -> None:
     text = config.source.read_text().replace(
         "[drives]", 'run = "vanilla"\nselect = "worst15"\naxes = ["task"]\nthreshold = 20\n'
@@ -99,7 +103,7 @@ def test_the_gate_is_asked_what_the_configuration_says(
     }  # fmt: skip
 
 
-def test_without_a_night_it_is_today(config: Config, asked: SimpleNamespace, capsys) -> None:
+def test_without_a_night_it_is_today(config: NightlyConfig, asked: SimpleNamespace, capsys) -> None:
     import datetime
 
     before = datetime.datetime.now(datetime.UTC).date()
@@ -109,7 +113,7 @@ def test_without_a_night_it_is_today(config: Config, asked: SimpleNamespace, cap
 
 
 def test_drives_that_are_too_few_for_an_identification_are_told(
-    config: Config, asked: SimpleNamespace, capsys
+    config: NightlyConfig, asked: SimpleNamespace, capsys
 ) -> None:
     from s2rtools.sysid import Recording, make_drives
 
@@ -124,7 +128,9 @@ def test_drives_that_are_too_few_for_an_identification_are_told(
     assert "planar" in (config.reports / "2026-11-21" / "report.md").read_text()
 
 
-def test_the_simulator_is_identified_from_drives(config: Config, asked: SimpleNamespace) -> None:
+def test_the_simulator_is_identified_from_drives(
+    config: NightlyConfig, asked: SimpleNamespace
+) -> None:
     from s2rtools.sysid import Recording, make_drives
 
     drives = config.source.parent / "made"
@@ -143,14 +149,18 @@ def test_the_simulator_is_identified_from_drives(config: Config, asked: SimpleNa
     )
 
 
-def test_bags_are_read_by_the_topic_that_is_named(config: Config, asked: SimpleNamespace) -> None:
+def test_bags_are_read_by_the_topic_that_is_named(
+    config: NightlyConfig, asked: SimpleNamespace
+) -> None:
     text = config.source.read_text()
     config.source.write_text(text.replace("[drives]\n", '[drives]\ntopic = "/odom"\n', 1))
     command(config)
     assert asked.requests[0]["topic"] == "/odom"
 
 
-def test_what_an_identification_warns_of_is_told(config: Config, asked: SimpleNamespace) -> None:
+def test_what_an_identification_warns_of_is_told(
+    config: NightlyConfig, asked: SimpleNamespace
+) -> None:
     from s2rtools.sysid import Recording, make_drives
 
     drives = config.source.parent / "made"

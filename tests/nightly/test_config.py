@@ -39,7 +39,7 @@ def test_drives_in_the_store_are_taken_where_none_are_named(tmp_path: Path) -> N
     own.mkdir()
     found = config.read(path)
     assert found.drives == str(own.resolve())
-    assert found.sysid == config.Sysid(str(own.resolve()), seed=2)
+    assert found.sysid == config.SysidConfig(str(own.resolve()), seed=2)
 
 
 def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
@@ -79,7 +79,7 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
     assert {found.reference, found.golden, found.features} == {here / "there.json"}
     assert (found.threshold, found.margin, found.stale_after) == (20.0, 0.1, 1.5)
     assert found.drives == str(here / "drives")
-    assert found.sysid == config.Sysid(
+    assert found.sysid == config.SysidConfig(
         str(here / "drives"), "mujoco", ("mass", "damping"), {"track": 0.4}, 1, 2, None,
         {"latency": "0..0.5", "mass": "5..30:log"}, "/odom",
     )  # fmt: skip
@@ -96,22 +96,22 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         ("", "store: missing"),
         ("store =", "no TOML"),
         ('store = "nowhere.s2r"', "store:.*no such folder"),
-        ('stroe = "s.s2r"', "stroe: not known; known: name, store"),
-        ('store = "s.s2r"\n[out]\nmetrics = "m"', "out: not known"),
-        ('store = "s.s2r"\n[output]\nmetric = "m"', "output.metric: not known"),
-        ('store = "s.s2r"\noutput = 3', "output: must be a table"),
-        ("store = 3", "store: must be text, not 3"),
-        ('store = "s.s2r"\nthreshold = "15"', "threshold: must be a number"),
-        ('store = "s.s2r"\nthreshold = true', "threshold: must be a number"),
-        ('store = "s.s2r"\nthreshold = nan', "threshold: over 0"),
-        ('store = "s.s2r"\nthreshold = 0', "threshold: over 0"),
-        ('store = "s.s2r"\nmargin = -1', "margin: over 0"),
-        ('store = "s.s2r"\nseed = 1.5', "seed: must be a whole number"),
-        ('store = "s.s2r"\nseed = -1', "seed: 0"),
-        ('store = "s.s2r"\nreplicates = 10', "replicates: 100"),
-        ('store = "s.s2r"\naxes = ["tsak"]', "axes: 'tsak': one of visual, task"),
-        ('store = "s.s2r"\naxes = ["task", "task"]', "axes: names an axis twice"),
-        ('store = "s.s2r"\naxes = [1]', "axes: must be a list of names"),
+        ('stroe = "s.s2r"', "stroe: unknown key; did you mean store. known: store, name"),
+        ('store = "s.s2r"\n[out]\nmetrics = "m"', "out: unknown key; did you mean output"),
+        ('store = "s.s2r"\n[output]\nmetric = "m"', "output.metric: unknown key; did you mean"),
+        ('store = "s.s2r"\noutput = 3', "output: expected a table, got 3"),
+        ("store = 3", "store: expected text, got 3"),
+        ('store = "s.s2r"\nthreshold = "15"', 'threshold: expected a number, got "15"'),
+        ('store = "s.s2r"\nthreshold = true', "threshold: expected a number, got true"),
+        ('store = "s.s2r"\nthreshold = nan', "threshold: expected a finite number"),
+        ('store = "s.s2r"\nthreshold = 0', "threshold: expected a number > 0"),
+        ('store = "s.s2r"\nmargin = -1', "margin: expected a number > 0"),
+        ('store = "s.s2r"\nseed = 1.5', "seed: expected a whole number, got 1.5"),
+        ('store = "s.s2r"\nseed = -1', "seed: expected a whole number >= 0"),
+        ('store = "s.s2r"\nreplicates = 10', "replicates: expected a whole number >= 100"),
+        ('store = "s.s2r"\naxes = ["tsak"]', "axes: 'tsak': expected one of visual, task"),
+        ('store = "s.s2r"\naxes = ["task", "task"]', "axes: an axis is listed twice"),
+        ('store = "s.s2r"\naxes = [1]', r"axes\[0\]: expected text, got 1"),
         ('store = "s.s2r"\nname = "a b"', "name: 'a b'"),
         ('store = "s.s2r"\nrun = " "', "run: must not be empty"),
         ('store = "s.s2r"\nreference = "no.json"', "reference:.*no such file"),
@@ -119,26 +119,30 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         ('store = "s.s2r"\n[drives]\nfolder = "there.json"', "drives.folder:.*no such folder"),
         ('store = "s.s2r"\n[sysid]\nsimulator = "a"', "sysid.drives: missing"),
         ('store = "s.s2r"\n[drives]\nfolder = "odometry"\n[sysid]\nseed = 1', "sysid.drives"),
-        ('store = "s.s2r"\n[sysid]\nfix = { track = "a" }', "sysid.fix: must be a table of num"),
-        ('store = "s.s2r"\n[sysid]\nparameters = "mass"', "sysid.parameters: must be a list"),
+        ('store = "s.s2r"\n[sysid]\nfix = { track = "a" }', "sysid.fix.track: expected a number"),
+        ('store = "s.s2r"\n[sysid]\nparameters = "mass"', "sysid.parameters: expected a list"),
         (f'{SYSID}simulator = "bullet"', "sysid: simulator bullet: unknown .known: planar"),
         (f'{SYSID}parameters = ["mas"]', "sysid: mas: no parameter of the simulator planar"),
         (f'{SYSID}fix = {{ track = 9 }}', "sysid: track=9: out of its range"),
         (f'{SYSID}fix = {{ latency = 0.1 }}', "sysid: latency: always searched"),
-        (f'{SYSID}range = {{ latency = 3 }}', "sysid.range: must be a table of ranges"),
-        (f'{SYSID}range = 3', "sysid.range: must be a table of ranges"),
-        (f'{SYSID}range = {{ latency = "3" }}', "sysid: range.latency: 3: give LOW..HIGH"),
+        (f'{SYSID}range = {{ latency = 3 }}', "sysid.range.latency: expected text, got 3"),
+        (f'{SYSID}range = 3', "sysid.range: expected a table, got 3"),
+        (f'{SYSID}range = {{ latency = "3" }}', "sysid: range.latency: 3: expected LOW..HIGH"),
         (f'{SYSID}range = {{ mas = "1..2" }}', "sysid: mas: no parameter"),
         (f'{SYSID}range = {{ track = "1..2" }}', "sysid: track: not searched"),
-        (f'{SYSID}seeds = 0', "sysid.seeds: 1"),
-        ('store = "s.s2r"\n[drives]\ndynamics = ["reach=x"]', "drives.dynamics: reach=x: give sec"),
-        ('store = "s.s2r"\n[drives]\ntopic = 3', "drives.topic: must be text"),
-        ('store = "s.s2r"\n[drives]\nrate = 0', "drives.rate: over 0"),
-        ('store = "s.s2r"\n[stale]\nafter_days = -1', "stale.after_days: 0"),
-        pytest.param(f'store = "s.s2r"\nthreshold = {10**400}', "threshold: beyond", id="huge"),
-        pytest.param(f"{SYSID}fix = {{ mass = {10**400} }}", "sysid.fix: beyond", id="huge mass"),
+        (f'{SYSID}seeds = 0', "sysid.seeds: expected a whole number >= 1"),
+        ('store = "s.s2r"\n[drives]\ndynamics = ["reach=x"]', "drives.dynamics: reach=x: expected"),
+        ('store = "s.s2r"\n[drives]\ntopic = 3', "drives.topic: expected text"),
+        ('store = "s.s2r"\n[drives]\nrate = 0', "drives.rate: expected a number > 0"),
+        ('store = "s.s2r"\n[stale]\nafter_days = -1', "stale.after_days: expected a number >= 0"),
+        pytest.param(
+            f'store = "s.s2r"\nthreshold = {10**400}', "threshold: .* at most 64 bits", id="huge"
+        ),
+        pytest.param(
+            f"{SYSID}fix = {{ mass = {10**400} }}", "sysid.fix.mass: .* at most 64", id="huge mass"
+        ),
         pytest.param("store = " + "[" * 50_000, "no TOML", id="deep"),
-        ('store = "~no-such-user/s.s2r"', "~no-such-user/s.s2r: no such user's folder"),
+        ('store = "~no-such-user/s.s2r"', "~no-such-user/s.s2r: the user has no home folder"),
         ('store = "s.s2r"\n[output]\nmetrics = "drives"', "output.metrics: .*s: a folder or"),
         ('store = "s.s2r"\n[output]\nhistory = "s.s2r"', "output.history: .*: a folder or a"),
         ('store = "s.s2r"\n[output]\nmetrics = "gate.toml"', "output.metrics: .*is another file"),
@@ -164,7 +168,7 @@ def test_the_command_refuses_before_anything_is_written(tmp_path: Path, capsys) 
     assert main(["nightly", str(good), "--night", "9999-12-31"]) == 2
     assert main(["nightly", str(good)]) == 2  # the folder is no store
     told = capsys.readouterr().err
-    assert "threshold: over 0" in told
+    assert "threshold: expected a number > 0, got 0" in told
     assert "none.toml: cannot be read (No such file" in told
     assert "--night 21.11.2026: a date such as" in told
     assert "--night 9999-12-31: later than a week from today" in told

@@ -16,7 +16,7 @@ from prometheus_client.openmetrics import parser as openmetrics
 from prometheus_client.parser import text_string_to_metric_families
 
 from s2rstore.gap_history import reader
-from s2rtools.nightly.config import Config
+from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.metrics import metrics
 from s2rtools.nightly.run import nightly
 from tests.support import nights
@@ -85,7 +85,7 @@ def test_junit_fails_from_day_five_on(told_week: Week) -> None:
     assert "worst axis task" in failure.attrib["message"]
 
 
-def test_junit_skips_what_decides_nothing_and_what_is_stale(config: Config) -> None:
+def test_junit_skips_what_decides_nothing_and_what_is_stale(config: NightlyConfig) -> None:
     def unsure(store, config) -> dict:
         lacking = {"inconclusive": {"visual": "3 images & <few>\x00"}, "absent": {"delay": "none"}}
         return nights.report(store, {"task": 14.5}, **lacking)
@@ -185,7 +185,7 @@ def test_the_page_needs_nothing_else(told_week: Week) -> None:
     assert "worst axis task" in text
 
 
-def test_a_name_is_no_markup(config: Config) -> None:
+def test_a_name_is_no_markup(config: NightlyConfig) -> None:
     def odd(store, config) -> dict:
         return nights.report(store, {"task": 5.0}, expression="<b>|x|</b>", model="*m*")
 
@@ -227,7 +227,7 @@ def test_a_reports_json_is_that_of_the_gate(told_week: Week) -> None:
     assert [each["axis"] for each in report["axes"]] == ["visual", "task", "dynamics"]
 
 
-def test_later_nights_leave_earlier_reports_alone(config: Config) -> None:
+def test_later_nights_leave_earlier_reports_alone(config: NightlyConfig) -> None:
     week = Week(config, {}, 9)
     week.night(1)
     folder = config.reports / str(day(1))

@@ -13,8 +13,8 @@ import pytest
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.gap_history import reader
 from s2rstore.index.transaction import edit
-from s2rtools.nightly.config import Config
-from s2rtools.nightly.run import Done, nightly
+from s2rtools.nightly.config import NightlyConfig
+from s2rtools.nightly.run import NightRun, nightly
 from tests.nightly.conftest import files
 from tests.support import nights
 from tests.support.nights import Week, day
@@ -179,7 +179,7 @@ def test_a_night_that_cannot_be_measured_is_never_green(
     def refuse(store: object, config: object) -> dict:
         raise error
 
-    def night() -> Done:
+    def night() -> NightRun:
         return nightly(week.config, day(2), refuse, week.estimate, nights.clock())
 
     week.night(1)
@@ -241,18 +241,18 @@ def test_two_gates_do_not_overwrite_each_other(week: Week) -> None:
     for name, places in (("reports", {"metrics": gate.source.parent / "other.prom"}),
                          ("metrics", {"reports": gate.reports / "other"})):  # fmt: skip
         week.config = replace(gate, name="other", **places)
-        with pytest.raises(RequestError, match=rf"output\.{name}: .* is that of the gate 'lab'"):
+        with pytest.raises(RequestError, match=rf"output\.{name}: .* belongs to the gate 'lab'"):
             week.night(1, new_log=False)
     assert files(gate) == before
     assert week.calls == 1
 
 
 def test_evidence_that_changes_meanwhile_is_refused(week: Week) -> None:
-    def slow(store: object, config: Config) -> dict:
+    def slow(store: object, config: NightlyConfig) -> dict:
         (config.source.parent / "drives" / "late.csv").write_text("new")
         return week.measure(store, config)
 
-    with pytest.raises(RequestError, match="changed meanwhile"):
+    with pytest.raises(RequestError, match="changed during the measurement"):
         nightly(week.config, day(1), slow, week.estimate)
     assert not week.config.history.exists()
 

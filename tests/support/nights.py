@@ -13,8 +13,8 @@ import numpy as np
 
 from s2rstore.reader import Store
 from s2rtools.nightly import config as configs
-from s2rtools.nightly.config import Config
-from s2rtools.nightly.run import Done, nightly
+from s2rtools.nightly.config import NightlyConfig
+from s2rtools.nightly.run import NightRun, nightly
 
 FIRST = datetime.date(2026, 11, 16)
 THRESHOLD = 15.0
@@ -76,7 +76,7 @@ def golden(change: float, margin: float = 0.05) -> dict[str, Any]:
             "change_high": change + 0.01, "margin": margin, "n": 40, "missing": 0}  # fmt: skip
 
 
-def written(folder: Path, store: Path, text: str = "", name: str = "lab") -> Config:
+def written(folder: Path, store: Path, text: str = "", name: str = "lab") -> NightlyConfig:
     """A configuration on a store with a folder of drives, read from its file."""
     drives = folder / "drives" / "one"
     drives.mkdir(parents=True, exist_ok=True)
@@ -92,14 +92,16 @@ def written(folder: Path, store: Path, text: str = "", name: str = "lab") -> Con
 class Week:
     """A week of nights on new logs each, with noise; `regression` is added from a day on."""
 
-    def __init__(self, config: Config, regression: Mapping[str, float], from_day: int) -> None:
+    def __init__(
+        self, config: NightlyConfig, regression: Mapping[str, float], from_day: int
+    ) -> None:
         self.config, self.regression, self.from_day = config, regression, from_day
         self.calls = 0
         self._day = 0
         self._clock = clock()
         self._rng = np.random.default_rng(5)
 
-    def measure(self, store: Store, config: Config) -> dict[str, Any]:
+    def measure(self, store: Store, config: NightlyConfig) -> dict[str, Any]:
         self.calls += 1
         gaps = {"visual": 4.0, "task": 7.0, "dynamics": 5.0}
         noise = self._rng.normal(0, 0.8, len(gaps))
@@ -116,7 +118,7 @@ class Week:
                 {"parameter": "mass", "value": 12.0, "value_low": None, "value_high": math.nan,
                  "unit": "kg", "note": "not identifiable"}]  # fmt: skip
 
-    def night(self, number: int, new_log: bool = True) -> Done:
+    def night(self, number: int, new_log: bool = True) -> NightRun:
         self._day = number
         if new_log:
             log = self.config.source.parent / "drives" / f"day{number}" / "real.csv"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2rtools.sysid.bound_check import at_ends
+from s2rtools.sysid.identifiability import at_range_limits
 from s2rtools.sysid.parameter_space import space_of
 from s2rtools.sysid.simulators import Planar
 
@@ -30,4 +30,4 @@ def test_an_end_is_reached(name: str, value: float, low: float, high: float, rea
     at = SPACE.names.index(name)
     cube, limits = np.full(3, 0.5), np.array([[0.4] * 3, [0.6] * 3])
     cube[at], limits[0, at], limits[1, at] = value, low, high
-    assert at_ends(SPACE, cube, limits) == ((name,) if reached else ())
+    assert at_range_limits(SPACE, cube, limits) == ((name,) if reached else ())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2rtools.sysid.heldout_error import HeldOut, compared, drawn_means
+from s2rtools.sysid.heldout_error import HeldOut, compared, grouped_mean_replicates
 
 
 def judged(gains: list[list[float]], heading: float = 0.0) -> HeldOut:
@@ -50,7 +50,7 @@ def test_intervals_over_many_drives_cover_the_truth() -> None:
     assert covered >= 180
 
 
-def test_drawn_means_weigh_windows_alike() -> None:
+def test_grouped_mean_replicates_weigh_windows_alike() -> None:
     groups = [np.full(30, 1.0), np.full(10, 0.0)]
-    drawn = drawn_means(groups, 4000, np.random.default_rng(3))
+    drawn = grouped_mean_replicates(groups, 4000, np.random.default_rng(3))
     assert set(np.round(drawn, 6)) == {0.0, 0.75, 1.0}

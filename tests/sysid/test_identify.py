@@ -92,7 +92,7 @@ def test_a_flat_combination_is_named_and_ends_the_trust(made: Callable[..., Made
     names = ("mass", "gain", "friction", "damping", "drag")
     found = identify(drives, dataclasses.replace(QUICK, parameters=names), Silent())
     assert not found.conclusive
-    assert {"mass", "gain", "damping"} <= set(found.identifiability.open_names)
+    assert {"mass", "gain", "damping"} <= set(found.identifiability.undetermined)
     (warning,) = found.identifiability.warnings
     assert "only their ratios are known" in warning
     mass = next(one for one in found.estimates if one.name == "mass")

@@ -29,11 +29,11 @@ def test_files_tell_the_same_and_leave_nothing_beside(
 
 
 def test_a_warning_stands_in_the_table(unequal: Identification) -> None:
-    assert "warning: structural mismatch" in report.table(report.result(unequal, None))
+    assert "warning: structural mismatch" in report.table(report.result_json(unequal, None))
 
 
 def test_the_curve_is_the_same_to_the_byte(plain: Identification) -> None:
-    one, other = (convergence_figure(plain.courses, "title") for _ in range(2))
+    one, other = (convergence_figure(plain.traces, "title") for _ in range(2))
     assert one == other
     assert one.startswith(b"\x89PNG")
 
@@ -92,9 +92,9 @@ def test_what_drives_leave_open_ends_with_3(
 
 
 @pytest.mark.parametrize(("words", "line"), [
-    (["latency=0..0.1..2"], "latency=0..0.1..2: NAME=0..0.1..2: give LOW..HIGH"),
-    (["latency"], "NAME=: give LOW..HIGH"),
-    (["latency=0..1:root"], "give LOW..HIGH"),
+    (["latency=0..0.1..2"], "latency=0..0.1..2: NAME=0..0.1..2: expected LOW..HIGH"),
+    (["latency"], "NAME=: expected LOW..HIGH"),
+    (["latency=0..1:root"], "expected LOW..HIGH"),
     (["weight=1..2"], "weight: no parameter"),
     (["mass=9..3"], "the lower first"),
     (["mass=0..3"], "must be over 0"),

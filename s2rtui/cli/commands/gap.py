@@ -89,10 +89,10 @@ def execute(options: argparse.Namespace) -> int:
     _check_places(options)
     made: dict[Path, str] = {}
     with s2rstore.open(options.store) as store:
-        evidence = gate.evidence(store, request)
+        evidence = gate.collect_evidence(store, request)
         if options.freeze_golden:
             made[options.freeze_golden] = golden_run.text(golden_run.take(evidence))
-        judged = gate.judged(evidence, request)
+        judged = gate.judge_gap(evidence, request)
         if options.freeze:
             judged, made[options.freeze] = gate.freeze(evidence, request, judged)
         found = report(evidence, request.settings, judged)
@@ -133,8 +133,8 @@ def _request(options: argparse.Namespace) -> GapRequest:
     if options.freeze_golden and options.golden:
         raise RequestError("--freeze-golden and --golden: one writes, the other uses it")
     for name, fewest, most in (
-        ("replicates", defaults.FEWEST_REPLICATES, defaults.MOST_REPLICATES),
-        ("seed", 0, defaults.MOST_SEED),
+        ("replicates", defaults.MIN_REPLICATES, defaults.MAX_REPLICATES),
+        ("seed", 0, defaults.MAX_SEED),
         ("pca", 1, 50),
     ):
         if not fewest <= getattr(options, name) <= most:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import datetime
 
-    from s2rtools.nightly.config import Config
-    from s2rtools.nightly.run import Done
+    from s2rtools.nightly.config import NightlyConfig
+    from s2rtools.nightly.run import NightRun
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,7 +71,7 @@ def _date(option: str, text: str) -> datetime.date:
         raise RequestError(f"{option} {text}: a date such as 2026-11-21") from error
 
 
-def _withdraw(config: Config, options: argparse.Namespace) -> int:
+def _withdraw(config: NightlyConfig, options: argparse.Namespace) -> int:
     from s2rstore.errors import RequestError
     from s2rtools.nightly.withdraw import withdraw
 
@@ -89,12 +89,12 @@ def _withdraw(config: Config, options: argparse.Namespace) -> int:
     return 0
 
 
-def _tell(config: Config, done: Done) -> None:
-    from s2rtools.nightly.night_status import checks
+def _tell(config: NightlyConfig, done: NightRun) -> None:
+    from s2rtools.nightly.report_model import checks
 
     night = done.night
     for check in checks(night):
-        print(f"{check.word:<12}  {check.name}: {check.told}")
+        print(f"{check.outcome:<12}  {check.name}: {check.message}")
     print(f"\n{night.night}: {night.outcome}; reports in {config.reports / str(night.night)}")
     if not done.new:
         print("nothing new", file=sys.stderr)
@@ -103,7 +103,7 @@ def _tell(config: Config, done: Done) -> None:
               file=sys.stderr)  # fmt: skip
 
 
-def _facts(config: Config, done: Done) -> dict[str, object]:
+def _facts(config: NightlyConfig, done: NightRun) -> dict[str, object]:
     from s2rtools.gap.report import plain
 
     night = done.night

@@ -12,7 +12,7 @@ from s2rstore.errors import InconclusiveError, RequestError
 
 if TYPE_CHECKING:
     from s2rtools.sysid.identify import Identification
-    from s2rtools.sysid.parameter_ranges import Range
+    from s2rtools.sysid.parameter_space import Range
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,8 +80,8 @@ def _judge(drives: str, found: Identification) -> None:
             f"{drives}: {', '.join(found.at_ends)} at the end of the range; "
             "give another with --range, or --fix what is known"
         )
-    if found.identifiability.open_names:
-        names_open = ", ".join(found.identifiability.open_names)
+    if found.identifiability.undetermined:
+        names_open = ", ".join(found.identifiability.undetermined)
         raise InconclusiveError(
             f"{drives}: these drives do not determine {names_open}; "
             "record more varied drives, or --fix what is known"
@@ -112,13 +112,13 @@ def _fixed(words: list[str]) -> dict[str, float]:
 
 
 def _ranges(words: list[str]) -> dict[str, Range]:
-    from s2rtools.sysid.parameter_ranges import parsed
+    from s2rtools.sysid.parameter_space import parse_range
 
     found = {}
     for word in words:
         name, _, text = word.partition("=")
         try:
-            found[name.strip()] = parsed(text)
+            found[name.strip()] = parse_range(text)
         except RequestError as error:
             raise RequestError(f"--range {word}: NAME={error}") from None
     return found

@@ -15,7 +15,7 @@ from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.delay import time_delay
 from s2rtools.motion_logs import Log
-from s2rtools.motion_logs.rigid_alignment import Rigid
+from s2rtools.motion_logs.rigid_alignment import RigidTransform
 
 QUICK = GapSettings(replicates=100)
 BASE = robot.commands(20.0, np.random.default_rng(5))
@@ -43,7 +43,7 @@ def plain(real: Log, sim: Log, rate: float = 50.0) -> float:
 def test_any_shift_is_recovered(shift: float, epoch: float) -> None:
     sim = robot.sampled(EXACT)
     real = replace(sim, time=sim.time + shift + epoch)
-    found = time_delay.delay(real, replace(sim, time=sim.time + epoch), QUICK)
+    found = time_delay.estimate_delay(real, replace(sim, time=sim.time + epoch), QUICK)
     assert found.seconds == pytest.approx(shift, abs=2e-5)
     assert found.low - 1e-4 <= shift <= found.high + 1e-4
 
@@ -54,22 +54,24 @@ def test_the_frame_and_the_unit_of_length_do_not_matter(
     angle: float, x: float, scale: float
 ) -> None:
     sim = robot.sampled(EXACT)
-    real = Rigid(angle, scale=scale, x=x)(robot.sampled(robot.drive(BASE, delay=0.033)))
-    assert time_delay.delay(real, sim, QUICK).seconds == pytest.approx(0.033, abs=1e-4)
+    real = RigidTransform(angle, scale=scale, x=x)(robot.sampled(robot.drive(BASE, delay=0.033)))
+    assert time_delay.estimate_delay(real, sim, QUICK).seconds == pytest.approx(0.033, abs=1e-4)
 
 
 def test_a_negative_delay_is_the_other_way_round() -> None:
     drive = robot.pair(3, delay=0.047)
-    there = time_delay.delay(drive.real, drive.sim, QUICK).seconds
-    back = time_delay.delay(drive.sim, drive.real, QUICK).seconds
+    there = time_delay.estimate_delay(drive.real, drive.sim, QUICK).seconds
+    back = time_delay.estimate_delay(drive.sim, drive.real, QUICK).seconds
     assert there == pytest.approx(0.047, abs=1e-3)
     assert back == pytest.approx(-there, abs=1e-4)
 
 
 def test_taking_it_out_leaves_none() -> None:
     drive = robot.pair(3, delay=0.047)
-    late = time_delay.delay(drive.real, drive.sim, QUICK).seconds
-    again = time_delay.delay(drive.real, time_delay.without(drive.sim, late), QUICK).seconds
+    late = time_delay.estimate_delay(drive.real, drive.sim, QUICK).seconds
+    again = time_delay.estimate_delay(
+        drive.real, time_delay.shifted(drive.sim, late), QUICK
+    ).seconds
     assert abs(again) < 1e-4
 
 
@@ -77,7 +79,7 @@ def test_taking_it_out_leaves_none() -> None:
 def test_logs_of_different_rates(rates: tuple[float, float]) -> None:
     late = robot.drive(BASE, delay=0.0613)
     real, sim = robot.sampled(late, rates[0], start=0.7), robot.sampled(EXACT, rates[1])
-    assert time_delay.delay(real, sim, QUICK).seconds == pytest.approx(0.0613, abs=2e-3)
+    assert time_delay.estimate_delay(real, sim, QUICK).seconds == pytest.approx(0.0613, abs=2e-3)
 
 
 def test_uneven_clocks_do_not_matter() -> None:
@@ -85,7 +87,7 @@ def test_uneven_clocks_do_not_matter() -> None:
     real = robot.sampled(robot.drive(BASE, delay=0.05))
     kept = np.sort(rng.choice(real.time.size, 700, replace=False))
     thin = Log(real.time[kept], real.x[kept], real.y[kept], real.heading[kept], "thin", "")
-    found = time_delay.delay(thin, robot.sampled(EXACT), QUICK)
+    found = time_delay.estimate_delay(thin, robot.sampled(EXACT), QUICK)
     assert found.seconds == pytest.approx(0.05, abs=2e-3)
 
 
@@ -93,8 +95,10 @@ def test_headings_that_wrap_are_no_turns() -> None:
     drive = robot.pair(6, noise=0.0, turn_noise=0.0)
     assert np.abs(np.diff(drive.real.heading)).max() > 6
     whole = replace(drive.real, heading=np.unwrap(drive.real.heading))
-    wrapped = time_delay.delay(drive.real, drive.sim, QUICK).seconds
-    assert wrapped == pytest.approx(time_delay.delay(whole, drive.sim, QUICK).seconds, abs=1e-9)
+    wrapped = time_delay.estimate_delay(drive.real, drive.sim, QUICK).seconds
+    assert wrapped == pytest.approx(
+        time_delay.estimate_delay(whole, drive.sim, QUICK).seconds, abs=1e-9
+    )
 
 
 def test_a_wrong_gain_or_a_part_of_the_drive_does_not_bend_it() -> None:
@@ -102,7 +106,9 @@ def test_a_wrong_gain_or_a_part_of_the_drive_does_not_bend_it() -> None:
     some = slice(400, 1000)
     log = drive.real
     part = Log(log.time[some], log.x[some], log.y[some], log.heading[some], "part", "")
-    assert time_delay.delay(part, drive.sim, QUICK).seconds == pytest.approx(0.04, abs=5e-4)
+    assert time_delay.estimate_delay(part, drive.sim, QUICK).seconds == pytest.approx(
+        0.04, abs=5e-4
+    )
 
 
 def test_closer_than_cross_correlation_at_50_hz() -> None:
@@ -113,7 +119,7 @@ def test_closer_than_cross_correlation_at_50_hz() -> None:
         told = robot.commands(30.0, rng)
         real = robot.sampled(robot.drive(told, delay=0.2 + late), 50, 0.005, 0.005, rng)
         sim = robot.sampled(robot.drive(told, delay=0.2))
-        ours.append(time_delay.delay(real, sim, QUICK).seconds - late)
+        ours.append(time_delay.estimate_delay(real, sim, QUICK).seconds - late)
         theirs.append(plain(real, sim) - late)
     ours_rms, theirs_rms = (float(np.sqrt(np.mean(np.square(e)))) for e in (ours, theirs))
     assert ours_rms < 1.5e-3
@@ -124,14 +130,14 @@ def test_intervals_hold() -> None:
     held = []
     for seed in range(100):
         drive = robot.pair(seed, delay=0.03, noise=0.005, turn_noise=0.005)
-        found = time_delay.delay(drive.real, drive.sim, GapSettings(300))
+        found = time_delay.estimate_delay(drive.real, drive.sim, GapSettings(300))
         held.append(found.low <= 0.03 <= found.high)
     assert 0.89 <= np.mean(held) <= 0.99
 
 
 def test_the_same_seed_gives_the_same_interval() -> None:
     drive = robot.pair(1)
-    first, second = (time_delay.delay(drive.real, drive.sim, QUICK) for _ in range(2))
+    first, second = (time_delay.estimate_delay(drive.real, drive.sim, QUICK) for _ in range(2))
     assert (first.replicates == second.replicates).all()
 
 
@@ -141,7 +147,7 @@ def test_logs_that_do_not_overlap_are_refused_in_one_line() -> None:
         span = np.linspace(first, last, sim.time.size)
         real = replace(sim, time=span, source="real.csv")
         with pytest.raises(RequestError, match=r"real\.csv .* and sim\.csv .* overlap by") as told:
-            time_delay.delay(real, sim)
+            time_delay.estimate_delay(real, sim)
         assert "\n" not in str(told.value)
 
 
@@ -149,38 +155,42 @@ def test_what_shows_no_delay_is_inconclusive() -> None:
     sim = robot.sampled(EXACT, name="sim")
     still = replace(sim, x=sim.x * 0, y=sim.y * 0, heading=sim.heading * 0, source="still")
     with pytest.raises(InconclusiveError, match="still: the motion never changes"):
-        time_delay.delay(still, sim)
+        time_delay.estimate_delay(still, sim)
     straight = replace(still, x=0.5 * sim.time, source="straight")
     with pytest.raises(InconclusiveError, match="straight: the motion never changes"):
-        time_delay.delay(sim, straight)
+        time_delay.estimate_delay(sim, straight)
     rng = np.random.default_rng(0)
     x, y = 0.01 * rng.standard_normal((2, sim.time.size))
-    with pytest.raises(InconclusiveError, match="do not agree at any delay"):
-        time_delay.delay(replace(still, x=x, y=y), sim)
+    with pytest.raises(InconclusiveError, match="do not correlate at any time delay"):
+        time_delay.estimate_delay(replace(still, x=x, y=y), sim)
     other = robot.sampled(robot.drive(robot.commands(20.0, np.random.default_rng(77))))
-    with pytest.raises(InconclusiveError, match=r"do not agree at any delay|end of the search"):
-        time_delay.delay(other, sim)
+    with pytest.raises(
+        InconclusiveError, match=r"do not correlate at any time delay|end of the search"
+    ):
+        time_delay.estimate_delay(other, sim)
 
 
 def test_a_delay_beyond_the_search_is_not_reported_as_its_end() -> None:
     sim = robot.sampled(EXACT)
     real = robot.sampled(robot.drive(BASE, delay=0.3))
     with pytest.raises(InconclusiveError, match="end of the search"):
-        time_delay.delay(real, sim, QUICK, furthest=0.2)
-    assert time_delay.delay(real, sim, QUICK, furthest=0.4).seconds == pytest.approx(0.3, abs=1e-4)
+        time_delay.estimate_delay(real, sim, QUICK, max_delay=0.2)
+    assert time_delay.estimate_delay(real, sim, QUICK, max_delay=0.4).seconds == pytest.approx(
+        0.3, abs=1e-4
+    )
 
 
 def test_too_few_poses_are_refused() -> None:
     sim = robot.sampled(EXACT, name="sim")
     two = Log(*(np.array([c[0], c[-1]]) for c in (sim.time, sim.x, sim.y, sim.heading)), "two", "")
-    with pytest.raises(RequestError, match=r"two: .* too few to find a delay"):
-        time_delay.delay(two, sim)
+    with pytest.raises(RequestError, match=r"two: .* too slow to estimate a time delay"):
+        time_delay.estimate_delay(two, sim)
 
 
 def test_long_logs_in_milliseconds_are_refused_before_they_are_resampled() -> None:
     real, sim = (replace(log, time=1000 * log.time) for log in [robot.sampled(EXACT)] * 2)
     with pytest.raises(RequestError, match=r"a pose every 20 s .* are both clocks in seconds"):
-        time_delay.delay(real, sim)
+        time_delay.estimate_delay(real, sim)
 
 
 @pytest.mark.parametrize("seconds", [2.02, 2.05, 2.1])
@@ -195,9 +205,9 @@ def test_a_short_slow_drive_is_bounded_or_inconclusive(seconds: float) -> None:
             for n in (0.002 * rng.standard_normal(time.size), 0.0)
         ]
         try:
-            found = time_delay.delay(*logs, QUICK)
+            found = time_delay.estimate_delay(*logs, QUICK)
             assert found.low <= found.high
         except InconclusiveError as error:
             told.add(str(error))
-    assert any("too short to bound their delay" in line for line in told)
+    assert any("too short for an interval of the time delay" in line for line in told)
     assert not any("\n" in line for line in told)

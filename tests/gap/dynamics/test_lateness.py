@@ -20,7 +20,7 @@ def test_a_delay_on_the_threshold_seldom_passes(noise: float) -> None:
     for _ in range(2000):
         late = 1 + noise * rng.standard_normal()
         found = time_delay.TimeDelay(late, 0.0, 0.0, late + spread, {}, 30.0)
-        value, replicates = delay_axis.sizes([found], SETTINGS)
+        value, replicates = delay_axis.mean_size([found], SETTINGS)
         low, high = np.percentile(replicates, [2.5, 97.5])
         assert low <= value <= high
         ends.append((low > 1, high < 1))
@@ -31,15 +31,17 @@ def test_a_delay_on_the_threshold_seldom_passes(noise: float) -> None:
 
 def test_a_delay_within_its_noise_is_shrunk_and_a_clear_one_is_not() -> None:
     rng = np.random.default_rng(0)
-    found = delay_axis.beyond_noise(np.abs(0.05 + 0.01 * rng.standard_normal(4000)), 0.01)
+    found = delay_axis.denoised_size(np.abs(0.05 + 0.01 * rng.standard_normal(4000)), 0.01)
     assert found.mean() == pytest.approx(0.05, rel=0.01)
-    assert delay_axis.beyond_noise(np.array([0.0, 0.007]), 0.01).tolist() == [0.0, 0.0]
-    assert delay_axis.beyond_noise(np.array(0.02), 0.0) == 0.02
+    assert delay_axis.denoised_size(np.array([0.0, 0.007]), 0.01).tolist() == [0.0, 0.0]
+    assert delay_axis.denoised_size(np.array(0.02), 0.0) == 0.02
 
 
 @pytest.mark.parametrize("period", [0.05, 0.1, 1 / 30, 1 / 60, 0.02, 0.01, 0.0125, 0.008, 0.25])
 def test_one_period_measured_on_two_nights_is_one_fingerprint(period: float) -> None:
-    told = {delay_axis.told_apart(period * (1 + off)) for off in (-2e-3, -1e-5, 0.0, 1e-5, 2e-3)}
+    told = {
+        delay_axis.rounded_period(period * (1 + off)) for off in (-2e-3, -1e-5, 0.0, 1e-5, 2e-3)
+    }
     assert len(told) == 1
     assert told.pop() == pytest.approx(period, rel=0.005)
-    assert delay_axis.told_apart(1.03 * period) != delay_axis.told_apart(period)
+    assert delay_axis.rounded_period(1.03 * period) != delay_axis.rounded_period(period)

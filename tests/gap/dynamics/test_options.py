@@ -13,10 +13,10 @@ from bench.support import robot
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.index.transaction import edit
 from s2rtools.gap.axis_result import Evidence, GapSettings
-from s2rtools.gap.dynamics import DelayAxis, Dynamics, options
+from s2rtools.gap.dynamics import DelayAxis, DynamicsAxis, options
+from s2rtools.gap.dynamics.ape_rpe import LogAlignment, RpeStep
 from s2rtools.gap.dynamics.noise_floor import Noise
-from s2rtools.gap.dynamics.pose_errors import LogAlignment, Step
-from s2rtools.motion_logs.rigid_alignment import Rigid
+from s2rtools.motion_logs.rigid_alignment import RigidTransform
 from s2rtui.cli import main
 from tests.support.copies import copied
 
@@ -29,10 +29,10 @@ def evidence(tiny_store: Path):
         yield lambda *drives: Evidence(store, "vanilla", np.arange(3), drives=drives)
 
 
-def asked(*words: str) -> tuple[Dynamics, DelayAxis]:
+def asked(*words: str) -> tuple[DynamicsAxis, DelayAxis]:
     both = options.axes(words)
     dynamics, delay = both["dynamics"], both["delay"]
-    assert isinstance(dynamics, Dynamics)
+    assert isinstance(dynamics, DynamicsAxis)
     assert isinstance(delay, DelayAxis)
     return dynamics, delay
 
@@ -45,39 +45,42 @@ def test_every_option_reaches_its_axis() -> None:
     assert dynamics.plan.horizons == (1.0, 2.0)
     assert dynamics.plan.stride == 0.5
     assert dynamics.scale == "deviation"
-    assert dynamics.whole.alignment == LogAlignment(rigid=True, scale=True)
-    assert dynamics.whole.step == Step(poses=25)
+    assert dynamics.drive_errors.alignment == LogAlignment(rigid=True, scale=True)
+    assert dynamics.drive_errors.step == RpeStep(poses=25)
     assert dynamics.noise == Noise(0.002, 0.003)
-    assert (dynamics.furthest, delay.furthest) == (0.5, 0.5)
+    assert (dynamics.max_delay, delay.max_delay) == (0.5, 0.5)
     assert (delay.bad_state, delay.period) == ("period", 0.1)
 
 
 def test_nothing_asked_is_the_defaults() -> None:
     dynamics, delay = asked()
-    for axis, default in ((dynamics, Dynamics()), (delay, DelayAxis())):
+    for axis, default in ((dynamics, DynamicsAxis()), (delay, DelayAxis())):
         assert vars(axis) == vars(default)
-    assert vars(asked("align=none", "noise=measured", "rpe=1s")[0]) == vars(Dynamics())
+    assert vars(asked("align=none", "noise=measured", "rpe=1s")[0]) == vars(DynamicsAxis())
 
 
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["horizon=1"], "--dynamics horizon=1: give NAME=VALUE of horizons, nrmse"),
-        (["horizons"], "--dynamics horizons: give NAME=VALUE"),
-        (["horizons=1", "horizons=2"], "horizons stands twice"),
-        (["horizons=1,x"], "--dynamics horizons=1,x: give seconds"),
+        (
+            ["horizon=1"],
+            "--dynamics horizon=1: expected NAME=VALUE with NAME one of horizons, nrmse",
+        ),
+        (["horizons"], "--dynamics horizons: expected NAME=VALUE"),
+        (["horizons=1", "horizons=2"], "horizons is given twice"),
+        (["horizons=1,x"], "--dynamics horizons=1,x: expected seconds"),
         (["horizons=2,1"], "give rising positive seconds"),
-        (["horizons=0"], "give seconds over 0"),
-        (["nrmse=metres"], "--dynamics nrmse=metres: give one of travel, extent, deviation"),
-        (["align=scale"], "give none, rigid, or rigid with"),
-        (["align=rigid+rigid"], "give none, rigid"),
-        (["rpe=1.5"], "give seconds, as 1s, or poses"),
-        (["rpe=-1s"], "give seconds, as 1s"),
-        (["reach=inf"], "give seconds up to 60"),
-        (["bad=today"], "give one of period, untuned"),
-        (["period=0"], "give seconds, as 0.05"),
-        (["noise=0.1"], "give measured, or metres and radians"),
-        (["noise=-1,0"], "give measured, or metres and radians"),
+        (["horizons=0"], "expected seconds above 0"),
+        (["nrmse=metres"], "--dynamics nrmse=metres: expected one of travel, extent, deviation"),
+        (["align=scale"], "expected none, or rigid with"),
+        (["align=rigid+rigid"], "expected none, or rigid"),
+        (["rpe=1.5"], "expected seconds such as 1s, or a number of poses"),
+        (["rpe=-1s"], "expected seconds such as 1s"),
+        (["reach=inf"], "expected seconds up to 60"),
+        (["bad=today"], "expected one of period, untuned"),
+        (["period=0"], "expected seconds such as 0.05"),
+        (["noise=0.1"], "expected measured, or metres and radians"),
+        (["noise=-1,0"], "expected measured, or metres and radians"),
     ],
 )
 def test_wrong_words_are_told_before_anything_is_opened(
@@ -105,7 +108,7 @@ def test_what_changes_m_is_in_the_fingerprint_and_what_does_not_is_not(evidence)
 
 def test_alignment_is_taken_out_of_the_whole_drive_on_request(evidence) -> None:
     drive = robot.pair(1, seconds=12.0, delay=0.0, noise=0.0, turn_noise=0.0)
-    moved = Rigid(1.0, reflected=True, scale=1.2, x=4.0)(drive.sim)
+    moved = RigidTransform(1.0, reflected=True, scale=1.2, x=4.0)(drive.sim)
     some = evidence(type(drive)("moved", drive.real, moved))
     rows = [
         asked("horizons=0.5,1", *words)[0].measure(some, SETTINGS).details["drives"][0]
@@ -158,10 +161,13 @@ def test_odometry_is_measured_and_cannot_be_frozen(
         nearest(walked), rel=1e-6
     )
     assert axis["details"]["floor_from"] == "declared noise 0 m, 0 rad"
-    assert any("odometry, mirrored, turned by" in note for note in axis["notes"])
+    assert any(
+        "odometry was first aligned with the ground truth (mirrored, turned by" in note
+        for note in axis["notes"]
+    )
     assert main(["gap", str(walked), *ODOMETRY, "--freeze", str(tmp_path / "ref.json")]) == 2
     error = capsys.readouterr().err.strip()
-    assert "odometry has no untuned simulator for a bad state" in error
+    assert "odometry has no untuned simulator as the bad state" in error
     assert "\n" not in error
     assert not (tmp_path / "ref.json").exists()
 

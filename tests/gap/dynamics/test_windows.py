@@ -11,11 +11,11 @@ from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.gap.axis_result import GapSettings
-from s2rtools.gap.dynamics import noise_floor, pose_errors, repeatability
+from s2rtools.gap.dynamics import ape_rpe, noise_floor, repeatability
 from s2rtools.gap.dynamics.window_bootstrap import Resamples
 from s2rtools.gap.dynamics.windows import WindowPlan, windows
 from s2rtools.motion_logs import Drive, Log
-from s2rtools.motion_logs.rigid_alignment import Rigid
+from s2rtools.motion_logs.rigid_alignment import RigidTransform
 
 PLAN = WindowPlan(horizons=(0.5, 2.0), stride=0.5, scatter=0.0)
 
@@ -43,8 +43,8 @@ def test_errors_of_two_circles_are_the_same_in_every_window() -> None:
 def test_windows_are_relative_pose_errors() -> None:
     drive = robot.pair(4, gain=0.9, seconds=10.0)
     made = windows(drive.real, drive.sim, WindowPlan((1.0,), stride=0.02, scatter=0.0))
-    real, sim = pose_errors.together(drive.real, drive.sim)
-    off = pose_errors.rpe(real, sim, pose_errors.Step(poses=50))
+    real, sim = ape_rpe.resample_pair(drive.real, drive.sim)
+    off = ape_rpe.rpe(real, sim, ape_rpe.RpeStep(poses=50))
     n = min(off.position.size, np.isfinite(made.end[0]).sum())
     assert made.end[0][:n] == pytest.approx(off.position[:n], abs=1e-6)
     assert made.heading[0][:n] == pytest.approx(off.heading[:n], abs=1e-6)
@@ -53,7 +53,9 @@ def test_windows_are_relative_pose_errors() -> None:
 def test_neither_frame_matters() -> None:
     drive = robot.pair(4, gain=0.9, seconds=10.0)
     here = windows(drive.real, drive.sim, PLAN)
-    there = windows(Rigid(2.0, x=5.0)(drive.real), Rigid(-1.0, y=80.0)(drive.sim), PLAN)
+    there = windows(
+        RigidTransform(2.0, x=5.0)(drive.real), RigidTransform(-1.0, y=80.0)(drive.sim), PLAN
+    )
     assert np.allclose(here.end, there.end, equal_nan=True, atol=1e-9)
     assert np.nanmax(windows(drive.real, drive.real, PLAN).end) < 1e-12
 
@@ -105,10 +107,10 @@ def test_horizons_that_make_no_sense_are_refused(horizons: tuple[float, ...]) ->
 def test_noise_is_found_whatever_the_motion() -> None:
     rng = np.random.default_rng(3)
     exact = robot.drive(robot.commands(60.0, rng))
-    found = noise_floor.of(robot.sampled(exact, 50.0, 0.004, 0.006, rng))
+    found = noise_floor.estimate_noise(robot.sampled(exact, 50.0, 0.004, 0.006, rng))
     assert found.position == pytest.approx(0.004 * np.sqrt(2), rel=0.06)
     assert found.heading == pytest.approx(0.006, rel=0.06)
-    silent = noise_floor.of(robot.sampled(exact))
+    silent = noise_floor.estimate_noise(robot.sampled(exact))
     assert silent.position < 2e-4
     assert silent.heading < 2e-4
 
@@ -121,13 +123,17 @@ def test_the_floor_is_what_noise_gives_in_these_windows() -> None:
     sim = replace(sim, time=sim.time + late)
     shifted = replace(exact, time=exact.time + late)
     plan = WindowPlan(horizons=(0.5, 2.0), stride=0.5)
-    found, told = [], []
+    found, expected = [], []
     for _ in range(20):
         real = robot.sampled(shifted, 50.0, 0.004, 0.01, rng)
         made = windows(real, sim, plan)
         found.append(np.nanmean(made.end**2, axis=1))
-        told.append(np.nanmean(noise_floor.squares(real, made, noise_floor.of(real)), axis=1))
-    assert np.mean(told, axis=0) == pytest.approx(np.mean(found, axis=0), rel=0.08)
+        expected.append(
+            np.nanmean(
+                noise_floor.noise_squares(real, made, noise_floor.estimate_noise(real)), axis=1
+            )
+        )
+    assert np.mean(expected, axis=0) == pytest.approx(np.mean(found, axis=0), rel=0.08)
 
 
 def test_resamples_of_everything_are_the_same_resamples() -> None:
@@ -194,8 +200,8 @@ def test_starts_and_lengths_are_scattered_alike_each_time() -> None:
 def test_motion_between_coarse_poses_is_not_noise(rate: float) -> None:
     rng = np.random.default_rng(4)
     exact = robot.drive(robot.commands(60.0, rng))
-    assert noise_floor.of(robot.sampled(exact, rate)).position < 1e-3
-    noisy = noise_floor.of(robot.sampled(exact, rate, 0.004, 0.004, rng))
+    assert noise_floor.estimate_noise(robot.sampled(exact, rate)).position < 1e-3
+    noisy = noise_floor.estimate_noise(robot.sampled(exact, rate, 0.004, 0.004, rng))
     assert noisy.position < 1.1 * 0.004 * np.sqrt(2)
     assert noisy.heading < 1.1 * 0.004
 
@@ -208,7 +214,9 @@ def test_half_of_real_against_real_is_what_one_real_drive_varies_by() -> None:
         real = robot.sampled(robot.drive(told, slip=0.02, rng=rng), 50, 0.001, 0.001, rng)
         made.append(Drive(f"d{seed}", real, robot.sampled(robot.drive(told)), None, told))
     plan = WindowPlan(horizons=(0.5, 1.0))
-    half = np.nanmean(repeatability.squares(made[0], made[1:], plan, GapSettings(50)), axis=1)
+    half = np.nanmean(
+        repeatability.repeatability_squares(made[0], made[1:], plan, GapSettings(50)), axis=1
+    )
     varied = [np.nanmean(windows(d.real, d.sim, plan).end ** 2, axis=1) for d in made]
     assert half == pytest.approx(np.mean(varied, axis=0), rel=0.3)
 
@@ -216,6 +224,6 @@ def test_half_of_real_against_real_is_what_one_real_drive_varies_by() -> None:
 def test_drives_of_the_same_commands_find_each_other() -> None:
     a, b, c = (robot.pair(seed, seconds=5.0) for seed in (1, 1, 2))
     b = replace(b, real=replace(b.real, sha256="another"))
-    assert repeatability.partners([a, b, c]) == [[1], [0], []]
-    assert repeatability.partners([a, a]) == [[], []]
-    assert repeatability.partners([a, replace(b, commands=None)]) == [[], []]
+    assert repeatability.repetitions([a, b, c]) == [[1], [0], []]
+    assert repeatability.repetitions([a, a]) == [[], []]
+    assert repeatability.repetitions([a, replace(b, commands=None)]) == [[], []]

@@ -13,7 +13,7 @@ from scipy.stats import pearsonr
 import s2rstore
 from s2rstore.errors import InconclusiveError
 from s2rtools.gap.axis_result import GapSettings
-from s2rtools.gap.task.rank_consistency import across, correlation, rank_violation
+from s2rtools.gap.task.rank_consistency import correlation, rank_consistency, rank_violation
 from tests.support import tiny
 
 N = 120
@@ -60,10 +60,10 @@ def test_an_order_that_is_kept_violates_nothing_and_a_reversed_one_most(
 def test_a_store_of_five_runs_is_judged_with_intervals(tmp_path: Path) -> None:
     root = tiny.build(tmp_path / "s.s2r", N, tuple("abcde"))
     with s2rstore.open(root) as store:
-        found = across(store, np.arange(N), GapSettings(300))
-        again = across(store, np.arange(N), GapSettings(300))
+        found = rank_consistency(store, np.arange(N), GapSettings(300))
+        again = rank_consistency(store, np.arange(N), GapSettings(300))
         with pytest.raises(InconclusiveError, match="3 instances"):
-            across(store, np.array([4, 9, 14]), GapSettings())
+            rank_consistency(store, np.array([4, 9, 14]), GapSettings())
         held_out = np.arange(N) % 5 == 4
         real = [store.run_columns(run).real.error[held_out].mean() for run in found.runs]
     assert found == again
@@ -77,4 +77,4 @@ def test_a_store_of_five_runs_is_judged_with_intervals(tmp_path: Path) -> None:
 
 def test_fewer_than_five_runs_are_refused(tiny_store: Path) -> None:
     with s2rstore.open(tiny_store) as store, pytest.raises(InconclusiveError, match="2 computed"):
-        across(store, np.arange(40), GapSettings())
+        rank_consistency(store, np.arange(40), GapSettings())

@@ -15,18 +15,14 @@ from hypothesis import strategies as st
 import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.index.transaction import edit
+from s2rstore.metrics import bootstrap
+from s2rstore.metrics.bootstrap import mean_replicates, split_into_blocks
 from s2rstore.reader import Store
-from s2rtools.gap import blocks
 from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
-from s2rtools.gap.task.group_metrics import (
-    GroupErrors,
-    grouped,
-    mean_replicates,
-    swap_interval,
-)
-from s2rtools.gap.task.task_axis import Task, heading_sectors
+from s2rtools.gap.task.group_metrics import GroupErrors, group_metrics, no_gap_interval
+from s2rtools.gap.task.task_axis import TaskAxis, heading_sectors
 from s2rtui.cli.formatting.gap_details import details as shown
 from tests.support import tiny
 from tests.support.copies import copied
@@ -55,7 +51,7 @@ def test_m_is_the_mean_paired_gap_of_what_the_model_was_not_trained_on(store: St
         "SELECT r.error - s.error FROM prediction s JOIN prediction r USING (run, iid) "
         "WHERE run = 'vanilla' AND s.side = 'sim' AND r.side = 'real' AND s.split = 'test'"
     )
-    found = Task().measure(evidence(store), SETTINGS)
+    found = TaskAxis().measure(evidence(store), SETTINGS)
     assert found.n == len(rows) == N // 5
     assert found.value == pytest.approx(np.mean(rows))
     assert found.floor == 0
@@ -68,7 +64,7 @@ def test_m_is_the_mean_paired_gap_of_what_the_model_was_not_trained_on(store: St
 
 
 def test_the_details_break_the_gap_down(store: Store) -> None:
-    found = Task().measure(evidence(store), SETTINGS)
+    found = TaskAxis().measure(evidence(store), SETTINGS)
     details = found.details
     assert details["real"] - details["sim"] == pytest.approx(found.value)
     assert details["gap"]["value"] == pytest.approx(found.value)
@@ -80,7 +76,7 @@ def test_the_details_break_the_gap_down(store: Store) -> None:
         assert total / found.n == pytest.approx(found.value)
     assert set(details["rooms"]) == {"left hall", "right"}
     assert set(details["runs"]) == {"vanilla", "dataaug"}
-    other = Task().measure(evidence(store, "dataaug"), SETTINGS)
+    other = TaskAxis().measure(evidence(store, "dataaug"), SETTINGS)
     assert details["runs"]["dataaug"]["gap"]["value"] == pytest.approx(other.value)
     truth = store.instances
     held_out = np.arange(N) % 5 == 4
@@ -107,17 +103,17 @@ def test_the_details_break_the_gap_down(store: Store) -> None:
 def test_a_trajectory_is_told_by_its_blocks_where_whole_ones_are_drawn(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(blocks, "LEAST_TRAJECTORIES", 2)
-    monkeypatch.setattr(blocks, "MOST_OF_ONE", 1)
-    found = Task().measure(evidence(store), SETTINGS)
+    monkeypatch.setattr(bootstrap, "MIN_TRAJECTORIES", 2)
+    monkeypatch.setattr(bootstrap, "MAX_TRAJECTORY_SHARE", 1)
+    found = TaskAxis().measure(evidence(store), SETTINGS)
     assert "2 whole trajectories" in found.notes[0]
     assert found.details["trajectories"]["a"]["gap"]["low"] is not None
     assert found.details["rooms"]["right"]["gap"]["low"] is None
 
 
 def test_the_anchor_is_the_constant_prediction(store: Store) -> None:
-    measured = Task().measure(evidence(store), SETTINGS)
-    anchor = Task().anchor(evidence(store), SETTINGS)
+    measured = TaskAxis().measure(evidence(store), SETTINGS)
+    anchor = TaskAxis().anchor(evidence(store), SETTINGS)
     assert anchor.value == pytest.approx(measured.details["baseline"] - measured.details["sim"])
     assert anchor.replicates.shape == (300,)
     assert "constant prediction" in anchor.state
@@ -137,7 +133,7 @@ def test_identical_predictions_have_no_gap(path: Path, tmp_path: Path) -> None:
              "error": error, "split": ["unseen"] * N},
         )  # fmt: skip
     with s2rstore.open(root) as store:
-        found = Task().measure(evidence(store), SETTINGS)
+        found = TaskAxis().measure(evidence(store), SETTINGS)
         assert found.value == 0
         assert not found.replicates.any()
         assert found.details["no_gap_interval"] == [0, 0]
@@ -146,10 +142,10 @@ def test_identical_predictions_have_no_gap(path: Path, tmp_path: Path) -> None:
 def test_too_few_instances_are_inconclusive(store: Store) -> None:
     for iids in (np.array([4, 9, 14]), np.arange(0), np.arange(90)):
         with pytest.raises(InconclusiveError, match="at least 20"):
-            Task().measure(evidence(store, iids=iids), SETTINGS)
+            TaskAxis().measure(evidence(store, iids=iids), SETTINGS)
     with pytest.raises(RequestError, match="run 'nobody'"):
-        Task().missing(evidence(store, "nobody"))
-    assert Task().missing(evidence(store)) is None
+        TaskAxis().missing(evidence(store, "nobody"))
+    assert TaskAxis().missing(evidence(store)) is None
 
 
 def test_an_uncomputed_run_is_missing(path: Path, tmp_path: Path) -> None:
@@ -157,7 +153,7 @@ def test_an_uncomputed_run_is_missing(path: Path, tmp_path: Path) -> None:
     with edit(root) as draft:
         draft.update("run", {"run": "vanilla"}, {"key": None})
     with s2rstore.open(root) as store:
-        assert "s2r precompute" in str(Task().missing(evidence(store)))
+        assert "s2r precompute" in str(TaskAxis().missing(evidence(store)))
 
 
 def test_rows_without_an_error_leave_the_figures(path: Path, tmp_path: Path) -> None:
@@ -165,7 +161,7 @@ def test_rows_without_an_error_leave_the_figures(path: Path, tmp_path: Path) -> 
     with edit(root) as draft:
         draft.update("prediction", {"run": "vanilla", "side": "real", "iid": "4"}, {"error": None})
     with s2rstore.open(root) as store:
-        found = Task().measure(evidence(store), SETTINGS)
+        found = TaskAxis().measure(evidence(store), SETTINGS)
         assert found.n == N // 5 - 1
         assert np.isfinite(found.replicates).all()
 
@@ -175,23 +171,25 @@ def test_a_run_without_predictions_is_refused(path: Path, tmp_path: Path) -> Non
     with edit(root) as draft:
         draft.delete("prediction", run="vanilla")
     with s2rstore.open(root) as store, pytest.raises(RequestError, match="both sides predicted"):
-        gate.evidence(store, gate.GapRequest(run="vanilla"))
+        gate.collect_evidence(store, gate.GapRequest(run="vanilla"))
 
 
 def test_trajectories_keep_their_intervals_where_whole_ones_are_drawn() -> None:
     rng = np.random.default_rng(4)
     codes = np.repeat(np.arange(6), 40).astype(np.int32)
-    made = GroupErrors(*rng.gamma(2, 1, size=(3, 240)), blocks.cut(codes, 8))
+    made = GroupErrors(*rng.gamma(2, 1, size=(3, 240)), split_into_blocks(codes, 8))
     names = [f"t{k}" for k in range(6)]
     assert made.blocks.by_trajectory
-    assert grouped(made, codes, names, SETTINGS)["t1"]["gap"]["low"] is None
-    apart = grouped(replace(made, blocks=made.blocks.apart()), codes, names, SETTINGS)
+    assert group_metrics(made, codes, names, SETTINGS)["t1"]["gap"]["low"] is None
+    apart = group_metrics(replace(made, blocks=made.blocks.ungrouped()), codes, names, SETTINGS)
     assert all(part["gap"]["low"] < part["gap"]["high"] for part in apart.values())
 
 
 def errors(rng: np.random.Generator, n: int) -> GroupErrors:
     sim, real, constant = rng.gamma(2, 1, size=(3, n))
-    return GroupErrors(sim, real, constant, blocks.cut(np.repeat([0, 1], [n // 3, n - n // 3])))
+    return GroupErrors(
+        sim, real, constant, split_into_blocks(np.repeat([0, 1], [n // 3, n - n // 3]))
+    )
 
 
 @settings(max_examples=30, deadline=None)
@@ -200,7 +198,7 @@ def test_groups_agree_with_brute_force(seed: int, n: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     made, codes = errors(rng, n), rng.integers(-1, count, n)
     names = [f"g{k}" for k in range(count)]
-    found = grouped(made, codes, names, GapSettings(50))
+    found = group_metrics(made, codes, names, GapSettings(50))
     assert set(found) == {names[k] for k in set(codes) if k >= 0}
     for k in range(count):
         if names[k] in found:
@@ -214,14 +212,14 @@ def test_groups_agree_with_brute_force(seed: int, n: int, count: int) -> None:
 def test_a_group_in_two_blocks_has_no_interval() -> None:
     made = errors(np.random.default_rng(0), 100)
     codes = np.where(np.arange(100) < 3, 0, 1)
-    found = grouped(made, codes, ["few", "many"], SETTINGS)
+    found = group_metrics(made, codes, ["few", "many"], SETTINGS)
     assert found["few"]["gap"]["low"] is None
     assert found["many"]["gap"]["low"] < found["many"]["gap"]["high"]
 
 
 def test_the_mean_of_all_is_that_of_its_only_group() -> None:
     made = errors(np.random.default_rng(1), 100)
-    found = grouped(made, np.zeros(100, int), ["all"], SETTINGS)["all"]["gap"]
+    found = group_metrics(made, np.zeros(100, int), ["all"], SETTINGS)["all"]["gap"]
     replicates = mean_replicates(made.gap, made.blocks, SETTINGS)
     assert [found["low"], found["high"]] == pytest.approx(np.percentile(replicates, [2.5, 97.5]))
 
@@ -232,7 +230,7 @@ def test_intervals_hold_the_truth_where_neighbours_are_alike() -> None:
     for seed in range(300):
         noise = rng.normal(size=102)
         values = noise[2:] + noise[1:-1] + noise[:-2]
-        cut = blocks.cut(np.repeat([0, 1], 50).astype(np.int32))
+        cut = split_into_blocks(np.repeat([0, 1], 50).astype(np.int32))
         low, high = np.percentile(mean_replicates(values, cut, GapSettings(200, seed)), [2.5, 97.5])
         held += low <= 0 <= high
     assert held / 300 >= 0.87
@@ -243,7 +241,7 @@ def test_without_a_gap_the_swap_interval_holds_the_mean() -> None:
     held = 0
     for seed in range(200):
         made = errors(rng, 80)
-        low, high = swap_interval(made, GapSettings(200, seed))
+        low, high = no_gap_interval(made, GapSettings(200, seed))
         held += low <= made.gap.mean() <= high
     assert held / 200 == pytest.approx(0.95, abs=0.06)
 

@@ -21,7 +21,7 @@ from s2rtools.gap.gate import gate
 from s2rtools.gap.report import plain
 from s2rtools.gap.visual import visual_axis
 from s2rtools.gap.visual.inception import FidInception
-from s2rtools.gap.visual.visual_axis import LEAST_INSTANCES, Visual
+from s2rtools.gap.visual.visual_axis import MIN_INSTANCES, VisualAxis
 from s2rtui.cli.formatting.gap_details import details
 from tests.support import embeddings, tiny
 from tests.support.copies import copied
@@ -86,7 +86,7 @@ def evidence(store: Store, run: str, iids: np.ndarray | None = None) -> Evidence
 
 
 def test_a_gap_is_seen_beside_its_floor(store: Store) -> None:
-    far = Visual().measure(evidence(store, "far"), SETTINGS)
+    far = VisualAxis().measure(evidence(store, "far"), SETTINGS)
     assert far.floor == 0
     assert not far.floor_replicates.any()
     assert np.percentile(far.replicates, 2.5) > 0
@@ -94,7 +94,7 @@ def test_a_gap_is_seen_beside_its_floor(store: Store) -> None:
     assert far.details["kid_p"] < 0.05
     halves = far.details["halves"]
     real = f"{halves['kid']['floor']:.3f} ({halves['kid']['floor_low']:.3f} .."
-    assert any(f"n = {halves['n']}: KID" in note and real in note for note in far.notes)
+    assert any(f"n = {halves['n']} each: KID" in note and real in note for note in far.notes)
     for name in ("fid", "kid", "sliced_wasserstein", "wasserstein", "kl_pca_sim_real"):
         assert halves[name]["value"] > halves[name]["floor"]
     for name in ("kl_poses_sim_real", "kl_poses_real_sim", "kl_errors_real_sim"):
@@ -104,13 +104,13 @@ def test_a_gap_is_seen_beside_its_floor(store: Store) -> None:
 
 
 def test_errors_that_differ_are_told_by_their_divergence(store: Store) -> None:
-    halves = Visual().measure(evidence(store, "far"), SETTINGS).details["halves"]
+    halves = VisualAxis().measure(evidence(store, "far"), SETTINGS).details["halves"]
     assert halves["kl_errors_sim_real"]["value"] > halves["kl_errors_sim_real"]["floor_high"]
     assert halves["kl_errors_real_sim"]["value"] > halves["kl_errors_real_sim"]["floor_high"]
 
 
 def test_every_dimension_is_told_and_the_largest_are_printed(store: Store) -> None:
-    found = Visual().measure(evidence(store, "far"), SETTINGS)
+    found = VisualAxis().measure(evidence(store, "far"), SETTINGS)
     columns = found.details["halves"]["wasserstein_by_dimension"]
     assert columns["dimension"] == list(range(24))
     mean = found.details["halves"]["wasserstein"]
@@ -123,9 +123,9 @@ def test_every_dimension_is_told_and_the_largest_are_printed(store: Store) -> No
 
 
 def test_more_components_than_three_are_warned_of(store: Store) -> None:
-    calm = Visual().measure(evidence(store, "far"), SETTINGS)
+    calm = VisualAxis().measure(evidence(store, "far"), SETTINGS)
     assert not any("biased" in note for note in calm.notes)
-    bold = Visual().measure(evidence(store, "far"), replace(SETTINGS, pca=5))
+    bold = VisualAxis().measure(evidence(store, "far"), replace(SETTINGS, pca=5))
     assert any("5 dimensions is strongly biased" in note for note in bold.notes)
     kl = "kl_pca_sim_real"
     assert bold.details["halves"][kl] != calm.details["halves"][kl]
@@ -133,14 +133,14 @@ def test_more_components_than_three_are_warned_of(store: Store) -> None:
 
 
 def test_only_what_the_model_was_not_trained_on_counts(store: Store) -> None:
-    far = Visual().measure(evidence(store, "far"), SETTINGS)
+    far = VisualAxis().measure(evidence(store, "far"), SETTINGS)
     assert far.n == far.fingerprint["n"] == N // 5
-    part = Visual().measure(evidence(store, "far", np.arange(220)), SETTINGS)
+    part = VisualAxis().measure(evidence(store, "far", np.arange(220)), SETTINGS)
     assert part.n == 44
 
 
 def test_identical_images_are_at_the_floor_to_the_bit(store: Store) -> None:
-    same = Visual().measure(evidence(store, "same"), SETTINGS)
+    same = VisualAxis().measure(evidence(store, "same"), SETTINGS)
     assert same.value == same.floor
     assert np.array_equal(same.replicates, same.floor_replicates)
     assert same.details["kid_p"] == 1.0
@@ -151,20 +151,20 @@ def test_identical_images_are_at_the_floor_to_the_bit(store: Store) -> None:
 
 
 def test_the_same_seed_gives_the_same_figures(store: Store) -> None:
-    once, again = (Visual().measure(evidence(store, "far"), SETTINGS) for _ in range(2))
+    once, again = (VisualAxis().measure(evidence(store, "far"), SETTINGS) for _ in range(2))
     assert np.array_equal(once.replicates, again.replicates)
     assert once.details == again.details
-    other = Visual().measure(evidence(store, "far"), GapSettings(200, seed=4))
+    other = VisualAxis().measure(evidence(store, "far"), GapSettings(200, seed=4))
     assert other.value == once.value
     assert not np.array_equal(other.replicates, once.replicates)
 
 
 def test_the_anchor_is_the_unadapted_state(store: Store) -> None:
-    near, far = (Visual().measure(evidence(store, run), SETTINGS) for run in ("near", "far"))
-    anchor = Visual().anchor(evidence(store, "near"), SETTINGS)
+    near, far = (VisualAxis().measure(evidence(store, run), SETTINGS) for run in ("near", "far"))
+    anchor = VisualAxis().anchor(evidence(store, "near"), SETTINGS)
     assert anchor.value == far.value > near.value > near.floor
     assert anchor.state == "the sim images before brightness=1.2 (run far)"
-    own = Visual().anchor(evidence(store, "far"), SETTINGS)
+    own = VisualAxis().anchor(evidence(store, "far"), SETTINGS)
     assert own.value == far.value
     assert np.array_equal(own.replicates, far.replicates)
     assert "unadapted" in own.state
@@ -175,14 +175,14 @@ def test_without_an_unadapted_run_there_is_no_anchor(path: Path, tmp_path: Path)
     with edit(root) as draft:
         draft.delete("run", run="far")
     with s2rstore.open(root) as store:
-        assert Visual().measure(evidence(store, "near"), SETTINGS).value > 0
+        assert VisualAxis().measure(evidence(store, "near"), SETTINGS).value > 0
         with pytest.raises(RequestError, match="add a run of model 'far'"):
-            Visual().anchor(evidence(store, "near"), SETTINGS)
+            VisualAxis().anchor(evidence(store, "near"), SETTINGS)
 
 
 def test_other_models_have_other_fingerprints(store: Store) -> None:
     far, near, same = (
-        Visual().measure(evidence(store, run), SETTINGS).fingerprint
+        VisualAxis().measure(evidence(store, run), SETTINGS).fingerprint
         for run in ("far", "near", "same")
     )
     assert far == near
@@ -190,22 +190,22 @@ def test_other_models_have_other_fingerprints(store: Store) -> None:
 
 
 def test_too_few_images_are_inconclusive(store: Store) -> None:
-    for iids in (np.array([4, 9, 14]), np.arange(0), np.arange(5 * LEAST_INSTANCES - 5)):
-        with pytest.raises(InconclusiveError, match=f"at least {LEAST_INSTANCES}"):
-            Visual().measure(evidence(store, "far", iids), SETTINGS)
+    for iids in (np.array([4, 9, 14]), np.arange(0), np.arange(5 * MIN_INSTANCES - 5)):
+        with pytest.raises(InconclusiveError, match=f"at least {MIN_INSTANCES}"):
+            VisualAxis().measure(evidence(store, "far", iids), SETTINGS)
     with pytest.raises(RequestError, match="iids 0"):
-        Visual().measure(evidence(store, "far", np.array([N])), SETTINGS)
+        VisualAxis().measure(evidence(store, "far", np.array([N])), SETTINGS)
 
 
 def test_more_images_than_needed_are_sampled_by_blocks(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(visual_axis, "MOST_INSTANCES", 44)
-    found = Visual().measure(evidence(store, "far"), SETTINGS)
+    monkeypatch.setattr(visual_axis, "MAX_INSTANCES", 44)
+    found = VisualAxis().measure(evidence(store, "far"), SETTINGS)
     assert 36 <= found.n == found.fingerprint["n"] <= 44
     assert any("bootstrap over" in note for note in found.notes)
-    assert found.notes[0] == f"{found.n} of 50 instances, as seeded whole blocks"
-    assert Visual().measure(evidence(store, "far"), SETTINGS).value == found.value
+    assert found.notes[0] == f"{found.n} of 50 instances, a random sample of whole blocks"
+    assert VisualAxis().measure(evidence(store, "far"), SETTINGS).value == found.value
 
 
 def test_rows_that_are_not_finite_are_refused(path: Path, tmp_path: Path) -> None:
@@ -218,22 +218,22 @@ def test_rows_that_are_not_finite_are_refused(path: Path, tmp_path: Path) -> Non
         with pytest.raises(
             RequestError, match=r"sim features of instances 4, 9, 14 .* - ids\(4, 9, 14\)"
         ):
-            Visual().measure(evidence(store, "run"), SETTINGS)
+            VisualAxis().measure(evidence(store, "run"), SETTINGS)
         rest = np.setdiff1d(np.arange(N), [4, 9, 14])
-        assert Visual().measure(evidence(store, "run", rest), SETTINGS).n == N // 5 - 3
+        assert VisualAxis().measure(evidence(store, "run", rest), SETTINGS).n == N // 5 - 3
 
 
 def test_what_is_missing_is_said(tiny_store: Path, store: Store) -> None:
-    assert Visual().missing(evidence(store, "far")) is None
+    assert VisualAxis().missing(evidence(store, "far")) is None
     with s2rstore.open(tiny_store) as bare:
-        told = Visual().missing(Evidence(bare, "vanilla", np.arange(40)))
+        told = VisualAxis().missing(Evidence(bare, "vanilla", np.arange(40)))
         assert told is not None
         assert "no embeddings" in told
         asked = gate.GapRequest(axes=("visual",))
         with pytest.raises(RequestError, match=r"--axis visual: cannot be measured: .*no embed"):
-            gate.judged(Evidence(bare, "vanilla", np.arange(40)), asked)
+            gate.judge_gap(Evidence(bare, "vanilla", np.arange(40)), asked)
         with pytest.raises(RequestError, match="run 'nobody'"):
-            Visual().missing(Evidence(bare, "nobody", np.arange(40)))
+            VisualAxis().missing(Evidence(bare, "nobody", np.arange(40)))
 
 
 def test_images_are_looked_at_by_a_declared_network(store: Store, tmp_path: Path) -> None:
@@ -245,12 +245,12 @@ def test_images_are_looked_at_by_a_declared_network(store: Store, tmp_path: Path
     )
     iids = np.arange(0, 60)
     asked = Evidence(store, "near", iids, features=file)
-    found = Visual().measure(asked, SETTINGS)
+    found = VisualAxis().measure(asked, SETTINGS)
     assert found.n == 60  # images that a pose model was trained on count for another network
     assert found.fingerprint["features"] == "inception_v3_fid:pool3"
     assert found.fingerprint["dimensions"] == 2048
-    anchor = Visual().anchor(asked, SETTINGS)
+    anchor = VisualAxis().anchor(asked, SETTINGS)
     assert anchor.value != found.value  # `near` brightens what `far` leaves as it is
     (tmp_path / "w.pth").unlink()
     with pytest.raises(RequestError, match=r"w\.pth: cannot be read"):
-        Visual().measure(asked, SETTINGS)
+        VisualAxis().measure(asked, SETTINGS)

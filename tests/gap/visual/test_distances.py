@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import wasserstein_distance
 
 from s2rtools.gap.visual.kl_divergence import BiasWarning, divergences
-from s2rtools.gap.visual.prdc import support
+from s2rtools.gap.visual.prdc import prdc
 from s2rtools.gap.visual.wasserstein import sliced_wasserstein, wasserstein_by_dimension
 
 
@@ -109,7 +109,7 @@ def test_support_agrees_with_brute_force(seed: int, n: int, m: int) -> None:
     reverse = np.array(
         [[np.linalg.norm(r - s) <= radius(sim, j) for j, s in enumerate(sim)] for r in real]
     )
-    found = support(real, sim, k)
+    found = prdc(real, sim, k)
     assert found.precision == pytest.approx(inside.any(axis=0).mean())
     assert found.recall == pytest.approx(reverse.any(axis=1).mean())
     assert found.density == pytest.approx(inside.sum() / (k * m))
@@ -118,9 +118,9 @@ def test_support_agrees_with_brute_force(seed: int, n: int, m: int) -> None:
 
 def test_support_of_equal_and_of_distant_samples() -> None:
     x = np.random.default_rng(1).normal(size=(40, 300)) * 1e3
-    same, apart = support(x, x.copy()), support(x, x + 1e5)
+    same, apart = prdc(x, x.copy()), prdc(x, x + 1e5)
     assert (same.precision, same.recall, same.coverage) == (1, 1, 1)
     assert (apart.precision, apart.recall, apart.density, apart.coverage) == (0, 0, 0, 0)
-    assert support(np.ones((9, 2)), np.ones((9, 2))).coverage == 1
+    assert prdc(np.ones((9, 2)), np.ones((9, 2))).coverage == 1
     with pytest.raises(ValueError, match="6 samples"):
-        support(x[:3], x)
+        prdc(x[:3], x)

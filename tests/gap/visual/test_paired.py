@@ -9,13 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rtools.gap import blocks
-from s2rtools.gap.visual.block_mmd import paired
-from s2rtools.gap.visual.kid import kernel_distance, polynomial_gram
+from s2rstore.metrics.bootstrap import Blocks, block_counts, split_into_blocks
+from s2rtools.gap.axis_result import GapSettings
+from s2rtools.gap.instance_selection import random_halves
+from s2rtools.gap.visual.kid import block_mmd, kernel_distance, polynomial_gram
 
 
-def one_trajectory(n: int, length: int = 0) -> blocks.Blocks:
-    return blocks.cut(np.zeros(n, dtype=np.int32), length)
+def one_trajectory(n: int, length: int = 0) -> Blocks:
+    return split_into_blocks(np.zeros(n, dtype=np.int32), length)
 
 
 def brute(x: np.ndarray, y: np.ndarray, label: np.ndarray, chosen: tuple[int, ...]) -> float:
@@ -40,16 +41,16 @@ def test_it_is_the_mean_over_all_splits_into_halves(seed: int, count: int, lengt
     label = np.repeat(np.arange(count), length)
     splits = list(combinations(range(count), count // 2))
     wanted = np.mean([brute(sim, real, label, chosen) for chosen in splits])
-    assert paired(sim, real, cut).value() == pytest.approx(wanted, rel=1e-9, abs=1e-9)
+    assert block_mmd(sim, real, cut).value() == pytest.approx(wanted, rel=1e-9, abs=1e-9)
     floor = np.mean([brute(real, real, label, chosen) for chosen in splits])
-    assert paired(real, real, cut).value() == pytest.approx(floor, abs=1e-9)
+    assert block_mmd(real, real, cut).value() == pytest.approx(floor, abs=1e-9)
 
 
 def test_identical_images_give_the_floor_to_the_bit() -> None:
     real = np.random.default_rng(0).normal(size=(60, 8))
     cut = one_trajectory(60)
-    counts = blocks.draws(cut, 50, 1)
-    same, floor = paired(real.copy(), real, cut), paired(real, real, cut)
+    counts = block_counts(cut, GapSettings(50, 1), min_units=2)
+    same, floor = block_mmd(real.copy(), real, cut), block_mmd(real, real, cut)
     assert same.value() == floor.value() == 0.0
     assert np.array_equal(same.replicates(counts), floor.replicates(counts))
     assert same.swap_p(99, 1) == 1.0
@@ -76,9 +77,11 @@ def test_it_is_unbiased_where_neighbours_are_alike_and_its_intervals_hold_the_tr
     for seed in range(150):
         places = walk(rng, 80, 0.8)
         cut = one_trajectory(80)
-        pair = paired(look(rng, places, 0.3), look(rng, places, 0.0), cut)
+        pair = block_mmd(look(rng, places, 0.3), look(rng, places, 0.0), cut)
         values.append(pair.value())
-        low, high = np.percentile(pair.replicates(blocks.draws(cut, 300, seed)), [2.5, 97.5])
+        low, high = np.percentile(
+            pair.replicates(block_counts(cut, GapSettings(300, seed), min_units=2)), [2.5, 97.5]
+        )
         held += low <= truth <= high
     assert np.mean(values) == pytest.approx(truth, rel=0.1)
     assert held / 150 >= 0.87
@@ -89,27 +92,27 @@ def test_the_swap_test_is_fair_without_a_gap_and_sharp_with_one() -> None:
     fair = []
     for seed in range(200):
         places = walk(rng, 64, 0.8)
-        pair = paired(look(rng, places, 0.0), look(rng, places, 0.0), one_trajectory(64))
+        pair = block_mmd(look(rng, places, 0.0), look(rng, places, 0.0), one_trajectory(64))
         fair.append(pair.swap_p(63 if seed % 2 else 199, seed))
     assert np.mean(np.array(fair) <= 0.05) == pytest.approx(0.05, abs=0.05)
     places = walk(rng, 64, 0.8)
-    pair = paired(look(rng, places, 0.5), look(rng, places, 0.0), one_trajectory(64))
+    pair = block_mmd(look(rng, places, 0.5), look(rng, places, 0.0), one_trajectory(64))
     assert pair.swap_p(999, 1) == 2.0 ** (1 - pair.blocks)
 
 
 def test_blocks_respect_trajectories_and_halves_are_disjoint_and_equal() -> None:
     codes = np.repeat([0, 1, 2], [13, 50, 4]).astype(np.int32)
-    cut = blocks.cut(codes)
+    cut = split_into_blocks(codes)
     assert cut.start[0] == 0
     assert cut.start[-1] == 67
     for first, last in zip(cut.start[:-1], cut.start[1:], strict=True):
         assert len(set(codes[first:last])) == 1
     label = np.repeat(np.arange(cut.count), np.diff(cut.start))
-    for a, b in blocks.halves(cut, 5, 1):
+    for a, b in random_halves(cut, 5, 1):
         assert a.size == b.size > 10
         assert not set(a) & set(b)
         assert len(set(label[a]) & set(label[b])) == 0
-    drawn = blocks.draws(cut, 20, 3)
+    drawn = block_counts(cut, GapSettings(20, 3), min_units=2)
     assert (drawn.sum(axis=1) == cut.count).all()
-    assert np.array_equal(drawn, blocks.draws(cut, 20, 3))
-    assert blocks.cut(np.zeros(0, np.int32)).count == 0
+    assert np.array_equal(drawn, block_counts(cut, GapSettings(20, 3), min_units=2))
+    assert split_into_blocks(np.zeros(0, np.int32)).count == 0

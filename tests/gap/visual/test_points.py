@@ -10,10 +10,10 @@ import pytest
 
 import s2rstore
 from s2rstore.index.transaction import edit
+from s2rstore.metrics.bootstrap import split_into_blocks
 from s2rstore.reader import Store
-from s2rtools.gap import blocks
-from s2rtools.gap.visual.further_metrics import figures
-from s2rtools.gap.visual.low_dimensional_samples import predicted, principal
+from s2rtools.gap.visual.further_metrics import split_half_metrics
+from s2rtools.gap.visual.low_dimensional_samples import prediction_samples, principal_components
 from tests.support.copies import copied
 
 N = 40
@@ -31,7 +31,7 @@ def store(path: Path) -> Iterator[Store]:
 
 
 def test_poses_and_errors_are_in_units_of_their_spread(store: Store) -> None:
-    found = predicted(store, "vanilla", np.arange(N))
+    found = prediction_samples(store, "vanilla", np.arange(N))
     columns = store.run_columns("vanilla")
     poses, errors = found["poses"], found["errors"]
     assert poses.sim.shape == (N, 3)
@@ -54,21 +54,21 @@ def test_headings_that_nobody_predicted_are_left_out(path: Path) -> None:
         )  # fmt: skip
         draft.update("run", {"run": "dataaug"}, {"key": None})
     with s2rstore.open(path) as store:
-        found = predicted(store, "vanilla", np.arange(N))
+        found = prediction_samples(store, "vanilla", np.arange(N))
         assert [found[name].sim.shape[1] for name in ("poses", "errors")] == [2, 1]
-        assert predicted(store, "dataaug", np.arange(N)) == {}
+        assert prediction_samples(store, "dataaug", np.arange(N)) == {}
 
 
 def test_unknown_rows_leave_the_divergence_and_too_few_leave_none(store: Store) -> None:
     rng = np.random.default_rng(0)
     sim, real = rng.normal(size=(2, N, 6))
-    cut = blocks.cut(np.zeros(N, np.int32))
-    points = principal(sim, real, 2)
+    cut = split_into_blocks(np.zeros(N, np.int32))
+    points = principal_components(sim, real, 2)
     assert points.sim.shape == points.real.shape == (N, 2)
     points.sim[::4] = np.nan
-    found = figures(sim, real, cut, 1, {"some": points})
+    found = split_half_metrics(sim, real, cut, 1, {"some": points})
     assert np.isfinite(
         [found["kl_some_sim_real"]["value"], found["kl_some_sim_real"]["floor"]]
     ).all()
     points.sim[5:] = np.nan
-    assert "kl_some_sim_real" not in figures(sim, real, cut, 1, {"some": points})
+    assert "kl_some_sim_real" not in split_half_metrics(sim, real, cut, 1, {"some": points})

@@ -9,9 +9,9 @@ if TYPE_CHECKING:
     from s2rtools.gap.axis_result import Axis
 
 AXES: dict[str, str] = {
-    "visual": "visual.visual_axis:Visual",
-    "task": "task.task_axis:Task",
-    "dynamics": "dynamics.dynamics_axis:Dynamics",
+    "visual": "visual.visual_axis:VisualAxis",
+    "task": "task.task_axis:TaskAxis",
+    "dynamics": "dynamics.dynamics_axis:DynamicsAxis",
     "delay": "delay.delay_axis:DelayAxis",
 }
 """Where each is; imported when it is measured."""

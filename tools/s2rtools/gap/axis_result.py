@@ -10,24 +10,20 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.metrics.bootstrap import LEVEL
+from s2rstore.metrics.bootstrap import BootstrapSettings
 from s2rstore.reader import Store
-from s2rtools.gap import defaults
 from s2rtools.motion_logs import Drive
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class GapSettings:
-    """`replicates` of every bootstrap, from `seed`; intervals at `level`.
+class GapSettings(BootstrapSettings):
+    """Bootstrap settings of all axes.
 
-    `pca` is the number of principal components whose divergence the visual axis tells.
+    `pca` is the number of principal components whose divergence the visual axis reports.
     """
 
-    replicates: int = defaults.REPLICATES
-    seed: int = defaults.SEED
-    level: float = LEVEL
     pca: int = 3
 
 

@@ -1,13 +1,13 @@
-"""What a gate takes where nothing is said, and what it allows; imports nothing."""
+"""Defaults and limits of the gap's options; imports nothing, so that help texts stay fast."""
 
 from __future__ import annotations
 
 THRESHOLD = 15.0
-"""Of G."""
+"""Largest G that passes."""
 MARGIN = 0.05
-"""Metres by which the mean real error may have grown since the golden run, as an upper bound."""
-SEED, MOST_SEED = 1, 2**31 - 1
-REPLICATES, FEWEST_REPLICATES, MOST_REPLICATES = 1000, 100, 100_000
-"""Of every bootstrap."""
+"""Metres by which the mean real error may grow since the golden run, as an upper bound."""
+SEED, MAX_SEED = 1, 2**31 - 1
+REPLICATES, MIN_REPLICATES, MAX_REPLICATES = 1000, 100, 100_000
+"""Replicates of every bootstrap."""
 ODOMETRY = "odometry"
-"""In place of a folder of drives: the data set's own, against its ground truth."""
+"""Given instead of a folder of drives: the odometry of the data set against its ground truth."""

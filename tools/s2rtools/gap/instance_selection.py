@@ -1,4 +1,4 @@
-"""Which instances an axis looks at."""
+"""Instances that an axis measures: selected, held out, and seeded subsets of whole blocks."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.metrics import run_metrics
+from s2rstore.metrics.bootstrap import MIN_TRAJECTORIES, Blocks
 from s2rstore.reader import Store
 from s2rtools.gap.axis_result import Evidence
 
@@ -16,7 +17,7 @@ Iids = NDArray[np.int64]
 
 
 def selected(evidence: Evidence) -> Iids:
-    """The selected iids, ascending and once each. Raises RequestError where one does not exist."""
+    """The selected iids, ascending and unique. Raises RequestError for iids that do not exist."""
     iids = np.unique(np.asarray(evidence.iids, dtype=np.int64))
     count = len(evidence.store.instances)
     if iids.size and not 0 <= iids[0] <= iids[-1] < count:
@@ -25,13 +26,13 @@ def selected(evidence: Evidence) -> Iids:
 
 
 def held_out(evidence: Evidence) -> Iids:
-    """Those of the selected that both sides predicted and the model was not trained on."""
+    """Selected iids that both sides predicted and that the model was not trained on."""
     iids = selected(evidence)
     return iids[run_metrics.held_out(evidence.store, evidence.run)[iids]]
 
 
-def poses(store: Store) -> str:
-    """SHA-256 of what the iids mean: equal for other images and other models of the same poses."""
+def poses_sha256(store: Store) -> str:
+    """SHA-256 of the ground-truth poses: equal for other images and models of the same poses."""
     truth = store.instances
     digest = hashlib.sha256("\n".join(truth.trajectory_names).encode())
     for column in (truth.trajectory, truth.seq, truth.x, truth.y, truth.heading):
@@ -39,8 +40,46 @@ def poses(store: Store) -> str:
     return digest.hexdigest()
 
 
-def uncomputed(evidence: Evidence) -> str | None:
-    """Why a run has no figures yet; None where it has. Raises RequestError for an unknown run."""
+def uncomputed_reason(evidence: Evidence) -> str | None:
+    """Why a run has no predictions yet; None where it has. Raises RequestError for unknown runs."""
     if evidence.store.run(evidence.run).key is None:
         return f"run {evidence.run!r} is not computed yet; run `s2r precompute`"
     return None
+
+
+def bootstrap_note(blocks: Blocks) -> str:
+    """How the intervals over these blocks are computed, for the reader of a report."""
+    if blocks.by_trajectory:
+        return f"intervals by bootstrap over {blocks.unit_count} whole trajectories"
+    return (
+        f"intervals by bootstrap over {blocks.count} blocks of about {blocks.sizes.mean():.0f} "
+        f"consecutive instances (fewer than {MIN_TRAJECTORIES} trajectories of similar length): "
+        "too narrow where instances of different blocks are still alike"
+    )
+
+
+def random_blocks(blocks: Blocks, max_rows: int, seed: int) -> tuple[Iids, Blocks]:
+    """Rows of seeded whole blocks, `max_rows` or slightly fewer, and the blocks of these rows."""
+    order = np.random.default_rng(seed).permutation(blocks.count)
+    chosen = np.sort(order[np.cumsum(blocks.sizes[order]) <= max_rows])
+    sizes = np.diff(blocks.start)[chosen]
+    start = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+    return blocks.rows(chosen), Blocks(start, blocks.trajectory[chosen])
+
+
+def random_halves(blocks: Blocks, splits: int, seed: int) -> list[tuple[Iids, Iids]]:
+    """Seeded pairs of disjoint sets of whole blocks, as rows; all sets have one size.
+
+    Blocks in random order join the smaller half, so that the halves differ by at most one block
+    before the larger one is cut: a half holds at least half of all rows less those of one block.
+    """
+    rng, sizes = np.random.default_rng(seed), blocks.sizes
+    pairs = []
+    for _ in range(splits):
+        second, lead = np.zeros(blocks.count, dtype=np.bool_), 0.0
+        for block in rng.permutation(blocks.count):
+            second[block] = lead > 0
+            lead += -sizes[block] if second[block] else sizes[block]
+        pairs.append((blocks.rows(np.flatnonzero(~second)), blocks.rows(np.flatnonzero(second))))
+    size = min(half.size for pair in pairs for half in pair)
+    return [(a[:size], b[:size]) for a, b in pairs]

@@ -1,4 +1,4 @@
-"""Every axis that the evidence allows, measured; and why the others are not."""
+"""Measure every axis that the evidence allows."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 from s2rstore.errors import InconclusiveError
 from s2rtools.gap.axis_result import Axis, AxisResult, Evidence, GapSettings
-from s2rtools.gap.gate.reference import Frozen, freeze
+from s2rtools.gap.gate.reference import AxisScale, freeze
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """`absent` tells per axis what evidence lacks, `inconclusive` why there is too little of it."""
+    """Results by axis; `absent` and `inconclusive` hold the reasons of axes without a result."""
 
     measured: Mapping[str, AxisResult]
     absent: Mapping[str, str]
@@ -20,14 +20,14 @@ class Measurement:
 
 
 def measure(evidence: Evidence, settings: GapSettings, axes: Mapping[str, Axis]) -> Measurement:
-    """Measure each axis; raises RequestError for evidence that is wrong."""
+    """Measure each axis. Raises RequestError for invalid evidence."""
     measured: dict[str, AxisResult] = {}
     absent: dict[str, str] = {}
     inconclusive: dict[str, str] = {}
     for name, axis in axes.items():
-        lacking = axis.missing(evidence)
-        if lacking is not None:
-            absent[name] = lacking
+        reason = axis.missing(evidence)
+        if reason is not None:
+            absent[name] = reason
             continue
         try:
             measured[name] = axis.measure(evidence, settings)
@@ -36,11 +36,11 @@ def measure(evidence: Evidence, settings: GapSettings, axes: Mapping[str, Axis])
     return Measurement(measured, absent, inconclusive)
 
 
-def frozen(
-    found: Measurement, evidence: Evidence, settings: GapSettings, axes: Mapping[str, Axis]
-) -> dict[str, Frozen]:
-    """The scale of every measured axis; raises RequestError where one has no usable anchor."""
+def freeze_scales(
+    measurement: Measurement, evidence: Evidence, settings: GapSettings, axes: Mapping[str, Axis]
+) -> dict[str, AxisScale]:
+    """Scales of all measured axes. Raises RequestError where one has no usable anchor."""
     return {
         name: freeze(measured, axes[name].anchor(evidence, settings), axes[name].unit, settings)
-        for name, measured in found.measured.items()
+        for name, measured in measurement.measured.items()
     }

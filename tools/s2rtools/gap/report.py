@@ -1,18 +1,18 @@
-"""The whole gap of one run as plain data: the same seed and evidence give the same text."""
+"""Report of the gap of one run as JSON data; deterministic for the same evidence and seed."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from s2rstore.metrics.bootstrap import Interval, percentile_interval
 from s2rtools.gap.axis_result import Axis, AxisResult, Evidence, GapSettings
-from s2rtools.gap.gate.golden_run import Compared
-from s2rtools.gap.gate.reference import Frozen, Reference
+from s2rtools.gap.gate.golden_run import GoldenComparison
+from s2rtools.gap.gate.reference import AxisScale, Reference
 from s2rtools.gap.gate.verdict import NOTHING, AxisGap, Verdict
 from s2rtools.gap.measure import Measurement
 from s2rtools.gap.task.rank_consistency import RankConsistency
@@ -21,26 +21,26 @@ Report = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
-    """All that was found; `axes` are those that were asked for.
+class GapResult:
+    """Measurement and verdict of the requested `axes`.
 
-    `scale` is that of the reference, or the one that is frozen now, which judges nothing yet.
+    `scales` are those of the reference, or those being frozen, which judge nothing yet.
     """
 
-    found: Measurement
+    measurement: Measurement
     verdict: Verdict
     axes: Mapping[str, Axis]
-    scale: Mapping[str, Frozen]
+    scales: Mapping[str, AxisScale]
     reference: Reference | None = None
-    golden: Compared | None = None
+    golden: GoldenComparison | None = None
     across: Mapping[str, Any] | None = None
 
 
-def report(evidence: Evidence, settings: GapSettings, judged: Judged) -> Report:
-    """Everything that was found, rounded to nine digits; what is not finite is null."""
+def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Report:
+    """The complete report, rounded to nine digits; values that are not finite are null."""
     store = evidence.store
     run = store.run(evidence.run)
-    verdict = judged.verdict
+    verdict = result.verdict
     made = {
         "dataset": {"name": store.dataset.name, "hash": store.dataset.hash},
         "run": run.run,
@@ -50,13 +50,18 @@ def report(evidence: Evidence, settings: GapSettings, judged: Judged) -> Report:
         "expression": evidence.expression,
         "selected": int(evidence.iids.size),
         "drives": [drive.name for drive in evidence.drives],
-        "settings": asdict(settings),
-        "axes": [_axis(each, settings, judged) for each in judged.found.measured.values()],
-        "absent": dict(judged.found.absent),
-        "inconclusive": dict(judged.found.inconclusive),
-        "across": judged.across,
-        "golden": None if judged.golden is None else _golden(judged.golden),
-        "reference": _reference(judged.reference),
+        "settings": {
+            "replicates": settings.replicates,
+            "seed": settings.seed,
+            "level": settings.level,
+            "pca": settings.pca,
+        },
+        "axes": [_axis(each, settings, result) for each in result.measurement.measured.values()],
+        "absent": dict(result.measurement.absent),
+        "inconclusive": dict(result.measurement.inconclusive),
+        "across": result.across,
+        "golden": None if result.golden is None else _golden(result.golden),
+        "reference": _reference(result.reference),
         "verdict": {
             "outcome": verdict.outcome,
             "threshold": verdict.threshold,
@@ -68,9 +73,9 @@ def report(evidence: Evidence, settings: GapSettings, judged: Judged) -> Report:
     return plain(made)
 
 
-def _axis(found: AxisResult, settings: GapSettings, judged: Judged) -> dict[str, Any]:
-    axis = judged.axes[found.axis]
-    gaps = {each.axis: each for each in judged.verdict.axes}
+def _axis(found: AxisResult, settings: GapSettings, result: GapResult) -> dict[str, Any]:
+    axis = result.axes[found.axis]
+    gaps = {each.axis: each for each in result.verdict.axes}
     return {
         "axis": found.axis,
         "measure": axis.measure_is,
@@ -81,19 +86,19 @@ def _axis(found: AxisResult, settings: GapSettings, judged: Judged) -> dict[str,
         ),
         "floor_is": axis.floor_is,
         "n": found.n,
-        **_scaled(gaps.get(found.axis), judged.scale.get(found.axis)),
+        **_scaled(gaps.get(found.axis), result.scales.get(found.axis)),
         "fingerprint": dict(found.fingerprint),
         "details": dict(found.details),
         "notes": list(found.notes),
     }
 
 
-def _scaled(gap: AxisGap | None, frozen: Frozen | None) -> dict[str, Any]:
+def _scaled(gap: AxisGap | None, scale: AxisScale | None) -> dict[str, Any]:
     bounds = _bounds("gap", gap.gap if gap else NOTHING)
-    if frozen is None:
+    if scale is None:
         return bounds
-    anchor = Interval(frozen.anchor_low, frozen.anchor, frozen.anchor_high)
-    return {**bounds, **_bounds("anchor", anchor), "anchor_state": frozen.state}
+    anchor = Interval(scale.anchor_low, scale.anchor, scale.anchor_high)
+    return {**bounds, **_bounds("anchor", anchor), "anchor_state": scale.state}
 
 
 def _reference(found: Reference | None) -> dict[str, Any] | None:
@@ -102,7 +107,7 @@ def _reference(found: Reference | None) -> dict[str, Any] | None:
     return {"sha256": found.sha256, "made_from": dict(found.made_from)}
 
 
-def _golden(found: Compared) -> dict[str, Any]:
+def _golden(found: GoldenComparison) -> dict[str, Any]:
     return {
         "outcome": found.outcome,
         **_bounds("change", found.change),
@@ -114,7 +119,7 @@ def _golden(found: Compared) -> dict[str, Any]:
 
 
 def across_report(found: RankConsistency) -> Report:
-    """How simulation and reality rank the runs."""
+    """Rank consistency as JSON data."""
     runs = zip(found.runs, found.sim, found.real, strict=True)
     return {
         "runs": [{"run": run, "sim": sim, "real": real} for run, sim, real in runs],
@@ -129,7 +134,7 @@ def _bounds(name: str, found: Interval) -> dict[str, float]:
 
 
 def plain(value: Any) -> Any:
-    """JSON data: numpy's numbers as Python's, rounded; not finite as null; tuples as lists."""
+    """JSON data: numbers rounded to nine digits, not finite ones as null, tuples as lists."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | np.ndarray):

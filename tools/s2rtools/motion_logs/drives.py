@@ -10,12 +10,12 @@ Suffixes are those of `READERS`; all clocks of one drive are the same clock.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtools.motion_logs import csv_reader
+from s2rtools.motion_logs import csv_reader, rosbag_reader, tum_reader
 from s2rtools.motion_logs.motion_log import Drive, Log
-from s2rtools.motion_logs.readers import READERS, read
 
 
 def read_drives(folder: Path, topic: str | None = None) -> tuple[Drive, ...]:
@@ -61,3 +61,31 @@ def _only(folder: Path, role: str) -> Path | None:
             f"{folder}: {', '.join(path.name for path in found)}; keep one {role} log"
         )
     return found[0] if found else None
+
+
+READERS: dict[str, Callable[[Path], Log]] = {
+    ".csv": csv_reader.read,
+    ".tum": tum_reader.read,
+    ".txt": tum_reader.read,
+    ".bag": rosbag_reader.read,
+    ".db3": rosbag_reader.read,
+    ".mcap": rosbag_reader.read,
+    "": rosbag_reader.read,
+}
+"""A name without a suffix is the folder of a ROS 2 bag."""
+
+
+def read(path: Path, topic: str | None = None) -> Log:
+    """A log of any known kind; `topic` names the one of a ROS bag.
+
+    Raises RequestError, one line that names file and line or topic, for whatever is wrong.
+    """
+    reader = rosbag_reader.read if path.is_dir() else READERS.get(path.suffix.lower())
+    if reader is None:
+        known = ", ".join(suffix for suffix in READERS if suffix)
+        raise RequestError(f"{path}: unknown kind of log (known: {known}, folders of ROS 2)")
+    if reader is rosbag_reader.read:
+        return rosbag_reader.read(path, topic)
+    if topic is not None:
+        raise RequestError(f"{path}: has no topics; leave out {topic}")
+    return reader(path)

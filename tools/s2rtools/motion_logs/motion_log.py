@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from s2rtools.motion_logs.rigid_alignment import Rigid
+    from s2rtools.motion_logs.rigid_alignment import RigidTransform
+
 
 Floats = NDArray[np.float64]
 
@@ -19,7 +20,7 @@ Floats = NDArray[np.float64]
 class Log:
     """Poses over time: `time` (n,) in s, strictly increasing; `x`, `y` (n,) in m; `heading` (n,) in
     rad, forward = (cos, sin); all finite. `source` names it in messages, `sha256` is its content's.
-    `doubts` are sentences about what may be wrong with it.
+    `warnings` are sentences about what may be wrong with it.
     """
 
     time: Floats
@@ -28,7 +29,7 @@ class Log:
     heading: Floats
     source: str
     sha256: str
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +58,27 @@ class Drive:
     sim: Log
     untuned: Log | None = None
     commands: Commands | None = None
-    odometry: Rigid | None = None
+    odometry: RigidTransform | None = None
 
     @property
-    def doubts(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """Those of its logs."""
         logs = (self.real, self.sim, self.untuned)
-        return tuple(doubt for log in logs if log is not None for doubt in log.doubts)
+        return tuple(each for log in logs if log is not None for each in log.warnings)
+
+
+def poses_at(log: Log, times: Floats, longest: float = np.inf) -> tuple[Floats, Floats, Floats]:
+    """x, y, heading at `times`, by lines between poses; the heading is continuous, not wrapped.
+
+    NaN outside the log, and between poses that are more than `longest` s apart.
+    """
+    columns = (log.x, log.y, np.unwrap(log.heading))
+    x, y, heading = (
+        np.interp(times, log.time, column, left=np.nan, right=np.nan) for column in columns
+    )
+    if longest < np.inf:
+        right = np.clip(np.searchsorted(log.time, times), 1, log.time.size - 1)
+        hole = np.diff(log.time)[right - 1] > longest
+        hole &= (times > log.time[right - 1]) & (times < log.time[right])
+        x, y, heading = (np.where(hole, np.nan, values) for values in (x, y, heading))
+    return x, y, heading

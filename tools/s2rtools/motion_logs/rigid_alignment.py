@@ -13,7 +13,7 @@ from s2rtools.motion_logs.motion_log import Floats, Log
 
 
 @dataclass(frozen=True, slots=True)
-class Rigid:
+class RigidTransform:
     """p -> scale * R(angle) * (mirror y first, where `reflected`) * p + (x, y); rad and m."""
 
     angle: float = 0.0
@@ -45,7 +45,7 @@ def fit(
     target: tuple[Floats, Floats],
     reflection: bool = False,
     scale: bool = False,
-) -> Rigid:
+) -> RigidTransform:
     """The motion of `source` (x, y) nearest to `target` (x, y) in least squares, point by point.
 
     `reflection` allows a mirrored frame where it fits better. Raises InconclusiveError where the
@@ -66,4 +66,4 @@ def fit(
     reflected = bool(flip and reflection)
     shift = (cb - size * matrix @ ca)[:, 0]
     angle = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
-    return Rigid(angle, reflected, size, float(shift[0]), float(shift[1]))
+    return RigidTransform(angle, reflected, size, float(shift[0]), float(shift[1]))

@@ -93,10 +93,10 @@ def log(poses: NDArray[np.float64], path: Path, place: Place) -> Log:
     if far.size:
         raise RequestError(f"{place(int(far[0]))}: a pose beyond {FARTHEST:g} m or rad; remove it")
     time, x, y, heading = (np.ascontiguousarray(column) for column in poses.T)
-    return Log(time, x, y, angles.wrap(heading), str(path), digest(path), _doubts(heading, place))
+    return Log(time, x, y, angles.wrap(heading), str(path), digest(path), _warnings(heading, place))
 
 
-def _doubts(heading: Floats, place: Place) -> tuple[str, ...]:
+def _warnings(heading: Floats, place: Place) -> tuple[str, ...]:
     beyond = np.flatnonzero(np.abs(heading) > 2 * np.pi * (1 + 1e-6))
     if not beyond.size:
         return ()

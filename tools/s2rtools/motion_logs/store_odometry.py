@@ -33,7 +33,7 @@ def odometry(store: Store, rate: float | None = None, aligned: bool = True) -> t
         check_pace(time, _pose_of(where))
         real = _log(time, truth.x[at], truth.y[at], truth.heading[at], f"{where}, ground truth")
         sim = _log(time, ox, oy, turned, f"{where}, odometry")
-        moved = rigid_alignment.Rigid()
+        moved = rigid_alignment.RigidTransform()
         if aligned:
             moved = rigid_alignment.fit((sim.x, sim.y), (real.x, real.y), reflection=True)
         drives.append(Drive(name, real, moved(sim), odometry=moved))

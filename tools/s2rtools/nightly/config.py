@@ -1,32 +1,95 @@
-"""What to do every night: a TOML file, checked before anything is opened."""
+"""Configuration of a nightly gate: a TOML file that is validated before anything is opened."""
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from msgspec import Meta, Struct
 
 from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import read_toml
 from s2rstore.gap_history import reader as history
+from s2rtools.common.documents import convert
 from s2rtools.gap import defaults
 from s2rtools.gap.axes import AXES
 from s2rtools.gap.defaults import ODOMETRY
-from s2rtools.nightly import sysid_settings
-from s2rtools.nightly.output_paths import check_apart
-from s2rtools.nightly.validation import Given, check_types
+
+if TYPE_CHECKING:
+    from s2rtools.sysid import SysidSettings
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}\Z")
+Positive = Annotated[float, Meta(gt=0)]
+Seed = Annotated[int, Meta(ge=0, le=defaults.MAX_SEED)]
+Replicates = Annotated[int, Meta(ge=defaults.MIN_REPLICATES, le=defaults.MAX_REPLICATES)]
+
+
+class DrivesTable(Struct, frozen=True, forbid_unknown_fields=True):
+    """The section [drives]."""
+
+    folder: str | None = None
+    rate: Positive | None = None
+    topic: str | None = None
+    dynamics: list[str] = []
+
+
+class SysidTable(Struct, frozen=True, forbid_unknown_fields=True):
+    """The section [sysid]."""
+
+    simulator: str = "planar"
+    parameters: list[str] | None = None
+    fix: dict[str, int | float] = {}
+    range: dict[str, str] = {}
+    drives: str | None = None
+    seed: Seed = 1
+    seeds: Annotated[int, Meta(ge=1, le=100)] = 3
+    evaluations: Annotated[int, Meta(ge=10, le=1_000_000)] | None = None
+
+
+class OutputTable(Struct, frozen=True, forbid_unknown_fields=True):
+    """The section [output]."""
+
+    history: str | None = None
+    reports: str | None = None
+    metrics: str | None = None
+
+
+class StaleTable(Struct, frozen=True, forbid_unknown_fields=True):
+    """The section [stale]."""
+
+    after_days: Annotated[float, Meta(ge=0)] = 7.0
+
+
+class ConfigFile(Struct, frozen=True, forbid_unknown_fields=True):
+    """The TOML file as it is written."""
+
+    store: str
+    name: str | None = None
+    run: str | None = None
+    select: str = "all"
+    axes: list[str] = []
+    reference: str | None = None
+    golden: str | None = None
+    threshold: Positive = defaults.THRESHOLD
+    margin: Positive = defaults.MARGIN
+    seed: Seed = defaults.SEED
+    replicates: Replicates = defaults.REPLICATES
+    features: str | None = None
+    drives: DrivesTable = DrivesTable()
+    sysid: SysidTable | None = None
+    output: OutputTable = OutputTable()
+    stale: StaleTable = StaleTable()
 
 
 @dataclass(frozen=True, slots=True)
-class Sysid:
-    """Which simulator to identify from a folder of drives, as `s2r sysid` does.
+class SysidConfig:
+    """Simulator whose parameters are identified from a folder of drives, as `s2r sysid` does.
 
-    `parameters` None: those that it searches by default; `fixed` are known values; `ranges` are
+    `parameters` None: those that are searched by default; `fixed` are known values; `ranges` are
     written as LOW..HIGH or LOW..HIGH:log.
     """
 
@@ -40,14 +103,30 @@ class Sysid:
     ranges: Mapping[str, str] = field(default_factory=dict)
     topic: str | None = None
 
+    def settings(self) -> SysidSettings:
+        """The settings of the identification. Raises RequestError for invalid ranges."""
+        from s2rtools.sysid import SysidSettings
+        from s2rtools.sysid.parameter_space import parse_range
+
+        ranges = {}
+        for name, text in self.ranges.items():
+            try:
+                ranges[name] = parse_range(text)
+            except RequestError as error:
+                raise RequestError(f"range.{name}: {error}") from None
+        return SysidSettings(
+            self.simulator, self.parameters, self.fixed, self.seeds, seed=self.seed,
+            evaluations=self.evaluations, ranges=ranges,
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
-class Config:
-    """One nightly gate; all paths are resolved.
+class NightlyConfig:
+    """One nightly gate with resolved paths.
 
-    `drives` is a folder (by default the one in the store), or `odometry`, whose `rate` (Hz) is
-    needed where it was stored without times; `topic` is that of poses in ROS bags,
-    `dynamics` what is asked of the axes of motion, as `s2r gap --dynamics` words.
+    `drives` is a folder (by default that of the store) or `odometry`, whose `rate` (Hz) is needed
+    where the store has no times; `topic` carries the poses in ROS bags; `dynamics` are options as
+    those of `s2r gap --dynamics`.
     """
 
     source: Path
@@ -67,116 +146,146 @@ class Config:
     rate: float | None
     topic: str | None
     dynamics: tuple[str, ...]
-    sysid: Sysid | None
+    sysid: SysidConfig | None
     history: Path
     reports: Path
     metrics: Path | None
     stale_after: float
 
 
-def read(path: Path) -> Config:
-    """Raises RequestError for a file that is missing, no TOML, or asks for what is not known."""
-    content = read_toml(path)
-    check_types(path, content)
-    given = Given(path.absolute(), content)
-    name = given.get("name", default=path.stem)
+def read(path: Path) -> NightlyConfig:
+    """Read a configuration. Raises RequestError that names file and key for anything invalid."""
+    file = convert(read_toml(path), ConfigFile, str(path))
+    source = path.absolute()
+    name = path.stem if file.name is None else file.name
     if not _NAME.match(name):
-        raise given.refuse("name", f"{name!r}: use letters, digits and _ . - (at most 80)")
-    store = given.place(given.needed("store"))
+        raise _invalid(source, "name", f"{name!r}: use letters, digits and _ . - (at most 80)")
+    store = _resolve(source, file.store)
     if not store.is_dir():
-        raise given.refuse("store", f"{store}: no such folder")
-    kept, told = (given.get(key, "output") for key in ("history", "metrics"))
-    found = Config(
-        source=given.path,
+        raise _invalid(source, "store", f"{store}: no such folder")
+    drives = _drives(source, "drives.folder", file.drives.folder)
+    if drives is None:
+        folder = safe_files.checked_folder(store, layout.DRIVES)
+        drives = None if folder is None else str(folder)
+    output = file.output
+    config = NightlyConfig(
+        source=source,
         name=name,
         store=store,
-        run=given.get("run"),
-        select=given.get("select", default="all"),
-        axes=_axes(given),
-        reference=given.file("reference"),
-        golden=given.file("golden"),
-        threshold=float(given.number("threshold", defaults.THRESHOLD, 0, math.inf, over=True)),
-        margin=float(given.number("margin", defaults.MARGIN, 0, math.inf, over=True)),
-        seed=given.number("seed", defaults.SEED, 0, defaults.MOST_SEED),
-        replicates=_replicates(given),
-        features=given.file("features"),
-        drives=_drives(given, store),
-        rate=_rate(given),
-        topic=given.get("topic", "drives"),
-        dynamics=_dynamics(given),
-        sysid=_sysid(given, store) if "sysid" in content else None,
-        history=given.place(kept) if kept else history.history_path(store),
-        reports=given.place(given.get("reports", "output", f"reports/{name}")),
-        metrics=given.place(told) if told else None,
-        stale_after=float(given.number("after_days", 7.0, 0, math.inf, "stale")),
+        run=file.run,
+        select=file.select,
+        axes=_axes(source, file.axes),
+        reference=_file(source, "reference", file.reference),
+        golden=_file(source, "golden", file.golden),
+        threshold=file.threshold,
+        margin=file.margin,
+        seed=file.seed,
+        replicates=file.replicates,
+        features=_file(source, "features", file.features),
+        drives=drives,
+        rate=file.drives.rate,
+        topic=file.drives.topic,
+        dynamics=_dynamics(source, file.drives.dynamics),
+        sysid=_sysid(source, file, drives) if file.sysid else None,
+        history=_resolve(source, output.history) if output.history else history.history_path(store),
+        reports=_resolve(source, output.reports or f"reports/{name}"),
+        metrics=_resolve(source, output.metrics) if output.metrics else None,
+        stale_after=file.stale.after_days,
     )
-    check_apart(found)
-    return found
+    _check_outputs(config)
+    return config
 
 
-def _axes(given: Given) -> tuple[str, ...]:
-    wanted = given.get("axes", default=[])
-    for name in wanted:
+def _invalid(source: Path, key: str, message: str) -> RequestError:
+    return RequestError(f"{source}: {key}: {message}")
+
+
+def _resolve(source: Path, value: str) -> Path:
+    """A path, relative to the folder of the configuration."""
+    try:
+        return (source.parent / Path(value).expanduser()).resolve()
+    except RuntimeError as error:
+        raise RequestError(f"{source}: {value}: the user has no home folder") from error
+
+
+def _file(source: Path, key: str, value: str | None) -> Path | None:
+    """An existing file."""
+    if value is None:
+        return None
+    path = _resolve(source, value)
+    if not path.is_file():
+        raise _invalid(source, key, f"{path}: no such file")
+    return path
+
+
+def _drives(source: Path, key: str, value: str | None) -> str | None:
+    """An existing folder, or the word `odometry`."""
+    if value is None or value == ODOMETRY:
+        return value
+    path = _resolve(source, value)
+    if not path.is_dir():
+        reason = f"{path}: no such folder; give a folder or {ODOMETRY!r} (default: the store's)"
+        raise _invalid(source, key, reason)
+    return str(path)
+
+
+def _axes(source: Path, names: list[str]) -> tuple[str, ...]:
+    for name in names:
         if name not in AXES:
-            raise given.refuse("axes", f"{name!r}: one of {', '.join(AXES)}")
-    if len(set(wanted)) != len(wanted):
-        raise given.refuse("axes", "names an axis twice")
-    return tuple(wanted)
+            raise _invalid(source, "axes", f"{name!r}: expected one of {', '.join(AXES)}")
+    if len(set(names)) != len(names):
+        raise _invalid(source, "axes", "an axis is listed twice")
+    return tuple(names)
 
 
-def _drives(given: Given, store: Path) -> str | None:
-    wanted = given.drives("folder", "drives")
-    if wanted is None:
-        own = safe_files.checked_folder(store, layout.DRIVES) if store.is_dir() else None
-        wanted = None if own is None else str(own)
-    return wanted
-
-
-def _replicates(given: Given) -> int:
-    bounds = defaults.FEWEST_REPLICATES, defaults.MOST_REPLICATES
-    return int(given.number("replicates", defaults.REPLICATES, *bounds))
-
-
-def _dynamics(given: Given) -> tuple[str, ...]:
-    words = tuple(given.get("dynamics", "drives", []))
-    if words:
-        from s2rtools.gap.dynamics import options
+def _dynamics(source: Path, options: list[str]) -> tuple[str, ...]:
+    if options:
+        from s2rtools.gap.dynamics.options import axes
 
         try:
-            options.axes(words)
+            axes(options)
         except RequestError as error:
-            told = str(error).removeprefix("--dynamics ")
-            raise given.refuse("drives.dynamics", told) from error
-    return words
+            reason = str(error).removeprefix("--dynamics ")
+            raise _invalid(source, "drives.dynamics", reason) from error
+    return tuple(options)
 
 
-def _rate(given: Given) -> float | None:
-    if given.get("rate", "drives") is None:
-        return None
-    return float(given.number("rate", 0.0, 0, math.inf, "drives", over=True))
+def _sysid(source: Path, file: ConfigFile, default_drives: str | None) -> SysidConfig:
+    from s2rtools.sysid.identify import configured_simulator
 
-
-def _sysid(given: Given, store: Path) -> Sysid:
-    drives = given.drives("drives", "sysid") or _drives(given, store)
-    if drives in (None, ODOMETRY):
-        raise given.refuse("sysid.drives", "missing, and there is no folder in drives.folder")
-    names = given.get("parameters", "sysid")
-    evaluations = given.get("evaluations", "sysid")
-    if evaluations is not None:
-        evaluations = given.number("evaluations", 0, 10, 1_000_000, "sysid")
-    wanted = Sysid(
-        str(drives),
-        given.get("simulator", "sysid", "planar"),
-        None if names is None else tuple(names),
-        given.get("fix", "sysid", {}),
-        given.number("seed", 1, 0, defaults.MOST_SEED, "sysid"),
-        given.number("seeds", 3, 1, 100, "sysid"),
-        evaluations,
-        given.get("range", "sysid", {}),
-        given.get("topic", "drives"),
+    table = file.sysid
+    assert table is not None
+    drives = _drives(source, "sysid.drives", table.drives) or default_drives
+    if drives is None or drives == ODOMETRY:
+        raise _invalid(source, "sysid.drives", "missing, and drives.folder names no folder")
+    config = SysidConfig(
+        drives,
+        table.simulator,
+        None if table.parameters is None else tuple(table.parameters),
+        table.fix,
+        table.seed,
+        table.seeds,
+        table.evaluations,
+        table.range,
+        file.drives.topic,
     )
     try:
-        sysid_settings.check(wanted)
+        configured_simulator(config.settings())
     except RequestError as error:
-        raise given.refuse("sysid", str(error).removeprefix("--")) from error
-    return wanted
+        raise _invalid(source, "sysid", str(error).removeprefix("--")) from error
+    return config
+
+
+def _check_outputs(config: NightlyConfig) -> None:
+    """Raises RequestError where an output is a folder, a device, or another file of the gate."""
+    taken = {config.source.resolve(), config.reference, config.golden, config.features}
+    for name, path in {"history": config.history, "metrics": config.metrics}.items():
+        if path is None:
+            continue
+        key = f"output.{name}"
+        if path.exists() and not path.is_file():
+            raise _invalid(config.source, key, f"{path}: a folder or a device; name a file")
+        if path in taken:
+            reason = f"{path}: is another file of this gate; name a different file"
+            raise _invalid(config.source, key, reason)
+        taken.add(path)

@@ -1,4 +1,4 @@
-"""Adding to the history: a copy grows and takes the file's place, so readers never see half."""
+"""Write to the history: a copy is changed and replaces the file, so readers never see half."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from s2rstore.gap_history.gate_status import EXIT_CODES
 from s2rstore.gap_history.reader import History, Night
 from s2rstore.index import locked_connection
 from s2rstore.index.schema import STORAGE_VERSION, Table
-from s2rtools.nightly.config import Config
+from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.input_fingerprint import Inputs, version
 from s2rtools.nightly.measurement import Estimates, Report
-from s2rtools.nightly.night_status import outcome
+from s2rtools.nightly.report_model import outcome
 
 Change = Callable[[duckdb.DuckDBPyConnection], None]
 Rows = dict[str, list[dict[str, Any]]]
 _FIGURES = ("value", "floor", "gap")
-_ENDS = ("", "_low", "_high")
+_SUFFIXES = ("", "_low", "_high")
 
 
 @dataclass(frozen=True, slots=True)
-class Tonight:
-    """What is to be added; with `measured` the figures are those of that measurement."""
+class NightResult:
+    """A night to be added; `measured` is the id of the measurement whose figures it reuses."""
 
-    config: Config
+    config: NightlyConfig
     inputs: Inputs
     night: datetime.date
     report: Report
@@ -44,28 +44,28 @@ class Tonight:
     measured: int | None = None
 
 
-def known(path: Path) -> History:
-    """What is there, which may be nothing."""
+def read_or_empty(path: Path) -> History:
+    """The history, empty where the file does not exist."""
     return reader.read(path) if path.exists() else History()
 
 
-def last_of(found: History, name: str, night: datetime.date) -> Night | None:
+def counting_night(history: History, name: str, night: datetime.date) -> Night | None:
     """The row that counts for a night."""
-    return next((each for each in found.of_configuration(name) if each.night == night), None)
+    return next((each for each in history.of_configuration(name) if each.night == night), None)
 
 
-def measurement(found: History, key: str) -> int | None:
-    """The measurement that was made of the same evidence in the same way; refused ones are none."""
-    return next((n.measured for n in found.nights if n.key == key and not n.refused), None)
+def equal_measurement(history: History, key: str) -> int | None:
+    """Id of the successful measurement with the same key, if there is one."""
+    return next((n.measured for n in history.nights if n.key == key and not n.refused), None)
 
 
-def tells(night: Night | None, tonight: Tonight, found: History) -> bool:
-    """Whether a row already says what tonight would."""
-    if night is None or night.key != tonight.inputs.key:
+def is_recorded(night: Night | None, result: NightResult, history: History) -> bool:
+    """Whether a row already holds the result."""
+    if night is None or night.key != result.inputs.key:
         return False
-    if night.evidence_since < max(_seen(tonight, found).values()):
+    if night.evidence_since < max(_first_nights(result, history).values()):
         return False  # it was dated by a night that has been withdrawn
-    refused = tonight.report.get("refused")
+    refused = result.report.get("refused")
     if refused is None:
         return not night.refused
     return night.refused and (night.outcome, night.reason) == (
@@ -74,51 +74,51 @@ def tells(night: Night | None, tonight: Tonight, found: History) -> bool:
     )
 
 
-def rows(tonight: Tonight, found: History, now: datetime.datetime) -> Rows:
-    """The rows that tonight adds to each table."""
-    number = found.last_id + 1
-    measured = number if tonight.measured is None else tonight.measured
-    seen = _seen(tonight, found)
-    made: Rows = {
-        "night": [_night_row(tonight, max(seen.values()), number, measured, now)],
+def rows(result: NightResult, history: History, now: datetime.datetime) -> Rows:
+    """The rows that a result adds to each table."""
+    number = history.last_id + 1
+    measured = number if result.measured is None else result.measured
+    first_nights = _first_nights(result, history)
+    added: Rows = {
+        "night": [_night_row(result, max(first_nights.values()), number, measured, now)],
         "recorded": [
-            {"name": tonight.config.name, "part": part, "night": night}
-            for part, night in seen.items()
-            if found.recorded.get((tonight.config.name, part)) != night
+            {"name": result.config.name, "part": part, "night": night}
+            for part, night in first_nights.items()
+            if history.recorded.get((result.config.name, part)) != night
         ],
     }
-    if tonight.measured is None:
-        report = json.dumps(tonight.report, indent=1, sort_keys=True, allow_nan=False)
-        made["axis"] = [{"measured": number, **row} for row in _axis_rows(tonight.report)]
-        made["estimate"] = [
+    if result.measured is None:
+        report = json.dumps(result.report, indent=1, sort_keys=True, allow_nan=False)
+        added["axis"] = [{"measured": number, **row} for row in _axis_rows(result.report)]
+        added["estimate"] = [
             {"measured": number, "position": position, **row}
-            for position, row in enumerate(tonight.estimates)
+            for position, row in enumerate(result.estimates)
         ]
-        made["report"] = [{"measured": number, "report": report, "version": version()}]
-    return made
+        added["report"] = [{"measured": number, "report": report, "version": version()}]
+    return added
 
 
-def _seen(tonight: Tonight, found: History) -> dict[str, datetime.date]:
-    """The first night of each part of the evidence."""
-    name, night = tonight.config.name, tonight.night
+def _first_nights(result: NightResult, history: History) -> dict[str, datetime.date]:
+    """The first night that used each part of the evidence."""
+    name, night = result.config.name, result.night
     return {
-        part: min(night, found.recorded.get((name, part), night)) for part in tonight.inputs.parts
+        part: min(night, history.recorded.get((name, part), night)) for part in result.inputs.parts
     }
 
 
 def _night_row(
-    tonight: Tonight, since: datetime.date, number: int, measured: int, now: datetime.datetime
+    result: NightResult, since: datetime.date, number: int, measured: int, now: datetime.datetime
 ) -> dict[str, Any]:
-    config, report, verdict = tonight.config, tonight.report, tonight.report["verdict"]
+    config, report, verdict = result.config, result.report, result.report["verdict"]
     golden = report["golden"] or {}
-    age = (tonight.night - since).days
-    word = outcome(report, age > config.stale_after)
+    age = (result.night - since).days
+    final_outcome = outcome(report, age > config.stale_after)
     return {
         "id": number,
         "name": config.name,
-        "night": tonight.night,
-        "key": tonight.inputs.key,
-        "evidence": tonight.inputs.evidence,
+        "night": result.night,
+        "key": result.inputs.key,
+        "evidence": result.inputs.evidence,
         "measured": measured,
         "dataset": report["dataset"]["name"],
         "dataset_hash": report["dataset"]["hash"],
@@ -126,15 +126,15 @@ def _night_row(
         "run_key": report["run_key"],
         "model": report["model"],
         "expression": report["expression"],
-        "outcome": word,
-        "exit_code": EXIT_CODES[word],
+        "outcome": final_outcome,
+        "exit_code": EXIT_CODES[final_outcome],
         "headline": verdict["outcome"],
-        **{f"gap{end}": verdict.get(f"gap{end}") for end in _ENDS},
+        **{f"gap{end}": verdict.get(f"gap{end}") for end in _SUFFIXES},
         "worst": verdict["worst"],
         "threshold": verdict["threshold"],
         "reason": verdict["reason"],
         "golden": golden.get("outcome"),
-        **{f"golden_change{end}": golden.get(f"change{end}") for end in _ENDS},
+        **{f"golden_change{end}": golden.get(f"change{end}") for end in _SUFFIXES},
         "golden_margin": golden.get("margin"),
         "evidence_since": since,
         "evidence_age": age,
@@ -144,24 +144,28 @@ def _night_row(
 
 
 def _axis_rows(report: Report) -> list[dict[str, Any]]:
-    made: list[dict[str, Any]] = []
+    listed: list[dict[str, Any]] = []
     for each in report["axes"]:
-        figures = {f"{name}{end}": each.get(f"{name}{end}") for name in _FIGURES for end in _ENDS}
+        figures = {
+            f"{name}{end}": each.get(f"{name}{end}") for name in _FIGURES for end in _SUFFIXES
+        }
         note = "; ".join(each["notes"]) or None
         plain = {name: each.get(name) for name in ("axis", "measure", "unit", "anchor", "n")}
-        made.append({**plain, **figures, "state": "measured", "note": note})
+        listed.append({**plain, **figures, "state": "measured", "note": note})
     for state in ("inconclusive", "absent"):
-        made += [{"axis": name, "state": state, "note": why} for name, why in report[state].items()]
-    return [{"position": position, **row} for position, row in enumerate(made)]
+        listed += [
+            {"axis": name, "state": state, "note": why} for name, why in report[state].items()
+        ]
+    return [{"position": position, **row} for position, row in enumerate(listed)]
 
 
 def append(path: Path, added: Rows) -> None:
-    """Add rows, all or none, durably; hold the file's lock. RequestError where it cannot be."""
+    """Add rows durably, all or none; the caller holds the lock. Raises RequestError on failure."""
     _replace(path, partial(_add, added))
 
 
-def move(path: Path, name: str, night: datetime.date, now: str) -> None:
-    """Withdraw a night: move its rows to the tables of withdrawn nights, all or none."""
+def withdraw_night(path: Path, name: str, night: datetime.date, now: str) -> None:
+    """Move the rows of a night to the tables of withdrawn nights, all or none."""
     _replace(path, partial(_withdraw, name, night, now))
 
 
@@ -177,8 +181,8 @@ def _replace(path: Path, change: Change) -> None:
         beside.replace(path)
         atomic_writes.sync_path(path.parent)
     except (OSError, duckdb.Error) as error:
-        told = str(error).splitlines()[0]
-        raise RequestError(f"{path}: cannot be written ({told})") from error
+        reason = str(error).splitlines()[0]
+        raise RequestError(f"{path}: cannot be written ({reason})") from error
     finally:
         for name in (beside, beside.with_name(f"{beside.name}.wal")):
             with suppress(OSError):
@@ -186,7 +190,7 @@ def _replace(path: Path, change: Change) -> None:
 
 
 def _write(path: Path, base: Path | None, change: Change) -> None:
-    """A new file with the rows of `base`, changed; its views are made anew."""
+    """Write a new file with the changed rows of `base`; its views are created again."""
     connection = locked_connection.connect_empty([path.absolute().parent])
     try:
         name = locked_connection.escaped(locked_connection.literal_path(path))
@@ -238,12 +242,12 @@ def _withdraw(
 def _insert(connection: duckdb.DuckDBPyConnection, table: str, row: Mapping[str, Any]) -> None:
     names = ", ".join(f'"{name}"' for name in row)
     marks = ", ".join("?" for _ in row)
-    values = [_known(value) for value in row.values()]
+    values = [_finite_or_null(value) for value in row.values()]
     connection.execute(f'INSERT INTO "{table}" ({names}) VALUES ({marks})', values)
 
 
-def _known(value: Any) -> Any:
-    """NULL for what is not finite."""
+def _finite_or_null(value: Any) -> Any:
+    """None (NULL) for numbers that are not finite."""
     if isinstance(value, float) and value - value != 0:
         return None
     return value

@@ -1,17 +1,30 @@
-"""A night as one HTML page: no script, nothing from elsewhere, the plot inside."""
+"""HTML report of a night: one page without scripts and external resources, plot included."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
-from html import escape
+
+from jinja2 import Environment
 
 from s2rstore.security.printable_text import printable
-from s2rtools.nightly import report_model as c
+from s2rtools.nightly.report_model import (
+    CHECK_COLUMNS,
+    ESTIMATE_COLUMNS,
+    NIGHT_COLUMNS,
+    NightReport,
+)
 
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 _SIGNS = {"PASS": "●", "FAIL": "▲", "INCONCLUSIVE": "■", "ERROR": "▲", "SKIPPED": "·"}
-_STYLE = """
+_TEMPLATE = """\
+<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; \
+style-src 'unsafe-inline'">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{{ report.title }}</title>
+<style>
 :root { --ground: #fafaf8; --text: #1c212a; --muted: #626a78; --faint: #ced2d9; --soft: #e2e9f5;
   --PASS: #1d5fce; --FAIL: #d02c30; --ERROR: #d02c30; --INCONCLUSIVE: #8a6000; --SKIPPED: #626a78; }
 * { box-sizing: border-box; }
@@ -35,76 +48,63 @@ tbody tr + tr > * { border-top: 1px solid var(--faint); }
 img { display: block; width: 100%; height: auto; border: 1px solid var(--faint); }
 dl { display: flex; flex-wrap: wrap; gap: .4rem 2.2rem; }
 dt { color: var(--muted); font-size: .8rem; } dd { margin: 0; overflow-wrap: anywhere; }
+</style>
+</head>
+{%- macro table(columns, rows) %}
+<div class="table"><table>
+<thead><tr>{% for name in columns %}<th scope="col">{{ name }}</th>{% endfor %}</tr></thead>
+<tbody>
+{% for row in rows -%}
+<tr>{% for value in row %}{% if value in signs -%}
+<td class="word {{ value }}">{{ signs[value] }} {{ value }}</td>
+{%- else -%}<td>{{ value }}</td>{% endif %}{% endfor %}</tr>
+{% endfor -%}
+</tbody>
+</table></div>
+{%- endmacro %}
+<body>
+<main>
+<h1>{{ night.name }}</h1>
+<p class="lead">the reality gap in the night {{ night.night }}</p>
+<p class="verdict {{ night.outcome }}">{{ signs.get(night.outcome, "") }} {{ night.outcome }}</p>
+<p>{{ report.checks[0].message }}</p>
+<img src="data:image/png;base64,{{ plot }}" alt="Gap over {{ report.past | length }} nights; \
+the last ones: {% for each in report.past[-7:] %}{{ each.night }} {{ each.outcome }}\
+{% if not loop.last %}, {% endif %}{% endfor %}">
+<h2>Checks</h2>
+{{- table(check_columns, report.check_rows()) }}
+{%- if night.estimates %}
+<h2>Estimated parameters of the simulator</h2>
+{{- table(estimate_columns, report.estimate_rows()) }}
+{%- endif %}
+<h2>Nights</h2>
+{{- table(night_columns, report.night_rows()) }}
+<h2>Measured data</h2>
+<dl>
+{% for name, value in report.facts() -%}
+<div><dt>{{ name }}</dt><dd>{{ value }}</dd></div>
+{% endfor -%}
+</dl>
+</main>
+</body>
+</html>
 """
 
 
-def page(told: c.Content, picture: bytes) -> str:
-    """The whole file; `picture` is a PNG."""
-    night = told.night
-    image = base64.b64encode(picture).decode()
-    parts = [
-        f'<h1>{_text(night.name)}</h1>\n<p class="lead">the gap of the night {night.night}</p>',
-        f'<p class="verdict {_text(night.outcome)}">{_signed(night.outcome)}</p>',
-        f"<p>{_text(told.checks[0].told)}</p>",
-        f'<img src="data:image/png;base64,{image}" alt="{_text(_spoken(told))}">',
-        "<h2>What was checked</h2>",
-        _table(c.CHECKS, c.check_rows(told)),
-    ]
-    if night.estimates:
-        names, rows = c.ESTIMATES, c.estimate_rows(told)
-        parts += ["<h2>The simulator's parameters</h2>", _table(names, rows)]
-    parts += ["<h2>Nights</h2>", _table(c.PAST, c.past_rows(told)), "<h2>About</h2>", _facts(told)]
-    return "\n".join([_head(told.title), "<body>", "<main>", *parts, "</main>", "</body>",
-                      "</html>", ""])  # fmt: skip
-
-
-def _head(title: str) -> str:
-    return "\n".join(
-        [
-            "<!doctype html>",
-            '<html lang="en">',
-            "<head>",
-            '<meta charset="utf-8">',
-            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>{_text(title)}</title>",
-            f"<style>{_STYLE}</style>",
-            "</head>",
-        ]
+def html(report: NightReport, plot: bytes) -> str:
+    """The page of a night; `plot` is a PNG."""
+    environment = Environment(autoescape=True, finalize=_printable, keep_trailing_newline=True)
+    return environment.from_string(_TEMPLATE).render(
+        report=report,
+        night=report.night,
+        plot=base64.b64encode(plot).decode(),
+        signs=_SIGNS,
+        check_columns=CHECK_COLUMNS,
+        estimate_columns=ESTIMATE_COLUMNS,
+        night_columns=NIGHT_COLUMNS,
     )
 
 
-def _spoken(told: c.Content) -> str:
-    """The plot in words."""
-    nights = [f"{night.night} {night.outcome}" for night in told.past[-7:]]
-    return f"Gap over {len(told.past)} nights; the last ones: {', '.join(nights)}"
-
-
-def _table(names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    head = "".join(f'<th scope="col">{_text(name)}</th>' for name in names)
-    body = "\n".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
-    return (
-        f'<div class="table"><table>\n<thead><tr>{head}</tr></thead>\n'
-        f"<tbody>\n{body}\n</tbody>\n</table></div>"
-    )
-
-
-def _cell(value: str) -> str:
-    if value in _SIGNS:
-        return f'<td class="word {value}">{_signed(value)}</td>'
-    return f"<td>{_text(value)}</td>"
-
-
-def _signed(word: str) -> str:
-    return f"{_SIGNS.get(word, '')} {_text(word)}"
-
-
-def _facts(told: c.Content) -> str:
-    rows = c.facts(told.night)
-    parts = [f"<div><dt>{_text(k)}</dt><dd>{_text(v)}</dd></div>" for k, v in rows]
-    return "<dl>\n" + "\n".join(parts) + "\n</dl>"
-
-
-def _text(text: str) -> str:
-    """Text as text, in printable characters."""
-    return escape(printable(text))
+def _printable(value: object) -> object:
+    """Escape control characters in texts; leave markup of macros as it is."""
+    return printable(value) if type(value) is str else value

@@ -1,4 +1,4 @@
-"""What a night's figures depend on, by content: equal keys mean equal figures."""
+"""Fingerprint of everything that the figures of a night depend on: equal keys, equal figures."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from s2rstore.files import layout
 from s2rstore.files.input_files import read_document, sha256
 from s2rstore.reader import Store
 from s2rtools.gap.defaults import ODOMETRY
-from s2rtools.nightly.config import Config
+from s2rtools.nightly.config import NightlyConfig
 
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """`key` is over everything; `evidence` over what was recorded: data set, run and drives.
+    """Hashes of the inputs: `key` of everything, `evidence` of the recordings.
 
-    `parts` are the hashes of these, each by itself.
+    `parts` are the hashes of the recordings one by one: data set, run and drives.
     """
 
     key: str
@@ -33,7 +33,7 @@ class Inputs:
 
 
 def version() -> str:
-    """The program's, empty where it is not installed."""
+    """Version of the program, empty where it is not installed."""
     try:
         return metadata.version("s2rtui")
     except metadata.PackageNotFoundError:
@@ -41,7 +41,7 @@ def version() -> str:
 
 
 def open_store(path: Path) -> tuple[Store, layout.Current]:
-    """The store, and the published state that it was opened at."""
+    """Open a store together with the published state that it was opened at."""
     while True:
         current = layout.read_current(path)
         store = s2rstore.open(path)
@@ -50,8 +50,8 @@ def open_store(path: Path) -> tuple[Store, layout.Current]:
         store.close()
 
 
-def inputs(config: Config, store: Store, current: layout.Current) -> Inputs:
-    """Raises RequestError for a run that is not computed and files that cannot be read."""
+def inputs(config: NightlyConfig, store: Store, current: layout.Current) -> Inputs:
+    """Fingerprint the inputs. Raises RequestError for uncomputed runs and unreadable files."""
     run = store.run(config.run)
     if not run.key:
         raise RequestError(f"{store.path}: run {run.run} is not computed; run `s2r precompute`")
@@ -79,23 +79,20 @@ def inputs(config: Config, store: Store, current: layout.Current) -> Inputs:
     return Inputs(_digest(everything), _digest(recorded), tuple(recorded), run.run)
 
 
-def _sysid(config: Config) -> dict[str, Any] | None:
-    wanted = config.sysid
-    if wanted is None:
+def _sysid(config: NightlyConfig) -> dict[str, Any] | None:
+    if config.sysid is None:
         return None
-    asked = {name: value for name, value in asdict(wanted).items() if name != "drives"}
-    return {"asked": asked, "drives": _drives(wanted.drives)}
+    options = {name: each for name, each in asdict(config.sysid).items() if name != "drives"}
+    return {"options": options, "drives": _drives(config.sysid.drives)}
 
 
-def _drives(wanted: str | None) -> list[tuple[str, str]]:
-    """Name and content of every file; odometry is part of the data set."""
-    if wanted is None or wanted == ODOMETRY:
-        return []
-    return list(_files(Path(wanted)))
+def _drives(folder: str | None) -> list[tuple[str, str]]:
+    """Name and hash of every file; odometry is part of the data set."""
+    return [] if folder in (None, ODOMETRY) else list(_files(Path(str(folder))))
 
 
 def _files(folder: Path) -> Iterator[tuple[str, str]]:
-    """Hidden files, which a copy under way leaves, do not count."""
+    """Names and hashes of all files except hidden ones, which unfinished copies leave."""
     for path in sorted(folder.rglob("*")):
         inside = path.relative_to(folder)
         if path.is_file() and not any(part.startswith(".") for part in inside.parts):
@@ -103,7 +100,7 @@ def _files(folder: Path) -> Iterator[tuple[str, str]]:
 
 
 def _network(path: Path | None) -> list[str | None] | None:
-    """A network's description and the weights that it names; what names none is not judged here."""
+    """Hashes of a network's description and of the weights that it names, if it names any."""
     if path is None:
         return None
     described = _hash(path)

@@ -1,4 +1,4 @@
-"""What a night computes: the gap's report and the simulator's parameters. Imported lazily."""
+"""Measurements of a night: the report of the gap and the simulator's identified parameters."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 from s2rstore.errors import InconclusiveError
 from s2rstore.reader import Store
-from s2rtools.nightly import sysid_settings
-from s2rtools.nightly.config import Config, Sysid
+from s2rtools.nightly.config import NightlyConfig, SysidConfig
 
 if TYPE_CHECKING:
     from s2rtools.sysid import Identification
+from s2rstore.errors import S2RError
+from s2rtools.nightly.input_fingerprint import Inputs
 
 Report = dict[str, Any]
 Estimates = Sequence[Mapping[str, Any]]
-"""Per parameter `parameter`, `value`, `value_low`, `value_high`, `unit` and, maybe, `note`."""
-Measuring = Callable[[Store, Config], Report]
-Estimating = Callable[[Sysid], Estimates]
+"""Rows with `parameter`, `value`, `value_low`, `value_high`, `unit` and optionally `note`."""
+Measuring = Callable[[Store, NightlyConfig], Report]
+Estimating = Callable[[SysidConfig], Estimates]
 
 
-def measured(store: Store, config: Config) -> Report:
+def measure_gap(store: Store, config: NightlyConfig) -> Report:
     """The report of `s2r gap` for this configuration."""
     from s2rtools.gap.axis_result import GapSettings
     from s2rtools.gap.gate import gate
@@ -41,25 +42,25 @@ def measured(store: Store, config: Config) -> Report:
         margin=config.margin,
         settings=GapSettings(config.replicates, config.seed),
     )
-    return gate.measured_report(gate.evidence(store, request), request)
+    return gate.measured_report(gate.collect_evidence(store, request), request)
 
 
-def estimated(sysid: Sysid) -> Estimates:
-    """What `s2r sysid` finds; where the drives are too few, one row that says so."""
+def estimate_parameters(sysid: SysidConfig) -> Estimates:
+    """Parameters as `s2r sysid` identifies them; for too few drives, one row with the reason."""
     from s2rtools.motion_logs.drives import read_drives
     from s2rtools.sysid import identify
 
     drives = read_drives(Path(sysid.drives), sysid.topic)
     try:
-        return estimates(identify(drives, sysid_settings.settings(sysid), _Silent()))
+        return estimate_rows(identify(drives, sysid.settings(), _NoProgress()))
     except InconclusiveError as error:
         return [{"parameter": sysid.simulator, "note": f"not identified: {error}"}]
 
 
-def estimates(found: Identification) -> Estimates:
-    """A row per parameter, and one for the simulator with all warnings where there are some."""
-    notes = dict.fromkeys(found.unsettled, "the search has not settled")
-    notes |= dict.fromkeys(found.identifiability.open_names, "not determined by these drives")
+def estimate_rows(found: Identification) -> Estimates:
+    """One row per parameter, and one for the simulator that holds all warnings."""
+    notes = dict.fromkeys(found.unsettled, "the search did not converge")
+    notes |= dict.fromkeys(found.identifiability.undetermined, "not determined by these drives")
     notes |= dict.fromkeys(found.at_ends, "at the end of its range")
     rows: list[Mapping[str, Any]] = [
         {
@@ -73,9 +74,28 @@ def estimates(found: Identification) -> Estimates:
     return rows
 
 
-class _Silent:
-    """Tells nobody how far it is."""
+class _NoProgress:
+    """A progress reporter that shows nothing."""
 
     def begin(self, what: str, total: int) -> None: ...
     def advance(self, steps: int) -> None: ...
     def say(self, line: str) -> None: ...
+
+
+def failed_report(store: Store, config: NightlyConfig, inputs: Inputs, error: S2RError) -> Report:
+    """Report of a night without a measurement; `refused` holds the outcome and the reason.
+
+    Too little evidence is INCONCLUSIVE; a request that does not fit the store is an ERROR.
+    """
+    run, reason = store.run(inputs.run), " ".join(str(error).split())
+    outcome = "INCONCLUSIVE" if isinstance(error, InconclusiveError) else "ERROR"
+    return {
+        "refused": {"outcome": outcome, "reason": reason},
+        "dataset": {"name": store.dataset.name, "hash": store.dataset.hash},
+        "run": run.run, "run_key": run.key, "model": run.model, "expression": config.select,
+        "axes": [], "absent": {}, "inconclusive": {}, "golden": None, "reference": None,
+        "verdict": {
+            "outcome": "INCONCLUSIVE", "threshold": config.threshold, "worst": None, "gap": None,
+            "gap_low": None, "gap_high": None, "reason": reason,
+        },
+    }  # fmt: skip

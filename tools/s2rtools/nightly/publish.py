@@ -1,4 +1,4 @@
-"""The files of a night: written where they differ, so that what is told already stays untouched."""
+"""Publish the files of a night; unchanged files are not written."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ from s2rstore.errors import RequestError
 from s2rstore.gap_history import reader
 from s2rstore.gap_history.reader import History, Night
 from s2rtools.common.result_files import write_all
-from s2rtools.nightly.config import Config
-from s2rtools.nightly.history_plot import picture
-from s2rtools.nightly.html_report import page
+from s2rtools.nightly.config import NightlyConfig
+from s2rtools.nightly.history_plot import history_plot
+from s2rtools.nightly.html_report import html
 from s2rtools.nightly.junit import junit
 from s2rtools.nightly.markdown import markdown
 from s2rtools.nightly.metrics import metrics
-from s2rtools.nightly.report_model import content
+from s2rtools.nightly.report_model import night_report
 
 LATEST = "latest"
 
 
-def publish(config: Config, found: History, night: Night) -> list[Path]:
-    """Write this night's reports, and what tells of the newest night; gives what was written.
+def publish(config: NightlyConfig, history: History, night: Night) -> list[Path]:
+    """Write the reports of a night, and metrics and link of the newest; return the written paths.
 
-    All files or none, and those that differ only.
+    Writes all changed files or none.
     """
     folder = config.reports / str(night.night)
-    newest = found.of_configuration(config.name)[-1]
-    files = _files(config, found, night, folder)
+    newest = history.of_configuration(config.name)[-1]
+    files = _report_files(config, history, night, folder)
     if config.metrics is not None:
-        _folder(config.metrics.parent)
+        _make_folder(config.metrics.parent)
         files[config.metrics] = metrics(newest)
-    changed = {path: data for path, data in files.items() if not _is_so(path, data)}
+    changed = {path: data for path, data in files.items() if not _is_current(path, data)}
     write_all(changed)
     written = list(changed)
-    if _point(config.reports / LATEST, str(newest.night)):
+    if _set_latest(config.reports / LATEST, str(newest.night)):
         written.append(config.reports / LATEST)
     return written
 
 
-def check_own(config: Config) -> None:
-    """Raises RequestError where the reports or the metrics there are another gate's."""
+def check_ownership(config: NightlyConfig) -> None:
+    """Raises RequestError where reports or metrics at the outputs belong to another gate."""
     suites = config.reports / LATEST / "junit.xml", r'<testsuite name="([^"]*)"'
     places = {"reports": (config.reports, *suites)}
     if config.metrics is not None:
@@ -55,40 +55,42 @@ def check_own(config: Config) -> None:
             continue
         if found and found[1] != config.name:
             raise RequestError(
-                f"{config.source}: output.{name}: {place} is that of the gate {found[1]!r}; "
-                f"give {config.name!r} a place of its own"
+                f"{config.source}: output.{name}: {place} belongs to the gate {found[1]!r}; "
+                f"give {config.name!r} a different path"
             )
 
 
-def _files(config: Config, found: History, night: Night, folder: Path) -> dict[Path, bytes]:
-    told = content(found, night)
-    drawn = picture(told)
-    report = reader.report_text(config.history, night.measured)
-    _folder(folder)
+def _report_files(
+    config: NightlyConfig, history: History, night: Night, folder: Path
+) -> dict[Path, bytes]:
+    report = night_report(history, night)
+    plot = history_plot(report)
+    document = reader.report_text(config.history, night.measured)
+    _make_folder(folder)
     return {
-        folder / "history.png": drawn,
-        folder / "report.json": f"{report}\n".encode(),
-        folder / "report.md": markdown(told).encode(),
-        folder / "report.html": page(told, drawn).encode(),
-        folder / "junit.xml": junit(told),
+        folder / "history.png": plot,
+        folder / "report.json": f"{document}\n".encode(),
+        folder / "report.md": markdown(report).encode(),
+        folder / "report.html": html(report, plot).encode(),
+        folder / "junit.xml": junit(report),
     }
 
 
-def _folder(path: Path) -> None:
+def _make_folder(path: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RequestError(f"{path}: {error.strerror or error}") from error
 
 
-def _is_so(path: Path, data: bytes) -> bool:
+def _is_current(path: Path, data: bytes) -> bool:
     with suppress(FileNotFoundError):
         return path.read_bytes() == data
     return False
 
 
-def _point(link: Path, target: str) -> bool:
-    """Make `latest` the newest night: a link, or a copy where the file system knows no links."""
+def _set_latest(link: Path, target: str) -> bool:
+    """Point `latest` to the newest night: a link, or a copy where links are not supported."""
     if link.is_symlink() and os.readlink(link) == target:
         return False
     beside = link.with_name(f".{link.name}.{os.getpid()}")
@@ -96,7 +98,7 @@ def _point(link: Path, target: str) -> bool:
         try:
             beside.symlink_to(target)
         except OSError:
-            return _copied(link, target, beside)
+            return _copy_latest(link, target, beside)
         beside.replace(link)
     except OSError as error:
         with suppress(OSError):
@@ -105,7 +107,7 @@ def _point(link: Path, target: str) -> bool:
     return True
 
 
-def _copied(link: Path, target: str, beside: Path) -> bool:
+def _copy_latest(link: Path, target: str, beside: Path) -> bool:
     names = sorted(path.name for path in (link.parent / target).iterdir())
     same = link.is_dir() and all(
         (link / name).is_file() and (link / name).read_bytes() == path.read_bytes()

@@ -1,20 +1,40 @@
-"""What the files of one night tell: a pure function of the history's rows up to it."""
+"""Content of a night's report: outcome, checks, and tables, the same for every file format."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
+from s2rstore.gap_history.gate_status import (
+    AxisStatus,
+    NightStatus,
+    axis_status,
+    report_outcome,
+    stored_status,
+)
 from s2rstore.gap_history.reader import AxisFigures, History, Night
-from s2rstore.metrics.bootstrap import LEVEL_TEXT
-from s2rtools.nightly.night_status import Check, bounds, checks
+from s2rstore.metrics.bootstrap import LEVEL_TEXT, Interval
 
-MOST_NIGHTS = 90
-"""That tables and plots go back."""
+MAX_NIGHTS = 90
+"""Nights that tables and plots go back."""
+CHECK_COLUMNS = ("check", "result", "details")
+NIGHT_COLUMNS = ("night", "result", f"G ({LEVEL_TEXT})", "worst axis", "age of evidence, days")
+ESTIMATE_COLUMNS = ("parameter", f"estimate ({LEVEL_TEXT})", "unit", "note")
+Rows = list[tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True)
-class Content:
+class Check:
+    """One check of a night: SKIPPED where it is not configured, ERROR where it failed to run."""
+
+    name: str
+    outcome: NightStatus
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class NightReport:
     """A night, its checks, and the nights up to it (itself last), each once."""
 
     night: Night
@@ -25,57 +45,106 @@ class Content:
     def title(self) -> str:
         return f"{self.night.name}: {self.night.outcome}, {self.night.night}"
 
+    def axis_names(self) -> list[str]:
+        """All axes that were judged in any of the nights, in the order of the newest night."""
+        axes = (axis for night in reversed(self.past) for axis in night.axes)
+        return list(dict.fromkeys(axis.axis for axis in axes if math.isfinite(axis.gap.value)))
 
-def content(found: History, night: Night) -> Content:
-    """Later rows do not change what was told before them."""
-    rows = [each for each in found.nights if each.id <= night.id and each.night <= night.night]
-    past = History(tuple(rows)).of_configuration(night.name)[-MOST_NIGHTS:]
-    return Content(night, tuple(checks(night)), past)
+    def facts(self) -> list[tuple[str, str]]:
+        """Name and value of what was measured."""
+        night = self.night
+        return [
+            ("data set", f"{night.dataset} ({night.dataset_hash[:12]})"),
+            ("run", f"{night.run} (model {night.model})"),
+            ("selection", night.expression),
+            ("threshold", f"{night.threshold:g}"),
+            ("evidence since", f"{night.evidence_since}, {night.evidence_age} days old"),
+            ("written", night.written_at),
+            ("key", night.key[:12]),
+        ]
+
+    def check_rows(self) -> Rows:
+        return [(each.name, each.outcome, each.message) for each in self.checks]
+
+    def night_rows(self) -> Rows:
+        """One row per night, the newest first."""
+        return [
+            (str(n.night), n.outcome, format_interval(n.gap), n.worst or "-", str(n.evidence_age))
+            for n in reversed(self.past)
+        ]
+
+    def estimate_rows(self) -> Rows:
+        return [
+            (each.parameter, format_interval(each.value, 4), each.unit, each.note or "")
+            for each in self.night.estimates
+        ]
 
 
-def axes_of(past: tuple[Night, ...]) -> list[str]:
-    """All axes that any night has judged, in the order of the newest."""
-    axes = (axis for night in reversed(past) for axis in night.axes)
-    return list(dict.fromkeys(axis.axis for axis in axes if math.isfinite(axis.gap.value)))
+def night_report(history: History, night: Night) -> NightReport:
+    """The report of a night from the rows of the history up to it; later rows do not change it."""
+    rows = [each for each in history.nights if each.id <= night.id and each.night <= night.night]
+    past = History(tuple(rows)).of_configuration(night.name)[-MAX_NIGHTS:]
+    return NightReport(night, tuple(checks(night)), past)
 
 
-def figures_of(night: Night, axis: str) -> AxisFigures | None:
-    """One axis of a night."""
-    return next((each for each in night.axes if each.axis == axis), None)
+def outcome(report: dict[str, Any], stale: bool) -> str:
+    """Outcome of a night; unjudged or stale evidence turns PASS into INCONCLUSIVE."""
+    if report.get("refused"):
+        return str(report["refused"]["outcome"])
+    judged = report_outcome(report) or "INCONCLUSIVE"
+    return worst_outcome([judged, "INCONCLUSIVE"]) if stale else judged
 
 
-def facts(night: Night) -> list[tuple[str, str]]:
-    """What the night was about."""
+def checks(night: Night) -> list[Check]:
+    """Checks of the headline, every axis, the golden run, and the age of the evidence."""
+    if night.refused:
+        failed: NightStatus = "ERROR" if night.outcome == "ERROR" else "INCONCLUSIVE"
+        message = f"nothing was measured: {night.reason}"
+        return [Check("headline", failed, message), _staleness_check(night)]
+    message = night.reason
+    if night.worst is not None:
+        message = f"G {format_interval(night.gap)}, worst axis {night.worst}; {night.reason}"
     return [
-        ("data set", f"{night.dataset} ({night.dataset_hash[:12]})"),
-        ("run", f"{night.run} (model {night.model})"),
-        ("selection", night.expression),
-        ("threshold", f"{night.threshold:g}"),
-        ("evidence since", f"{night.evidence_since}, {night.evidence_age} days old"),
-        ("written", night.written_at),
-        ("key", night.key[:12]),
+        Check("headline", stored_status(night.headline), message),
+        *(axis_check(axis, night.threshold) for axis in night.axes),
+        _golden_check(night),
+        _staleness_check(night),
     ]
 
 
-CHECKS = ("check", "result", "what was found")
-PAST = ("night", "result", f"G ({LEVEL_TEXT})", "worst axis", "evidence, days")
-ESTIMATES = ("parameter", f"estimate ({LEVEL_TEXT})", "unit", "note")
+def format_interval(interval: Interval, digits: int = 1, sign: str = "") -> str:
+    """An estimate with its bounds; `?` for unknown numbers."""
+    value, low, high = (
+        f"{round(part, digits) + 0.0:{sign}.{digits}f}" if math.isfinite(part) else "?"
+        for part in (interval.value, interval.low, interval.high)
+    )
+    return f"{value} ({low} .. {high})"
 
 
-def check_rows(told: Content) -> list[tuple[str, ...]]:
-    return [(each.name, each.word, each.told) for each in told.checks]
+def axis_check(axis: AxisFigures, threshold: float) -> Check:
+    """Check of one axis against the threshold."""
+    if axis.state != "measured":
+        unmeasured: AxisStatus = "INCONCLUSIVE" if axis.state == "inconclusive" else "SKIPPED"
+        return Check(axis.axis, unmeasured, f"{axis.state}: {axis.note}")
+    value = f"{axis.measure} {format_interval(axis.value, 3)} {axis.unit}, n {axis.n}"
+    value += f"; {axis.note}" if axis.note else ""
+    word = axis_status(axis.gap, threshold)
+    if word == "SKIPPED":
+        return Check(axis.axis, word, f"not judged: {value}")
+    gap = f"G {format_interval(axis.gap)}, threshold {threshold:g}"
+    return Check(axis.axis, word, f"{gap}; {value}")
 
 
-def past_rows(told: Content) -> list[tuple[str, ...]]:
-    """The newest night first."""
-    return [
-        (str(n.night), n.outcome, bounds(n.gap), n.worst or "-", str(n.evidence_age))
-        for n in reversed(told.past)
-    ]
+def _golden_check(night: Night) -> Check:
+    if night.golden is None:
+        return Check("golden", "SKIPPED", "no golden run in the configuration")
+    change = format_interval(night.golden_change, 3, "+")
+    message = f"mean real error changed by {change} m, margin {night.golden_margin:g} m"
+    return Check("golden", stored_status(night.golden), message)
 
 
-def estimate_rows(told: Content) -> list[tuple[str, ...]]:
-    return [
-        (each.parameter, bounds(each.value, 4), each.unit, each.note or "")
-        for each in told.night.estimates
-    ]
+def _staleness_check(night: Night) -> Check:
+    days = f"{night.evidence_age} day{'' if night.evidence_age == 1 else 's'}"
+    limit = f"limit {night.stale_after:g} days"
+    message = f"evidence is {days} old, since {night.evidence_since}, {limit}"
+    return Check("staleness", "INCONCLUSIVE" if night.stale else "PASS", message)

@@ -1,4 +1,4 @@
-"""One night: measure what is new, keep it, tell it. The same night again changes nothing."""
+"""One night: measure, record in the history, publish. Running a night again changes nothing."""
 
 from __future__ import annotations
 
@@ -15,23 +15,22 @@ from s2rstore.gap_history import reader as stored
 from s2rstore.gap_history.reader import Night
 from s2rstore.reader import Store
 from s2rtools.nightly import history_writer, input_fingerprint, measurement
-from s2rtools.nightly.config import Config
-from s2rtools.nightly.failed_night import refused
-from s2rtools.nightly.history_writer import Tonight
+from s2rtools.nightly.config import NightlyConfig
+from s2rtools.nightly.history_writer import NightResult
 from s2rtools.nightly.input_fingerprint import Inputs
 from s2rtools.nightly.measurement import Estimates, Estimating, Measuring, Report
-from s2rtools.nightly.publish import check_own, publish
+from s2rtools.nightly.publish import check_ownership, publish
 
 Clock = Callable[[], datetime.datetime]
-MOST_BACK = 31
-"""Days before the newest night that a night may be: what is still filled in later."""
-MOST_AHEAD = 366
-"""Days after it: a gate that paused for a year. Clocks that were reset are years off."""
+MAX_DAYS_BACK = 31
+"""Days that a night may lie before the newest one, when it is filled in later."""
+MAX_DAYS_AHEAD = 366
+"""Days that a night may lie after the newest one; clocks that were reset are years off."""
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
-    """The row that counts for the night; `new` where it was added, `computed` where measured."""
+class NightRun:
+    """The row that counts for the night, whether it is `new`, and whether it was `computed` now."""
 
     night: Night
     new: bool
@@ -44,93 +43,94 @@ def utc_now() -> datetime.datetime:
 
 
 def nightly(
-    config: Config,
+    config: NightlyConfig,
     night: datetime.date,
-    measure: Measuring = measurement.measured,
-    estimate: Estimating = measurement.estimated,
+    measure: Measuring = measurement.measure_gap,
+    estimate: Estimating = measurement.estimate_parameters,
     clock: Clock = utc_now,
     far: bool = False,
-) -> Done:
-    """A night that cannot be measured is kept as refused, with the reason.
+) -> NightRun:
+    """Measure and publish a night; one that cannot be measured is recorded with the reason.
 
-    Raises RequestError, before anything is written, for a store or files that cannot be read,
-    places that cannot be written or belong to another gate, and a night that is far from the
-    newest one, unless `far` admits it.
+    Raises RequestError, before anything is written, for unreadable inputs, outputs that cannot be
+    written or belong to another gate, and nights far from the newest one unless `far`.
     """
     check_writable(config)
-    check_own(config)
+    check_ownership(config)
     if not far:
-        _check_near(config, night)
-    tonight = _figures(config, night, measure, estimate)
+        _check_date(config, night)
+    result = _night_result(config, night, measure, estimate)
     stored.refuse_link(config.history)
     config.history.parent.mkdir(parents=True, exist_ok=True)
     with locks.file_lock(config.history):
-        found = history_writer.known(config.history)
-        present = history_writer.last_of(found, config.name, night)
-        new = not history_writer.tells(present, tonight, found)
+        history = history_writer.read_or_empty(config.history)
+        present = history_writer.counting_night(history, config.name, night)
+        new = not history_writer.is_recorded(present, result, history)
         if new:
-            history_writer.append(config.history, history_writer.rows(tonight, found, clock()))
-            found = stored.read(config.history)
-            present = history_writer.last_of(found, config.name, night)
+            history_writer.append(config.history, history_writer.rows(result, history, clock()))
+            history = stored.read(config.history)
+            present = history_writer.counting_night(history, config.name, night)
         assert present is not None
-        written = publish(config, found, present)
-    return Done(present, new, new and present.measured == present.id, tuple(written))
+        written = publish(config, history, present)
+    return NightRun(present, new, new and present.measured == present.id, tuple(written))
 
 
-def _check_near(config: Config, night: datetime.date) -> None:
-    """RequestError for a date that looks like that of a clock which was reset.
+def _check_date(config: NightlyConfig, night: datetime.date) -> None:
+    """Raises RequestError for a date that suggests a clock that was reset.
 
-    Evidence is as old as the first night that saw it, so one such night would make the evidence of
-    all others stale.
+    Evidence is dated by the first night that used it, so one wrong date would make the evidence of
+    all other nights stale.
     """
-    nights = history_writer.known(config.history).of_configuration(config.name)
+    nights = history_writer.read_or_empty(config.history).of_configuration(config.name)
     if not nights or any(each.night == night for each in nights):
         return
     newest = nights[-1].night
-    if not -MOST_BACK <= (night - newest).days <= MOST_AHEAD:
+    if not -MAX_DAYS_BACK <= (night - newest).days <= MAX_DAYS_AHEAD:
         raise RequestError(
-            f"{config.source}: night {night} is far from the newest, {newest}; is the clock right? "
-            f"--far-night admits it, --withdraw {newest} takes the newest back"
+            f"{config.source}: night {night} is far from the newest, {newest}; check the clock, "
+            f"accept the date with --far-night, or withdraw the newest with --withdraw {newest}"
         )
 
 
-def _figures(
-    config: Config, night: datetime.date, measure: Measuring, estimate: Estimating
-) -> Tonight:
-    """Tonight's figures: those of the same key, where there are some."""
+def _night_result(
+    config: NightlyConfig, night: datetime.date, measure: Measuring, estimate: Estimating
+) -> NightResult:
+    """The result of a night; one with the same key is reused."""
     store, current = input_fingerprint.open_store(config.store)
     with store:
         inputs = input_fingerprint.inputs(config, store, current)
-        measured = history_writer.measurement(history_writer.known(config.history), inputs.key)
+        measured = history_writer.equal_measurement(
+            history_writer.read_or_empty(config.history), inputs.key
+        )
         if measured is not None:
             report = json.loads(stored.report_text(config.history, measured))
-            return Tonight(config, inputs, night, report, measured=measured)
+            return NightResult(config, inputs, night, report, measured=measured)
         report, estimates = _measured(store, config, inputs, measure, estimate)
         if input_fingerprint.inputs(config, store, current) != inputs:
             raise RequestError(
-                f"{config.source}: what it measures changed meanwhile; nothing is written, "
-                "start it again"
+                f"{config.source}: the inputs changed during the measurement; nothing was "
+                "written, run it again"
             )
-    return Tonight(config, inputs, night, report, estimates)
+    return NightResult(config, inputs, night, report, estimates)
 
 
 def _measured(
-    store: Store, config: Config, inputs: Inputs, measure: Measuring, estimate: Estimating
+    store: Store, config: NightlyConfig, inputs: Inputs, measure: Measuring, estimate: Estimating
 ) -> tuple[Report, Estimates]:
     try:
         return measure(store, config), estimate(config.sysid) if config.sysid else ()
     except StoreBusyError:
         raise
     except (InconclusiveError, RequestError) as error:
-        return refused(store, config, inputs, error), ()
+        return measurement.failed_report(store, config, inputs, error), ()
 
 
-def check_writable(config: Config) -> None:
-    """Before anything is measured: whether all that will be written can be."""
-    places = {"history": config.history.parent, "reports": config.reports}
+def check_writable(config: NightlyConfig) -> None:
+    """Raises RequestError where an output cannot be written, before anything is measured."""
+    folders = {"history": config.history.parent, "reports": config.reports}
     if config.metrics is not None:
-        places["metrics"] = config.metrics.parent
-    for name, folder in places.items():
-        there = next(each for each in (folder, *folder.parents) if each.exists())
-        if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
-            raise RequestError(f"{config.source}: output.{name}: {there} cannot be written in")
+        folders["metrics"] = config.metrics.parent
+    for name, folder in folders.items():
+        existing = next(each for each in (folder, *folder.parents) if each.exists())
+        if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
+            raise RequestError(f"{config.source}: output.{name}: {existing} cannot be written in")

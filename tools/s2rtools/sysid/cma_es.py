@@ -1,4 +1,4 @@
-"""CMA-ES on the unit cube."""
+"""Global search by CMA-ES over normalised parameters."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 from s2rtools.sysid.simulators.simulator import Floats
 
 Advance = Callable[[int], None]
-"""Told of evaluations that were spent; their sum is what was granted."""
+"""Receives the number of evaluations done; the sum is the number allowed."""
 
 
-def minimised(
+def minimize(
     cost: Callable[[Floats], float],
     start: Floats,
     rng: np.random.Generator,
@@ -20,7 +20,7 @@ def minimised(
     spread: float,
     advance: Advance,
 ) -> tuple[Floats, Floats, Floats]:
-    """CMA-ES on the unit cube: evaluations and best costs after each generation, and the best."""
+    """Evaluations and best costs after each generation, and the best point in the unit cube."""
     import cma
 
     options = {
@@ -36,10 +36,10 @@ def minimised(
         strategy.tell(points, [np.log(cost(np.asarray(point))) for point in points])
         counts.append(float(strategy.result.evaluations))
         costs.append(float(np.exp(strategy.result.fbest)))
-        told = min(len(points), evaluations - done)
-        if told > 0:
-            advance(told)
-        done += told
+        step = min(len(points), evaluations - done)
+        if step > 0:
+            advance(step)
+        done += step
     if done < evaluations:
         advance(evaluations - done)
     return np.array(counts), np.array(costs), np.clip(strategy.result.xbest, 0.0, 1.0)

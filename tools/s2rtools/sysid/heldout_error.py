@@ -1,8 +1,8 @@
-"""Error of prediction on held-out windows, restarted from real states: before and after.
+"""Prediction error on held-out windows before and after identification.
 
-Windows of one drive depend on each other, so the bootstrap draws drives, with limits expanded as
-those of the parameters (see `intervals`). Where drives are few it also draws blocks of consecutive
-windows inside each drawn drive, which widens the limits by itself.
+Windows of one drive depend on each other, so the bootstrap resamples drives, with the correction
+for few drives. Where there are fewer than 6 drives it also resamples blocks of consecutive windows
+inside each drive, which widens the interval instead of the correction.
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore.metrics.bootstrap import LEVEL, percentile_bounds
-from s2rtools.sysid.drive_bootstrap import interval
+from s2rstore.metrics.bootstrap import LEVEL, circular_block_sums, percentile_bounds
+from s2rtools.sysid.drive_bootstrap import drive_interval
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats, Integers
 
-_FEW = 6
-"""Drives, from which on drawing them alone varies enough."""
-_WORSE = 1.02
-"""Times the heading's error before, from which on it got worse."""
+_MIN_DRIVES = 6
+"""Fewest drives that are resampled as a whole."""
+_MAX_HEADING_RATIO = 1.02
+"""Largest ratio of heading errors after and before that counts as no worse."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """Root mean square over windows of the distance (m) and heading (rad) error; the mean
-    `improvement` of a window's distance, in m, with its interval by bootstrap over drives.
+    """Root mean square position (m) and heading (rad) errors of the windows, and the mean
+    `improvement` of a window's position error, m, with its bootstrap interval over drives.
     """
 
     drives: int
@@ -39,8 +39,8 @@ class HeldOut:
 
     @property
     def helps(self) -> bool:
-        """Places certainly get better and headings no worse."""
-        return self.low > 0 and self.fitted[1] <= _WORSE * self.untuned[1]
+        """Whether positions improve significantly and headings do not get worse."""
+        return self.low > 0 and self.fitted[1] <= _MAX_HEADING_RATIO * self.untuned[1]
 
     def record(self) -> dict[str, Any]:
         short = [float(f"{value:.6g}") for value in (*self.untuned, *self.fitted, self.improvement,
@@ -57,35 +57,37 @@ class HeldOut:
 
 def held_out_error(problem: PredictionError, before: Floats, after: Floats, count: int,
                    rng: np.random.Generator) -> HeldOut:  # fmt: skip
-    """Of two points of the cube, both from the same start states."""
+    """Compare two sets of normalised parameters from the same start states."""
     drives = problem.windows.replays.drive
     return compared(_errors(problem, before), _errors(problem, after), drives, count, rng)
 
 
 def compared(before: Floats, after: Floats, drives: Integers, count: int,
              rng: np.random.Generator) -> HeldOut:  # fmt: skip
-    """Windows' root mean square errors (w, 2), place and heading, of two predictions; `drives`
-    (w,) are those of the windows, which lie in the order of driving.
+    """Compare root mean square errors (w, 2), position and heading, of two predictions.
+
+    `drives` (w,) are the drives of the windows, which are in recording order.
     """
     gain = before[:, 0] - after[:, 0]
     groups = [gain[drives == drive] for drive in np.unique(drives)]
-    drawn = drawn_means(groups, count, rng)
-    if len(groups) < _FEW:
-        low, high = percentile_bounds(drawn)
+    mean = float(gain.mean())
+    replicates = grouped_mean_replicates(groups, count, rng)
+    if len(groups) < _MIN_DRIVES:
+        low, high = percentile_bounds(replicates)
     else:
-        low, high = interval(drawn, LEVEL, len(groups))
+        low, high = map(float, drive_interval(replicates, LEVEL, len(groups)))
     whole = [tuple(np.sqrt((table**2).mean(axis=0)).tolist()) for table in (before, after)]
-    return HeldOut(len(groups), len(gain), whole[0], whole[1], float(gain.mean()), float(low),
-                   float(high))  # fmt: skip
+    return HeldOut(len(groups), len(gain), whole[0], whole[1], mean, low,
+                   high)  # fmt: skip
 
 
-def drawn_means(groups: list[Floats], count: int, rng: np.random.Generator) -> Floats:
-    """Means (count,) of bootstrap samples of dependent groups."""
+def grouped_mean_replicates(groups: list[Floats], count: int, rng: np.random.Generator) -> Floats:
+    """Bootstrap replicates (count,) of the mean of windows that are grouped by drive."""
     sizes = np.array([len(group) for group in groups])
     total, number = np.zeros(count), np.zeros(count)
     for _ in groups:
         chosen = rng.integers(0, len(groups), count)
-        if len(groups) < _FEW:
+        if len(groups) < _MIN_DRIVES:
             sums = np.stack([_block_sums(group, count, rng) for group in groups])
         else:
             sums = np.broadcast_to([[group.sum()] for group in groups], (len(groups), count))
@@ -95,22 +97,22 @@ def drawn_means(groups: list[Floats], count: int, rng: np.random.Generator) -> F
 
 
 def _block_sums(values: Floats, count: int, rng: np.random.Generator) -> Floats:
-    """Sums (count,) of samples as long as `values`, of blocks that wrap round (Politis and Romano,
-    1992)."""
+    """Sums (count,) of circular block resamples, scaled to the length of `values`."""
     n = len(values)
     length = int(np.ceil(np.sqrt(n)))
-    starts = rng.integers(0, n, (count, -(-n // length)))
-    places = (starts[:, :, None] + np.arange(length)) % n
-    return np.asarray(values[places.reshape(count, -1)[:, :n]].sum(axis=1))
+    parts = -(-n // length)
+    starts = rng.integers(0, n, (count, parts))
+    return circular_block_sums(values, length, starts) * (n / (parts * length))
 
 
 def _errors(problem: PredictionError, cube: Floats) -> Floats:
-    off = problem.predicted(cube)[:, :3] - problem.windows.poses
-    return per_window(off, problem.windows.replays.first[:-1])
+    deviations = problem.predicted(cube)[:, :3] - problem.windows.poses
+    return window_errors(deviations, problem.windows.replays.first[:-1])
 
 
-def per_window(off: Floats, first: np.ndarray) -> Floats:
-    """Root mean square distance and heading error (w, 2) of rows (n, 3)."""
-    squares = np.stack([off[:, 0] ** 2 + off[:, 1] ** 2, off[:, 2] ** 2], axis=1)
-    counts = np.diff([*first, len(off)])[:, None]
+def window_errors(deviations: Floats, first: np.ndarray) -> Floats:
+    """Root mean square position and heading errors (w, 2) of windows that start at rows `first`."""
+    x, y, heading = deviations.T
+    squares = np.stack([x**2 + y**2, heading**2], axis=1)
+    counts = np.diff([*first, len(deviations)])[:, None]
     return np.sqrt(np.add.reduceat(squares, first) / counts)

@@ -1,4 +1,4 @@
-"""Which combinations of parameters the drives leave open."""
+"""Identifiability: parameter combinations that the drives do not determine, and range limits."""
 
 from __future__ import annotations
 
@@ -6,31 +6,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtools.sysid.drive_bootstrap import Normal
+from s2rtools.sysid.drive_bootstrap import NormalEquations
 from s2rtools.sysid.parameter_space import Space
-from s2rtools.sysid.simulators.simulator import Floats
+from s2rtools.sysid.simulators.simulator import Floats, Parameter
 
-_OPEN = 0.05
-"""Standard deviation, as a share of the declared range, from which a combination is open."""
+_MAX_UNCERTAINTY = 0.05
+"""Standard deviation, as a share of the range, above which a combination is undetermined."""
 _LOADING = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Identifiability:
-    """`eigenvalues` (p,) of the Fisher information in cube coordinates, ascending; `uncertainty`
-    (p,): the standard deviation along each eigenvector as a share of the ranges; `open_names`:
-    parameters that take part in an open combination; `warnings` name the combinations.
+    """Fisher information in normalised parameters: `eigenvalues` (p,), ascending, and the standard
+    deviation along each eigenvector as a share of the ranges, `uncertainty` (p,). `undetermined`
+    are the parameters of undetermined combinations, which `warnings` describe.
     """
 
     eigenvalues: Floats
     uncertainty: Floats
     condition: float
-    open_names: tuple[str, ...]
+    undetermined: tuple[str, ...]
     warnings: tuple[str, ...]
 
 
-def identifiability(normal: Normal, space: Space) -> Identifiability:
-    """From normal equations in units of the residuals' noise."""
+def identifiability(normal: NormalEquations, space: Space) -> Identifiability:
+    """Analyse normal equations in units of the residuals' noise."""
     values, vectors = np.linalg.eigh(normal.matrices.sum(axis=0))
     floor = max(float(values[-1]), 1.0) * 1e-15
     values = np.maximum(values, floor)
@@ -38,7 +38,7 @@ def identifiability(normal: Normal, space: Space) -> Identifiability:
     names: list[str] = []
     warnings = []
     for share, vector in zip(uncertainty, vectors.T, strict=True):
-        if share <= _OPEN:
+        if share <= _MAX_UNCERTAINTY:
             continue
         strong = [i for i in np.argsort(-np.abs(vector)) if abs(vector[i]) >= _LOADING]
         names.extend(space.names[i] for i in strong)
@@ -48,7 +48,7 @@ def identifiability(normal: Normal, space: Space) -> Identifiability:
 
 
 def _warning(space: Space, vector: Floats, strong: list[int], share: float) -> str:
-    told = ", ".join(
+    directions = ", ".join(
         f"{space.names[i]} {'up' if vector[i] * vector[strong[0]] > 0 else 'down'}" for i in strong
     )
     reach = "more than its whole range" if share > 1 else f"+-{100 * share:.0f} % of its range"
@@ -58,4 +58,33 @@ def _warning(space: Space, vector: Floats, strong: list[int], share: float) -> s
     shared = set(space.simulator.shared)
     if len(strong) > 1 and {space.names[i] for i in strong} <= shared:
         ratio = "; only their ratios are known"
-    return f"not determined together ({reach}): {told}{ratio}"
+    return f"these parameters are not determined separately ({reach}): {directions}{ratio}"
+
+
+_MARGIN = 1e-3
+"""Distance to an end, as a share of the range, that counts as reaching it."""
+
+
+def at_range_limits(space: Space, cube: Floats, limits: Floats) -> tuple[str, ...]:
+    """Parameters whose estimate (p,) or unclipped interval (2, p) reaches an end of the range.
+
+    A range that begins at 0 begins at a physical limit: there only an interval that lies wholly
+    outside counts.
+    """
+    names = []
+    for one, value, (low, high) in zip(space.parameters, cube, limits.T, strict=True):
+        physical = one.low == 0
+        below = high <= -_MARGIN if physical else min(value, low) <= _MARGIN
+        if below or max(value, high) >= 1 - _MARGIN:
+            names.append(one.name)
+    return tuple(names)
+
+
+def range_warning(one: Parameter, value: float) -> str:
+    """The warning that the user reads."""
+    unit = "" if one.unit == "1" else f" {one.unit}"
+    return (
+        f"{one.name}: the estimate {value:.4g}{unit} or its interval reaches the end of the range "
+        f"{one.low:g} .. {one.high:g}{unit}; the true value may lie outside, so "
+        "search another range (--range)"
+    )

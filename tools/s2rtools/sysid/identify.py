@@ -1,4 +1,4 @@
-"""The parameters of a simulator from recorded drives, with all that tells how far to trust them."""
+"""Identify the parameters of a simulator from recorded drives, with intervals and diagnostics."""
 
 from __future__ import annotations
 
@@ -10,32 +10,37 @@ import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.motion_logs import Drive
-from s2rtools.sysid.bound_check import at_ends, end_warning
-from s2rtools.sysid.drive_bootstrap import interval, normal_equations, replicates
+from s2rtools.sysid.drive_bootstrap import drive_interval, normal_equations, refit_replicates
 from s2rtools.sysid.heldout_error import HeldOut, held_out_error
-from s2rtools.sysid.identifiability import Identifiability, identifiability
+from s2rtools.sysid.identifiability import (
+    Identifiability,
+    at_range_limits,
+    identifiability,
+    range_warning,
+)
 from s2rtools.sysid.model_mismatch import Structure, structure
-from s2rtools.sysid.parameter_ranges import ranged
-from s2rtools.sysid.parameter_space import Space, check, space_of
+from s2rtools.sysid.parameter_space import Space, check, space_of, with_ranges
 from s2rtools.sysid.prediction_error import PredictionError
-from s2rtools.sysid.search import Course, search
+from s2rtools.sysid.search import SearchTrace, search
 from s2rtools.sysid.settings import SysidSettings
 from s2rtools.sysid.simulators import SIMULATORS
 from s2rtools.sysid.simulators.simulator import Floats, Simulator
-from s2rtools.sysid.windows import cut
+from s2rtools.sysid.windows import cut_windows
 
 if TYPE_CHECKING:
     from s2rtools.precompute.pipeline import ProgressReporter
 
-LEAST_FITTED = 4
-"""Drives that a bootstrap over drives needs."""
+MIN_FITTED = 4
+"""Fewest fitted drives, for the bootstrap over drives."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterEstimate:
-    """`low` and `high` are the whole range where the drives leave the parameter `open`, or the
-    range's end decides it;
-    `untuned` is the simulator's value before."""
+    """Estimate of one parameter; `untuned` is the simulator's value before.
+
+    `low` and `high` are the whole range where the drives do not determine the parameter (`open`) or
+    the estimate reaches the end of the range.
+    """
 
     name: str
     unit: str
@@ -49,8 +54,10 @@ class ParameterEstimate:
 
 @dataclass(frozen=True, slots=True)
 class Identification:
-    """`problem` covers the fitted drives from start states that fit best; `everything` all windows,
-    those of fitted drives first by number, from start states as measured.
+    """Result of an identification.
+
+    `problem` covers the fitted drives with the best start states; `everything` covers all windows,
+    those of fitted drives first, with start states as measured.
     """
 
     settings: SysidSettings
@@ -59,7 +66,7 @@ class Identification:
     estimates: tuple[ParameterEstimate, ...]
     fitted: tuple[str, ...]
     held_out: tuple[str, ...]
-    courses: tuple[Course, ...]
+    traces: tuple[SearchTrace, ...]
     problem: PredictionError
     everything: PredictionError
     error: HeldOut
@@ -70,52 +77,53 @@ class Identification:
 
     @property
     def values(self) -> dict[str, float]:
-        """All that the simulator takes."""
+        """Values of all parameters of the simulator."""
         return self.space.values(self.cube)
 
     @property
     def unsettled(self) -> tuple[str, ...]:
-        """Parameters whose refits disagree with the estimate: the search did not end."""
+        """Parameters whose interval excludes the estimate: the search did not converge."""
         return tuple(one.name for one in self.estimates if not one.low <= one.value <= one.high)
 
     @property
     def conclusive(self) -> bool:
-        return not (self.identifiability.open_names or self.at_ends or self.unsettled)
+        return not (self.identifiability.undetermined or self.at_ends or self.unsettled)
 
 
 def identify(
     drives: Sequence[Drive], settings: SysidSettings, reporter: ProgressReporter
 ) -> Identification:
-    """Raises RequestError for a wrong request, InconclusiveError for too few drives."""
-    simulator = wanted_simulator(settings)
+    """Raises RequestError for an invalid request, InconclusiveError for too few drives."""
+    simulator = configured_simulator(settings)
     fitted, held = _split(drives, settings)
-    together = cut([*fitted, *held], simulator, settings.window)
+    windows = cut_windows([*fitted, *held], simulator, settings.window)
     known = _torques_known(drives, simulator)
     space = space_of(simulator, settings.parameters, settings.fixed, known)
-    number = np.arange(len(together))
-    first_held = together.replays.drive >= len(fitted)
-    problem = PredictionError(space, together.only(number[~first_held]))
+    number = np.arange(len(windows))
+    first_held = windows.replays.drive >= len(fitted)
+    problem = PredictionError(space, windows.only(number[~first_held]))
     evaluations = settings.evaluations or simulator.evaluations
     reporter.begin(f"search with {simulator.name}", settings.seeds * evaluations)
     found = search(problem, settings.seeds, settings.seed, evaluations, reporter.advance)
     problem, cube = found.problem, found.cube
     normal = normal_equations(problem, cube)
     rng = np.random.default_rng((settings.seed, 10_000))
-    drawn = replicates(normal, cube, settings.replicates, rng)
-    known_well = identifiability(normal, space)
-    limits = interval(drawn, settings.level, len(fitted))
-    held_problem = problem.of(together.only(number[first_held]))
-    everything = problem.of(together)
+    refits = refit_replicates(normal, cube, settings.replicates, rng)
+    information = identifiability(normal, space)
+    limits = drive_interval(refits, settings.level, len(fitted))
+    held_problem = problem.of(windows.only(number[first_held]))
+    everything = problem.of(windows)
     shape = structure(held_problem, everything, cube, settings.replicates, rng)
     error = held_out_error(held_problem, space.start(), cube, settings.replicates, rng)
-    reached = at_ends(space, cube, limits)
-    ends = tuple(name for name in reached if name not in known_well.open_names)
+    reached = at_range_limits(space, cube, limits)
+    log_warnings = tuple(warning for drive in drives for warning in drive.real.warnings)
+    ends = tuple(name for name in reached if name not in information.undetermined)
     return Identification(
-        settings, space, cube, _estimates(space, cube, limits, (*known_well.open_names, *ends)),
+        settings, space, cube, _estimates(space, cube, limits, (*information.undetermined, *ends)),
         tuple(drive.name for drive in fitted), tuple(drive.name for drive in held),
-        found.courses, problem, everything, error, known_well, shape,
+        found.traces, problem, everything, error, information, shape,
         ends,
-        (*_doubts(drives), *_warnings(space, known_well, shape), *_end_warnings(space, cube, ends)),
+        (*log_warnings, *_warnings(space, information, shape), *_end_warnings(space, cube, ends)),
     )  # fmt: skip
 
 
@@ -126,20 +134,20 @@ def simulator_named(name: str) -> Simulator:
     return SIMULATORS[name]()
 
 
-def wanted_simulator(settings: SysidSettings) -> Simulator:
-    """With the ranges that are asked for; raises RequestError for all that it does not know."""
-    simulator = ranged(simulator_named(settings.simulator), settings.ranges)
+def configured_simulator(settings: SysidSettings) -> Simulator:
+    """The simulator with the requested ranges. Raises RequestError for unknown names and values."""
+    simulator = with_ranges(simulator_named(settings.simulator), settings.ranges)
     check(simulator, settings.parameters, settings.fixed, settings.ranges)
     return simulator
 
 
 def _split(drives: Sequence[Drive], settings: SysidSettings) -> tuple[list[Drive], list[Drive]]:
-    """Fitted and held-out drives: the held-out ones spread evenly over their order."""
+    """Fitted and held-out drives; held-out drives are spread evenly over the order."""
     count = settings.held_out or max(1, round(len(drives) / 4))
-    if len(drives) - count < LEAST_FITTED:
+    if len(drives) - count < MIN_FITTED:
         raise InconclusiveError(
             f"{len(drives)} drives, {count} of them held out: identification needs "
-            f"{LEAST_FITTED} to fit and 1 to hold out; record more"
+            f"{MIN_FITTED} to fit and 1 to hold out; record more"
         )
     places = {round((i + 0.5) * len(drives) / count - 0.5) for i in range(count)}
     fitted = [drive for i, drive in enumerate(drives) if i not in places]
@@ -154,7 +162,7 @@ def _torques_known(drives: Sequence[Drive], simulator: Simulator) -> bool:
         if drive.commands is not None
     }
     if len(known) > 1:
-        raise RequestError("some drives have torques and some efforts; identify them apart")
+        raise RequestError("some drives have torques and some efforts; identify them separately")
     return known.pop()
 
 
@@ -166,26 +174,25 @@ def _estimates(space: Space, cube: Floats, limits: Floats,
     for i, one in enumerate(space.parameters):
         free = one.name in unknown
         bounds = (one.low, one.high) if free else (float(low[i]), float(high[i]))
-        found.append(ParameterEstimate(one.name, one.unit, one.meaning, one.default, float(natural[i]),
-                              *bounds, free))  # fmt: skip
+        found.append(
+            ParameterEstimate(
+                one.name, one.unit, one.meaning, one.default, float(natural[i]), *bounds, free
+            )
+        )
     return tuple(found)
-
-
-def _doubts(drives: Sequence[Drive]) -> tuple[str, ...]:
-    return tuple(doubt for drive in drives for doubt in drive.real.doubts)
 
 
 def _end_warnings(space: Space, cube: Floats, names: tuple[str, ...]) -> tuple[str, ...]:
     found = zip(space.parameters, space.natural(cube).tolist(), strict=True)
-    return tuple(end_warning(one, value) for one, value in found if one.name in names)
+    return tuple(range_warning(one, value) for one, value in found if one.name in names)
 
 
 def _warnings(space: Space, known: Identifiability, shape: Structure) -> tuple[str, ...]:
-    told: list[str] = []
+    warnings: list[str] = []
     if space.lumped:
         first = space.simulator.shared[0]
-        told.append(
-            f"wheel torques are not known: only ratios to the {first} are identified "
+        warnings.append(
+            f"the wheel torques are unknown: only ratios to the {first} are identified "
             f"({', '.join(space.divided)})"
         )
-    return (*told, *known.warnings, *shape.sentences())
+    return (*warnings, *known.warnings, *shape.sentences())

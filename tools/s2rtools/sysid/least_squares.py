@@ -1,36 +1,38 @@
-"""Least squares from a good start: the simulator's own where it has one, then a trust region over
-all parameters together, for the latency and the others are correlated."""
+"""Least squares from a good start: the simulator's solver if it has one, then a trust region.
+
+The trust region fits all parameters together, because the latency is correlated with the others.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.sysid.cma_es import minimised
+from s2rtools.sysid.cma_es import minimize
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats
 
 _DELAY_EVALUATIONS, _DELAY_SPREAD = 12, 0.02
 
 
-_WORTH = 0.1
-"""What a round must take off the sum of squares for another to follow."""
+_MIN_GAIN = 0.1
+"""Decrease of the sum of squares below which the rounds end."""
 
 
-def settled(problem: PredictionError, cube: Floats) -> tuple[PredictionError, Floats]:
-    """The optimum near `cube` (p,), and the problem about the start states that belong to it."""
+def refine(problem: PredictionError, cube: Floats) -> tuple[PredictionError, Floats]:
+    """The optimum near `cube` (p,), and the problem with its best start states."""
     for _ in range(problem.space.simulator.rounds):
         problem = problem.restarted(cube)
-        before, cube = cube, polished(problem, cube)
-        if len(problem) * (problem.cost(before) - problem.cost(cube)) < _WORTH:
+        before, cube = cube, local_optimum(problem, cube)
+        if len(problem) * (problem.cost(before) - problem.cost(cube)) < _MIN_GAIN:
             break
     return problem.restarted(cube), cube
 
 
-def polished(problem: PredictionError, cube: Floats) -> Floats:
-    """A local optimum near `cube` (p,), never worse than it."""
+def local_optimum(problem: PredictionError, cube: Floats) -> Floats:
+    """A local optimum near `cube` (p,), never worse than `cube`."""
     smooth = np.array([one.smooth for one in problem.space.parameters])
-    found = _own(problem, cube, smooth)
+    found = _simulator_fit(problem, cube, smooth)
     found = _trust_region(problem, cube if found is None else found)
     return found if problem.cost(found) <= problem.cost(cube) else cube
 
@@ -50,8 +52,10 @@ def _trust_region(problem: PredictionError, cube: Floats) -> Floats:
     return np.asarray(found.x)
 
 
-def _own(problem: PredictionError, cube: Floats, smooth: NDArray[np.bool_]) -> Floats | None:
-    """The simulator's least squares over the smooth parameters, then CMA-ES over the others."""
+def _simulator_fit(
+    problem: PredictionError, cube: Floats, smooth: NDArray[np.bool_]
+) -> Floats | None:
+    """The simulator's least squares for smooth parameters, then CMA-ES for the others."""
 
     def residual(columns: Floats) -> Floats:
         points = np.repeat(cube[:, None], columns.shape[1], axis=1)
@@ -75,4 +79,4 @@ def _searched(problem: PredictionError, cube: Floats, free: NDArray[np.bool_]) -
         return problem.cost(whole)
 
     rng = np.random.default_rng(0)
-    return minimised(cost, cube[free], rng, _DELAY_EVALUATIONS, _DELAY_SPREAD, lambda _: None)[2]
+    return minimize(cost, cube[free], rng, _DELAY_EVALUATIONS, _DELAY_SPREAD, lambda _: None)[2]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtools.sysid.drive_bootstrap import interval, normal_equations, replicates
+from s2rtools.sysid.drive_bootstrap import drive_interval, normal_equations, refit_replicates
 from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats
 
@@ -130,10 +130,10 @@ def _candidates(problem: PredictionError, cube: Floats, count: int,
         point = np.append(cube, wide.start()[-1])
         wider = problem.over(wide).restarted(point)
         normal = normal_equations(wider, point)
-        drawn = replicates(normal, point, count, rng)
+        refits = refit_replicates(normal, point, count, rng)
         centre = point - np.linalg.solve(normal.matrices.sum(axis=0) + 1e-9 * np.eye(len(point)),
                                          normal.vectors.sum(axis=0))  # fmt: skip
-        low, high = interval(drawn, _LEVEL, len(normal.vectors))
+        low, high = drive_interval(refits, _LEVEL, len(normal.vectors))
         told = wide.natural(np.clip(np.stack([centre, low, high]), 0.0, 1.0))[:, -1]
         found.append(Candidate(declared.name, space.fixed[declared.name], *map(float, told)))
     return tuple(found)

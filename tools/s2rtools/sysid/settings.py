@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from s2rstore.errors import RequestError
 from s2rstore.metrics.bootstrap import LEVEL
-from s2rtools.sysid.parameter_ranges import Range
+from s2rtools.sysid.parameter_space import Range
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Recorded drives cut into windows, each with the state that it starts from."""
+"""Cut recorded drives into windows and estimate the state at the start of each."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from s2rtools.motion_logs import Commands, Drive, Log
 from s2rtools.sysid.simulators.simulator import Floats, Integers, Replays, Simulator, pack
 
 _SMOOTHED = 0.15
-"""Seconds on both sides of a moment that its speeds are fitted to."""
-_LEAST = 8
-"""Poses that a window needs."""
-_QUIETEST = np.array([1e-5, 1e-5, 1e-5])
+"""Seconds on both sides of a window's start that its speeds are fitted to."""
+_MIN_POSES = 8
+"""Fewest poses of a window."""
+_MIN_NOISE = np.array([1e-5, 1e-5, 1e-5])
 
 
 @dataclass(frozen=True, slots=True)
 class SysidWindows:
-    """`poses` (n, 3): x, y, heading (unwrapped) at `replays.times`; `starts` (w, 5) estimated from
-    the poses around each window's first moment; `noise` (3,): what changes from sample to sample,
-    m, m, rad; `drives` names, by number.
+    """Windows of all drives: `poses` (n, 3) are x, y and unwrapped heading at `replays.times`;
+    `starts` (w, 5) are states estimated from the poses around each window's start; `noise` (3,) is
+    the white noise of the poses, m, m, rad; `drives` are the names by number.
     """
 
     drives: tuple[str, ...]
@@ -48,7 +48,7 @@ class SysidWindows:
         return float((self.replays.times[first[1:] - 1] - self.replays.times[first[:-1]]).sum())
 
     def only(self, windows: Integers) -> SysidWindows:
-        """Some of the windows, in this order, with the commands of all drives."""
+        """A selection of the windows, in this order, with the commands of all drives."""
         first = self.replays.first
         rows = np.concatenate([np.arange(first[i], first[i + 1]) for i in windows])
         replays = Replays(
@@ -62,17 +62,17 @@ class SysidWindows:
         )
 
 
-def cut(drives: Sequence[Drive], simulator: Simulator, seconds: float) -> SysidWindows:
-    """The real logs in windows of `seconds`, without overlap, where commands are known.
+def cut_windows(drives: Sequence[Drive], simulator: Simulator, seconds: float) -> SysidWindows:
+    """Cut the real logs into windows of `seconds` without overlap, where commands are known.
 
-    Before its first command a robot is taken to be told nothing (0). Raises RequestError where a
+    Commands before the first are taken as 0. Raises RequestError where a
     drive has no usable commands, InconclusiveError where it has no whole window.
     """
-    told = [_commands(drive, simulator) for drive in drives]
+    commands_of = [_commands(drive, simulator) for drive in drives]
     stretches: list[tuple[int, Floats]] = []
     poses: list[Floats] = []
     starts: list[Floats] = []
-    for number, (drive, commands) in enumerate(zip(drives, told, strict=True)):
+    for number, (drive, commands) in enumerate(zip(drives, commands_of, strict=True)):
         whole = _poses(drive.real)
         ranges = _ranges(drive, commands, seconds)
         for a, b in ranges:
@@ -81,9 +81,9 @@ def cut(drives: Sequence[Drive], simulator: Simulator, seconds: float) -> SysidW
             starts.append(state_at(drive.real.time, whole, a))
     jitter = np.sqrt(np.mean([_jitter(drive.real) ** 2 for drive in drives], axis=0))
     names = tuple(drive.name for drive in drives)
-    channels = simulator.channels(told[0])
-    return SysidWindows(names, pack(told, stretches, channels), np.concatenate(poses),
-                   np.stack(starts), np.maximum(jitter, _QUIETEST))  # fmt: skip
+    channels = simulator.channels(commands_of[0])
+    return SysidWindows(names, pack(commands_of, stretches, channels), np.concatenate(poses),
+                   np.stack(starts), np.maximum(jitter, _MIN_NOISE))  # fmt: skip
 
 
 def _commands(drive: Drive, simulator: Simulator) -> Commands:
@@ -92,10 +92,10 @@ def _commands(drive: Drive, simulator: Simulator) -> Commands:
     try:
         simulator.channels(drive.commands)
     except KeyError:
-        wanted = " or ".join(", ".join(names) for names in (simulator.torques, simulator.efforts))
+        required = " or ".join(", ".join(names) for names in (simulator.torques, simulator.efforts))
         has = ", ".join(drive.commands.channels)
         raise RequestError(
-            f"{drive.commands.source}: needs channels {wanted} (has: {has})"
+            f"{drive.commands.source}: needs channels {required} (has: {has})"
         ) from None
     return drive.commands
 
@@ -109,12 +109,12 @@ def _ranges(drive: Drive, commands: Commands, seconds: float) -> list[tuple[int,
         b = int(np.searchsorted(time, time[a] + seconds + 1e-9))
         if b >= len(time) and time[-1] < time[a] + seconds - 1.5 * (time[-1] - time[-2]):
             break
-        if b - a >= _LEAST:
+        if b - a >= _MIN_POSES:
             found.append((a, b))
         a = max(b, a + 1)
     if not found:
         raise InconclusiveError(
-            f"{drive.name}: no window of {seconds:g} s with {_LEAST} poses and commands (poses "
+            f"{drive.name}: no window of {seconds:g} s with {_MIN_POSES} poses and commands (poses "
             f"from {time[0]:.6g} to {time[-1]:.6g} s, commands from {begin:.6g} to {end:.6g} s); "
             "use one clock, give a longer log or a shorter --window"
         )
@@ -140,6 +140,6 @@ def state_at(time: Floats, poses: Floats, i: int) -> Floats:
 
 def _jitter(log: Log) -> Floats:
     """Standard deviation of the poses' white noise, x and y pooled."""
-    found = noise.of(log)
+    found = noise.estimate_noise(log)
     place = found.position / np.sqrt(2)
     return np.array([place, place, found.heading])

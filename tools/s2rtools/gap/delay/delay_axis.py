@@ -1,4 +1,4 @@
-"""The delay axis: how much later reality answers than the simulator, in control periods."""
+"""The delay axis: time delay of reality behind the simulator, in periods of the controller."""
 
 from __future__ import annotations
 
@@ -9,36 +9,37 @@ import numpy as np
 from scipy import stats
 
 from s2rstore.errors import RequestError
-from s2rstore.metrics.bootstrap import percentile_bounds
+from s2rstore.metrics.bootstrap import corrected, percentile_bounds
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
-from s2rtools.gap.bootstrap_correction import widened
 from s2rtools.gap.delay import time_delay
-from s2rtools.gap.dynamics.log_quality import untuned_of
-from s2rtools.gap.dynamics.window_bootstrap import drawn_drives
+from s2rtools.gap.dynamics.log_quality import untuned_log
+from s2rtools.gap.dynamics.window_bootstrap import drive_counts
 from s2rtools.motion_logs.motion_log import Drive, Floats, Log
 
 BadState = Literal["period", "untuned"]
 BAD_STATES = get_args(BadState)
 _SAME_PERIOD = 0.01
-_STEPS = 53
-"""Per octave, of the periods that are told apart."""
+_STEPS_PER_OCTAVE = 53
+"""Resolution of the period in the fingerprint."""
 _SIZES = np.linspace(0.0, 6.0, 601)
-"""True sizes in deviations, for what `beyond_noise` looks up."""
+"""True sizes in standard deviations, the lookup table of `denoised_size`."""
 
 
 class DelayAxis(Axis):
-    """m = mean of the drives' |delay| beyond noise, by overlap, over the control period."""
+    """m = mean |delay| of the drives over the period, noise subtracted, weighted by overlap."""
 
     name: ClassVar[str] = "delay"
     unit: ClassVar[str] = "control periods"
-    measure_is: ClassVar[str] = "absolute delay of reality behind the simulator"
-    floor_is: ClassVar[str] = "0: what noise adds to a delay's size is taken out of m"
+    measure_is: ClassVar[str] = (
+        "absolute time delay of reality behind the simulator, in periods of the controller"
+    )
+    floor_is: ClassVar[str] = "0: the share of noise in the size of a delay is subtracted in m"
     reason: ClassVar[str] = (
-        "A controller feels a delay in its own periods, early or late: drives are judged by the "
-        "size of their own delays, so that opposite ones do not cancel. What the estimate's noise "
-        "adds to a size is taken off each drive's, so the floor is 0. The bad state is one whole "
-        "period late: the untuned simulator's own delay, which may be asked for instead, is "
-        "another for every set of drives, and smaller where reality is later."
+        "A delay matters to a controller relative to its period, early or late: the absolute "
+        "delays of the drives are averaged, so that opposite signs do not cancel. The noise of "
+        "each estimate adds to its size and is subtracted, so the floor is 0. The bad state is a "
+        "delay of one whole period. The untuned simulator's delay can be chosen instead "
+        "(--dynamics bad=untuned), but it differs between sets of drives."
     )
 
     def __init__(
@@ -46,13 +47,13 @@ class DelayAxis(Axis):
         bad_state: BadState = "period",
         period: float | None = None,
         rate: float = 50.0,
-        furthest: float = 1.0,
+        max_delay: float = 1.0,
     ) -> None:
-        """`period` (s) stands in for that of the commands; `furthest` (s) bounds the search."""
+        """`period` (s) replaces that of the commands; `max_delay` (s) bounds the search."""
         self.bad_state = bad_state
         self.period = period
         self.rate = rate
-        self.furthest = furthest
+        self.max_delay = max_delay
 
     def missing(self, evidence: Evidence) -> str | None:
         if not evidence.drives:
@@ -64,11 +65,11 @@ class DelayAxis(Axis):
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         drives = evidence.drives
         period = self._period(drives)
-        found = self._delays(drives, lambda drive: drive.sim, settings)
-        value, replicates = sizes(found, settings)
-        signed, draws = _pooled(found, np.array([late.seconds for late in found]), settings)
+        delays = self._delays(drives, lambda drive: drive.sim, settings)
+        value, replicates = mean_size(delays, settings)
+        signed, draws = _pooled(delays, np.array([each.seconds for each in delays]), settings)
         low, high = percentile_bounds(draws, settings.level)
-        n = sum(int(delay.overlap // time_delay.BLOCK) for delay in found)
+        n = sum(int(each.overlap // time_delay.BLOCK) for each in delays)
         return AxisResult(
             axis=self.name,
             value=value / period,
@@ -79,19 +80,19 @@ class DelayAxis(Axis):
             fingerprint={
                 "rate": self.rate,
                 "smoothing": time_delay.SMOOTHING,
-                "furthest": self.furthest,
-                "period": told_apart(period),
+                "furthest": self.max_delay,
+                "period": rounded_period(period),
             },
             details={
                 "delay": signed,
                 "delay_low": low,
                 "delay_high": high,
-                "delay_least": min(late.seconds for late in found),
-                "delay_most": max(late.seconds for late in found),
+                "delay_least": min(each.seconds for each in delays),
+                "delay_most": max(each.seconds for each in delays),
                 "period": period,
-                "drives": [_told(d, late) for d, late in zip(drives, found, strict=True)],
+                "drives": [_drive_row(*pair) for pair in zip(drives, delays, strict=True)],
             },
-            notes=_notes(drives, found),
+            notes=_notes(drives, delays),
         )
 
     def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
@@ -99,20 +100,22 @@ class DelayAxis(Axis):
             return Anchor(1.0, np.ones(settings.replicates), "one control period late")
         drives = evidence.drives
         period = self._period(drives)
-        found = self._delays(drives, lambda drive: untuned_of(drive, self.name), settings)
-        value, replicates = sizes(found, settings)
+        delays = self._delays(drives, lambda drive: untuned_log(drive, self.name), settings)
+        value, replicates = mean_size(delays, settings)
         return Anchor(value / period, replicates / period, "the untuned simulator")
 
     def _delays(
         self, drives: Sequence[Drive], simulated: Callable[[Drive], Log], settings: GapSettings
     ) -> list[time_delay.TimeDelay]:
         return [
-            time_delay.delay(drive.real, simulated(drive), settings, self.rate, self.furthest)
+            time_delay.estimate_delay(
+                drive.real, simulated(drive), settings, self.rate, self.max_delay
+            )
             for drive in drives
         ]
 
     def _period(self, drives: Sequence[Drive]) -> float:
-        """The one period, s, that all commands agree on."""
+        """The control period that all commands share, s."""
         if self.period is not None:
             if not self.period > 0:
                 raise RequestError(f"control period {self.period:g} s: must be positive")
@@ -124,82 +127,87 @@ class DelayAxis(Axis):
         if known[high] > known[low] * (1 + _SAME_PERIOD):
             raise RequestError(
                 f"delay: control period {known[low]:g} s in drive {low}, {known[high]:g} s in "
-                f"{high}; judge them apart"
+                f"{high}; measure them separately"
             )
         return float(np.median(list(known.values())))
 
 
-def _told(drive: Drive, late: time_delay.TimeDelay) -> dict[str, Any]:
+def _drive_row(drive: Drive, delay: time_delay.TimeDelay) -> dict[str, Any]:
     return {
         "drive": drive.name,
-        "delay": late.seconds,
-        "delay_low": late.low,
-        "delay_high": late.high,
-        "overlap": late.overlap,
-        "correlation": late.correlation,
+        "delay": delay.seconds,
+        "delay_low": delay.low,
+        "delay_high": delay.high,
+        "overlap": delay.overlap,
+        "correlation": delay.correlation,
     }
 
 
-def told_apart(period: float) -> float:
+def rounded_period(period: float) -> float:
     """The nearest of 53 steps per octave from 0.05 s (1.3 %), to 4 digits.
 
-    Periods measured on two nights share a step: all small products of 2, 3 and 5 lie near the
-    middle of one.
+    Periods measured on two nights round to one step: all small products of 2, 3 and 5 lie near the
+    middle of a step.
     """
-    steps = round(_STEPS * float(np.log2(period / 0.05)))
-    return float(f"{0.05 * 2 ** (steps / _STEPS):.4g}")
+    steps = round(_STEPS_PER_OCTAVE * float(np.log2(period / 0.05)))
+    return float(f"{0.05 * 2 ** (steps / _STEPS_PER_OCTAVE):.4g}")
 
 
-def beyond_noise(size: Floats, deviation: float) -> Floats:
-    """The true sizes that normal noise would show as `size`, on average; 0 where it is less.
+def denoised_size(size: Floats, deviation: float) -> Floats:
+    """True absolute values whose expected absolute measurement under normal noise is `size`.
 
-    Solves size = E|true + noise|, the mean of the folded normal: from twice the deviation on
-    nothing is changed by more than 1 %.
+    Solves size = E|true + noise|, the mean of the folded normal distribution, for noise of standard
+    deviation `deviation`; 0 where `size` is below that of noise alone. From twice the deviation on
+    the correction is below 1 %.
     """
     if not deviation > 0:
         return np.asarray(size, dtype=np.float64)
     normal = stats.norm
-    shown = _SIZES * (2 * normal.cdf(_SIZES) - 1) + 2 * normal.pdf(_SIZES)
-    seen = np.asarray(size) / deviation
-    return np.asarray(np.where(seen < shown[-1], np.interp(seen, shown, _SIZES), seen) * deviation)
+    expected = _SIZES * (2 * normal.cdf(_SIZES) - 1) + 2 * normal.pdf(_SIZES)
+    ratio = np.asarray(size) / deviation
+    true = np.where(ratio < expected[-1], np.interp(ratio, expected, _SIZES), ratio)
+    return np.asarray(true * deviation)
 
 
-def sizes(found: Sequence[time_delay.TimeDelay], settings: GapSettings) -> tuple[float, Floats]:
-    """Mean over the drives of |delay| beyond its noise, s, and its replicates (R,).
+def mean_size(
+    delays: Sequence[time_delay.TimeDelay], settings: GapSettings
+) -> tuple[float, Floats]:
+    """Mean over the drives of |delay| corrected for noise, s, and its replicates (R,).
 
-    Of one drive: the folded interval. At a true delay on the threshold 2.5 % of 20 000 simulated
-    95 % intervals end below it where the noise is 0.1 and 0.3 of the delay, none where it is 0.6.
+    For one drive the interval is folded at 0. At a true delay on the threshold, 2.5 % of 20 000
+    simulated 95 % intervals end below it where the noise is 0.1 and 0.3 of the delay, none where it
+    is 0.6.
     """
-    noise = [float(late.replicates.std()) for late in found]
-    if len(found) == 1:
-        late = found[0]
-        value = beyond_noise(np.array(abs(late.seconds)), noise[0])
-        return float(value), beyond_noise(np.abs(late.replicates), noise[0])
-    each = [beyond_noise(np.array(abs(d.seconds)), s) for d, s in zip(found, noise, strict=True)]
-    mean, replicates = _pooled(found, np.array(each), settings)
+    noise = [float(each.replicates.std()) for each in delays]
+    if len(delays) == 1:
+        value = denoised_size(np.array(abs(delays[0].seconds)), noise[0])
+        return float(value), denoised_size(np.abs(delays[0].replicates), noise[0])
+    sizes = [denoised_size(np.array(abs(d.seconds)), s) for d, s in zip(delays, noise, strict=True)]
+    mean, replicates = _pooled(delays, np.array(sizes), settings)
     return mean, np.maximum(replicates, 0.0)
 
 
 def _pooled(
-    found: Sequence[time_delay.TimeDelay], each: Floats, settings: GapSettings
+    delays: Sequence[time_delay.TimeDelay], values: Floats, settings: GapSettings
 ) -> tuple[float, Floats]:
-    """Mean by overlap of a figure of each drive, and its replicates (R,), drives resampled."""
-    if len(found) == 1:
-        return found[0].seconds, found[0].replicates
-    overlap = np.array([delay.overlap for delay in found])
-    mean = float(np.average(each, weights=overlap))
-    weights = drawn_drives(len(found), settings) * overlap
-    means = weights @ each / weights.sum(axis=1)
-    return mean, widened(means, mean, len(found), settings.level)
+    """Mean of one value per drive, weighted by overlap, and its bootstrap replicates (R,)."""
+    if len(delays) == 1:
+        return delays[0].seconds, delays[0].replicates
+    overlap = np.array([delay.overlap for delay in delays])
+    mean = float(np.average(values, weights=overlap))
+    weights = drive_counts(len(delays), settings) * overlap
+    means = weights @ values / weights.sum(axis=1)
+    return mean, corrected(means, mean, len(delays), settings.level)
 
 
-def _notes(drives: Sequence[Drive], found: Sequence[time_delay.TimeDelay]) -> tuple[str, ...]:
-    if len(found) == 1:
-        return ("one drive: the interval says nothing of how drives differ",)
-    early, late = (pick(range(len(found)), key=lambda i: found[i].seconds) for pick in (min, max))
-    if found[early].high < 0 < found[late].low:
+def _notes(drives: Sequence[Drive], delays: Sequence[time_delay.TimeDelay]) -> tuple[str, ...]:
+    if len(delays) == 1:
+        return ("one drive: the interval does not cover differences between drives",)
+    order = sorted(range(len(delays)), key=lambda i: delays[i].seconds)
+    first, last = order[0], order[-1]
+    if delays[first].high < 0 < delays[last].low:
         return (
-            f"delays of both signs: {found[early].seconds:+.3g} s in drive {drives[early].name}, "
-            f"{found[late].seconds:+.3g} s in {drives[late].name}; are the clocks the same?",
+            f"delays of both signs: {delays[first].seconds:+.3g} s in drive {drives[first].name}, "
+            f"{delays[last].seconds:+.3g} s in {drives[last].name}; do all logs use one clock?",
         )
     return ()

@@ -1,9 +1,9 @@
-"""The delay between two logs of one command sequence, to a fraction of a sample.
+"""Time delay between two logs of one command sequence, with sub-sample precision.
 
-Forward speed, sideways speed and yaw rate of both logs, smoothed alike, are compared: per whole
-lag by the correlation over what overlaps at that lag, then by least squares on the continuous
-shift with gain and offset of every rate left free. Rates weigh by how much of them the other log
-explains, the likelihood of unknown noise per rate: -sum log(1 - r^2).
+Forward speed, sideways speed and yaw rate of both logs are smoothed alike and compared: first at
+every whole lag by their correlation over the overlap, then by least squares over a continuous shift
+with free gain and offset per rate. The score -sum log(1 - r^2) over the rates is the likelihood for
+unknown noise of each rate.
 """
 
 from __future__ import annotations
@@ -17,40 +17,39 @@ from scipy import ndimage, optimize
 from scipy.interpolate import CubicSpline
 
 from s2rstore.errors import InconclusiveError, RequestError
-from s2rstore.metrics.bootstrap import percentile_bounds
+from s2rstore.metrics.bootstrap import correction_factor, percentile_bounds
 from s2rtools.gap.axis_result import GapSettings
-from s2rtools.gap.bootstrap_correction import small_sample
-from s2rtools.motion_logs.motion_log import Floats, Log
-from s2rtools.motion_logs.resample import poses_at
+from s2rtools.motion_logs.motion_log import Floats, Log, poses_at
 
 RATES = ("forward speed", "sideways speed", "yaw rate")
 SMOOTHING = 0.1
-"""Deviation of the Gaussian, s; at least `SAMPLES` of the slower log."""
-SAMPLES = 1.5
-SLOWEST = 10.0
-"""s between two poses."""
+"""Standard deviation of the Gaussian, s; at least `MIN_SMOOTHING_SAMPLES` of the slower log."""
+MIN_SMOOTHING_SAMPLES = 1.5
+MAX_STEP = 10.0
+"""Longest median time between two poses, s."""
 MIN_OVERLAP = 2.0
-"""s"""
+"""Shortest duration of a log and of the overlap, s."""
 BLOCK = 2.0
-"""s, of the bootstrap."""
+"""Block length of the bootstrap, s."""
 MAX_BLOCKS = 200
-LEAST = 8
-"""Grid times that every shift of the bootstrap must be judged on."""
+MIN_GRID_TIMES = 8
+"""Fewest grid times at which the bootstrap compares the logs."""
 STILL = 1e-4
-"""m/s and rad/s below which nothing moves."""
-CLEAR = 4.0
-"""Deviations by which Fisher's z of the best correlation must stand above none."""
+"""Speed below which nothing moves, m/s and rad/s."""
+MIN_Z_SCORE = 4.0
+"""Smallest z score (Fisher transform) of the best correlation."""
 _BLOCK_SHIFTS = 41
-_REACH = 3.0
+_TRUNCATE = 3.0
+"""Half width of the smoothing kernel, in its standard deviations."""
 _DEFAULTS = GapSettings()
 
 
 @dataclass(frozen=True, slots=True)
 class TimeDelay:
-    """`seconds` that the real log comes after the simulated one; negative = before.
+    """Time delay of the real log behind the simulated one, s; negative where reality is earlier.
 
-    `low`, `high` bound it at the settings' level, from `replicates` (R,). `correlation` is that of
-    each of `RATES` at the delay, `overlap` in s.
+    `low` and `high` bound it at the settings' level, from `replicates` (R,). `correlation` holds
+    that of each of `RATES` at the delay; `overlap` is in s.
     """
 
     seconds: float
@@ -63,50 +62,53 @@ class TimeDelay:
 
 @dataclass(frozen=True, slots=True)
 class _Rates:
-    """Rates (n, 3) at the times (first + k) * step after `origin`."""
+    """Rates (n, 3) at the grid times (first + k) * step, counted from a common origin."""
 
     first: int
     values: Floats
 
 
-def without(log: Log, delay: float) -> Log:
-    """The simulated log, later by `delay` s: what it would be if it were as late as the real."""
+def shifted(log: Log, delay: float) -> Log:
+    """The log with all times later by `delay` seconds."""
     return replace(log, time=log.time + delay)
 
 
-def delay(
+def estimate_delay(
     real: Log,
     sim: Log,
     settings: GapSettings = _DEFAULTS,
     rate: float = 50.0,
-    furthest: float = 1.0,
+    max_delay: float = 1.0,
 ) -> TimeDelay:
-    """How much later `real` is than `sim`, searched within `furthest` s on a grid of `rate` Hz.
+    """Estimate how much later `real` is than `sim`, within `max_delay` s on a grid of `rate` Hz.
 
-    Raises RequestError where the logs do not overlap, InconclusiveError where nothing moves, where
-    no delay stands out, where the best is the furthest, or where too little is left to bound it.
+    Raises RequestError where the logs do not overlap, and InconclusiveError where nothing moves,
+    no delay is significant, the best delay is at the end of the search, or the overlap is too short
+    for an interval.
     """
     overlap = _overlap(real, sim)
     step = 1.0 / rate
     origin = max(real.time[0], sim.time[0])
-    width = max(SMOOTHING, SAMPLES * max(_step(real), _step(sim)))
-    _demand_fine(real, sim, width)
+    width = max(SMOOTHING, MIN_SMOOTHING_SAMPLES * max(_step(real), _step(sim)))
+    _require_sampling(real, sim, width)
     a, b = (_rates(log, origin, step, width) for log in (real, sim))
-    whole = _whole_lag(a, b, round(furthest * rate), f"{real.source} and {sim.source}", step)
-    score, matched = _matched(a, b, whole)
-    found = optimize.minimize_scalar(
-        lambda shift: -score(shift), bounds=(whole - 1, whole + 1), method="bounded",
+    whole = _best_whole_lag(a, b, round(max_delay * rate), f"{real.source} and {sim.source}", step)
+    score, rates_at = _shift_functions(a, b, whole)
+    shift = optimize.minimize_scalar(
+        lambda each: -score(each), bounds=(whole - 1, whole + 1), method="bounded",
         options={"xatol": 1e-5},
     ).x  # fmt: skip
-    correlation = _correlation(*matched(found))
-    _demand_clear(correlation, overlap, width, f"{real.source} and {sim.source}")
+    correlation = _correlation(*rates_at(shift))
+    _require_significant(correlation, overlap, width, f"{real.source} and {sim.source}")
     try:
-        spread = _bootstrap(matched, found, step, round(furthest * rate), settings) * step
+        replicates = (
+            _bootstrap_shifts(rates_at, shift, step, round(max_delay * rate), settings) * step
+        )
     except InconclusiveError as error:
         raise InconclusiveError(f"{real.source} and {sim.source}: {error}") from error
-    low, high = percentile_bounds(spread, settings.level)
+    low, high = percentile_bounds(replicates, settings.level)
     return TimeDelay(
-        float(found) * step, low, high, spread,
+        float(shift) * step, low, high, replicates,
         dict(zip(RATES, correlation.tolist(), strict=True)), overlap,
     )  # fmt: skip
 
@@ -127,16 +129,15 @@ def _overlap(real: Log, sim: Log) -> float:
     return overlap
 
 
-def _demand_fine(real: Log, sim: Log, width: float) -> None:
-    """Raises RequestError for logs that are too slow, or end before their rates are known, which
-    are smoothed by `width` s.
-    """
+def _require_sampling(real: Log, sim: Log, width: float) -> None:
+    """Raises RequestError for logs that are sampled too slowly for a smoothing of `width` s."""
     shorter = min(real, sim, key=_seconds)
     slower = max(real, sim, key=_step)
-    if _seconds(shorter) <= 2 * _REACH * width or _step(slower) > SLOWEST:
+    if _seconds(shorter) <= 2 * _TRUNCATE * width or _step(slower) > MAX_STEP:
         raise RequestError(
-            f"{slower.source}: a pose every {_step(slower):.3g} s is too few to find a delay by in "
-            f"the {_seconds(shorter):.3g} s of {shorter.source}; are both clocks in seconds?"
+            f"{slower.source}: a pose every {_step(slower):.3g} s is too slow to estimate a time "
+            f"delay over the {_seconds(shorter):.3g} s of {shorter.source}; are both "
+            "clocks in seconds?"
         )
 
 
@@ -145,12 +146,12 @@ def _seconds(log: Log) -> float:
 
 
 def _step(log: Log) -> float:
-    """The median, s."""
+    """Median time between two poses, s."""
     return float(np.median(np.diff(log.time)))
 
 
 def _rates(log: Log, origin: float, step: float, width: float) -> _Rates:
-    """Smoothed body rates, without the ends that the smoothing does not know."""
+    """Smoothed body rates, without the ends that the smoothing kernel does not cover."""
     first = int(np.ceil((log.time[0] - origin) / step - 1e-9))
     last = int(np.floor((log.time[-1] - origin) / step + 1e-9))
     times = np.clip(origin + np.arange(first, last + 1) * step, log.time[0], log.time[-1])
@@ -158,27 +159,29 @@ def _rates(log: Log, origin: float, step: float, width: float) -> _Rates:
     sigma = width / step
 
     def slope(values: Floats) -> Floats:
-        found: Floats = ndimage.gaussian_filter1d(values, sigma, order=1, truncate=_REACH)
+        found: Floats = ndimage.gaussian_filter1d(values, sigma, order=1, truncate=_TRUNCATE)
         return found / step
 
-    facing = ndimage.gaussian_filter1d(heading, sigma, truncate=_REACH)
+    facing = ndimage.gaussian_filter1d(heading, sigma, truncate=_TRUNCATE)
     vx, vy = slope(x), slope(y)
     cos, sin = np.cos(facing), np.sin(facing)
     values = np.stack([vx * cos + vy * sin, vy * cos - vx * sin, slope(heading)], axis=1)
-    edge = int(np.ceil(_REACH * sigma))
+    edge = int(np.ceil(_TRUNCATE * sigma))
     if values.shape[0] <= 2 * edge + 4:
         raise RequestError(
             f"{log.source}: {_seconds(log):.3g} s of poses every {_step(log):.3g} s are too few "
-            "to find a delay by"
+            "to estimate a time delay"
         )
     values = values[edge:-edge]
     if values.std(axis=0).max() < STILL:
-        raise InconclusiveError(f"{log.source}: the motion never changes; no delay can be seen")
+        raise InconclusiveError(
+            f"{log.source}: the motion never changes; no time delay can be estimated"
+        )
     return _Rates(first + edge, values)
 
 
 def _correlation(a: Floats, b: Floats) -> Floats:
-    """Pearson's per column; 0 where a column does not change."""
+    """Pearson correlation of each column; 0 where a column is constant."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     scale = np.sqrt((a**2).sum(axis=0) * (b**2).sum(axis=0))
     floor = len(a) * STILL**2
@@ -190,9 +193,9 @@ def _score(correlation: Floats) -> float:
     return float(-np.log1p(-explained).sum())
 
 
-def _whole_lag(a: _Rates, b: _Rates, furthest: int, where: str, step: float) -> int:
-    """The lag in samples at which the logs agree best."""
-    lags = range(-furthest - 1, furthest + 2)
+def _best_whole_lag(a: _Rates, b: _Rates, max_delay: int, where: str, step: float) -> int:
+    """The lag in samples at which the logs correlate best."""
+    lags = range(-max_delay - 1, max_delay + 2)
     spans = [_span(a, b, lag, lag) for lag in lags]
     least = max(max(high - low for low, high in spans) // 2, 4)
     scores = []
@@ -204,26 +207,28 @@ def _whole_lag(a: _Rates, b: _Rates, furthest: int, where: str, step: float) -> 
         there = b.values[low - lag - b.first : high - lag - b.first]
         scores.append(_score(_correlation(here, there)))
     best = lags[int(np.argmax(scores))]
-    if abs(best) > furthest:
+    if abs(best) > max_delay:
         raise InconclusiveError(
-            f"{where}: agree best at {best * step:+.3g} s, the end of the search; "
-            "search further, or check the clocks"
+            f"{where}: correlate best at {best * step:+.3g} s, the end of the search range; "
+            "search further (--dynamics reach=...), or check the clocks"
         )
     return best
 
 
 def _span(a: _Rates, b: _Rates, least: float, most: float) -> tuple[int, int]:
-    """Grid times [low, high) of `a` at which `b` is known for every lag from least to most."""
+    """Grid times [low, high) of `a` at which `b` is known for every lag from `least` to `most`."""
     low = max(a.first, int(np.ceil(b.first + most)))
     high = min(a.first + len(a.values), int(np.floor(b.first + len(b.values) - 1 + least)) + 1)
     return low, max(low, high)
 
 
-Matched = Callable[..., tuple[Floats, Floats]]
+RatesAtShift = Callable[..., tuple[Floats, Floats]]
 
 
-def _matched(a: _Rates, b: _Rates, whole: int) -> tuple[Callable[[float], float], Matched]:
-    """The score of a shift in samples, and the rates (n, 3) of both logs at a shift."""
+def _shift_functions(
+    a: _Rates, b: _Rates, whole: int
+) -> tuple[Callable[[float], float], RatesAtShift]:
+    """Two functions of a shift in samples: its score, and the rates (n, 3) of both logs."""
     spline = CubicSpline(np.arange(len(b.values)), b.values)
 
     def at(shift: float, reach: float = 1.0, around: float = whole) -> tuple[Floats, Floats]:
@@ -234,39 +239,42 @@ def _matched(a: _Rates, b: _Rates, whole: int) -> tuple[Callable[[float], float]
     return lambda shift: _score(_correlation(*at(shift))), at
 
 
-def _demand_clear(correlation: Floats, overlap: float, width: float, where: str) -> None:
-    """Smoothed noise of n independent values reaches Fisher's z of a few / sqrt(n - 3)."""
+def _require_significant(correlation: Floats, overlap: float, width: float, where: str) -> None:
+    """Raises InconclusiveError unless a correlation is significant.
+
+    Under noise, Fisher's z of n independent values has a standard deviation of 1 / sqrt(n - 3).
+    """
     n = max(overlap / (2 * np.sqrt(np.pi) * width), 4.0)
-    needed = float(np.tanh(CLEAR / np.sqrt(n - 3)))
+    needed = float(np.tanh(MIN_Z_SCORE / np.sqrt(n - 3)))
     if correlation.max() < needed:
         raise InconclusiveError(
-            f"{where}: the motions do not agree at any delay "
+            f"{where}: the motions do not correlate at any time delay "
             f"(correlation {correlation.max():.2f}, {needed:.2f} needed over {overlap:.3g} s)"
         )
 
 
-def _bootstrap(
-    matched: Matched, best: float, step: float, furthest: int, settings: GapSettings
+def _bootstrap_shifts(
+    rates_at: RatesAtShift, best: float, step: float, max_delay: int, settings: GapSettings
 ) -> Floats:
-    """Delays in samples of resampled blocks; the search widens until none ends at its border."""
+    """Delays of resampled blocks, in samples; the search widens until none is at its border."""
     reach = 2.0
     while True:
-        found, inside = _resampled(matched, best, step, reach, settings)
-        if inside or reach >= furthest:
-            return found
-        reach = min(4 * reach, float(furthest))
+        delays, inside = _resampled_shifts(rates_at, best, step, reach, settings)
+        if inside or reach >= max_delay:
+            return delays
+        reach = min(4 * reach, float(max_delay))
 
 
-def _resampled(
-    matched: Matched, best: float, step: float, reach: float, settings: GapSettings
+def _resampled_shifts(
+    rates_at: RatesAtShift, best: float, step: float, reach: float, settings: GapSettings
 ) -> tuple[Floats, bool]:
     shifts = np.linspace(-reach, reach, _BLOCK_SHIFTS)
-    pairs = [matched(best + shift, reach, best) for shift in shifts]
+    pairs = [rates_at(best + shift, reach, best) for shift in shifts]
     n = min(len(a) for a, _ in pairs)
-    if n < LEAST:
+    if n < MIN_GRID_TIMES:
         raise InconclusiveError(
-            f"{max(n, 0) * step:.3g} s are left where the logs overlap, too short to bound their "
-            "delay; drive longer"
+            f"the logs overlap by {max(n, 0) * step:.3g} s within the search range, too short for "
+            "an interval of the time delay; record longer drives"
         )
     length = max(round(BLOCK / step), -(-n // MAX_BLOCKS))
     blocks = max(n // length, 2)
@@ -274,18 +282,20 @@ def _resampled(
     sums = np.stack([_block_sums(a, b, edges) for a, b in pairs], axis=2)  # 6, blocks, shifts, 3
     rng = np.random.default_rng(settings.seed)
     counts = rng.multinomial(blocks, np.full(blocks, 1 / blocks), settings.replicates)
-    middle = _left_over(sums.sum(axis=1))[_BLOCK_SHIFTS // 2]
+    middle = _unexplained_squares(sums.sum(axis=1))[_BLOCK_SHIFTS // 2]
     weights = 1.0 / np.maximum(middle, 1e-12 * n)
-    left = _left_over(np.einsum("rb,kbsc->krsc", counts, sums, optimize=True)) @ weights
-    at = np.argmin(left, axis=1)
+    residual = (
+        _unexplained_squares(np.einsum("rb,kbsc->krsc", counts, sums, optimize=True)) @ weights
+    )
+    at = np.argmin(residual, axis=1)
     inside = bool(((at > 0) & (at < _BLOCK_SHIFTS - 1)).all())
     at = np.clip(at, 1, _BLOCK_SHIFTS - 2)
     rows = np.arange(len(at))
-    before, here, after = (left[rows, at + i] for i in (-1, 0, 1))
+    before, here, after = (residual[rows, at + i] for i in (-1, 0, 1))
     bend = np.maximum(before - 2 * here + after, 1e-300)
     fine = np.clip(0.5 * (before - after) / bend, -1, 1)
     deviation = shifts[at] + fine * (shifts[1] - shifts[0])
-    return best + deviation * small_sample(blocks, settings.level), inside
+    return best + deviation * correction_factor(blocks, settings.level), inside
 
 
 def _block_sums(a: Floats, b: Floats, edges: NDArray[np.int_]) -> Floats:
@@ -294,8 +304,8 @@ def _block_sums(a: Floats, b: Floats, edges: NDArray[np.int_]) -> Floats:
     return np.asarray(np.add.reduceat(parts, edges, axis=1))
 
 
-def _left_over(sums: Floats) -> Floats:
-    """Squares of a that b does not explain, gain and offset free; over the first axis of sums."""
+def _unexplained_squares(sums: Floats) -> Floats:
+    """Residual squares of the regression of a on b, from sums 1, a, b, aa, bb, ab (6, ...)."""
     n, a, b, aa, bb, ab = sums
     aa, bb, ab = aa - a * a / n, bb - b * b / n, ab - a * b / n
     return np.asarray(np.maximum(aa - ab**2 / np.maximum(bb, n * STILL**2), 0.0))

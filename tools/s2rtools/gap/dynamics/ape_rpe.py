@@ -1,45 +1,204 @@
-"""Figures of a drive as a whole, beside those of its windows."""
+"""Absolute and relative pose errors (APE, RPE) of a whole drive, and the scales of NRMSE."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.gap.dynamics import pose_errors
-from s2rtools.gap.dynamics.pose_errors import LogAlignment, Step
-from s2rtools.motion_logs.motion_log import Drive, Log
+from s2rstore.geometry import angles
+from s2rtools.motion_logs.motion_log import Drive, Floats, Log, poses_at
+from s2rtools.motion_logs.rigid_alignment import RigidTransform, fit
 
 
 @dataclass(frozen=True, slots=True)
-class Whole:
-    """`alignment` is taken out before APE and RPE, which compares poses a `step` apart."""
+class LogAlignment:
+    """The transformation that is fitted and removed before logs are compared; none by default."""
 
-    alignment: LogAlignment = pose_errors.NONE
-    step: Step = pose_errors.DEFAULT_STEP
+    rigid: bool = False
+    reflection: bool = False
+    scale: bool = False
 
-    def figures(self, drive: Drive, sim: Log) -> dict[str, float | None]:
-        """Root mean squares, m and rad; of `sim`, the drive's without its delay, and as recorded.
+    def estimate(self, real: Log, sim: Log) -> RigidTransform:
+        """The transformation of `sim` onto `real`, whose poses have equal times."""
+        if not self.rigid:
+            if self.reflection or self.scale:
+                raise RequestError("alignment: reflection and scale need rigid as well")
+            return RigidTransform()
+        return fit((sim.x, sim.y), (real.x, real.y), self.reflection, self.scale)
 
-        RPE is None where no two poses are a step apart.
+    def __str__(self) -> str:
+        parts = ("rigid", "reflection", "scale")
+        return "+".join(part for part in parts if getattr(self, part)) or "none"
+
+
+NO_ALIGNMENT = LogAlignment()
+
+
+@dataclass(frozen=True, slots=True)
+class RpeStep:
+    """Distance in time between the two poses of a pair: a number of `poses`, or else `seconds`."""
+
+    seconds: float = 1.0
+    poses: int | None = None
+
+    def __str__(self) -> str:
+        return f"{self.seconds:g} s" if self.poses is None else f"{self.poses} poses"
+
+    def pairs(self, time: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Indices (k,) of the first and second pose of every pair; k may be 0.
+
+        Steps in seconds are met to within half a median step of the log.
         """
-        found = pose_errors.ape(drive.real, sim, self.alignment)
-        recorded = pose_errors.ape(drive.real, drive.sim, self.alignment)
-        return {
-            "ape_rmse": pose_errors.rmse(found.position),
-            "ape_rmse_recorded": pose_errors.rmse(recorded.position),
-            "heading_rmse": pose_errors.rmse(found.heading),
-            **self._relative(drive.real, sim),
-        }
+        first = np.arange(time.size)
+        if self.poses is not None:
+            first = first[: max(time.size - self.poses, 0)]
+            return first, first + self.poses
+        tolerance = 0.5 * float(np.median(np.diff(time)))
+        after = np.searchsorted(time, time + self.seconds)
+        before = np.clip(after - 1, 0, time.size - 1)
+        after = np.minimum(after, time.size - 1)
+        deviations = [np.abs(time[at] - time - self.seconds) for at in (before, after)]
+        second = np.where(deviations[0] < deviations[1], before, after)
+        near = (second > first) & (np.minimum(*deviations) <= tolerance * (1 + 1e-6))
+        return first[near], second[near]
 
-    def _relative(self, real: Log, sim: Log) -> dict[str, float | None]:
+
+DEFAULT_STEP = RpeStep()
+
+
+@dataclass(frozen=True, slots=True)
+class PoseErrors:
+    """Errors of the compared poses: `position` (n,) in m, `heading` (n,) in rad, in [0, pi]."""
+
+    position: Floats
+    heading: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class DriveErrorOptions:
+    """How APE and RPE of a whole drive are computed."""
+
+    alignment: LogAlignment = NO_ALIGNMENT
+    step: RpeStep = DEFAULT_STEP
+
+    def errors(self, drive: Drive, sim: Log) -> dict[str, float | None]:
+        """Root mean square errors in m and rad.
+
+        `sim` is the drive's simulated log without its time delay; `ape_rmse_recorded` is computed
+        with the delay. The RPE figures are None where no two poses are a step apart.
+        """
+        absolute = ape(drive.real, sim, self.alignment)
+        recorded = ape(drive.real, drive.sim, self.alignment)
+        relative: dict[str, float | None] = {"rpe_rmse": None, "rpe_heading_rmse": None}
         try:
-            found = pose_errors.rpe(real, sim, self.step, self.alignment)
+            steps = rpe(drive.real, sim, self.step, self.alignment)
+            relative = {
+                "rpe_rmse": rmse(steps.position),
+                "rpe_heading_rmse": rmse(steps.heading),
+            }
         except RequestError:
-            return {"rpe_rmse": None, "rpe_heading_rmse": None}
+            pass
         return {
-            "rpe_rmse": pose_errors.rmse(found.position),
-            "rpe_heading_rmse": pose_errors.rmse(found.heading),
+            "ape_rmse": rmse(absolute.position),
+            "ape_rmse_recorded": rmse(recorded.position),
+            "heading_rmse": rmse(absolute.heading),
+            **relative,
         }
 
 
-WHOLE = Whole()
+DEFAULT_OPTIONS = DriveErrorOptions()
+
+
+def resample_pair(real: Log, sim: Log) -> tuple[Log, Log]:
+    """Both logs at the times of the real one, where the simulated one covers them.
+
+    Raises RequestError where fewer than two poses remain.
+    """
+    within = (real.time >= sim.time[0]) & (real.time <= sim.time[-1])
+    time = real.time[within]
+    if time.size < 2:
+        raise RequestError(f"{real.source} and {sim.source} do not overlap; use one clock")
+    x, y, heading = poses_at(sim, time)
+    covered = replace(
+        real, time=time, x=real.x[within], y=real.y[within], heading=real.heading[within]
+    )
+    return covered, replace(sim, time=time, x=x, y=y, heading=heading)
+
+
+def ape(real: Log, sim: Log, alignment: LogAlignment = NO_ALIGNMENT) -> PoseErrors:
+    """Absolute pose error at the times of the real log."""
+    real, sim = resample_pair(real, sim)
+    sim = alignment.estimate(real, sim)(sim)
+    position = np.hypot(sim.x - real.x, sim.y - real.y)
+    return PoseErrors(position, angles.distance(sim.heading, real.heading))
+
+
+def rpe(
+    real: Log, sim: Log, step: RpeStep = DEFAULT_STEP, alignment: LogAlignment = NO_ALIGNMENT
+) -> PoseErrors:
+    """Relative pose error over all pairs of poses of the real log that are one `step` apart.
+
+    Compares the motion from the first to the second pose in the frame of the first. A rigid
+    alignment without scale and reflection does not change it. Raises RequestError where no two
+    poses are a step apart.
+    """
+    real, sim = resample_pair(real, sim)
+    start, end = step.pairs(real.time)
+    if not start.size:
+        raise RequestError(f"{real.source}: no two poses are {step} apart; give another step")
+    sim = alignment.estimate(real, sim)(sim)
+    (ax, ay, at), (bx, by, bt) = (
+        relative_pose(*(column[start] for column in columns), *(column[end] for column in columns))
+        for columns in ((log.x, log.y, log.heading) for log in (real, sim))
+    )
+    return PoseErrors(np.hypot(ax - bx, ay - by), angles.distance(at, bt))
+
+
+def relative_pose(
+    x: Floats, y: Floats, heading: Floats, x1: Floats, y1: Floats, heading1: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """The second pose in the frame of the first: forward, left (m) and rotation (rad)."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    dx, dy = x1 - x, y1 - y
+    return cos * dx + sin * dy, cos * dy - sin * dx, heading1 - heading
+
+
+def rmse(errors: Floats) -> float:
+    """Root mean square, in the unit of the errors."""
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def extent(log: Log, horizon: float) -> float:
+    """Diagonal of the path's bounding box, m; independent of the horizon."""
+    return float(np.hypot(np.ptp(log.x), np.ptp(log.y)))
+
+
+def travel(log: Log, horizon: float) -> float:
+    """Mean distance driven in `horizon` seconds, m.
+
+    The path is measured in steps of half a second, so that sensor noise adds no length.
+    """
+    time = np.arange(log.time[0], log.time[-1], 0.5)
+    x, y, _ = poses_at(log, np.append(time, log.time[-1]))
+    length = np.hypot(np.diff(x), np.diff(y)).sum()
+    return float(length / (log.time[-1] - log.time[0]) * horizon)
+
+
+def deviation(log: Log, horizon: float) -> float:
+    """Standard deviation of the positions about their mean, m; independent of the horizon."""
+    return float(np.hypot(np.std(log.x), np.std(log.y)))
+
+
+Scale = Callable[[Log, float], float]
+SCALES: dict[str, Scale] = {"travel": travel, "extent": extent, "deviation": deviation}
+"""Lengths that normalise an error in metres (NRMSE), by the name that reports carry."""
+
+
+def scale_of(name: str) -> Scale:
+    if name not in SCALES:
+        raise RequestError(f"scale {name}: unknown (known: {', '.join(SCALES)})")
+    return SCALES[name]

@@ -1,4 +1,4 @@
-"""What may be asked of the two axes of motion, as words NAME=VALUE."""
+"""Options NAME=VALUE of the dynamics and delay axes, as `--dynamics` takes them."""
 
 from __future__ import annotations
 
@@ -9,49 +9,53 @@ from typing import Any
 from s2rstore.errors import RequestError
 from s2rtools.gap.axis_result import Axis
 from s2rtools.gap.delay.delay_axis import BAD_STATES, DelayAxis
-from s2rtools.gap.dynamics.ape_rpe import Whole
-from s2rtools.gap.dynamics.dynamics_axis import Dynamics
+from s2rtools.gap.dynamics.ape_rpe import SCALES, DriveErrorOptions, LogAlignment, RpeStep
+from s2rtools.gap.dynamics.dynamics_axis import DynamicsAxis
 from s2rtools.gap.dynamics.noise_floor import Noise
-from s2rtools.gap.dynamics.pose_errors import SCALES, LogAlignment, Step
 from s2rtools.gap.dynamics.windows import WindowPlan
 
-MOST_REACH = 60.0
-"""s"""
+MAX_REACH = 60.0
+"""Longest delay that can be searched, s."""
 _PARTS = ("rigid", "reflection", "scale")
 
 
 def axes(words: Sequence[str]) -> dict[str, Axis]:
-    """Both axes as `words` ask for them.
+    """Both axes, configured by options NAME=VALUE.
 
-    Raises RequestError for a name that is not known or stands twice, and for a value that is wrong.
+    Raises RequestError for unknown and repeated names and for invalid values.
     """
-    given: dict[str, Any] = {}
+    options: dict[str, Any] = {}
     for word in words:
-        name, found, text = (part.strip() for part in word.partition("="))
-        if not found or name not in OPTIONS:
-            raise RequestError(f"--dynamics {word}: give NAME=VALUE of {', '.join(OPTIONS)}")
-        if name in given:
-            raise RequestError(f"--dynamics {word}: {name} stands twice")
+        name, equals, text = (part.strip() for part in word.partition("="))
+        if not equals or name not in OPTIONS:
+            raise RequestError(
+                f"--dynamics {word}: expected NAME=VALUE with NAME one of {', '.join(OPTIONS)}"
+            )
+        if name in options:
+            raise RequestError(f"--dynamics {word}: {name} is given twice")
         try:
-            given[name] = OPTIONS[name](text)
+            options[name] = OPTIONS[name](text)
         except RequestError as error:
             raise RequestError(f"--dynamics {word}: {error}") from error
-    both = _named(given, {"reach": "furthest"})
-    mine = _named(given, {"horizons": "plan", "nrmse": "scale", "noise": "noise"})
-    whole = Whole(**_named(given, {"align": "alignment", "rpe": "step"}))
-    late = _named(given, {"bad": "bad_state", "period": "period"})
-    return {"dynamics": Dynamics(**mine, **both, whole=whole), "delay": DelayAxis(**late, **both)}
 
+    def arguments(names: Mapping[str, str]) -> dict[str, Any]:
+        return {target: options[name] for name, target in names.items() if name in options}
 
-def _named(given: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
-    return {own: given[name] for name, own in names.items() if name in given}
+    search = arguments({"reach": "max_delay"})
+    dynamics = arguments({"horizons": "plan", "nrmse": "scale", "noise": "noise"})
+    errors = DriveErrorOptions(**arguments({"align": "alignment", "rpe": "step"}))
+    delay = arguments({"bad": "bad_state", "period": "period"})
+    return {
+        "dynamics": DynamicsAxis(**dynamics, **search, drive_errors=errors),
+        "delay": DelayAxis(**delay, **search),
+    }
 
 
 def _horizons(text: str) -> WindowPlan:
-    """Windows begin every half of the shortest horizon."""
-    horizons = tuple(_number(word, "seconds, as 0.5,1,2") for word in text.split(","))
+    """Horizons in seconds; windows start every half of the shortest one."""
+    horizons = tuple(_number(word, "seconds such as 0.5,1,2") for word in text.split(","))
     if not all(0 < horizon <= 3600 for horizon in horizons):
-        raise RequestError("give seconds over 0, up to 3600")
+        raise RequestError("expected seconds above 0, up to 3600")
     return WindowPlan(horizons, stride=0.5 * horizons[0])
 
 
@@ -65,7 +69,7 @@ def _bad(text: str) -> str:
 
 def _one_of(text: str, known: Sequence[str]) -> str:
     if text not in known:
-        raise RequestError(f"give one of {', '.join(known)}")
+        raise RequestError(f"expected one of {', '.join(known)}")
     return text
 
 
@@ -73,52 +77,52 @@ def _align(text: str) -> LogAlignment:
     parts = [] if text == "none" else text.split("+")
     known = set(parts) <= set(_PARTS) and len(set(parts)) == len(parts)
     if not known or (parts and "rigid" not in parts):
-        raise RequestError("give none, rigid, or rigid with +reflection, +scale or both")
+        raise RequestError("expected none, or rigid with any of +reflection and +scale")
     return LogAlignment(*(part in parts for part in _PARTS))
 
 
-def _rpe(text: str) -> Step:
-    told = "seconds, as 1s, or poses, as 25"
+def _rpe(text: str) -> RpeStep:
+    expected = "seconds such as 1s, or a number of poses such as 25"
     if text.endswith("s"):
-        return Step(seconds=_between(text[:-1], 0.0, 3600.0, told))
-    poses = _between(text, 0.0, 1e9, told)
+        return RpeStep(seconds=_between(text[:-1], 0.0, 3600.0, expected))
+    poses = _between(text, 0.0, 1e9, expected)
     if poses != int(poses):
-        raise RequestError(f"give {told}")
-    return Step(poses=int(poses))
+        raise RequestError(f"expected {expected}")
+    return RpeStep(poses=int(poses))
 
 
 def _reach(text: str) -> float:
-    return _between(text, 0.0, MOST_REACH, f"seconds up to {MOST_REACH:g}, as 0.5")
+    return _between(text, 0.0, MAX_REACH, f"seconds up to {MAX_REACH:g} such as 0.5")
 
 
 def _period(text: str) -> float:
-    return _between(text, 0.0, 60.0, "seconds, as 0.05")
+    return _between(text, 0.0, 60.0, "seconds such as 0.05")
 
 
 def _noise(text: str) -> Noise | None:
     if text == "measured":
         return None
-    told = "measured, or metres and radians, as 0.002,0.003"
-    values = [_number(word, told) for word in text.split(",")]
+    expected = "measured, or metres and radians such as 0.002,0.003"
+    values = [_number(word, expected) for word in text.split(",")]
     if len(values) != 2 or min(values) < 0:
-        raise RequestError(f"give {told}")
+        raise RequestError(f"expected {expected}")
     return Noise(*values)
 
 
-def _number(text: str, told: str) -> float:
+def _number(text: str, expected: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise RequestError(f"give {told}")
+        raise RequestError(f"expected {expected}")
     return value
 
 
-def _between(text: str, low: float, high: float, told: str) -> float:
-    value = _number(text, told)
+def _between(text: str, low: float, high: float, expected: str) -> float:
+    value = _number(text, expected)
     if not low < value <= high:
-        raise RequestError(f"give {told}")
+        raise RequestError(f"expected {expected}")
     return value
 
 

@@ -1,4 +1,4 @@
-"""Drives of the same commands: what reality differs by from itself."""
+"""Repeatability: how much real drives with the same commands differ from each other."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from s2rtools.gap.dynamics.windows import WindowPlan, windows
 from s2rtools.motion_logs.motion_log import Commands, Drive, Floats
 
 _TIME_TOLERANCE = 1e-3
-_QUICK = 20
+_QUICK_REPLICATES = 20
+"""Replicates for time delays whose interval is not reported."""
 
 
 def same_commands(a: Commands, b: Commands) -> bool:
-    """Whether both say the same at the same times after their first."""
+    """Whether both hold the same values at the same times after their start."""
     if a.time.size != b.time.size or a.channels.keys() != b.channels.keys():
         return False
-    apart = (a.time - a.time[0]) - (b.time - b.time[0])
-    return bool(np.abs(apart).max() <= _TIME_TOLERANCE) and all(
+    offsets = (a.time - a.time[0]) - (b.time - b.time[0])
+    return bool(np.abs(offsets).max() <= _TIME_TOLERANCE) and all(
         np.allclose(a.channels[name], b.channels[name], atol=1e-9) for name in a.channels
     )
 
 
-def partners(drives: Sequence[Drive]) -> list[list[int]]:
-    """For each drive the others that were given the same commands."""
+def repetitions(drives: Sequence[Drive]) -> list[list[int]]:
+    """For each drive the indices of the other drives with the same commands."""
     return [
         [
             j
@@ -42,27 +43,29 @@ def partners(drives: Sequence[Drive]) -> list[list[int]]:
     ]
 
 
-def squares(
+def repeatability_squares(
     drive: Drive,
     others: Sequence[Drive],
     plan: WindowPlan,
     settings: GapSettings,
-    furthest: float = 1.0,
+    max_delay: float = 1.0,
 ) -> Floats:
-    """Half the mean square (H, K), m^2, between the windows of a drive and of each other.
+    """Half the mean square (H, K), m^2, of the windows of a drive against each repetition of it.
 
-    Real against real carries reality's variation twice, real against simulated once.
+    The difference of two real drives holds the variation of reality twice, that of a real and a
+    simulated drive once.
     """
     assert drive.commands is not None
-    found = []
+    repeated = []
     for other in others:
         assert other.commands is not None
         shift = float(drive.commands.time[0] - other.commands.time[0])
-        moved = replace(other.real, time=other.real.time + shift)
-        quick = replace(settings, replicates=_QUICK)
-        late = time_delay.delay(drive.real, moved, quick, plan.rate, furthest).seconds
-        found.append(windows(drive.real, time_delay.without(moved, late), plan).end ** 2)
-    stacked = np.stack(found)
+        other_real = replace(other.real, time=other.real.time + shift)
+        quick = replace(settings, replicates=_QUICK_REPLICATES)
+        delay = time_delay.estimate_delay(drive.real, other_real, quick, plan.rate, max_delay)
+        aligned = time_delay.shifted(other_real, delay.seconds)
+        repeated.append(windows(drive.real, aligned, plan).end ** 2)
+    stacked = np.stack(repeated)
     known = np.isfinite(stacked)
     count = known.sum(axis=0)
     return np.where(count > 0, np.nansum(stacked, axis=0) / np.maximum(2 * count, 1), np.nan)

@@ -1,7 +1,7 @@
-"""Windows of about several horizons, each restarted from a real state.
+"""Errors of simulated motion over time windows, each restarted from a real pose.
 
-The motion that the simulator makes from a window's start is put onto the real pose at that time;
-what is left between the two ends is the window's error.
+The simulated motion of a window is attached to the real pose at the window's start; the error of
+the window is the distance between the two poses at its end.
 """
 
 from __future__ import annotations
@@ -13,25 +13,24 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
-from s2rtools.gap.dynamics.pose_errors import moved
-from s2rtools.motion_logs.motion_log import Floats, Log
-from s2rtools.motion_logs.resample import poses_at
+from s2rtools.gap.dynamics.ape_rpe import relative_pose
+from s2rtools.motion_logs.motion_log import Floats, Log, poses_at
 
-HOLE = 5.0
-"""Median steps between two poses beyond which nothing is known between them."""
-_CELLS = 700_000
-"""Steps of all windows that are looked at together."""
+MAX_GAP = 5.0
+"""Longest gap between two poses that is interpolated, in median steps of the log."""
+_BATCH_STEPS = 700_000
+"""Steps of all windows that are processed at once; bounds memory."""
 _TOLERANCE = 1e-9
 _SEED = 3
-"""Of the scattered starts and lengths: the same for every log."""
+"""Seed of the scattered starts and lengths, the same for every log."""
 
 
 @dataclass(frozen=True, slots=True)
 class WindowPlan:
-    """`horizons` in s, a window of each from every `stride` s, compared at `rate` Hz.
+    """Windows of each of `horizons` (s), one every `stride` s, compared at `rate` Hz.
 
-    `scatter` is the share of a stride by which starts, and of a horizon by which lengths are moved
-    to either side, evenly at random: a vibration whose period divides both would not be seen.
+    Starts are shifted at random, evenly, by up to `scatter` of a stride, lengths by up to `scatter`
+    of a horizon: otherwise a vibration whose period divides both would go unnoticed.
     """
 
     horizons: tuple[float, ...] = (0.5, 1.0, 2.0, 5.0)
@@ -51,23 +50,24 @@ class WindowPlan:
             raise RequestError(f"horizon {self.horizons[0]:g} s is less than one step of the rate")
 
     def starts(self, real: Log) -> Floats:
-        """Times of the windows' starts (K,), about as many as hold the shortest horizon."""
-        room = real.time[-1] - real.time[0] - self.horizons[0]
-        count = int(np.floor(room / self.stride + _TOLERANCE)) + 1
-        at = np.arange(max(count, 0)) + self._moved((max(count, 0),))
+        """Start times of the windows (K,), as many as fit the shortest horizon."""
+        available = real.time[-1] - real.time[0] - self.horizons[0]
+        count = int(np.floor(available / self.stride + _TOLERANCE)) + 1
+        at = np.arange(max(count, 0)) + self._offsets((max(count, 0),))
         return real.time[0] + np.maximum(at, 0.0) * self.stride
 
     def steps(self, windows: int) -> NDArray[np.int64]:
-        """Length of each window (H, K) in steps of the rate."""
-        moved = self._moved((len(self.horizons), windows))
-        return np.round(np.array(self.horizons)[:, None] * (1 + moved) * self.rate).astype(np.int64)
+        """Length of each window (H, K) in steps of `rate`."""
+        offsets = self._offsets((len(self.horizons), windows))
+        lengths = np.array(self.horizons)[:, None] * (1 + offsets)
+        return np.round(lengths * self.rate).astype(np.int64)
 
     @property
     def longest(self) -> float:
-        """s; no window is longer."""
+        """Upper bound of the windows' lengths, s."""
         return self.horizons[-1] * (1 + self.scatter) + 1 / self.rate
 
-    def _moved(self, shape: tuple[int, ...]) -> Floats:
+    def _offsets(self, shape: tuple[int, ...]) -> Floats:
         return np.random.default_rng([_SEED, len(shape)]).uniform(
             -self.scatter, self.scatter, shape
         )
@@ -78,11 +78,11 @@ DEFAULT = WindowPlan()
 
 @dataclass(frozen=True, slots=True)
 class DriveWindows:
-    """Errors per horizon and start, (H, K); NaN where a log does not know an end.
+    """Errors (H, K) by horizon and start; NaN where a log has no pose at an end.
 
-    `end` at the end and `path` as root mean square on the way, in m; `heading` at the end, in rad;
-    `distance` is the straight line that the real robot covered, in m. `starts` (K,) in s,
-    `lengths` (H, K) in s.
+    `end` is the position error at the window's end and `path` its root mean square within the
+    window, in m; `heading` is the error at the end, in rad; `distance` is the straight line between
+    the real poses at both ends, in m. `starts` (K,) and `lengths` (H, K) are in s.
     """
 
     starts: Floats
@@ -94,39 +94,39 @@ class DriveWindows:
 
 
 def windows(real: Log, sim: Log, plan: WindowPlan = DEFAULT) -> DriveWindows:
-    """All windows of `plan`; `sim` with its delay already taken out."""
+    """Compute all windows of `plan`; the time delay of `sim` must already be removed."""
     starts = plan.starts(real)
     steps = plan.steps(starts.size)
-    made = DriveWindows(
+    errors = DriveWindows(
         starts, steps / plan.rate, *(np.full(steps.shape, np.nan) for _ in range(4))
     )
-    together = max(_CELLS // int(steps.max(initial=1)), 1)
-    for first in range(0, starts.size, together):
-        part = slice(first, first + together)
-        _fill(made, part, real, sim, steps[:, part], plan.rate)
-    return made
+    batch = max(_BATCH_STEPS // int(steps.max(initial=1)), 1)
+    for first in range(0, starts.size, batch):
+        part = slice(first, first + batch)
+        _fill_windows(errors, part, real, sim, steps[:, part], plan.rate)
+    return errors
 
 
-def _fill(
-    made: DriveWindows, part: slice, real: Log, sim: Log, steps: NDArray[np.int64], rate: float
+def _fill_windows(
+    errors: DriveWindows, part: slice, real: Log, sim: Log, steps: NDArray[np.int64], rate: float
 ) -> None:
     ahead = np.arange(steps.max() + 1) / rate
-    times = made.starts[part, None] + ahead
+    times = errors.starts[part, None] + ahead
     times[np.abs(times - real.time[-1]) < 1e-6] = real.time[-1]
     real_motion, sim_motion = (_motions(log, times) for log in (real, sim))
-    apart = np.hypot(real_motion[0] - sim_motion[0], real_motion[1] - sim_motion[1])
-    turned = angles.distance(real_motion[2], sim_motion[2])
-    squares = np.cumsum(apart[:, 1:] ** 2, axis=1)
+    distance = np.hypot(real_motion[0] - sim_motion[0], real_motion[1] - sim_motion[1])
+    turn = angles.distance(real_motion[2], sim_motion[2])
+    squares = np.cumsum(distance[:, 1:] ** 2, axis=1)
     each = np.arange(steps.shape[1])
     for row, step in enumerate(steps):
         at = (each, step)
-        made.end[row, part] = apart[at]
-        made.path[row, part] = np.sqrt(squares[each, step - 1] / step)
-        made.heading[row, part] = turned[at]
-        made.distance[row, part] = np.hypot(real_motion[0][at], real_motion[1][at])
+        errors.end[row, part] = distance[at]
+        errors.path[row, part] = np.sqrt(squares[each, step - 1] / step)
+        errors.heading[row, part] = turn[at]
+        errors.distance[row, part] = np.hypot(real_motion[0][at], real_motion[1][at])
 
 
 def _motions(log: Log, times: Floats) -> tuple[Floats, Floats, Floats]:
-    """Poses at `times` (k, t) as seen from those at the first of each row."""
-    x, y, heading = poses_at(log, times, HOLE * float(np.median(np.diff(log.time))))
-    return moved(x[:, :1], y[:, :1], heading[:, :1], x, y, heading)
+    """Poses at `times` (k, t) in the frame of the first pose of each row."""
+    x, y, heading = poses_at(log, times, MAX_GAP * float(np.median(np.diff(log.time))))
+    return relative_pose(x[:, :1], y[:, :1], heading[:, :1], x, y, heading)

@@ -1,4 +1,4 @@
-"""From a request to a report: what the command and the nightly run both do."""
+"""The gate: from a request to a report, for `s2r gap` and the nightly run."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from s2rtools.gap.dynamics import options
 from s2rtools.gap.gate import golden_run as golden
 from s2rtools.gap.gate import reference
 from s2rtools.gap.gate.verdict import judge, unjudged
-from s2rtools.gap.measure import frozen, measure
-from s2rtools.gap.report import Judged, Report, across_report, report
-from s2rtools.gap.task.rank_consistency import across
+from s2rtools.gap.measure import freeze_scales, measure
+from s2rtools.gap.report import GapResult, Report, across_report, report
+from s2rtools.gap.task.rank_consistency import rank_consistency
 from s2rtools.motion_logs import Drive
 from s2rtools.motion_logs.drives import read_drives
 from s2rtools.motion_logs.store_odometry import odometry
@@ -28,12 +28,12 @@ from s2rtools.motion_logs.store_odometry import odometry
 
 @dataclass(frozen=True, slots=True)
 class GapRequest:
-    """What to measure and what to judge it by.
+    """What to measure, and what to judge it by.
 
-    `drives` is a folder, `odometry`, or None for those in the store; `rate` (Hz) is that of
-    odometry that was stored without times, `topic` names the poses of ROS bags, `dynamics` are
-    words NAME=VALUE of `options`. `anchor_run` is
-    the run whose sim images are the visual axis' bad state.
+    `drives` is a folder, `odometry`, or None for the drives of the store; `rate` (Hz) is that of
+    odometry that was stored without times; `topic` carries the poses in ROS bags; `dynamics` are
+    options NAME=VALUE of `dynamics.options`; `anchor_run` is the run whose sim images are the bad
+    state of the visual axis.
     """
 
     run: str | None = None
@@ -53,25 +53,25 @@ class GapRequest:
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.threshold) or self.threshold <= 0:
-            raise RequestError(f"--threshold: over 0, not {self.threshold:g}")
+            raise RequestError(f"--threshold: expected a number above 0, got {self.threshold:g}")
         if not np.isfinite(self.margin) or self.margin <= 0:
-            raise RequestError(f"--margin: metres over 0, not {self.margin:g}")
+            raise RequestError(f"--margin: expected metres above 0, got {self.margin:g}")
         if self.rate is not None and not 0 < self.rate < float("inf"):
-            raise RequestError(f"--rate: Hz over 0, not {self.rate:g}")
+            raise RequestError(f"--rate: expected Hz above 0, got {self.rate:g}")
         for name in self.axes:
             if name not in AXES:
-                raise RequestError(f"--axis {name}: one of {', '.join(AXES)}")
+                raise RequestError(f"--axis {name}: expected one of {', '.join(AXES)}")
         options.axes(self.dynamics)
 
     @property
-    def wanted(self) -> dict[str, Axis]:
-        asked = options.axes(self.dynamics)
+    def requested_axes(self) -> dict[str, Axis]:
+        configured = options.axes(self.dynamics)
         names = [name for name in AXES if name in (self.axes or AXES)]
-        return {name: asked.get(name) or axes.axis(name) for name in names}
+        return {name: configured.get(name) or axes.axis(name) for name in names}
 
 
-def evidence(store: Store, request: GapRequest) -> Evidence:
-    """Raises RequestError for a run that is not computed or a selection of nothing."""
+def collect_evidence(store: Store, request: GapRequest) -> Evidence:
+    """Evidence of a request. Raises RequestError for uncomputed runs and empty selections."""
     run = store.run(request.run)
     if not run.key:
         raise RequestError(f"{store.path}: run {run.run} is not computed; run `s2r precompute`")
@@ -82,80 +82,79 @@ def evidence(store: Store, request: GapRequest) -> Evidence:
             "run `s2r precompute`, or `s2r verify`"
         )
     if not chosen.any():
-        raise RequestError(f"--select {request.expression!r}: no instance of run {run.run}")
+        raise RequestError(f"--select {request.expression!r}: selects no instance of run {run.run}")
     iids = np.flatnonzero(chosen).astype(np.int64)
     drives = _drives(store, request)
     return Evidence(store, run.run, iids, request.expression, drives, request.features,
                     request.anchor_run)  # fmt: skip
 
 
-def judged(found_on: Evidence, request: GapRequest) -> Judged:
-    """Measure, and judge by the reference and the golden run where there are some.
+def judge_gap(evidence: Evidence, request: GapRequest) -> GapResult:
+    """Measure the gap and judge it by the reference and the golden run, if given.
 
-    Raises RequestError where an axis that is asked for by its name has no evidence.
+    Raises RequestError where an axis that is requested by name has no evidence.
     """
-    frozen_scale = reference.read(request.reference) if request.reference else None
+    frozen = reference.read(request.reference) if request.reference else None
     accepted = golden.read(request.golden) if request.golden else None
-    found = measure(found_on, request.settings, request.wanted)
+    found = measure(evidence, request.settings, request.requested_axes)
     for name in request.axes:
         if name in found.absent:
             raise RequestError(f"--axis {name}: cannot be measured: {found.absent[name]}")
-    if frozen_scale is None:
+    if frozen is None:
         verdict = unjudged(request.threshold)
     else:
-        verdict = judge(found, frozen_scale, request.settings, request.threshold)
+        verdict = judge(found, frozen, request.settings, request.threshold)
     compared = None
     if accepted is not None:
-        compared = golden.compare(found_on, accepted, request.settings, request.margin)
-    ranked = _across(found_on, request)
-    scale = frozen_scale.axes if frozen_scale else {}
-    return Judged(found, verdict, request.wanted, scale, frozen_scale, compared, ranked)
+        compared = golden.compare(evidence, accepted, request.settings, request.margin)
+    ranked = _across(evidence, request)
+    scales = frozen.axes if frozen else {}
+    return GapResult(found, verdict, request.requested_axes, scales, frozen, compared, ranked)
 
 
-def measured_report(found_on: Evidence, request: GapRequest) -> Report:
-    """The report of `judged`."""
-    return report(found_on, request.settings, judged(found_on, request))
+def measured_report(evidence: Evidence, request: GapRequest) -> Report:
+    """The report of `judge_gap`."""
+    return report(evidence, request.settings, judge_gap(evidence, request))
 
 
-def freeze(found_on: Evidence, request: GapRequest, measured: Judged) -> tuple[Judged, str]:
-    """What was measured with its scale, and that as a reference's file; the axes without evidence
-    are left out.
+def freeze(evidence: Evidence, request: GapRequest, measured: GapResult) -> tuple[GapResult, str]:
+    """The result with its scales, and the text of a reference file; axes without evidence are
+    left out.
 
-    Raises InconclusiveError where an axis has too little evidence, RequestError where one has no
-    usable anchor: a reference judges all that was asked for, or is not written.
+    Raises InconclusiveError where an axis has too little evidence, and RequestError where one has
+    no usable anchor: a reference judges all requested axes, or is not written.
     """
-    found = measured.found
+    found = measured.measurement
     for axis, why in found.inconclusive.items():
-        others = " ".join(f"--axis {name}" for name in request.wanted if name != axis)
-        told = f"; without it: {others}" if others else ""
-        raise InconclusiveError(f"{axis}: {why}{told}")
-    store, run = found_on.store, found_on.store.run(found_on.run)
+        others = " ".join(f"--axis {name}" for name in request.requested_axes if name != axis)
+        hint = f"; to leave it out: {others}" if others else ""
+        raise InconclusiveError(f"{axis}: {why}{hint}")
+    store, run = evidence.store, evidence.store.run(evidence.run)
     made_from = {
         "dataset": store.dataset.name,
         "dataset_hash": store.dataset.hash,
         "run": run.run,
         "run_key": run.key,
         "model_sha256": store.models[run.model].sha256,
-        "expression": found_on.expression,
+        "expression": evidence.expression,
     }
-    scale = frozen(found, found_on, request.settings, request.wanted)
-    return replace(measured, scale=scale), reference.text(scale, made_from)
+    scales = freeze_scales(found, evidence, request.settings, request.requested_axes)
+    return replace(measured, scales=scales), reference.text(scales, made_from)
 
 
-def _across(found_on: Evidence, request: GapRequest) -> dict[str, object] | None:
-    if "task" not in request.wanted:
+def _across(evidence: Evidence, request: GapRequest) -> dict[str, object] | None:
+    if "task" not in request.requested_axes:
         return None
     try:
-        return across_report(across(found_on.store, found_on.iids, request.settings))
+        return across_report(rank_consistency(evidence.store, evidence.iids, request.settings))
     except InconclusiveError as error:
         return {"refused": str(error)}
 
 
 def _drives(store: Store, request: GapRequest) -> tuple[Drive, ...]:
-    wanted = request.drives
-    if wanted is None:
-        own = safe_files.checked_folder(store.path, layout.DRIVES)
-        return () if own is None else tuple(read_drives(own, request.topic))
-    if wanted == defaults.ODOMETRY:
+    if request.drives is None:
+        folder = safe_files.checked_folder(store.path, layout.DRIVES)
+        return () if folder is None else tuple(read_drives(folder, request.topic))
+    if request.drives == defaults.ODOMETRY:
         return tuple(odometry(store, request.rate))
-    return tuple(read_drives(Path(wanted), request.topic))
+    return tuple(read_drives(Path(request.drives), request.topic))

@@ -1,7 +1,7 @@
-"""Golden runs: no worse than an accepted state, instance by instance.
+"""Golden runs: compare the real errors with those of an accepted run, instance by instance.
 
-An anchor says how bad things may become; a golden run says that they did not become worse since the
-day it was stored. Paired differences are far surer than two separate means.
+An anchor limits how bad a state may be; a golden run detects that it became worse since the run was
+stored. Paired differences have far narrower intervals than two separate means.
 """
 
 from __future__ import annotations
@@ -10,35 +10,42 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.files.input_files import read_json
 from s2rstore.gap_history.gate_status import Outcome, outcome_of
-from s2rstore.metrics.bootstrap import Interval, percentile_interval
-from s2rtools.gap import blocks, defaults, instance_selection
+from s2rstore.metrics.bootstrap import (
+    Blocks,
+    Interval,
+    mean_replicates,
+    percentile_interval,
+    split_into_blocks,
+)
+from s2rtools.common.documents import convert
+from s2rtools.gap import defaults, instance_selection
 from s2rtools.gap.axis_result import Evidence, GapSettings
 from s2rtools.gap.gate.verdict import NOTHING
-from s2rtools.gap.task.group_metrics import mean_replicates
 
 FORMAT = 1
-_FEWEST = 20
-_FEWEST_BLOCKS = 4
-_MOST_BYTES = 256 << 20
+_MIN_INSTANCES = 20
+_MIN_BLOCKS = 4
+_MAX_BYTES = 256 << 20
 """Largest golden run that is read, in bytes; an instance takes about 31."""
-_FARTHEST = 1e12
-"""m"""
-_MOST_MISSING = 0.1
-"""Share of the golden run that may be missing from a PASS."""
+_MAX_MISSING = 0.1
+"""Largest share of the golden run that may be missing in a PASS."""
+Error = Annotated[float, Meta(ge=0, le=1e12)]
 
 
 @dataclass(frozen=True, slots=True)
-class Golden:
-    """The real errors (m) of an accepted run, by iid; `poses` is `population.poses`.
+class GoldenRun:
+    """Real errors (m) of an accepted run by iid; `poses` is `instance_selection.poses_sha256`.
 
-    Other images of the same poses, such as a newer simulator's, are compared.
+    Other images of the same poses can be compared with it, such as those of a newer simulator.
     """
 
     poses: str
@@ -48,10 +55,10 @@ class Golden:
 
 
 @dataclass(frozen=True, slots=True)
-class Compared:
-    """Mean real error now minus then, over the `n` instances of both, in metres.
+class GoldenComparison:
+    """Change of the mean real error since the golden run, over `n` common instances, in metres.
 
-    `missing` counts those of the golden run that cannot be compared any more.
+    `missing` counts instances of the golden run that can no longer be compared.
     """
 
     outcome: Outcome
@@ -62,80 +69,93 @@ class Compared:
     reason: str
 
 
-def take(evidence: Evidence) -> Golden:
-    """The state to compare with later; raises InconclusiveError where there is too little of it."""
+class GoldenFile(Struct, frozen=True, forbid_unknown_fields=True):
+    """The JSON file of a golden run."""
+
+    format: int
+    poses: str
+    run: str
+    expression: str
+    errors: dict[int, Error]
+
+
+def take(evidence: Evidence) -> GoldenRun:
+    """The errors of the present state. Raises InconclusiveError for too few instances."""
     errors = _errors(evidence)
     count = _blocks(evidence, np.array(sorted(errors), dtype=np.int64)).count
-    if len(errors) < _FEWEST or count < _FEWEST_BLOCKS:
+    if len(errors) < _MIN_INSTANCES or count < _MIN_BLOCKS:
         raise InconclusiveError(
-            f"a golden run needs {_FEWEST} held-out instances in {_FEWEST_BLOCKS} blocks, not "
+            f"a golden run needs {_MIN_INSTANCES} held-out instances in {_MIN_BLOCKS} blocks, not "
             f"{len(errors)} in {count}"
         )
-    return Golden(
-        instance_selection.poses(evidence.store), evidence.run, evidence.expression, errors
+    return GoldenRun(
+        instance_selection.poses_sha256(evidence.store), evidence.run, evidence.expression, errors
     )
 
 
-def text(golden: Golden) -> str:
-    """The file of a golden run."""
+def text(golden: GoldenRun) -> str:
+    """The content of the file of a golden run."""
     return json.dumps({"format": FORMAT, **asdict(golden)}, sort_keys=True) + "\n"
 
 
-def read(path: Path) -> Golden:
-    """Raises RequestError where the file is missing or no golden run."""
-    content = read_json(path, _MOST_BYTES)
-    try:
-        if content["format"] != FORMAT:
-            raise RequestError(f"{path}: format {content['format']}, this version reads {FORMAT}")
-        errors = {int(iid): float(value) for iid, value in content["errors"].items()}
-        poses, run, told = (str(content[key]) for key in ("poses", "run", "expression"))
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        message = f"{path}: no golden run; `s2r gap --freeze-golden` writes one"
-        raise RequestError(message) from error
-    if not errors or not all(0 <= value <= _FARTHEST for value in errors.values()):
-        raise RequestError(f"{path}: errors must be 0 .. {_FARTHEST:g} m, and at least one")
-    return Golden(poses, run, told, errors)
+def read(path: Path) -> GoldenRun:
+    """Raises RequestError where the file is missing, invalid, or of another format."""
+    content = read_json(path, _MAX_BYTES)
+    if not isinstance(content, dict) or "errors" not in content:
+        raise RequestError(f"{path}: not a golden run; `s2r gap --freeze-golden` writes one")
+    if content.get("format") != FORMAT:
+        raise RequestError(
+            f"{path}: format {content.get('format')}, this version reads {FORMAT}; write a new one "
+            "with `s2r gap --freeze-golden`"
+        )
+    file = convert(content, GoldenFile, str(path), check=False)
+    if not file.errors:
+        raise RequestError(f"{path}: errors: empty; write a new golden run")
+    return GoldenRun(file.poses, file.run, file.expression, file.errors)
 
 
 def compare(
-    evidence: Evidence, golden: Golden, settings: GapSettings, margin: float = defaults.MARGIN
-) -> Compared:
-    """PASS where the change's interval is under the margin, FAIL where it is over it.
+    evidence: Evidence, golden: GoldenRun, settings: GapSettings, margin: float = defaults.MARGIN
+) -> GoldenComparison:
+    """PASS where the interval of the change is below the margin, FAIL where it is above.
 
-    INCONCLUSIVE where too few of the golden run's instances are left, for example because a newer
-    model was trained on them. Raises RequestError for other poses or another selection.
+    INCONCLUSIVE where too few instances of the golden run remain, for example because a newer model
+    was trained on them. Raises RequestError for other poses or another selection.
     """
-    if golden.poses != instance_selection.poses(evidence.store):
+    if golden.poses != instance_selection.poses_sha256(evidence.store):
         raise RequestError(
             f"{evidence.store.path}: holds other poses than the golden run; "
-            "`s2r gap --freeze-golden` accepts a new one"
+            "write a new one with `s2r gap --freeze-golden`"
         )
     if golden.expression != evidence.expression:
         raise RequestError(
-            f"the golden run is of {golden.expression!r}, not of {evidence.expression!r}; give it "
-            "with --select"
+            f"the golden run is of {golden.expression!r}, not of {evidence.expression!r}; select "
+            "the same instances with --select"
         )
     now = _errors(evidence)
     shared = np.array(sorted(now.keys() & golden.errors.keys()), dtype=np.int64)
     missing = len(golden.errors) - shared.size
-    cut = _blocks(evidence, shared)
-    if shared.size < _FEWEST or cut.count < _FEWEST_BLOCKS:
+    blocks = _blocks(evidence, shared)
+    if shared.size < _MIN_INSTANCES or blocks.count < _MIN_BLOCKS:
         reason = (
-            f"{shared.size} instances in {cut.count} blocks are in both, {_FEWEST} in "
-            f"{_FEWEST_BLOCKS} are needed"
+            f"{shared.size} instances in {blocks.count} blocks are common to both "
+            f"runs, {_MIN_INSTANCES} in {_MIN_BLOCKS} are needed"
         )
-        return Compared("INCONCLUSIVE", NOTHING, shared.size, margin, missing, reason)
+        return GoldenComparison("INCONCLUSIVE", NOTHING, shared.size, margin, missing, reason)
     changes = np.array([now[iid] - golden.errors[iid] for iid in shared.tolist()])
-    replicates = mean_replicates(changes, cut, settings)
+    replicates = mean_replicates(changes, blocks, settings)
     change = percentile_interval(float(changes.mean()), replicates, settings.level)
     outcome, reason = outcome_of(change, margin), ""
-    if outcome == "PASS" and missing > _MOST_MISSING * len(golden.errors):
-        outcome, reason = "INCONCLUSIVE", f"{missing} of {len(golden.errors)} are not comparable"
-    return Compared(outcome, change, shared.size, margin, missing, reason)
+    if outcome == "PASS" and missing > _MAX_MISSING * len(golden.errors):
+        outcome, reason = (
+            "INCONCLUSIVE",
+            f"{missing} of {len(golden.errors)} are no longer comparable",
+        )
+    return GoldenComparison(outcome, change, shared.size, margin, missing, reason)
 
 
-def _blocks(evidence: Evidence, iids: NDArray[np.int64]) -> blocks.Blocks:
-    return blocks.cut(evidence.store.instances.trajectory[iids])
+def _blocks(evidence: Evidence, iids: NDArray[np.int64]) -> Blocks:
+    return split_into_blocks(evidence.store.instances.trajectory[iids])
 
 
 def _errors(evidence: Evidence) -> dict[int, float]:

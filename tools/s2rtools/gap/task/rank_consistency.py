@@ -1,6 +1,6 @@
-"""Whether simulation ranks the runs of a store as reality does.
+"""Rank consistency: whether simulation ranks the runs of a store as reality does.
 
-The intervals come from other instances of the same runs; they say nothing about other runs. Source:
+The intervals resample the instances of these runs; they do not generalise to other runs. Source:
 Li et al., "Evaluating real-world robot manipulation policies in simulation" (SIMPLER), 2024, for
 the mean maximum rank violation; Kadian et al., "Sim2Real predictivity", 2020, for the coefficient.
 """
@@ -14,24 +14,27 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import Interval, percentile_interval
+from s2rstore.metrics.bootstrap import (
+    Interval,
+    mean_replicates,
+    percentile_interval,
+    split_into_blocks,
+)
 from s2rstore.reader import Store
-from s2rtools.gap import blocks
 from s2rtools.gap.axis_result import GapSettings
-from s2rtools.gap.bootstrap_correction import widened
 
 Floats = NDArray[np.float64]
 
-LEAST_RUNS = 5
-LEAST_INSTANCES = 20
-LEAST_BLOCKS = 4
+MIN_RUNS = 5
+MIN_INSTANCES = 20
+MIN_BLOCKS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class RankConsistency:
-    """Mean errors `sim`, `real` (m) of `runs` over the same `n` instances, and how they agree.
+    """Mean errors `sim` and `real` (m) of `runs` over the same `n` instances, and their agreement.
 
-    `correlation` is Pearson's, NaN where all runs have one error; `rank_violation` is in metres.
+    `correlation` is Pearson's, NaN where all runs have the same error; `rank_violation` is in m.
     """
 
     runs: tuple[str, ...]
@@ -42,31 +45,39 @@ class RankConsistency:
     rank_violation: Interval
 
 
-def across(store: Store, iids: NDArray[np.int64], settings: GapSettings) -> RankConsistency:
-    """Over the computed runs, on the selected instances that none of their models was trained on.
+def rank_consistency(
+    store: Store, iids: NDArray[np.int64], settings: GapSettings
+) -> RankConsistency:
+    """Compare the computed runs on selected instances that none of their models was trained on.
 
-    Raises InconclusiveError below 5 runs and for too few common instances.
+    Raises InconclusiveError for fewer than 5 runs and for too few common instances.
     """
     runs = [run.run for run in store.runs.values() if run.key is not None]
-    if len(runs) < LEAST_RUNS:
+    if len(runs) < MIN_RUNS:
         raise InconclusiveError(
-            f"{store.path}: {len(runs)} computed runs; at least {LEAST_RUNS} are needed to tell "
-            "whether simulation ranks them as reality does"
+            f"{store.path}: {len(runs)} computed runs; at least {MIN_RUNS} are needed to "
+            "compare their ranking in simulation and reality"
         )
     keep = np.zeros(len(store.instances), dtype=np.bool_)
     keep[iids] = True
     for run in runs:
         keep &= run_metrics.held_out(store, run)
-    cut = blocks.cut(store.instances.trajectory[keep])
+    blocks = split_into_blocks(store.instances.trajectory[keep])
     n = int(keep.sum())
-    if n < LEAST_INSTANCES or cut.count < LEAST_BLOCKS:
+    if n < MIN_INSTANCES or blocks.count < MIN_BLOCKS:
         raise InconclusiveError(
-            f"{store.path}: {n} instances in {cut.count} blocks that no run's model was trained "
-            f"on; at least {LEAST_INSTANCES} in {LEAST_BLOCKS} are needed"
+            f"{store.path}: {n} instances in {blocks.count} blocks that no run's model was trained "
+            f"on; at least {MIN_INSTANCES} in {MIN_BLOCKS} are needed"
         )
     columns = [store.run_columns(run) for run in runs]
-    sim, sims = _means(np.stack([c.sim.error[keep] for c in columns], axis=1), cut, settings)
-    real, reals = _means(np.stack([c.real.error[keep] for c in columns], axis=1), cut, settings)
+    sides = (
+        np.stack([getattr(c, side).error[keep] for c in columns], axis=1)
+        for side in ("sim", "real")
+    )
+    (sim, sims), (real, reals) = (
+        (errors.mean(axis=0)[None, :], mean_replicates(errors, blocks, settings))
+        for errors in sides
+    )
     return RankConsistency(
         tuple(runs),
         tuple(sim[0].tolist()),
@@ -78,32 +89,24 @@ def across(store: Store, iids: NDArray[np.int64], settings: GapSettings) -> Rank
 
 
 def correlation(sim: Floats, real: Floats) -> Floats:
-    """Pearson's coefficient of each row of (R, runs), shape (R,); NaN without any spread."""
+    """Pearson correlation of each row of (R, runs), shape (R,); NaN where a row is constant."""
     a, b = (side - side.mean(axis=1, keepdims=True) for side in (sim, real))
     scale = np.sqrt((a * a).sum(axis=1) * (b * b).sum(axis=1))
     small = 1e-12 * np.maximum(np.abs(sim).max(axis=1) * np.abs(real).max(axis=1), 1e-300)
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = np.where(scale > small, (a * b).sum(axis=1) / scale, np.nan)
-    return np.asarray(np.clip(found, -1.0, 1.0))
+        ratio = np.where(scale > small, (a * b).sum(axis=1) / scale, np.nan)
+    return np.asarray(np.clip(ratio, -1.0, 1.0))
 
 
 def rank_violation(sim: Floats, real: Floats) -> Floats:
-    """Mean maximum rank violation of each row of (R, runs), shape (R,), in the errors' unit.
+    """Mean maximum rank violation of each row of (R, runs), shape (R,), in the unit of the errors.
 
-    The violation of two runs is their real difference where sim orders them otherwise, else 0; the
-    largest of each run is averaged over the runs.
+    The violation of two runs is the difference of their real errors where sim ranks them the other
+    way round, else 0; the largest violation of each run is averaged over the runs.
     """
     wrong = (sim[:, :, None] < sim[:, None, :]) != (real[:, :, None] < real[:, None, :])
-    apart = np.abs(real[:, :, None] - real[:, None, :])
-    return np.asarray(np.where(wrong, apart, 0.0).max(axis=2).mean(axis=1))
-
-
-def _means(errors: Floats, cut: blocks.Blocks, settings: GapSettings) -> tuple[Floats, Floats]:
-    """Mean errors (1, runs) of (n, runs), and their replicates (R, runs)."""
-    counts = blocks.draws(cut, settings.replicates, settings.seed)
-    means = counts @ cut.sums(errors) / (counts @ cut.sizes)[:, None]
-    value = errors.mean(axis=0)
-    return value[None, :], widened(means, value, cut.drawn, settings.level)
+    distance = np.abs(real[:, :, None] - real[:, None, :])
+    return np.asarray(np.where(wrong, distance, 0.0).max(axis=2).mean(axis=1))
 
 
 def _interval(value: Floats, replicates: Floats, level: float) -> Interval:

@@ -1,7 +1,7 @@
-"""Features of the sim and the real images of some instances, and what they are features of.
+"""Features of sim and real images: a run's stored embeddings, or those of an image network.
 
-By default a run's stored embeddings: what matters for its task. Else those of an image network,
-see `network`.
+The embeddings of a run hold what matters for its task. An image network is described by a file, see
+`feature_network`.
 """
 
 from __future__ import annotations
@@ -24,31 +24,37 @@ Floats = NDArray[np.float64]
 Iids = NDArray[np.int64]
 Reader = Callable[[Side, Iids], Floats]
 
-_SPAN = 64
-_NAMED = 8
+_CHUNK = 64
+_MAX_LISTED = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Source:
-    """`read(side, iids)` gives (n, d) finite features; `identity` is all that they depend on."""
+class FeatureSource:
+    """`read(side, iids)` returns finite features (n, d); `identity` is all that they depend on."""
 
     read: Reader
     identity: Mapping[str, str | int | float]
 
 
-def source(store: Store, run: str, description: Path | None) -> Source:
-    """A run's embeddings, or the network of a description file. Raises RequestError."""
-    return _embeddings(store, run) if description is None else _images(store, run, description)
+def feature_source(store: Store, run: str, description: Path | None) -> FeatureSource:
+    """The embeddings of a run, or the network of a description file. Raises RequestError."""
+    return (
+        _embedding_source(store, run)
+        if description is None
+        else _network_source(store, run, description)
+    )
 
 
-def _embeddings(store: Store, run: str) -> Source:
-    """Embeddings are comparable where they come from the same weights in the same arithmetic."""
+def _embedding_source(store: Store, run: str) -> FeatureSource:
+    """Embeddings are comparable if they come from the same weights and precision."""
     record = store.run(run)
 
     def read(side: Side, iids: Iids) -> Floats:
         _, array = store.array(run, "embedding", side)
         if array.shape[0] != len(store.instances):
-            raise RequestError(f"run {run!r}: embedding of other instances; run `s2r verify`")
+            raise RequestError(
+                f"run {run!r}: the embedding has another number of instances; run `s2r verify`"
+            )
         rows = [stored_array.read_rows(array, a, b)[keep] for a, b, keep in _spans(iids)]
         return _finite(np.concatenate(rows).astype(np.float64), iids, run, side)
 
@@ -58,26 +64,26 @@ def _embeddings(store: Store, run: str) -> Source:
         "features_sha256": model.sha256,
         "precision": record.precision or "",
     }
-    return Source(read, identity)
+    return FeatureSource(read, identity)
 
 
-def _images(store: Store, run: str, description: Path) -> Source:
+def _network_source(store: Store, run: str, description: Path) -> FeatureSource:
     from s2rtools.gap.visual.feature_network import read_network
 
     network, record = read_network(description), store.run(run)
 
     def read(side: Side, iids: Iids) -> Floats:
         rows = [
-            network.features(_pictures(store, record, side, a, b)[keep])
+            network.features(_images_of(store, record, side, a, b)[keep])
             for a, b, keep in _spans(iids)
         ]
         return _finite(np.concatenate(rows), iids, run, side)
 
-    return Source(read, network.identity)
+    return FeatureSource(read, network.identity)
 
 
-def _pictures(store: Store, run: Run, side: Side, start: int, stop: int) -> NDArray[np.uint8]:
-    """RGB of iids [start, stop) as the run's side sees them, (n, H, W, 3)."""
+def _images_of(store: Store, run: Run, side: Side, start: int, stop: int) -> NDArray[np.uint8]:
+    """RGB images (n, H, W, 3) of iids [start, stop), adjusted as in the run."""
     from s2rtools.adjustments import apply_chain
 
     frames = run_frames(store, run, side, start, stop)
@@ -88,8 +94,8 @@ def _pictures(store: Store, run: Run, side: Side, start: int, stop: int) -> NDAr
 
 
 def _spans(iids: Iids) -> Iterator[tuple[int, int, NDArray[Any]]]:
-    """Ranges [start, stop) that hold all of the ascending iids, and which of their rows to keep."""
-    groups = np.split(iids, np.flatnonzero(np.diff(iids // _SPAN)) + 1)
+    """Ranges [start, stop) that contain the ascending iids, and the rows of each to keep."""
+    groups = np.split(iids, np.flatnonzero(np.diff(iids // _CHUNK)) + 1)
     for group in groups:
         yield int(group[0]), int(group[-1]) + 1, group - group[0]
 
@@ -97,8 +103,8 @@ def _spans(iids: Iids) -> Iterator[tuple[int, int, NDArray[Any]]]:
 def _finite(values: Floats, iids: Iids, run: str, side: Side) -> Floats:
     broken = iids[~np.isfinite(values).all(axis=1)]
     if broken.size:
-        named = ", ".join(map(str, broken[:_NAMED]))
-        more = f" and {broken.size - _NAMED} more" if broken.size > _NAMED else ""
+        named = ", ".join(map(str, broken[:_MAX_LISTED]))
+        more = f" and {broken.size - _MAX_LISTED} more" if broken.size > _MAX_LISTED else ""
         raise RequestError(
             f"run {run!r}: {side} features of instances {named}{more} are not finite; "
             f"leave them out (--select '... - ids({named})'), or run `s2r verify`"

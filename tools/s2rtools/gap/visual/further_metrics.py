@@ -1,7 +1,8 @@
-"""Further figures of the visual axis, each beside its real-against-real floor at the same n.
+"""Further metrics of the visual axis, each with its noise floor at the same n.
 
-Every figure is of two halves of whole blocks, sim of one against real of the other, and its floor
-real of the same two; both are means over seeded splits.
+The instances are split into two random halves of whole blocks. A metric compares the sim images of
+one half with the real images of the other; its noise floor compares the real images of both. Both
+are means over seeded splits.
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.gap.blocks import Blocks, halves
+from s2rstore.metrics.bootstrap import Blocks
+from s2rtools.gap.instance_selection import random_halves
 from s2rtools.gap.visual.fid import frechet_distance
 from s2rtools.gap.visual.kid import kernel_distance
 from s2rtools.gap.visual.kl_divergence import NEIGHBOURS, BiasWarning, divergences
-from s2rtools.gap.visual.low_dimensional_samples import Points
-from s2rtools.gap.visual.prdc import support
+from s2rtools.gap.visual.low_dimensional_samples import PairedSamples
+from s2rtools.gap.visual.prdc import prdc
 from s2rtools.gap.visual.wasserstein import sliced_wasserstein, wasserstein_by_dimension
 
 Floats = NDArray[np.float64]
@@ -27,82 +29,87 @@ Splits = list[tuple[NDArray[np.int64], NDArray[np.int64]]]
 SPLITS = 8
 
 
-def figures(
-    sim: Floats, real: Floats, blocks: Blocks, seed: int, points: Mapping[str, Points]
+def split_half_metrics(
+    sim: Floats, real: Floats, blocks: Blocks, seed: int, samples: Mapping[str, PairedSamples]
 ) -> dict[str, Any]:
-    """By name: value, floor and, for the floor, its least and largest over the splits.
+    """Metrics by name: value, noise floor, and the range of the floor over the splits.
 
-    Of features (n, d), and the divergences of `points`; `wasserstein_by_dimension` lists value and
-    floor of every dimension.
+    Computed from features (n, d), and divergences from `samples`; `wasserstein_by_dimension` lists
+    value and floor of every dimension.
     """
-    splits = halves(blocks, SPLITS, seed)
-    moved, still = (
+    splits = random_halves(blocks, SPLITS, seed)
+    distances, distance_floors = (
         np.array([wasserstein_by_dimension(side[b], real[a]) for a, b in splits])
         for side in (sim, real)
     )
-    measured = [_of_features(sim[b], real[a]) for a, b in splits]
-    floors = [_of_features(real[b], real[a]) for a, b in splits]
-    found = {name: _beside(_column(measured, name), _column(floors, name)) for name in measured[0]}
-    found["wasserstein"] = _beside(moved.mean(axis=1), still.mean(axis=1))
-    for name, each in points.items():
-        found |= _apart(name, each, splits)
+    measured = [_feature_metrics(sim[b], real[a]) for a, b in splits]
+    floors = [_feature_metrics(real[b], real[a]) for a, b in splits]
+    metrics = {
+        name: _with_floor(
+            np.array([row[name] for row in measured]), np.array([row[name] for row in floors])
+        )
+        for name in measured[0]
+    }
+    metrics["wasserstein"] = _with_floor(distances.mean(axis=1), distance_floors.mean(axis=1))
+    for name, each in samples.items():
+        metrics |= _divergence_metrics(name, each, splits)
     by_dimension = {
         "dimension": list(range(sim.shape[1])),
-        "value": moved.mean(axis=0).tolist(),
-        "floor": still.mean(axis=0).tolist(),
+        "value": distances.mean(axis=0).tolist(),
+        "floor": distance_floors.mean(axis=0).tolist(),
     }
     sizes = {"n": int(splits[0][0].size), "splits": SPLITS}
-    return {**sizes, **found, "wasserstein_by_dimension": by_dimension}
+    return {**sizes, **metrics, "wasserstein_by_dimension": by_dimension}
 
 
-def _of_features(sim: Floats, real: Floats) -> dict[str, float]:
-    share = support(real, sim)
+def _feature_metrics(sim: Floats, real: Floats) -> dict[str, float]:
+    shares = prdc(real, sim)
     return {
         "fid": frechet_distance(sim, real),
         "kid": kernel_distance(sim, real),
-        "precision": share.precision,
-        "recall": share.recall,
-        "density": share.density,
-        "coverage": share.coverage,
+        "precision": shares.precision,
+        "recall": shares.recall,
+        "density": shares.density,
+        "coverage": shares.coverage,
         "sliced_wasserstein": sliced_wasserstein(sim, real),
     }
 
 
-def _apart(name: str, points: Points, splits: Splits) -> dict[str, dict[str, float | None]]:
-    """Divergences both ways, of the rows that both sides know; none where these are too few."""
+def _divergence_metrics(
+    name: str, points: PairedSamples, splits: Splits
+) -> dict[str, dict[str, float | None]]:
+    """Divergences in both directions, from rows known on both sides; none where these are few."""
     known = np.isfinite(np.concatenate([points.sim, points.real], axis=1)).all(axis=1)
     chosen = [(a[known[a]], b[known[b]]) for a, b in splits]
-    least = min(half.size for pair in chosen for half in pair)
-    if least <= NEIGHBOURS:
+    size = min(half.size for pair in chosen for half in pair)
+    if size <= NEIGHBOURS:
         return {}
     measured, floors = (
-        np.array([_both_ways(side[b[:least]], points.real[a[:least]], points) for a, b in chosen])
+        np.array(
+            [_both_directions(side[b[:size]], points.real[a[:size]], points) for a, b in chosen]
+        )
         for side in (points.sim, points.real)
     )
     names = f"kl_{name}_sim_real", f"kl_{name}_real_sim"
-    return {key: _beside(measured[:, k], floors[:, k]) for k, key in enumerate(names)}
+    return {key: _with_floor(measured[:, k], floors[:, k]) for k, key in enumerate(names)}
 
 
-def _both_ways(sim: Floats, real: Floats, points: Points) -> tuple[float, float]:
+def _both_directions(sim: Floats, real: Floats, points: PairedSamples) -> tuple[float, float]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", BiasWarning)
-        found = divergences(sim, real, periods=points.periods)
-    return found.forward, found.backward
+        both = divergences(sim, real, periods=points.periods)
+    return both.forward, both.backward
 
 
-def _column(rows: list[dict[str, float]], name: str) -> Floats:
-    return np.array([row[name] for row in rows])
-
-
-def _beside(values: Floats, floor: Floats) -> dict[str, float | None]:
+def _with_floor(values: Floats, floor: Floats) -> dict[str, float | None]:
     return {
-        "value": _plain(values.mean()),
-        "floor": _plain(floor.mean()),
-        "floor_low": _plain(floor.min()),
-        "floor_high": _plain(floor.max()),
+        "value": _finite_or_none(values.mean()),
+        "floor": _finite_or_none(floor.mean()),
+        "floor_low": _finite_or_none(floor.min()),
+        "floor_high": _finite_or_none(floor.max()),
     }
 
 
-def _plain(value: float) -> float | None:
-    """JSON knows no infinity."""
+def _finite_or_none(value: float) -> float | None:
+    """JSON has no infinity."""
     return float(value) if np.isfinite(value) else None

@@ -20,7 +20,7 @@ NEIGHBOURS = 5
 
 
 class BiasWarning(UserWarning):
-    """A divergence in too many dimensions to mean much."""
+    """The estimate is strongly biased in this many dimensions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +31,8 @@ class Divergences:
     backward: float
 
 
-def bias(dimensions: int) -> str | None:
-    """What to say of a divergence in so many dimensions; None where nothing."""
+def bias_warning(dimensions: int) -> str | None:
+    """Text of the warning for a divergence in so many dimensions; None where it is unbiased."""
     if dimensions <= MOST_DIMENSIONS:
         return None
     return (
@@ -44,35 +44,37 @@ def bias(dimensions: int) -> str | None:
 def divergences(
     x: Floats, y: Floats, neighbours: int = NEIGHBOURS, periods: Floats | None = None
 ) -> Divergences:
-    """D(X || Y) and D(Y || X) of samples (n, d) and (m, d); infinite where one lies on points.
+    """D(X || Y) and D(Y || X) of samples (n, d) and (m, d); infinite for discrete samples.
 
-    `periods` (d,) are those of coordinates on a circle, 0 for the others. The estimate converges,
-    slowly: in 3 dimensions it was 0.1 off at n = 500 and 0.02 at 50,000. Gives a BiasWarning above
-    3 dimensions, where it needs more samples than anyone has.
+    `periods` (d,) are the periods of angular coordinates, 0 for the others. The estimate converges
+    slowly: in 3 dimensions it was 0.1 off at n = 500 and 0.02 at 50,000. Issues a BiasWarning above
+    3 dimensions.
     """
-    told = bias(x.shape[1])
-    if told:
-        warnings.warn(told, BiasWarning, stacklevel=2)
-    around = np.zeros(x.shape[1]) if periods is None else periods
-    x, y = _wrapped(x, around), _wrapped(y, around)
-    return Divergences(_divergence(x, y, neighbours, around), _divergence(y, x, neighbours, around))
+    warning = bias_warning(x.shape[1])
+    if warning:
+        warnings.warn(warning, BiasWarning, stacklevel=2)
+    circular = np.zeros(x.shape[1]) if periods is None else periods
+    x, y = _wrapped(x, circular), _wrapped(y, circular)
+    return Divergences(
+        _divergence(x, y, neighbours, circular), _divergence(y, x, neighbours, circular)
+    )
 
 
 def _wrapped(points: Floats, periods: Floats) -> Floats:
-    """Coordinates on a circle brought into [0, period)."""
+    """Angular coordinates wrapped into [0, period)."""
     wrapped = points.copy()
     for column in np.flatnonzero(periods > 0):
-        turned = np.mod(points[:, column], periods[column])
-        wrapped[:, column] = np.where(turned < periods[column], turned, 0.0)
+        remainder = np.mod(points[:, column], periods[column])
+        wrapped[:, column] = np.where(remainder < periods[column], remainder, 0.0)
     return wrapped
 
 
 def _divergence(x: Floats, y: Floats, neighbours: int, periods: Floats) -> float:
     """d / n sum log(nu_k / rho_k) + log(m / (n - 1)).
 
-    Where duplicates leave no distance, k grows, for both distances alike, until both are above 0
-    (k_i of the paper's data-dependent form, with its digamma terms); where rho stays 0 for all k
-    the sample has no density and the divergence is infinite.
+    Where duplicates give a distance of 0, k grows for both distances until they are above 0 (the
+    paper's data-dependent k_i with its digamma terms); where rho is 0 for all k the sample has no
+    density and the divergence is infinite.
     """
     from scipy.special import digamma
 
@@ -87,8 +89,8 @@ def _divergence(x: Floats, y: Floats, neighbours: int, periods: Floats) -> float
     k_in = np.full(n, neighbours)
     k_out = np.full(n, neighbours)
     if bad.any():
-        rho[bad], k_in[bad] = _first_apart(x, x[bad], periods, own=True)
-        nu[bad], k_out[bad] = _first_apart(y, x[bad], periods, own=False)
+        rho[bad], k_in[bad] = _first_positive(x, x[bad], periods, includes_self=True)
+        nu[bad], k_out[bad] = _first_positive(y, x[bad], periods, includes_self=False)
     if (rho <= 0).any() or (nu <= 0).any():
         return 0.0 if (rho <= 0).all() and (nu <= 0).all() else float("inf")
     scale = x.shape[1] * np.log(nu / rho) + digamma(k_in) - digamma(k_out)
@@ -101,16 +103,16 @@ def _distances(samples: Floats, points: Floats, count: int, periods: Floats) -> 
     return np.asarray(found, dtype=np.float64)
 
 
-def _first_apart(
-    samples: Floats, points: Floats, periods: Floats, own: bool
+def _first_positive(
+    samples: Floats, points: Floats, periods: Floats, includes_self: bool
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """For each point the nearest distance above 0 and how many samples lie within it.
+    """Smallest positive distance of each point, 0 if none, and the number of samples within it.
 
-    Without the point itself where it is `own`; 0 where there is none.
+    The point itself is not counted where `samples` include it.
     """
-    found = _distances(samples, points, len(samples), periods)
-    apart = found > 0
-    first = apart.argmax(axis=1)
-    rho = np.where(apart.any(axis=1), found[np.arange(len(points)), first], 0.0)
-    within = (found <= rho[:, None]).sum(axis=1) - int(own)
+    distances = _distances(samples, points, len(samples), periods)
+    positive = distances > 0
+    first = positive.argmax(axis=1)
+    rho = np.where(positive.any(axis=1), distances[np.arange(len(points)), first], 0.0)
+    within = (distances <= rho[:, None]).sum(axis=1) - int(includes_self)
     return rho, np.maximum(within, 1)

@@ -1,4 +1,4 @@
-"""Samples of a few dimensions whose divergence is told: components of features, and predictions."""
+"""Samples of few dimensions for the divergence: principal components and predictions."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from s2rstore.reader import Store
 Floats = NDArray[np.float64]
 
 _EVEN = np.pi / np.sqrt(3)
-"""Standard deviation of headings in all directions alike, rad."""
+"""Standard deviation of uniformly distributed headings, rad."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Points:
-    """Both sides (n, d) of the same instances; NaN rows are unknown.
+class PairedSamples:
+    """Samples (n, d) of both sides of the same instances; rows with NaN are unknown.
 
-    `periods` (d,) are those of coordinates on a circle, 0 for the others.
+    `periods` (d,) are the periods of angular coordinates, 0 for the others.
     """
 
     sim: Floats
@@ -27,58 +27,63 @@ class Points:
     periods: Floats
 
 
-def principal(sim: Floats, real: Floats, count: int) -> Points:
-    """Features (n, d) along their pooled directions of most variance, `count` or fewer."""
+def principal_components(sim: Floats, real: Floats, count: int) -> PairedSamples:
+    """Projections of features (n, d) on their first `count` pooled principal components."""
     points = np.concatenate([real, sim])
     centred = points - points.mean(axis=0)
     if len(points) < points.shape[1]:
         values, vectors = np.linalg.eigh(centred @ centred.T)
-        found = (vectors[:, ::-1] * np.sqrt(np.maximum(values[::-1], 0)))[:, :count]
+        scores = (vectors[:, ::-1] * np.sqrt(np.maximum(values[::-1], 0)))[:, :count]
     else:
         _, directions = np.linalg.eigh(centred.T @ centred)
-        found = centred @ directions[:, ::-1][:, :count]
-    return Points(found[len(real) :], found[: len(real)], np.zeros(found.shape[1]))
+        scores = centred @ directions[:, ::-1][:, :count]
+    return PairedSamples(scores[len(real) :], scores[: len(real)], np.zeros(scores.shape[1]))
 
 
-def predicted(store: Store, run: str, iids: NDArray[np.int64]) -> dict[str, Points]:
-    """What a run predicted of both sides, each coordinate in units of its spread.
+def prediction_samples(store: Store, run: str, iids: NDArray[np.int64]) -> dict[str, PairedSamples]:
+    """Predictions of a run for both sides, each coordinate in units of its standard deviation.
 
-    `poses` are (x, y, heading), `errors` (position, heading) ones; headings are left out where the
-    run has none, all where it is not computed.
+    `poses` are (x, y, heading), `errors` are (position, heading) errors; headings are left out
+    where the run predicts none. Empty for a run that is not computed.
     """
     if store.run(run).key is None:
         return {}
     columns = store.run_columns(run)
     sides = (columns.sim, columns.real)
-    x, y, heading, error, off = (
+    x, y, heading, error, heading_error = (
         np.stack([np.asarray(getattr(side, name), dtype=np.float64)[iids] for side in sides])
         for name in ("x", "y", "heading", "error", "heading_error")
     )
-    places = np.hypot(_spread(x), _spread(y)) / np.sqrt(2)
-    turn = _circular_spread(heading)
-    found = {
-        "poses": _joined([x / places, y / places, heading / turn], [0.0, 0.0, 2 * np.pi / turn]),
-        "errors": _joined([error / _spread(error), off / _spread(off)], [0.0, 0.0]),
+    position_spread = np.hypot(_spread(x), _spread(y)) / np.sqrt(2)
+    heading_spread = _circular_spread(heading)
+    samples = {
+        "poses": _joined(
+            [x / position_spread, y / position_spread, heading / heading_spread],
+            [0.0, 0.0, 2 * np.pi / heading_spread],
+        ),
+        "errors": _joined(
+            [error / _spread(error), heading_error / _spread(heading_error)], [0.0, 0.0]
+        ),
     }
-    return {name: points for name, points in found.items() if points.periods.size}
+    return {name: each for name, each in samples.items() if each.periods.size}
 
 
-def _joined(columns: list[Floats], periods: list[float]) -> Points:
-    """Points of those columns (2, n) that both sides know something of."""
+def _joined(columns: list[Floats], periods: list[float]) -> PairedSamples:
+    """Samples from the columns (2, n) that have finite values on both sides."""
     known = [k for k, each in enumerate(columns) if np.isfinite(each).any(axis=1).all()]
     sides = np.stack([columns[k] for k in known], axis=-1) if known else np.zeros((2, 0, 0))
-    return Points(sides[0], sides[1], np.array([periods[k] for k in known]))
+    return PairedSamples(sides[0], sides[1], np.array([periods[k] for k in known]))
 
 
 def _spread(values: Floats) -> float:
-    """Standard deviation of what is known; 1 where there is none."""
+    """Standard deviation of the finite values; 1 where it is 0 or unknown."""
     known = values[np.isfinite(values)]
     spread = float(known.std()) if known.size else 0.0
     return spread if spread > 0 else 1.0
 
 
 def _circular_spread(angles: Floats) -> float:
-    """sqrt(-2 ln |mean direction|), rad, at most that of all directions alike; 1 where it is 0."""
+    """Circular standard deviation sqrt(-2 ln |mean direction|), rad, at most `_EVEN`; 1 if 0."""
     known = angles[np.isfinite(angles)]
     length = abs(np.exp(1j * known).mean()) if known.size else 1.0
     if length >= 1.0:

@@ -1,4 +1,4 @@
-"""The visual axis: the kernel distance of sim and real images, on declared features."""
+"""The visual axis: kernel distance (KID) of sim and real images in a feature space."""
 
 from __future__ import annotations
 
@@ -10,33 +10,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.metrics.bootstrap import Blocks, block_counts, split_into_blocks
 from s2rstore.reader import Store
 from s2rstore.records import Run
-from s2rtools.gap import blocks, instance_selection
+from s2rtools.gap import instance_selection
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
-from s2rtools.gap.blocks import Blocks
-from s2rtools.gap.visual.block_mmd import Paired, paired
-from s2rtools.gap.visual.features import Source, source
-from s2rtools.gap.visual.further_metrics import figures
-from s2rtools.gap.visual.kid import KERNEL
-from s2rtools.gap.visual.kl_divergence import bias
-from s2rtools.gap.visual.low_dimensional_samples import Points, predicted, principal
+from s2rtools.gap.visual.features import FeatureSource, feature_source
+from s2rtools.gap.visual.further_metrics import split_half_metrics
+from s2rtools.gap.visual.kid import KERNEL, BlockMMD, block_mmd
+from s2rtools.gap.visual.kl_divergence import bias_warning
+from s2rtools.gap.visual.low_dimensional_samples import (
+    PairedSamples,
+    prediction_samples,
+    principal_components,
+)
 
 Floats = NDArray[np.float64]
 
-LEAST_INSTANCES = 40
-LEAST_BLOCKS = 6
-"""2^(1 - 6) < 0.05: with fewer blocks no permutation test can tell anything at 5 %. In simulations
-of features with neighbours' correlation 0.8 the 95 % intervals of 40 instances in 6 blocks held the
-truth in 95 %, of 100 to 500 instances in 90 to 97 %; with correlation 0.95, longer than a block of
-100 instances, in 78 %.
+MIN_INSTANCES = 40
+MIN_BLOCKS = 6
+"""2^(1 - 6) < 0.05: with fewer blocks no permutation test is significant at 5 %.
+
+In simulations with a correlation of 0.8 between neighbours, 95 % intervals covered the truth in
+95 % for 40 instances in 6 blocks and in 90 to 97 % for 100 to 500 instances; with a correlation of
+0.95, which reaches beyond a block of 100 instances, in 78 %.
 """
-MOST_INSTANCES = 2000
+MAX_INSTANCES = 2000
 _SEED = 7
 _PERMUTATIONS = 999
 _RAW_FID = (
-    "FID grows as n falls (equal distributions of 1024 features at n = 100 gave 52), so no "
-    "threshold on it means anything: read it beside its floor"
+    "FID depends on n (equal distributions of 1024 features gave 52 at n = 100): compare it with "
+    "its noise floor, not with a threshold"
 )
 
 
@@ -44,7 +48,7 @@ _RAW_FID = (
 class _Sample:
     """Features (n, d) of both sides of the same instances in recording order, and their blocks."""
 
-    source: Source
+    source: FeatureSource
     iids: NDArray[np.int64]
     blocks: Blocks
     sim: Floats
@@ -52,39 +56,39 @@ class _Sample:
     notes: tuple[str, ...]
 
 
-class Visual(Axis):
+class VisualAxis(Axis):
     name: ClassVar[str] = "visual"
     unit: ClassVar[str] = "KID"
-    measure_is: ClassVar[str] = "kernel distance of sim and real images"
+    measure_is: ClassVar[str] = "kernel distance (KID) of sim and real images in the feature space"
     floor_is: ClassVar[str] = (
-        "0 by construction: the same of real and real images, averaged over all halves"
+        "0 by construction: the same distance between two halves of the real images, averaged over "
+        "all splits"
     )
     reason: ClassVar[str] = (
         "m is the unbiased squared MMD with the cubic polynomial kernel (KID) between sim images "
-        "and real images of other poses, averaged over all halves of the blocks. Of real images "
-        "against real images of other poses that average is 0 at every n, term by term, so the "
-        "floor is not measured; what single halves give is among the details. FID, which is "
-        "biased, would need it. The anchor is the sim images as they were before anything adapted "
-        "them."
+        "and real images of other poses, averaged over all splits of the blocks into halves. "
+        "Between real images of other poses this average is 0 at every n, so the floor needs no "
+        "measurement; the values of single splits are among the details. FID is biased and would "
+        "need one. The anchor is the sim images before any adaptation."
     )
 
     def missing(self, evidence: Evidence) -> str | None:
         if evidence.features is not None:
             return None
         store, run = evidence.store, evidence.run
-        reason = instance_selection.uncomputed(evidence)
+        reason = instance_selection.uncomputed_reason(evidence)
         if reason is None and not any(r.kind == "embedding" for r in store.arrays(run)):
             reason = f"run {run!r} has no embeddings; run `s2r precompute`"
         return reason
 
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
         sample = _sample(evidence)
-        pair = paired(sample.sim, sample.real, sample.blocks)
-        counts = blocks.draws(sample.blocks, settings.replicates, settings.seed)
-        components = principal(sample.sim, sample.real, settings.pca)
-        points = {"pca": components, **predicted(evidence.store, evidence.run, sample.iids)}
-        told = bias(components.periods.size)
-        details = _details(sample, pair, points, settings)
+        pair = block_mmd(sample.sim, sample.real, sample.blocks)
+        counts = block_counts(sample.blocks, settings, min_units=2)
+        components = principal_components(sample.sim, sample.real, settings.pca)
+        predictions = prediction_samples(evidence.store, evidence.run, sample.iids)
+        warning = bias_warning(components.periods.size)
+        details = _details(sample, pair, {"pca": components, **predictions}, settings)
         return AxisResult(
             axis=self.name,
             value=pair.value(),
@@ -96,31 +100,31 @@ class Visual(Axis):
             details=details,
             notes=(
                 *sample.notes,
-                _beside(details["halves"]),
-                sample.blocks.told,
+                _noise_floor_note(details["halves"]),
+                instance_selection.bootstrap_note(sample.blocks),
                 _RAW_FID,
-                *([f"PCA: {told}"] if told else []),
+                *([f"PCA: {warning}"] if warning else []),
             ),
         )
 
     def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
         run = evidence.store.run(evidence.run)
         if evidence.anchor_run is not None:
-            raw = _declared(evidence, run)
+            raw = _anchor_run(evidence, run)
             state = f"the sim images of run {raw.run}"
         elif not run.sim_adjustments:
             raw, state = run, f"the sim images of run {run.run}, unadapted"
         else:
-            raw = _unadapted(evidence, run)
+            raw = _unadapted_run(evidence, run)
             state = f"the sim images before {_steps(run)} (run {raw.run})"
         sample = _sample(replace(evidence, run=raw.run), iids=_iids(evidence))
-        pair = paired(sample.sim, sample.real, sample.blocks)
-        counts = blocks.draws(sample.blocks, settings.replicates, settings.seed)
+        pair = block_mmd(sample.sim, sample.real, sample.blocks)
+        counts = block_counts(sample.blocks, settings, min_units=2)
         return Anchor(pair.value(), pair.replicates(counts, settings.level), state)
 
 
 def _iids(evidence: Evidence) -> NDArray[np.int64]:
-    """What is looked at: for a model's own features nothing that it was trained on."""
+    """The instances to compare; for the run's own embedding, none that its model was trained on."""
     if evidence.features is None:
         return instance_selection.held_out(evidence)
     return instance_selection.selected(evidence)
@@ -130,44 +134,44 @@ def _sample(evidence: Evidence, iids: NDArray[np.int64] | None = None) -> _Sampl
     """Raises InconclusiveError where there are too few instances or blocks."""
     store = evidence.store
     iids = _iids(evidence) if iids is None else iids
-    cut = blocks.cut(store.instances.trajectory[iids])
-    if iids.size < LEAST_INSTANCES or cut.count < LEAST_BLOCKS:
+    blocks = split_into_blocks(store.instances.trajectory[iids])
+    if iids.size < MIN_INSTANCES or blocks.count < MIN_BLOCKS:
         raise InconclusiveError(
-            f"{iids.size} usable instances of {evidence.expression!r} in {cut.count} "
-            f"blocks; at least {LEAST_INSTANCES} in {LEAST_BLOCKS} are needed"
+            f"{iids.size} usable instances of {evidence.expression!r} in {blocks.count} "
+            f"blocks; at least {MIN_INSTANCES} in {MIN_BLOCKS} are needed"
         )
     notes: tuple[str, ...] = ()
-    if iids.size > MOST_INSTANCES:
-        fine = blocks.cut(store.instances.trajectory[iids], round(MOST_INSTANCES**0.5))
-        kept, cut = fine.part(MOST_INSTANCES, _SEED)
-        notes = (f"{kept.size} of {iids.size} instances, as seeded whole blocks",)
-        iids = iids[kept]
-    features = source(store, evidence.run, evidence.features)
+    if iids.size > MAX_INSTANCES:
+        fine = split_into_blocks(store.instances.trajectory[iids], round(MAX_INSTANCES**0.5))
+        rows, blocks = instance_selection.random_blocks(fine, MAX_INSTANCES, _SEED)
+        notes = (f"{rows.size} of {iids.size} instances, a random sample of whole blocks",)
+        iids = iids[rows]
+    features = feature_source(store, evidence.run, evidence.features)
     sim, real = features.read("sim", iids), features.read("real", iids)
-    return _Sample(features, iids, cut, sim, real, notes)
+    return _Sample(features, iids, blocks, sim, real, notes)
 
 
-def _declared(evidence: Evidence, run: Run) -> Run:
-    """The run whose sim images are the bad state; its features must be those of `run`."""
+def _anchor_run(evidence: Evidence, run: Run) -> Run:
+    """The declared run whose sim images are the bad state; its features must be those of `run`."""
     raw = evidence.store.run(evidence.anchor_run)
     if raw.model != run.model and evidence.features is None:
         raise RequestError(
-            f"--anchor-run {raw.run}: of model {raw.model}, whose embedding is not that of "
-            f"{run.model}; take a run of {run.model}, or --features"
+            f"--anchor-run {raw.run}: uses model {raw.model}, whose embedding differs from that of "
+            f"{run.model}; name a run of {run.model}, or use --features"
         )
     if raw.key is None and evidence.features is None:
         raise RequestError(f"--anchor-run {raw.run}: not computed; run `s2r precompute`")
     return raw
 
 
-def _unadapted(evidence: Evidence, run: Run) -> Run:
-    """A run of the same model and real images that leaves the sim images as they are."""
+def _unadapted_run(evidence: Evidence, run: Run) -> Run:
+    """A run of the same model and real images whose sim images are not adapted."""
     store: Store = evidence.store
     for other in store.runs.values():
         same = (other.model, other.sim_domain, other.real_domain, other.real_adjustments)
-        wanted = (run.model, run.sim_domain, run.real_domain, run.real_adjustments)
+        required = (run.model, run.sim_domain, run.real_domain, run.real_adjustments)
         usable = other.key is not None or evidence.features is not None
-        if not other.sim_adjustments and same == wanted and usable:
+        if not other.sim_adjustments and same == required and usable:
             return other
     raise RequestError(
         f"run {run.run!r}: nothing to compare its adapted sim images with; add a run of model "
@@ -182,7 +186,7 @@ def _steps(run: Run) -> str:
 def _fingerprint(evidence: Evidence, sample: _Sample) -> dict[str, str | int | float]:
     return {
         **sample.source.identity,
-        "poses": instance_selection.poses(evidence.store),
+        "poses": instance_selection.poses_sha256(evidence.store),
         "expression": evidence.expression,
         "dimensions": int(sample.real.shape[1]),
         "kernel": KERNEL,
@@ -192,20 +196,23 @@ def _fingerprint(evidence: Evidence, sample: _Sample) -> dict[str, str | int | f
 
 
 def _details(
-    sample: _Sample, pair: Paired, points: Mapping[str, Points], settings: GapSettings
+    sample: _Sample, pair: BlockMMD, samples: Mapping[str, PairedSamples], settings: GapSettings
 ) -> dict[str, Any]:
     return {
         "blocks": pair.blocks,
         "kid_p": pair.swap_p(_PERMUTATIONS, settings.seed),
         "permutations": _PERMUTATIONS,
-        "halves": figures(sample.sim, sample.real, sample.blocks, settings.seed, points),
+        "halves": split_half_metrics(
+            sample.sim, sample.real, sample.blocks, settings.seed, samples
+        ),
     }
 
 
-def _beside(halves: dict[str, Any]) -> str:
-    """What real against real gives at the same n."""
+def _noise_floor_note(halves: dict[str, Any]) -> str:
+    """KID of random halves and its noise floor at the same n."""
     kid = halves["kid"]
     return (
-        f"of halves, n = {halves['n']}: KID {kid['value']:.3f} of sim and real, {kid['floor']:.3f} "
-        f"({kid['floor_low']:.3f} .. {kid['floor_high']:.3f}) of real and real"
+        f"two random halves of the instances, n = {halves['n']} each: KID {kid['value']:.3f} "
+        f"between sim and real; {kid['floor']:.3f} ({kid['floor_low']:.3f} .. "
+        f"{kid['floor_high']:.3f}) between the real images of both halves (noise floor)"
     )

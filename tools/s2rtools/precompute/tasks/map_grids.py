@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry.floor_grid import AGGREGATES, FloorHeat, MapGrid
+from s2rstore.geometry.floor_grid import AGGREGATES, CELLS, HEIGHTS, FloorHeat, MapGrid
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run, Side
 from s2rstore.run_inputs import run_domain
@@ -22,7 +22,7 @@ _READ_ROWS = 64
 
 def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[Stage]:
     """Map grids of every heatmap of the given stages, one stage per kind and side."""
-    grid = MapGrid(store.dataset.bounds, MAP_SETTINGS["cells"])
+    grid = MapGrid(store.dataset.bounds)
     predictions = forward.specs_of_kind("prediction")
     stages = []
     for stage in (forward, *others):
