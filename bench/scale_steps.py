@@ -6,18 +6,18 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from bench.index_store import ROOMS
-from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.brush import Mark
 from s2rtui.charts.compare.model import difference_model
 from s2rtui.charts.errors.model import histogram_model
-from s2rtui.charts.map.model import geomap_model, value_range
 from s2rtui.charts.map.terminal import geomap_layout
 from s2rtui.charts.orientation.model import orientation_model
 from s2rtui.charts.overview.layout import overview_layout
-from s2rtui.charts.overview.line_density import line_density
+from s2rtui.charts.overview.lines import line_density
 from s2rtui.charts.overview.model import overview_model
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.rooms.model import rooms_model
-from s2rtui.charts.shared.map_cells import other_dots, top_levels
+from s2rtui.charts.shared.map_model import geomap_model, value_range
+from s2rtui.charts.shared.points import other_dots, top_levels
 from s2rtui.charts.umap.model import umap_model
 from s2rtui.charts.umap.terminal import umap_layout
 from s2rtui.charts.view import Scene

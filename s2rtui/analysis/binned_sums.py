@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.bins import Bins, Chosen, gathered
+from s2rtui.analysis.binning import Bins, Chosen, gathered
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 
 Floats = NDArray[np.float64]

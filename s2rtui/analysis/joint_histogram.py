@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis.binned_sums import occupied
-from s2rtui.analysis.bins import Bins, Chosen, Codes, Counts, gathered, joined
+from s2rtui.analysis.binning import Bins, Chosen, Codes, Counts, gathered, joined
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 
 LARGEST = 1 << 14

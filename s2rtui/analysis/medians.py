@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.bins import Bins, Bools
+from s2rtui.analysis.binning import Bins, Bools
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 
 Floats = NDArray[np.floating]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.brush import Mark
 
 
 def pending(mark: Mark | None, panel: str) -> Mark | None:

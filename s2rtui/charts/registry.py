@@ -5,11 +5,11 @@ from s2rtui.charts.compare.view import CompareView
 from s2rtui.charts.errors.view import ErrorsView
 from s2rtui.charts.history.view import HistoryView
 from s2rtui.charts.instance.view import InstanceView
+from s2rtui.charts.list.view import ListView
 from s2rtui.charts.map.view import MapView
 from s2rtui.charts.orientation.view import OrientationView
 from s2rtui.charts.overview.view import OverviewView
 from s2rtui.charts.rooms.view import RoomsView
-from s2rtui.charts.table.view import ListView
 from s2rtui.charts.umap.view import UmapView
 from s2rtui.charts.view import Resources, Scene, View
 

@@ -15,7 +15,7 @@ from s2rstore.language.canonical_text import quoted
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.shared.inputs import InstanceInput, OverviewRow
 from s2rtui.session import Session, State
 from s2rtui.session.provenance import (

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
-from s2rtui.charts.adjust.adjusted_instance import live_input
+from s2rtui.charts.adjust.model import live_input
 from s2rtui.loaders.loader import Fields, LoadContext
 from s2rtui.session import adjusting
 from s2rtui.session.provenance import about

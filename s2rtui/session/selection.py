@@ -19,7 +19,7 @@ from s2rstore.language import (
 )
 from s2rstore.metrics.top_k import extremes, largest
 from s2rstore.reader import Store
-from s2rtui.analysis.bins import choose
+from s2rtui.analysis.binning import choose
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session import pending_target, saved_selection_diff
 from s2rtui.session.state import State

@@ -14,10 +14,10 @@ from s2rtui.app.pilot import settle, snapshot, take
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.status_line import status_line
 from s2rtui.canvas import ColourMode, RenderOptions
-from s2rtui.charts.test_card import card, card_height
 from s2rtui.session import Session
 from s2rtui.terminal import diagnostics
 from s2rtui.terminal.capabilities import detect
+from s2rtui.terminal.test_card import card, card_height
 
 
 @pytest.fixture(scope="module")

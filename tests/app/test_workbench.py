@@ -17,7 +17,7 @@ from s2rtui.app.controllers import prompt
 from s2rtui.app.pilot import settle, take
 from s2rtui.app.screens.tour import TourScreen
 from s2rtui.canvas import RenderOptions
-from s2rtui.canvas.brush_surface import Panel
+from s2rtui.canvas.brush import Panel
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import Session, instance_list
 from s2rtui.user_data.notebook import Notebook
@@ -402,7 +402,7 @@ async def test_a_tag_changes_the_selection_that_uses_it(tiny_store: Path) -> Non
 async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from s2rtui.charts.shared import view_inputs
+    from s2rtui.charts.instance import model
 
     def broken(*arguments: object) -> None:
         raise KeyError("frames")
@@ -410,7 +410,7 @@ async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        monkeypatch.setattr(view_inputs, "instance_input", broken)
+        monkeypatch.setattr(model, "instance_input", broken)
         await press(app, pilot, "right")
         assert "pictures" in app.session.state.message
         monkeypatch.undo()

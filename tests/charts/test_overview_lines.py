@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.brush_surface import Mark, panel_at
+from s2rtui.canvas.brush import Mark, panel_at
 from s2rtui.canvas.render_options import UNICODE
-from s2rtui.charts.overview import line_density as module
+from s2rtui.charts.overview import lines as module
 from s2rtui.charts.overview.layout import overview_layout, overview_surface
-from s2rtui.charts.overview.line_density import bin_count, levels, line_density, pair_counts
+from s2rtui.charts.overview.lines import bin_count, levels, line_density, pair_counts
 from s2rtui.charts.overview.model import overview_model
 from s2rtui.charts.overview.terminal import overview
 from s2rtui.charts.shared.inputs import OverviewLines, OverviewRow

@@ -10,16 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
-from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.brush import Mark
 from s2rtui.charts.compare.terminal import difference
 from s2rtui.charts.errors.terminal import histogram
 from s2rtui.charts.history.model import HistoryInput
 from s2rtui.charts.history.terminal import history
-from s2rtui.charts.instance.terminal import instance
 from s2rtui.charts.map.terminal import geomap
 from s2rtui.charts.orientation.terminal import orientation
 from s2rtui.charts.overview.terminal import overview
 from s2rtui.charts.rooms.terminal import rooms
+from s2rtui.charts.shared.instance_terminal import instance
 from s2rtui.charts.umap.terminal import umap
 from s2rtui.terminal.strips import to_strips
 from tests.charts.examples import (

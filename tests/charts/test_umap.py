@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, LIGHT, ColourMode, RenderOptions
-from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.brush import Mark
 from s2rtui.canvas.colour import legible, turbo
 from s2rtui.charts.umap.model import LEVELS, umap_frame, umap_model
 from s2rtui.charts.umap.terminal import umap, umap_layout, umap_surface

@@ -9,7 +9,7 @@ from typing import cast
 from s2rstore.errors import RequestError, S2RError
 from s2rtui.app.controllers.base import Desk
 from s2rtui.app.widgets.plot import Cell, PlotView, Stroke
-from s2rtui.canvas.brush_surface import Panel, panel_at
+from s2rtui.canvas.brush import Panel, panel_at
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.view import View
 from s2rtui.session import brushing, display, instance_list

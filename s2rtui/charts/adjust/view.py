@@ -6,9 +6,9 @@ import textwrap
 from collections.abc import Sequence
 
 from s2rtui.canvas import Canvas, RenderOptions, Size
-from s2rtui.canvas.brush_surface import Panel, Point
+from s2rtui.canvas.brush import Panel, Point
 from s2rtui.charts.adjust.terminal import SliderLine, sliders, sliders_surface
-from s2rtui.charts.instance import terminal
+from s2rtui.charts.shared import instance_terminal
 from s2rtui.charts.view import Scene, View
 from s2rtui.session import Session, adjusting
 from s2rtui.session.state import Adjust
@@ -65,7 +65,7 @@ class AdjustView(View):
             return _written(canvas, failed, used + 1)
         live = scene.resources.adjusted(scene.state)
         if live is not None and space > 0:
-            canvas.paste(terminal.instance(live, (canvas.width, space), look), 0, used + 1)
+            canvas.paste(instance_terminal.instance(live, (canvas.width, space), look), 0, used + 1)
         return canvas
 
     def _rows(self, scene: Scene, height: int) -> int:

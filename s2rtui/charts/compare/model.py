@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis.binned_sums import sums, total_of
-from s2rtui.analysis.bins import Bins, Chosen, bins, choose, count
+from s2rtui.analysis.binning import Bins, Chosen, bins, choose, count
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.charts.map.model import cursor_of, sizes
 from s2rtui.charts.shared.inputs import Bools, DifferenceInput
-from s2rtui.charts.shared.map_cells import cells
+from s2rtui.charts.shared.map_model import cursor_of, sizes
+from s2rtui.charts.shared.points import cells
 
 Means = NDArray[np.float64]
 

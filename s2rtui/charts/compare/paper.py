@@ -11,10 +11,10 @@ from s2rstore.records import Bounds
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme, turbo
 from s2rtui.charts.compare.model import difference_model
 from s2rtui.charts.compare.paper_difference import difference_legend, draw_difference
-from s2rtui.charts.map.model import default_view, geomap_model
 from s2rtui.charts.map.paper_points import draw_cursor, draw_others, draw_values
 from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.inputs import DifferenceInput, GeoMapInput, Ground
+from s2rtui.charts.shared.map_model import default_view, geomap_model
 from s2rtui.charts.shared.paper import (
     Box,
     Page,

@@ -10,10 +10,10 @@ from s2rstore.records import Bounds
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme
 from s2rtui.charts.compare.model import DifferenceModel, by_size, difference_model, verdicts
 from s2rtui.charts.compare.terminal import tint
-from s2rtui.charts.map.model import default_view
 from s2rtui.charts.map.paper_points import draw_others
 from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.inputs import DifferenceInput
+from s2rtui.charts.shared.map_model import default_view
 from s2rtui.charts.shared.paper import Pixels, colour_scale, page_of, unit, written
 from s2rtui.charts.shared.paper_map import MANY, MapSheet, map_sheet, marker_legend
 

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.brush_surface import Panel, draw_mark
+from s2rtui.canvas.brush import Panel, draw_mark
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Pixels, Rgb, diverging, legible
 from s2rtui.canvas.render_options import RenderOptions
@@ -17,7 +17,6 @@ from s2rtui.charts.compare.model import (
     difference_model,
     verdicts,
 )
-from s2rtui.charts.map.model import default_view
 from s2rtui.charts.map.points import draw_others, draw_pose, stamp
 from s2rtui.charts.map.terminal import clip_part, others_part
 from s2rtui.charts.shared.axis_scale import short
@@ -31,7 +30,8 @@ from s2rtui.charts.shared.legend import (
     words,
 )
 from s2rtui.charts.shared.map_background import draw_ground, draw_names
-from s2rtui.charts.shared.map_layout import GeoMapLayout, draw_axes, map_layout, map_panel
+from s2rtui.charts.shared.map_model import default_view
+from s2rtui.charts.shared.map_terminal import GeoMapLayout, draw_axes, map_layout, map_panel
 
 
 def signs(look: RenderOptions) -> str:

@@ -11,13 +11,14 @@ import numpy as np
 from s2rstore.errors import RequestError
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.compare.model import difference_model
 from s2rtui.charts.compare.terminal import difference, difference_surface
-from s2rtui.charts.map.model import value_range
+from s2rtui.charts.instance import model
 from s2rtui.charts.map.terminal import geomap
-from s2rtui.charts.shared import inputs, view_inputs
+from s2rtui.charts.shared import inputs
 from s2rtui.charts.shared.inputs import Floats
+from s2rtui.charts.shared.map_model import value_range
 from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, area
 from s2rtui.session import Session, pending_target, run_differences
 
@@ -44,7 +45,7 @@ class CompareView(View):
         store, state = scene.store, scene.state
         first, second = (store.run_columns(run).side(state.side) for run in (state.run, other))
         return inputs.DifferenceInput(
-            view_inputs.truth_points(store), first.error, second.error, state.selected, state.base,
+            model.truth_points(store), first.error, second.error, state.selected, state.base,
             store.dataset.bounds, (state.run, other), state.side, equal=_EQUAL,
             cursor=state.cursor, y_down=store.dataset.y_down,
             floor_plan=scene.resources.floor_plan, rooms=store.rooms,
@@ -101,7 +102,7 @@ class CompareView(View):
         upper = max(value_range(column, state.base)[1] for column in errors)
         first, second = (
             replace(
-                view_inputs.map_input(
+                model.map_input(
                     store, replace(state, run=run, map_mode="colour"), scene.resources.floor_plan
                 ),
                 values=column,
@@ -147,11 +148,11 @@ class CompareView(View):
         return [run_differences.lowered(panel, top + maps) for panel in panels]
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
-        return view_inputs.point_of(view_inputs.truth_points(scene.store), scene.state.cursor)
+        return model.point_of(model.truth_points(scene.store), scene.state.cursor)
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        points = view_inputs.truth_points(scene.store)
-        nearest = view_inputs.nearest(points, scene.state.base, point)
+        points = model.truth_points(scene.store)
+        nearest = model.nearest(points, scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 

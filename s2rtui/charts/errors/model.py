@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.bins import Bins, bins, choose
+from s2rtui.analysis.binning import Bins, bins, choose
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.medians import median
 from s2rtui.charts.shared.inputs import Floats, HistogramInput

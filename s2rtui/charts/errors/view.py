@@ -9,7 +9,7 @@ import numpy as np
 
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.errors.model import histogram_model
 from s2rtui.charts.errors.terminal import histogram, histogram_surface
 from s2rtui.charts.shared import inputs

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.charts.instance import terminal
+from s2rtui.charts.shared import instance_terminal
 from s2rtui.charts.view import Pixels, Scene, Table, View
 from s2rtui.session.provenance import about
 
@@ -85,4 +85,4 @@ class InstanceView(View):
         shown = scene.resources.pictures
         if remark := scene.remark(shown.iid):
             shown = replace(shown, notes=(("remark", remark), *shown.notes))
-        return terminal.instance(shown, size, look)
+        return instance_terminal.instance(shown, size, look)

@@ -10,10 +10,7 @@ from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Rgb, mix
 from s2rtui.canvas.raster import braille, dot_grid
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.map.model import GeoMapModel
-from s2rtui.charts.map.points import stamp
-from s2rtui.charts.shared.axis_scale import short
-from s2rtui.charts.shared.error_glyphs import (
+from s2rtui.charts.map.model import (
     LARGEST,
     ErrorGlyphs,
     arc_degrees,
@@ -21,9 +18,12 @@ from s2rtui.charts.shared.error_glyphs import (
     error_glyphs,
     full_scale,
 )
+from s2rtui.charts.map.points import stamp
+from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.inputs import GeoMapInput
 from s2rtui.charts.shared.legend import LegendPart, words
-from s2rtui.charts.shared.map_cells import lit_cells
+from s2rtui.charts.shared.map_model import GeoMapModel
+from s2rtui.charts.shared.points import lit_cells
 
 ARC_FOOTPRINT = (7, 3)
 ARROW_FOOTPRINT = (9, 3)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from s2rstore.records import Bounds
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme, turbo
-from s2rtui.charts.map.model import GeoMapModel, default_view, geomap_model
 from s2rtui.charts.map.paper_error_glyphs import draw_wedges, wedge_legend
 from s2rtui.charts.map.paper_points import (
     draw_cursor,
@@ -13,6 +12,7 @@ from s2rtui.charts.map.paper_points import (
     draw_values,
 )
 from s2rtui.charts.shared.inputs import GeoMapInput
+from s2rtui.charts.shared.map_model import GeoMapModel, default_view, geomap_model
 from s2rtui.charts.shared.paper import Pixels, broken, colour_scale, page_of, written
 from s2rtui.charts.shared.paper_map import MapSheet, map_sheet, marker_legend
 

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.canvas.colour import Rgb, Theme
-from s2rtui.charts.map.model import GeoMapModel
-from s2rtui.charts.shared.axis_scale import short
-from s2rtui.charts.shared.error_glyphs import (
+from s2rtui.charts.map.model import (
     LARGEST,
     ErrorGlyphs,
     arc_degrees,
@@ -19,7 +17,9 @@ from s2rtui.charts.shared.error_glyphs import (
     error_glyphs,
     full_scale,
 )
+from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.inputs import GeoMapInput
+from s2rtui.charts.shared.map_model import GeoMapModel
 from s2rtui.charts.shared.paper import unit
 from s2rtui.charts.shared.paper_map import MapSheet
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
-from s2rtui.analysis.bins import Chosen
+from s2rtui.analysis.binning import Chosen
 from s2rtui.canvas.colour import Theme, turbo
-from s2rtui.charts.map.model import GeoMapModel, by_value, lined
 from s2rtui.charts.shared.inputs import Floats, GeoMapInput
+from s2rtui.charts.shared.map_model import GeoMapModel, by_value, lined
 from s2rtui.charts.shared.paper import unit
 from s2rtui.charts.shared.paper_map import MANY, Spots
 

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.bins import Chosen
+from s2rtui.analysis.binning import Chosen
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Rgb, legible, turbo
 from s2rtui.canvas.raster import braille, braille_bits, dot_grid, ground, segment_dots
 from s2rtui.canvas.render_options import RenderOptions, heading_arrow
-from s2rtui.charts.map.model import GeoMapModel, lined
 from s2rtui.charts.shared.inputs import Floats, GeoMapInput, LivePose
 from s2rtui.charts.shared.legend import ramp_for_values
-from s2rtui.charts.shared.map_cells import level_shares, lit_cells, other_dots, top_levels
+from s2rtui.charts.shared.map_model import GeoMapModel, lined
+from s2rtui.charts.shared.points import level_shares, lit_cells, other_dots, top_levels
 
 Places = NDArray[np.intp]
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.brush_surface import Panel, draw_mark
+from s2rtui.canvas.brush import Panel, draw_mark
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.map.error_arcs import draw_glyphs, glyph_legend
-from s2rtui.charts.map.model import LINES_UP_TO, GeoMapModel, default_view, geomap_model
 from s2rtui.charts.map.points import (
     draw_cursor,
     draw_live,
@@ -26,7 +25,13 @@ from s2rtui.charts.shared.legend import (
     words,
 )
 from s2rtui.charts.shared.map_background import HEAT_RAMPS, draw_ground, draw_names
-from s2rtui.charts.shared.map_layout import GeoMapLayout, draw_axes, map_layout, map_panel
+from s2rtui.charts.shared.map_model import (
+    LINES_UP_TO,
+    GeoMapModel,
+    default_view,
+    geomap_model,
+)
+from s2rtui.charts.shared.map_terminal import GeoMapLayout, draw_axes, map_layout, map_panel
 
 
 def geomap_layout(

@@ -9,10 +9,11 @@ import numpy as np
 
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
-from s2rtui.charts.adjust.adjusted_instance import live_poses
+from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.charts.adjust.model import live_poses
+from s2rtui.charts.instance import model
 from s2rtui.charts.map import terminal
-from s2rtui.charts.shared import inputs, view_inputs
+from s2rtui.charts.shared import inputs
 from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, area
 from s2rtui.session import Session
 from s2rtui.session.heatmaps import share_told
@@ -54,7 +55,7 @@ class MapView(View):
 
     def input(self, scene: Scene) -> inputs.GeoMapInput:
         state, resources = scene.state, scene.resources
-        view = view_inputs.map_input(
+        view = model.map_input(
             scene.store,
             state,
             resources.floor_plan,
@@ -114,11 +115,11 @@ class MapView(View):
         return terminal.geomap_surface(self.input(scene), size, look, scene.state.viewport)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
-        return view_inputs.point_of(view_inputs.truth_points(scene.store), scene.state.cursor)
+        return model.point_of(model.truth_points(scene.store), scene.state.cursor)
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        points = view_inputs.truth_points(scene.store)
-        nearest = view_inputs.nearest(points, scene.state.base, point)
+        points = model.truth_points(scene.store)
+        nearest = model.nearest(points, scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from s2rtui.canvas.brush_surface import Point
+from s2rtui.canvas.brush import Point
 
 Dots = NDArray[np.bool_]
 RING = 0.32

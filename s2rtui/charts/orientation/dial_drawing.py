@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2rtui.canvas.brush_surface import Mark, Panel
+from s2rtui.canvas.brush import Mark, Panel
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.pending_brush import arc_of

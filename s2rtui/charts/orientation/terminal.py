@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtui.canvas.brush_surface import Panel, Point
+from s2rtui.canvas.brush import Panel, Point
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.pending_brush import pending, wrapped

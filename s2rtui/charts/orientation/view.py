@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.orientation.model import orientation_model
 from s2rtui.charts.orientation.terminal import orientation, orientation_surface
 from s2rtui.charts.shared import inputs

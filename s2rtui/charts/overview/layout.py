@@ -8,7 +8,7 @@ from functools import partial
 
 from rich.cells import cell_len
 
-from s2rtui.canvas.brush_surface import Panel, Point
+from s2rtui.canvas.brush import Panel, Point
 from s2rtui.canvas.canvas import Size
 from s2rtui.charts.overview.model import overview_model
 from s2rtui.charts.shared.inputs import Interval, OverviewLines, OverviewRow

@@ -12,7 +12,7 @@ from s2rtui.canvas.colour_mode import ColourMode
 from s2rtui.canvas.raster import braille, dot_grid, segment_dots
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.overview.layout import OverviewLayout, axis_share
-from s2rtui.charts.overview.line_density import Density, levels, line_density
+from s2rtui.charts.overview.lines import Density, levels, line_density
 from s2rtui.charts.shared.axis_scale import finite
 from s2rtui.charts.shared.inputs import Interval, OverviewLines
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.canvas.colour import Rgb, Theme
-from s2rtui.charts.overview.line_density import MANY, levels, pair_counts
 from s2rtui.charts.overview.line_drawing import own_accuracies
+from s2rtui.charts.overview.lines import MANY, levels, pair_counts
 from s2rtui.charts.shared.inputs import Interval, OverviewLines
 from s2rtui.charts.shared.paper import unit
 

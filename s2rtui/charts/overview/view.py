@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from s2rstore.language.canonical_text import string
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.overview import layout, terminal
 from s2rtui.charts.shared import inputs
 from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, span

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.pending_brush import pending, steps_of

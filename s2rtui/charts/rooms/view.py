@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.rooms.model import rooms_model
 from s2rtui.charts.rooms.terminal import rooms, rooms_surface
 from s2rtui.charts.shared import inputs

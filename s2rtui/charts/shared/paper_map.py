@@ -14,9 +14,9 @@ from s2rtui.canvas.colour import Rgb, Theme, luma, mix, turbo
 from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.axis_scale import fraction, short, step, ticks
 from s2rtui.charts.shared.inputs import Floats, Ground
-from s2rtui.charts.shared.map_cells import dots
 from s2rtui.charts.shared.map_layers import DIMMED, heat_scale, seen_cells
 from s2rtui.charts.shared.paper import Box, Page, broken, dress, heading, new_figure, unit
+from s2rtui.charts.shared.points import dots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

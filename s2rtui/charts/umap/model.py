@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
-from s2rtui.analysis.bins import Bins, Chosen, bins, choose, count, joined
+from s2rtui.analysis.binning import Bins, Chosen, bins, choose, count, joined
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, fit
 from s2rtui.charts.shared.axis_scale import fraction, percentile_range
 from s2rtui.charts.shared.inputs import Bools, Floats, Interval, UmapInput
-from s2rtui.charts.shared.map_cells import cells, dots
+from s2rtui.charts.shared.points import cells, dots
 
 LEVELS = 20
 """Steps of the colour scale; level 0 stands for no value."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from s2rtui.analysis.bins import choose
+from s2rtui.analysis.binning import choose
 from s2rtui.canvas.colour import LIGHT, Theme, turbo
 from s2rtui.charts.shared.axis_scale import fraction, ticks
 from s2rtui.charts.shared.inputs import Floats, UmapInput

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.brush_surface import Panel, Point, draw_mark
+from s2rtui.canvas.brush import Panel, Point, draw_mark
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import legible, turbo
 from s2rtui.canvas.raster import braille

@@ -8,8 +8,9 @@ import numpy as np
 
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
-from s2rtui.charts.shared import inputs, view_inputs
+from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.charts.instance import model
+from s2rtui.charts.shared import inputs
 from s2rtui.charts.shared.inputs import Floats
 from s2rtui.charts.umap import terminal
 from s2rtui.charts.view import Pixels, Scene, Table, View, area
@@ -26,7 +27,7 @@ class UmapView(View):
         return "embeddings, coloured by the distance to the counterpart"
 
     def input(self, scene: Scene) -> inputs.UmapInput:
-        return view_inputs.umap_input(scene.store, scene.state, scene.mark(self.name))
+        return model.umap_input(scene.store, scene.state, scene.mark(self.name))
 
     def numbers(self, scene: Scene) -> Table:
         view = self.input(scene)
@@ -64,10 +65,10 @@ class UmapView(View):
         return terminal.umap_surface(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
-        return view_inputs.point_of(self._points(scene, panel), scene.state.cursor)
+        return model.point_of(self._points(scene, panel), scene.state.cursor)
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        nearest = view_inputs.nearest(self._points(scene, panel), scene.state.base, point)
+        nearest = model.nearest(self._points(scene, panel), scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 

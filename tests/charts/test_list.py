@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.table.terminal import (
+from s2rtui.charts.list.terminal import (
     TableColumn,
     TableInput,
     table,

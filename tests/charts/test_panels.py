@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rtui.canvas import RenderOptions
-from s2rtui.canvas.brush_surface import Panel
+from s2rtui.canvas.brush import Panel
 from s2rtui.charts.errors.terminal import histogram_surface
 from s2rtui.charts.orientation.terminal import orientation_surface
 from s2rtui.charts.rooms.terminal import rooms_surface

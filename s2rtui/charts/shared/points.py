@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis.binned_sums import occupied
-from s2rtui.analysis.bins import Bins, Chosen, Codes, count
+from s2rtui.analysis.binning import Bins, Chosen, Codes, count
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.shared.axis_scale import fraction

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from s2rstore.records import Bounds, Room
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.brush_surface import Mark, panel_at
+from s2rtui.canvas.brush import Mark, panel_at
 from s2rtui.canvas.colour import mix
 from s2rtui.charts.compare.terminal import difference_surface
 from s2rtui.charts.map.terminal import geomap, geomap_layout, geomap_surface

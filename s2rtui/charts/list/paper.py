@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme
+from s2rtui.charts.list.terminal import TableColumn, TableInput
 from s2rtui.charts.shared.paper import (
     Page,
     Pixels,
@@ -14,7 +15,6 @@ from s2rtui.charts.shared.paper import (
     unit,
     written,
 )
-from s2rtui.charts.table.terminal import TableColumn, TableInput
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.bins import bins, choose, count
+from s2rtui.analysis.binning import bins, choose, count
 
 SIZE = 40
 places = arrays.arrays(np.float64, SIZE, elements=st.floats(-2, 7) | st.just(np.nan))

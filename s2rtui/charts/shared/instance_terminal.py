@@ -14,14 +14,14 @@ from s2rtui.canvas.canvas import Canvas, InlineImage, Size
 from s2rtui.canvas.colour import DEPTH_SHADES, Pixels, depth_tint, diverging, legible, turbo
 from s2rtui.canvas.raster import picture, resample, shade
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.instance.model import (
+from s2rtui.charts.shared.inputs import InstanceInput, SideView
+from s2rtui.charts.shared.instance_model import (
     HEADINGS,
     InstanceModel,
     heat_colours,
     instance_model,
     panel_pixels,
 )
-from s2rtui.charts.shared.inputs import InstanceInput, SideView
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, draw_rows, flow
 
 SIGNED_RAMP = "ihgfedcba.123456789"

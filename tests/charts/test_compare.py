@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.analysis.bins import choose
+from s2rtui.analysis.binning import choose
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.charts.compare.model import cell_means, difference_model
 from s2rtui.charts.compare.terminal import difference, difference_layout

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.bins import Bins, Chosen, choose, count
+from s2rtui.analysis.binning import Bins, Chosen, choose, count
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.charts.overview.layout import OverviewLayout
 from s2rtui.charts.shared.inputs import Interval, OverviewLines

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame, fit
-from s2rtui.canvas.brush_surface import Panel, Point
+from s2rtui.canvas.brush import Panel, Point
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.axis_scale import step, tick_text, ticks

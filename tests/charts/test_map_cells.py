@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.analysis.bins import choose, count
+from s2rtui.analysis.binning import choose, count
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.charts.shared.map_cells import (
+from s2rtui.charts.shared.points import (
     LEVELS,
     cells,
     dots,

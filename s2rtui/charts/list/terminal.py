@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.brush_surface import Panel
+from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.render_options import RenderOptions
 

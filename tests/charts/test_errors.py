@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.brush import Mark
 from s2rtui.canvas.colour import mix
 from s2rtui.charts.errors.model import histogram_model
 from s2rtui.charts.errors.terminal import histogram, histogram_surface

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
-from s2rtui.charts.table.terminal import TableColumn, TableInput, table, table_surface
+from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.charts.list.terminal import TableColumn, TableInput, table, table_surface
 from s2rtui.charts.view import Pane, Pixels, Scene, Table, View
 from s2rtui.session import Session, instance_list
 
@@ -71,7 +71,7 @@ class ListView(View):
         return f"{scene.state.count} instances by {sort}: {told or 'none'}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
-        from s2rtui.charts.table import paper
+        from s2rtui.charts.list import paper
 
         title = f"{scene.state.run}: instances by {scene.state.sort}"
         told = f"{scene.caption}  ·  metres and degrees"

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.analysis.bins import bins, choose, count, joined
+from s2rtui.analysis.binning import bins, choose, count, joined
 
 SIZE = 40
 masks = arrays.arrays(np.bool_, SIZE)
