@@ -9,7 +9,7 @@ from typing import Literal
 
 from s2rstore.metrics import similarity
 from s2rtui.app.key_names import key_shown
-from s2rtui.charts.instance import model
+from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
 from s2rtui.security import Need, Permissions
 from s2rtui.session import Session, adjusting, display, instance_list
@@ -94,7 +94,7 @@ def _choose_alike(session: Session) -> object:
         told = f"run {state.run} has no embeddings to compare; `s2r precompute` makes them"
         return session.tell(told)
     function = "sim.like" if state.side == "sim" else "like"
-    return session.choose(f"{function}({state.cursor}, {model.NEIGHBOURS})")
+    return session.choose(f"{function}({state.cursor}, {NEIGHBOURS})")
 
 
 _OPERATORS = (

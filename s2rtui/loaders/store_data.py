@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore.reader import Store
-from s2rtui.charts.instance import model
+from s2rtui.charts.instance.model import floor_plan, instance_input, overview_rows
 from s2rtui.charts.view import RunAccuracies
 from s2rtui.loaders.loader import Fields, Key, LoadContext
 from s2rtui.session import heatmaps, pending_target
@@ -72,7 +72,7 @@ def read_rows(store: Store, state: State, caller: LoadContext) -> Fields:
     """Run after run, so that only one more is held in memory than is looked at."""
     found = []
     for run in state.runs:
-        found.append(model.overview_rows(store, [run]))
+        found.append(overview_rows(store, [run]))
         if run != state.run:
             store.forget(run)
     baseline = found[0][1] if found else math.nan
@@ -93,7 +93,7 @@ def wants_floor_plan(store: Store, state: State) -> Key | None:
 
 
 def read_floor_plan(store: Store, state: State, caller: LoadContext) -> Fields:
-    return {"floor_plan": model.floor_plan(str(store.floor_plan_path()))}
+    return {"floor_plan": floor_plan(str(store.floor_plan_path()))}
 
 
 def wants_pictures(store: Store, state: State) -> Key | None:
@@ -104,7 +104,7 @@ def wants_pictures(store: Store, state: State) -> Key | None:
 
 def read_pictures(store: Store, state: State, caller: LoadContext) -> Fields:
     assert state.cursor is not None
-    pictures = model.instance_input(store, state.run, state.cursor, state.heat)
+    pictures = instance_input(store, state.run, state.cursor, state.heat)
     return {"pictures": pictures, "pictures_of": about(state)}
 
 

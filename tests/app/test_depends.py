@@ -13,7 +13,7 @@ from s2rstore.records import Bounds
 from s2rtui.app.status_line import shown
 from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.canvas.brush import Mark
-from s2rtui.charts.instance import model
+from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.view import Resources, RunAccuracies, Scene, View
 from s2rtui.loaders import store_data
@@ -107,7 +107,7 @@ def scenes(session: Session) -> dict[str, Scene]:
     store, state = session.store, session.state
     grid = np.arange(16, dtype=np.float32).reshape(4, 4)
     fed = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
-    pictures, live = (model.instance_input(store, state.run, i, state.heat) for i in (0, 2))
+    pictures, live = (instance_input(store, state.run, i, state.heat) for i in (0, 2))
     of = {"pictures_of": about(state), "live_of": about(state)}
     plain = Scene(store, state, Resources(**fed, pictures=pictures, live=live, **of))
     heated = replace(plain.resources, grid=grid, seen=grid > 7, live_grid=grid[::-1])

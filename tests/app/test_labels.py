@@ -16,9 +16,9 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.messages import LoadProgressed
 from s2rtui.app.pilot import settle, take
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.instance import model
+from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.loaders import LOADERS
+from s2rtui.loaders import LOADERS, store_data
 from s2rtui.session import Session
 from s2rtui.session.provenance import about
 from s2rtui.session.state import Adjust, Slider
@@ -80,7 +80,7 @@ async def test_pictures_that_cannot_be_read_are_not_awaited(
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
-        monkeypatch.setattr(model, "instance_input", lambda *_: 1 / 0)
+        monkeypatch.setattr(store_data, "instance_input", lambda *_: 1 / 0)
         await press(app, pilot, "right")
         assert "loading" not in told(app, "instance")
         assert "division by zero" in told(app, "instance")
@@ -140,7 +140,7 @@ async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
         await press(app, pilot, "c")
         session, state = app.session, app.session.state
         adjust = Adjust(state.run, ((SLIDER.key, 1.0),), 0, (SLIDER,))
-        shown = model.instance_input(session.store, state.run, state.cursor, None)
+        shown = instance_input(session.store, state.run, state.cursor, None)
         grid = np.ones((4, 4), dtype=np.float32)
         found = replace(app.resources, live=shown, live_of=about(state), live_grid=grid)
         here = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")

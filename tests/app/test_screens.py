@@ -16,7 +16,7 @@ import pytest
 from s2rstore.reader import Store
 from s2rtui.app.pilot import snapshot
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.instance import model
+from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import VIEWS
 from s2rtui.loaders.live_prediction import Bench
 from s2rtui.terminal import diagnostics
@@ -65,7 +65,7 @@ class Still:
     kinds: tuple[str, ...] = ()
 
     def steps(self, iid: int, *_: object) -> Iterator[SimpleNamespace]:
-        shown = model.instance_input(self.store, self.run, iid, None)
+        shown = instance_input(self.store, self.run, iid, None)
         sides = {}
         for name, side in (("sim", shown.sim), ("real", shown.real)):
             pose = side.pose

@@ -402,7 +402,7 @@ async def test_a_tag_changes_the_selection_that_uses_it(tiny_store: Path) -> Non
 async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from s2rtui.charts.instance import model
+    from s2rtui.loaders import store_data
 
     def broken(*arguments: object) -> None:
         raise KeyError("frames")
@@ -410,7 +410,7 @@ async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        monkeypatch.setattr(model, "instance_input", broken)
+        monkeypatch.setattr(store_data, "instance_input", broken)
         await press(app, pilot, "right")
         assert "pictures" in app.session.state.message
         monkeypatch.undo()

@@ -14,10 +14,9 @@ from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.compare.model import difference_model
 from s2rtui.charts.compare.terminal import difference, difference_surface
-from s2rtui.charts.instance import model
+from s2rtui.charts.instance.model import map_input, nearest_iid, point_of, truth_points
 from s2rtui.charts.map.terminal import geomap
-from s2rtui.charts.shared import inputs
-from s2rtui.charts.shared.inputs import Floats
+from s2rtui.charts.shared.inputs import DifferenceInput, Floats, GeoMapInput
 from s2rtui.charts.shared.map_model import value_range
 from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, area
 from s2rtui.session import Session, pending_target, run_differences
@@ -41,11 +40,11 @@ class CompareView(View):
             return "there is only one run"
         return f"{scene.state.run} and {other}, {scene.state.side}: k another run, d side"
 
-    def input(self, scene: Scene, other: str) -> inputs.DifferenceInput:
+    def input(self, scene: Scene, other: str) -> DifferenceInput:
         store, state = scene.store, scene.state
         first, second = (store.run_columns(run).side(state.side) for run in (state.run, other))
-        return inputs.DifferenceInput(
-            model.truth_points(store), first.error, second.error, state.selected, state.base,
+        return DifferenceInput(
+            truth_points(store), first.error, second.error, state.selected, state.base,
             store.dataset.bounds, (state.run, other), state.side, equal=_EQUAL,
             cursor=state.cursor, y_down=store.dataset.y_down,
             floor_plan=scene.resources.floor_plan, rooms=store.rooms,
@@ -94,7 +93,7 @@ class CompareView(View):
         notes = run_differences.differences(scene.store, scene.state.run, other) if other else []
         return min(len(notes), max(0, size[1] - 3))
 
-    def maps(self, scene: Scene, other: str) -> tuple[inputs.GeoMapInput, inputs.GeoMapInput]:
+    def maps(self, scene: Scene, other: str) -> tuple[GeoMapInput, GeoMapInput]:
         """Both runs' maps, coloured by their errors on one scale."""
         store, state = scene.store, scene.state
         runs = (state.run, other)
@@ -102,7 +101,7 @@ class CompareView(View):
         upper = max(value_range(column, state.base)[1] for column in errors)
         first, second = (
             replace(
-                model.map_input(
+                map_input(
                     store, replace(state, run=run, map_mode="colour"), scene.resources.floor_plan
                 ),
                 values=column,
@@ -148,11 +147,11 @@ class CompareView(View):
         return [run_differences.lowered(panel, top + maps) for panel in panels]
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
-        return model.point_of(model.truth_points(scene.store), scene.state.cursor)
+        return point_of(truth_points(scene.store), scene.state.cursor)
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        points = model.truth_points(scene.store)
-        nearest = model.nearest(points, scene.state.base, point)
+        points = truth_points(scene.store)
+        nearest = nearest_iid(points, scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 

@@ -12,7 +12,7 @@ from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.errors.model import histogram_model
 from s2rtui.charts.errors.terminal import histogram, histogram_surface
-from s2rtui.charts.shared import inputs
+from s2rtui.charts.shared.inputs import HistogramInput
 from s2rtui.charts.view import Pixels, Scene, Table, View, cell_width, number, rounded, span
 
 BINS = 20
@@ -27,10 +27,10 @@ class ErrorsView(View):
     def told(self, scene: Scene) -> str:
         return "position error of the selection"
 
-    def input(self, scene: Scene) -> inputs.HistogramInput:
+    def input(self, scene: Scene) -> HistogramInput:
         state = scene.state
         columns = scene.store.run_columns(state.run)
-        return inputs.HistogramInput(
+        return HistogramInput(
             columns.sim.error, columns.real.error, state.selected, state.base,
             cursor=state.cursor, mark=scene.mark(self.name),
         )  # fmt: skip

@@ -233,7 +233,7 @@ def point_of(points: NDArray[np.floating[Any]], iid: int | None) -> tuple[float,
     return float(points[iid, 0]), float(points[iid, 1])
 
 
-def nearest(
+def nearest_iid(
     points: NDArray[np.floating[Any]], base: NDArray[np.bool_], at: tuple[float, float]
 ) -> int | None:
     """The iid of the base whose point (N, 2) is nearest."""

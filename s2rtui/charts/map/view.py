@@ -11,9 +11,9 @@ from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.adjust.model import live_poses
-from s2rtui.charts.instance import model
+from s2rtui.charts.instance.model import map_input, nearest_iid, point_of, truth_points
 from s2rtui.charts.map import terminal
-from s2rtui.charts.shared import inputs
+from s2rtui.charts.shared.inputs import GeoMapInput
 from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, area
 from s2rtui.session import Session
 from s2rtui.session.heatmaps import share_told
@@ -53,9 +53,9 @@ class MapView(View):
         )
         return told + "".join(f", no {feed}: {scene.resources.failed[feed]}" for feed in lacks)
 
-    def input(self, scene: Scene) -> inputs.GeoMapInput:
+    def input(self, scene: Scene) -> GeoMapInput:
         state, resources = scene.state, scene.resources
-        view = model.map_input(
+        view = map_input(
             scene.store,
             state,
             resources.floor_plan,
@@ -115,11 +115,11 @@ class MapView(View):
         return terminal.geomap_surface(self.input(scene), size, look, scene.state.viewport)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
-        return model.point_of(model.truth_points(scene.store), scene.state.cursor)
+        return point_of(truth_points(scene.store), scene.state.cursor)
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        points = model.truth_points(scene.store)
-        nearest = model.nearest(points, scene.state.base, point)
+        points = truth_points(scene.store)
+        nearest = nearest_iid(points, scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 

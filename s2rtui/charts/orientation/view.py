@@ -10,7 +10,7 @@ from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.orientation.model import orientation_model
 from s2rtui.charts.orientation.terminal import orientation, orientation_surface
-from s2rtui.charts.shared import inputs
+from s2rtui.charts.shared.inputs import OrientationInput
 from s2rtui.charts.view import Pixels, Scene, Table, View, turn
 
 _FIELDS = {"sim": "sim.heading", "truth": "heading", "real": "real.heading"}
@@ -25,10 +25,10 @@ class OrientationView(View):
     def told(self, scene: Scene) -> str:
         return "headings: sim, truth, real"
 
-    def input(self, scene: Scene) -> inputs.OrientationInput:
+    def input(self, scene: Scene) -> OrientationInput:
         store, state = scene.store, scene.state
         columns = store.run_columns(state.run)
-        return inputs.OrientationInput(
+        return OrientationInput(
             columns.sim.heading, store.instances.heading, columns.real.heading, state.selected,
             state.base, store.dataset.y_down, state.cursor, scene.mark(self.name),
         )  # fmt: skip

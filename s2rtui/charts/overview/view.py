@@ -10,7 +10,7 @@ from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.overview import layout, terminal
-from s2rtui.charts.shared import inputs
+from s2rtui.charts.shared.inputs import OverviewLines, OverviewRow
 from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, span
 from s2rtui.session import Session
 
@@ -32,23 +32,21 @@ class OverviewView(View):
             told = f": {failed}"
         return f"accuracy, sim and real{told}"
 
-    def lines(self, scene: Scene) -> inputs.OverviewLines | None:
+    def lines(self, scene: Scene) -> OverviewLines | None:
         """The instances across the runs, once a worker has brought them."""
         lines, rows, state = scene.resources.lines, self._rows(scene), scene.state
         if lines is None or any(row.run not in lines.values for row in rows):
             return None
         values = tuple(lines.values[row.run] for row in rows)
-        return inputs.OverviewLines(values, state.selected, state.base, lines.side, state.cursor)
+        return OverviewLines(values, state.selected, state.base, lines.side, state.cursor)
 
-    def _rows(self, scene: Scene) -> tuple[inputs.OverviewRow, ...]:
+    def _rows(self, scene: Scene) -> tuple[OverviewRow, ...]:
         """A row per run; until a worker has brought them, their names."""
         note = "cannot be read" if "rows" in scene.resources.failed else "reading"
-        empty = (inputs.OverviewRow(run, None, None, note=note) for run in scene.state.runs)
+        empty = (OverviewRow(run, None, None, note=note) for run in scene.state.runs)
         return scene.resources.rows or tuple(empty)
 
-    def _arguments(
-        self, scene: Scene
-    ) -> tuple[tuple[inputs.OverviewRow, ...], float | None, int | None]:
+    def _arguments(self, scene: Scene) -> tuple[tuple[OverviewRow, ...], float | None, int | None]:
         rows = self._rows(scene)
         selected = next((i for i, row in enumerate(rows) if row.run == scene.state.run), None)
         return rows, scene.resources.baseline, selected
@@ -112,7 +110,7 @@ class OverviewView(View):
         return span(panel, mark, f"{run}{side}.accuracy", 0.0, 1.0)
 
 
-def _caption(scene: Scene, lines: inputs.OverviewLines | None) -> str:
+def _caption(scene: Scene, lines: OverviewLines | None) -> str:
     """What the figures are over, and which instances are lines."""
     parts = [scene.store.dataset.name, "figures over the instances new to each model"]
     if lines is not None:

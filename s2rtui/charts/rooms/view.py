@@ -9,7 +9,7 @@ from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.rooms.model import rooms_model
 from s2rtui.charts.rooms.terminal import rooms, rooms_surface
-from s2rtui.charts.shared import inputs
+from s2rtui.charts.shared.inputs import RoomsInput
 from s2rtui.charts.view import Pixels, Scene, Table, View, named
 from s2rtui.session import Session
 
@@ -24,10 +24,10 @@ class RoomsView(View):
     def told(self, scene: Scene) -> str:
         return "rooms: sim, truth, real"
 
-    def input(self, scene: Scene) -> inputs.RoomsInput:
+    def input(self, scene: Scene) -> RoomsInput:
         store, state = scene.store, scene.state
         columns, truth = store.run_columns(state.run), store.instances
-        return inputs.RoomsInput(
+        return RoomsInput(
             columns.sim.room, truth.room, columns.real.room, truth.room_names, state.selected,
             state.base, state.cursor, scene.mark(self.name),
         )  # fmt: skip

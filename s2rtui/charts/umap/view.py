@@ -9,9 +9,8 @@ import numpy as np
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.instance import model
-from s2rtui.charts.shared import inputs
-from s2rtui.charts.shared.inputs import Floats
+from s2rtui.charts.instance.model import nearest_iid, point_of, umap_input
+from s2rtui.charts.shared.inputs import Floats, UmapInput
 from s2rtui.charts.umap import terminal
 from s2rtui.charts.view import Pixels, Scene, Table, View, area
 from s2rtui.session import Session
@@ -26,8 +25,8 @@ class UmapView(View):
     def told(self, scene: Scene) -> str:
         return "embeddings, coloured by the distance to the counterpart"
 
-    def input(self, scene: Scene) -> inputs.UmapInput:
-        return model.umap_input(scene.store, scene.state, scene.mark(self.name))
+    def input(self, scene: Scene) -> UmapInput:
+        return umap_input(scene.store, scene.state, scene.mark(self.name))
 
     def numbers(self, scene: Scene) -> Table:
         view = self.input(scene)
@@ -65,10 +64,10 @@ class UmapView(View):
         return terminal.umap_surface(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
-        return model.point_of(self._points(scene, panel), scene.state.cursor)
+        return point_of(self._points(scene, panel), scene.state.cursor)
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        nearest = model.nearest(self._points(scene, panel), scene.state.base, point)
+        nearest = nearest_iid(self._points(scene, panel), scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from s2rtui.charts.instance import model as view_inputs
+from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.inputs import InstanceInput, SideView
 from s2rtui.charts.shared.instance_model import InstanceModel, instance_model, panel_pixels
@@ -32,7 +32,7 @@ def _by_error(state: State) -> State:
 
 
 def _example(scene: Scene, iid: int, heat: HeatChoice | None) -> Example:
-    shown = view_inputs.instance_input(scene.store, scene.state.run, iid, heat)
+    shown = instance_input(scene.store, scene.state.run, iid, heat)
     remark = scene.notes.remarks.get(iid, Remark())
     return Example(iid, _poses(shown), shown.notes, _images(shown), remark.tags, remark.note)
 
