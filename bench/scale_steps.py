@@ -16,11 +16,11 @@ from s2rtui.charts.overview.lines import line_density
 from s2rtui.charts.overview.model import overview_model
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.rooms.model import rooms_model
+from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.map_model import geomap_model, value_range
 from s2rtui.charts.shared.points import other_dots, top_levels
 from s2rtui.charts.umap.model import umap_model
 from s2rtui.charts.umap.terminal import umap_layout
-from s2rtui.charts.view import Scene
 from s2rtui.session import Brush, Session, display, instance_list, run_differences
 from s2rtui.session.state import Operator
 

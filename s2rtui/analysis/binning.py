@@ -7,6 +7,7 @@ the unselected, the larger one following by subtraction from the totals.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,8 @@ from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 Bools = NDArray[np.bool_]
 Codes = NDArray[np.unsignedinteger]
 Counts = NDArray[np.intp]
+Floats = NDArray[np.floating]
+Sums = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,3 +110,86 @@ def _totals(codes: ArrayKey, size: int, base: ArrayKey) -> Counts:
 
 def _count(codes: NDArray[np.generic], size: int) -> Counts:
     return np.bincount(codes, minlength=size + 1)[:size]
+
+
+def sums(column: Bins, weights: NDArray[np.floating], chosen: Chosen) -> Sums:
+    """Sums per bin, (count,), of `weights` (N,) over the selected; all of a bin's are finite."""
+    part = _weighted_counts(column, weights, chosen.few)
+    if not chosen.inverted:
+        return part
+    base = ArrayKey(chosen.base)
+    return _base_sums(ArrayKey(column.codes), column.count, ArrayKey(weights), base) - part
+
+
+@cached_by_identity(16)
+def _base_sums(codes: ArrayKey, size: int, weights: ArrayKey, base: ArrayKey) -> Sums:
+    members = np.flatnonzero(np.asarray(base.array))
+    column = Bins(np.asarray(codes.array), size)
+    return _weighted_counts(column, np.asarray(weights.array, dtype=np.float64), members)
+
+
+def _weighted_counts(
+    column: Bins, weights: NDArray[np.floating], members: NDArray[np.intp]
+) -> Sums:
+    codes = gathered(column.codes, members)
+    parts = np.asarray(gathered(weights, members), dtype=np.float64)
+    total = np.bincount(codes, parts, minlength=column.count + 1)[: column.count]
+    return np.asarray(total, dtype=np.float64)
+
+
+def total_of(weights: NDArray[np.floating], chosen: Chosen) -> float:
+    """The sum of what is finite of `weights` (N,) over the selected."""
+    part = float(gathered(_finite(ArrayKey(weights)), chosen.few).sum())
+    return _base_total(ArrayKey(weights), ArrayKey(chosen.base)) - part if chosen.inverted else part
+
+
+@cached_by_identity(16)
+def _base_total(weights: ArrayKey, base: ArrayKey) -> float:
+    return float(_finite(weights)[np.asarray(base.array)].sum())
+
+
+@cached_by_identity(4)
+def _finite(weights: ArrayKey) -> Sums:
+    """The weights, 0 for what is not finite."""
+    column = np.asarray(weights.array, dtype=np.float64)
+    return np.where(np.isfinite(column), column, 0.0)
+
+
+def occupied(column: Bins) -> tuple[Bins, NDArray[np.intp]]:
+    """The bins that hold anything, renumbered, and the old number of each."""
+    numbers = np.flatnonzero(_count(column.codes, column.count))
+    places = np.full(column.count + 1, len(numbers), dtype=np.uint32)
+    places[numbers] = np.arange(len(numbers), dtype=np.uint32)
+    wide = places.astype(np.uint16) if len(numbers) < 1 << 16 else places
+    return Bins(wide[column.codes], len(numbers)), numbers
+
+
+def median(values: Floats, column: Bins, lit: Counts, selected: Bools, valid: Bools) -> float:
+    """The median of the selected and valid, NaN where none is.
+
+    `column` are bins that grow with the values, `lit` their counts of the selected; only the
+    instances of the bin that holds the median are looked at.
+    """
+    number = int(lit.sum())
+    if not number:
+        return math.nan
+    order, starts = _sorted(ArrayKey(values), ArrayKey(column.codes), column.count)
+    ends = np.cumsum(lit)
+    places = np.array([(number - 1) // 2, number // 2])
+    first, last = np.searchsorted(ends, places, side="right").tolist()
+    inside = order[starts[first] : starts[last + 1]]
+    members = np.flatnonzero((selected & valid)[inside])
+    middle = inside[members[places - (ends[first] - lit[first])]]
+    return float(values[middle].mean())
+
+
+@cached_by_identity(16)
+def _sorted(values: ArrayKey, codes: ArrayKey, count: int) -> tuple[NDArray[np.int32], Counts]:
+    """All iids by value, those of no bin last; and where each bin starts."""
+    sizes = np.bincount(np.asarray(codes.array), minlength=count + 1)
+    return _by_value(values), np.concatenate([[0], np.cumsum(sizes)])
+
+
+@cached_by_identity(16)
+def _by_value(values: ArrayKey) -> NDArray[np.int32]:
+    return np.argsort(np.asarray(values.array)).astype(np.int32)

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.binned_sums import occupied
-from s2rtui.analysis.binning import Bins, Chosen, Codes, Counts, gathered, joined
+from s2rtui.analysis.binning import Bins, Chosen, Codes, Counts, gathered, joined, occupied
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 
 LARGEST = 1 << 14

@@ -8,7 +8,8 @@ from functools import partial
 from s2rstore.reader import Store
 from s2rstore.security.printable_text import printable
 from s2rtui.canvas import Canvas, RenderOptions
-from s2rtui.charts.view import Resources, Scene, View
+from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.view import View
 from s2rtui.session.state import SIGNS, State
 
 StatusLine = tuple[str, str, str]

@@ -6,6 +6,7 @@ Colours are uint8 RGB. A scale maps numbers to colours; NaN is the caller's busi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from functools import lru_cache
 
 import numpy as np
@@ -181,3 +182,12 @@ def to_16(colours: Pixels) -> NDArray[np.intp]:
     """(..., 3) to ANSI colour numbers 0 .. 15."""
     nibbles = colours.astype(np.intp) >> 4
     return _ansi_lookup()[nibbles[..., 0] * 256 + nibbles[..., 1] * 16 + nibbles[..., 2]]
+
+
+class ColourMode(Enum):
+    """The colours of a terminal."""
+
+    TRUECOLOR = "truecolor"
+    PALETTE = "256"
+    ANSI = "16"
+    NONE = "none"

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtui.canvas.colour import DARK, Theme
-from s2rtui.canvas.colour_mode import ColourMode
+from s2rtui.canvas.colour import DARK, ColourMode, Theme
+
+DIGITS = "0123456789"
+"""Glyphs of ten steps of a scale, where colours are missing."""
 
 
 @dataclass(frozen=True, slots=True)

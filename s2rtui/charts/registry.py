@@ -10,8 +10,9 @@ from s2rtui.charts.map.view import MapView
 from s2rtui.charts.orientation.view import OrientationView
 from s2rtui.charts.overview.view import OverviewView
 from s2rtui.charts.rooms.view import RoomsView
+from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.umap.view import UmapView
-from s2rtui.charts.view import Resources, Scene, View
+from s2rtui.charts.view import View
 
 VIEWS: tuple[View, ...] = (
     OverviewView(),

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.records import Side
-from s2rtui.charts.view import Resources, Scene, View
+from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.view import View
 from s2rtui.loaders import LOADERS, Fields
 from s2rtui.session import HeatChoice, Session, State, instance_list
 from s2rtui.session.heatmaps import choices

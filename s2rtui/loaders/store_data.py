@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore.reader import Store
-from s2rtui.charts.instance.model import floor_plan, instance_input, overview_rows
-from s2rtui.charts.view import RunAccuracies
+from s2rtui.charts.instance.model import instance_input
+from s2rtui.charts.overview.model import overview_rows
+from s2rtui.charts.scene import RunAccuracies
+from s2rtui.charts.shared.map_background import floor_plan
 from s2rtui.loaders.loader import Fields, Key, LoadContext
 from s2rtui.session import heatmaps, pending_target
 from s2rtui.session.generations import INDEX_MEMORY

@@ -10,8 +10,7 @@ import numpy as np
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import turbo
 from s2rtui.canvas.raster import braille, half_blocks
-from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.shared.legend import DIGITS
+from s2rtui.canvas.render_options import DIGITS, RenderOptions
 
 Rows = list[tuple[str, str]]
 LABEL = 22

@@ -15,7 +15,8 @@ from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.canvas.brush import Mark
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import VIEWS
-from s2rtui.charts.view import Resources, RunAccuracies, Scene, View
+from s2rtui.charts.scene import Resources, RunAccuracies, Scene
+from s2rtui.charts.view import View
 from s2rtui.loaders import store_data
 from s2rtui.session import HeatChoice, Session, State
 from s2rtui.session.provenance import HeatProvenance, about, heat_of, seen_of

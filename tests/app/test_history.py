@@ -14,7 +14,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, snapshot, take
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.charts.view import Resources, Scene
+from s2rtui.charts.scene import Resources, Scene
 from s2rtui.cli import main
 from s2rtui.session import Session
 from tests.app.test_screens import SIZES, check

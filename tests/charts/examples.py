@@ -7,19 +7,15 @@ from typing import Any
 import numpy as np
 
 from s2rstore.records import Bounds, Room
-from s2rtui.charts.shared.inputs import (
-    DifferenceInput,
-    GeoMapInput,
-    HistogramInput,
-    InstanceInput,
-    OrientationInput,
-    OverviewLines,
-    OverviewRow,
-    PoseNumbers,
-    RoomsInput,
-    SideView,
-    UmapInput,
-)
+from s2rtui.charts.compare.model import DifferenceInput
+from s2rtui.charts.errors.model import HistogramInput
+from s2rtui.charts.orientation.model import OrientationInput
+from s2rtui.charts.overview.model import OverviewLines
+from s2rtui.charts.rooms.model import RoomsInput
+from s2rtui.charts.scene import OverviewRow
+from s2rtui.charts.shared.instance_model import InstanceInput, PoseNumbers, SideView
+from s2rtui.charts.shared.map_model import GeoMapInput
+from s2rtui.charts.umap.model import UmapInput
 
 N = 60
 BOUNDS = Bounds(0.0, 0.0, 20.0, 10.0)

@@ -12,9 +12,8 @@ from hypothesis.extra import numpy as arrays
 
 from s2rtui.analysis.binning import choose
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.charts.compare.model import cell_means, difference_model
+from s2rtui.charts.compare.model import DifferenceInput, cell_means, difference_model
 from s2rtui.charts.compare.terminal import difference, difference_layout
-from s2rtui.charts.shared.inputs import DifferenceInput
 from tests.charts.examples import BOUNDS, N, difference_input
 
 SIZE = (80, 26)

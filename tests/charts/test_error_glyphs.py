@@ -11,8 +11,7 @@ from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.map.model import SINGLES, arc_degrees, arc_turns, error_glyphs, full_scale
 from s2rtui.charts.map.terminal import geomap, geomap_layout
-from s2rtui.charts.shared.inputs import GeoMapInput
-from s2rtui.charts.shared.map_model import geomap_model
+from s2rtui.charts.shared.map_model import GeoMapInput, geomap_model
 from tests.charts.examples import BOUNDS, geomap_input
 
 SIZE = (80, 26)

@@ -11,7 +11,7 @@ from PIL import Image
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, Theme
-from s2rtui.charts.compare.paper_difference import difference_figure
+from s2rtui.charts.compare.paper import difference_figure
 from s2rtui.charts.errors.paper import histogram_figure
 from s2rtui.charts.instance.paper import instance_figure
 from s2rtui.charts.map.paper import geomap_figure

@@ -8,13 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.list.terminal import (
-    TableColumn,
-    TableInput,
-    table,
-    table_layout,
-    table_surface,
-)
+from s2rtui.charts.list.model import TableColumn, TableInput
+from s2rtui.charts.list.terminal import table, table_layout, table_surface
 
 ROWS = np.random.default_rng(5).permutation(60)
 COLUMNS = (

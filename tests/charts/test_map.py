@@ -10,8 +10,9 @@ from s2rtui.analysis.map_frame import fit, panned, sample, zoomed
 from s2rtui.canvas import DARK, ColourMode, RenderOptions, heading_arrow
 from s2rtui.canvas.colour import legible, turbo
 from s2rtui.canvas.render_options import ASCII, UNICODE
+from s2rtui.charts.map.model import LINES_UP_TO, lined
 from s2rtui.charts.map.terminal import geomap, geomap_layout
-from s2rtui.charts.shared.map_model import LINES_UP_TO, by_value, geomap_model, lined
+from s2rtui.charts.shared.map_model import by_value, geomap_model
 from tests.charts.examples import BOUNDS, geomap_input
 
 SIZE = (80, 26)

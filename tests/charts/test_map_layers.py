@@ -15,7 +15,7 @@ from s2rtui.canvas.brush import Mark, panel_at
 from s2rtui.canvas.colour import mix
 from s2rtui.charts.compare.terminal import difference_surface
 from s2rtui.charts.map.terminal import geomap, geomap_layout, geomap_surface
-from s2rtui.charts.shared.map_layers import DIMMED
+from s2rtui.charts.shared.map_background import DIMMED
 from tests.charts.examples import difference_input, geomap_input
 
 SIZE = (80, 26)

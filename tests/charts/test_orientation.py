@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.brush import Mark
-from s2rtui.canvas.pending_brush import arc_of, wrapped
+from s2rtui.canvas.brush import Mark, arc_of, wrapped
 from s2rtui.charts.orientation.dial import bar_dots, dial_of
 from s2rtui.charts.orientation.model import BINS, EXACTLY_UP_TO, orientation_model
 from s2rtui.charts.orientation.terminal import orientation, orientation_layout

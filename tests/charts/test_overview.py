@@ -8,7 +8,7 @@ from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.charts.overview.layout import overview_layout
 from s2rtui.charts.overview.model import overview_model
 from s2rtui.charts.overview.terminal import overview
-from s2rtui.charts.shared.inputs import OverviewRow
+from s2rtui.charts.scene import OverviewRow
 from tests.charts.examples import ROWS
 
 SIZE = (70, 10)

@@ -16,9 +16,9 @@ from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.overview import lines as module
 from s2rtui.charts.overview.layout import overview_layout, overview_surface
 from s2rtui.charts.overview.lines import bin_count, levels, line_density, pair_counts
-from s2rtui.charts.overview.model import overview_model
+from s2rtui.charts.overview.model import OverviewLines, overview_model
 from s2rtui.charts.overview.terminal import overview
-from s2rtui.charts.shared.inputs import OverviewLines, OverviewRow
+from s2rtui.charts.scene import OverviewRow
 from tests.charts.examples import ROWS, N, overview_lines
 
 SIZE = (60, 16)

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.analysis.binned_sums import occupied, sums, total_of
-from s2rtui.analysis.binning import bins, choose, count
-from s2rtui.charts.map.paper_error_glyphs import _shared
+from s2rtui.analysis.binning import bins, choose, count, occupied, sums, total_of
+from s2rtui.charts.map.paper import _shared
 
 SIZE = 40
 masks = arrays.arrays(np.bool_, SIZE)

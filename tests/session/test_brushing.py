@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from s2rstore.language import parse
 from s2rtui.canvas.brush import Mark, Panel
-from s2rtui.charts.view import span
+from s2rtui.charts.mark_expressions import span
 from s2rtui.session import Brush, brushing
 
 

@@ -18,7 +18,7 @@ from s2rstore.records import Side
 from s2rtui.app.actions import BY_NAME
 from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.list.view import ListView
-from s2rtui.charts.view import Resources, Scene
+from s2rtui.charts.scene import Resources, Scene
 from s2rtui.session import Session, instance_list, selection, shared_selection
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import embeddings

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from s2rstore.reader import Store
 from s2rstore.records import Side
-from s2rtui.charts.shared.inputs import InstanceInput, LivePose, PoseNumbers, SideView
+from s2rtui.charts.shared.instance_model import InstanceInput, PoseNumbers, SideView
 from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
 from s2rtui.session.state import HeatChoice, State
 
@@ -33,16 +33,6 @@ def live_input(
         heat_range=run_range(store, state.run, heat) if heat else None,
         over="both" if heat and heat.mode == "rgbd" else "depth" if ray == "depth" else "rgb",
         notes=(_change(store, state, result, "sim"), _change(store, state, result, "real")),
-    )
-
-
-def live_poses(shown: InstanceInput) -> tuple[LivePose, ...]:
-    """The predictions of an instance that is being adjusted, for the map."""
-    sides: tuple[tuple[Side, SideView], ...] = (("sim", shown.sim), ("real", shown.real))
-    return tuple(
-        LivePose(name, side.pose.x, side.pose.y, side.pose.heading)
-        for name, side in sides
-        if side.pose is not None
     )
 
 

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from s2rtui.canvas import Canvas, RenderOptions, Size
 from s2rtui.canvas.brush import Panel, Point
 from s2rtui.charts.adjust.terminal import SliderLine, sliders, sliders_surface
+from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared import instance_terminal
-from s2rtui.charts.view import Scene, View
+from s2rtui.charts.view import View
 from s2rtui.session import Session, adjusting
 from s2rtui.session.state import Adjust
 

@@ -5,17 +5,56 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from s2rtui.analysis.binned_sums import sums, total_of
-from s2rtui.analysis.binning import Bins, Chosen, bins, choose, count
+from s2rstore.records import Bounds, Room, Side
+from s2rtui.analysis.binning import Bins, Bools, Chosen, bins, choose, count, sums, total_of
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.charts.shared.inputs import Bools, DifferenceInput
+from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.colour import Pixels, diverging
+from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.map_background import Ground
 from s2rtui.charts.shared.map_model import cursor_of, sizes
 from s2rtui.charts.shared.points import cells
 
 Means = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DifferenceInput:
+    """Two runs on one map: which of them errs more, and where.
+
+    truth: (N, 2) metres. first, second: (N,) errors of the two runs in `unit`, NaN where one has
+    none; `names` are the runs', `side` tells whose errors they are. Differences are first -
+    second, so above 0 the second is better; within `equal` they count as equal. `scale`: the
+    difference of full colour (default: the 99th percentile of the valid). The rest as in
+    `GeoMapInput`.
+    """
+
+    truth: Floats
+    first: Floats
+    second: Floats
+    selected: Bools
+    valid: Bools
+    bounds: Bounds
+    names: tuple[str, str] = ("first", "second")
+    side: Side = "real"
+    unit: str = "m"
+    equal: float = 0.05
+    scale: float | None = None
+    cursor: int | None = None
+    y_down: bool = True
+    floor_plan: NDArray[np.uint8] | None = None
+    clip: Floats | Bools | None = None
+    rooms: tuple[Room, ...] = ()
+    room_names: bool = True
+    mark: Mark | None = None
+
+    @property
+    def ground(self) -> Ground:
+        rooms = self.rooms if self.room_names else ()
+        return Ground(self.bounds, self.y_down, self.floor_plan, clip=self.clip, rooms=rooms)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,3 +174,9 @@ def by_size(view: DifferenceInput, model: DifferenceModel) -> tuple[NDArray[np.i
     ids, apart = ids[np.isfinite(apart)], apart[np.isfinite(apart)]
     ordered = np.argsort(np.abs(apart), kind="stable")
     return ids[ordered], apart[ordered]
+
+
+def tint(means: ArrayLike, scale: float) -> Pixels:
+    """Differences as colours: the stronger the further apart, blue below 0 and orange above."""
+    share = np.asarray(means, dtype=np.float64) / scale
+    return diverging(np.sign(share) * np.sqrt(np.abs(share)))

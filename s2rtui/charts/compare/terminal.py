@@ -3,46 +3,43 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.brush import Panel, draw_mark
+from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Pixels, Rgb, diverging, legible
+from s2rtui.canvas.colour import Rgb, legible
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.compare.model import (
+    DifferenceInput,
     DifferenceModel,
     cell_means,
     difference_model,
+    tint,
     verdicts,
 )
-from s2rtui.charts.map.points import draw_others, draw_pose, stamp
-from s2rtui.charts.map.terminal import clip_part, others_part
 from s2rtui.charts.shared.axis_scale import short
-from s2rtui.charts.shared.inputs import DifferenceInput
 from s2rtui.charts.shared.legend import (
     LegendPart,
     colour_bar,
-    draw_rows,
     ramp_for_values,
-    scale_bar,
     words,
 )
-from s2rtui.charts.shared.map_background import draw_ground, draw_names
 from s2rtui.charts.shared.map_model import default_view
-from s2rtui.charts.shared.map_terminal import GeoMapLayout, draw_axes, map_layout, map_panel
+from s2rtui.charts.shared.map_terminal import (
+    GeoMapLayout,
+    draw_point_map,
+    draw_pose,
+    map_layout,
+    map_legend,
+    map_panel,
+    stamp,
+)
 
 
 def signs(look: RenderOptions) -> str:
     """The glyphs of: the first is better, equal, the second is better."""
     return "-=+" if ramp_for_values(look) is not None else "▼●▲"
-
-
-def tint(means: ArrayLike, scale: float) -> Pixels:
-    """Differences as colours: the stronger the further apart, blue below 0 and orange above."""
-    share = np.asarray(means, dtype=np.float64) / scale
-    return diverging(np.sign(share) * np.sqrt(np.abs(share)))
 
 
 def difference_layout(
@@ -80,23 +77,16 @@ def difference(
 ) -> Canvas:
     """The view in `size` (columns, rows): per cell the mean difference of the selected."""
     look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
     model = difference_model(view)
-    layout = difference_layout(view, (canvas.width, canvas.height), viewport, look, model)
-    frame = layout.frame
-    chart = Canvas(layout.width, layout.height, look.theme)
-    draw_ground(chart, view.ground, frame, look)
-    draw_others(chart, view.truth, model.chosen, frame, look)
-    draw_names(chart, view.ground.rooms, frame, look)
-    _cells(chart, view, model, frame, look)
-    if model.cursor is not None:
-        draw_pose(chart, view.truth, None, model.cursor, frame, look)
-    canvas.paste(chart, layout.x, layout.y)
-    if layout.axes:
-        draw_axes(canvas, layout, look)
-    draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
-    draw_mark(canvas, map_panel(layout), view.mark, look)
-    return canvas
+    layout = difference_layout(view, size, viewport, look, model)
+    frame, glyph, colour = layout.frame, look.glyphs.cursor, look.theme.cursor
+
+    def draw_selected(chart: Canvas) -> None:
+        _cells(chart, view, model, frame, look)
+        if model.cursor is not None:
+            draw_pose(chart, view.truth, None, model.cursor, frame, look, glyph, colour)
+
+    return draw_point_map(view, model.chosen, layout, size, look, draw_selected)
 
 
 def _cells(
@@ -131,13 +121,7 @@ def _legend(
     counts = _counts(view, model, (first, second), look)
     if counts.width > width:
         counts = _counts(view, model, None, look)
-    parts = [counts, bar]
-    parts.append(scale_bar(frame.pitch, max(4, width // 6), look))
-    if model.others:
-        parts.append(others_part(look))
-    if view.clip is not None:
-        parts.append(clip_part(look))
-    return parts
+    return [counts, bar, *map_legend(frame, width, model.others, view.clip is not None, look)]
 
 
 def _counts(

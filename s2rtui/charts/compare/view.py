@@ -12,13 +12,15 @@ from s2rstore.errors import RequestError
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.compare.model import difference_model
+from s2rtui.charts.compare.model import DifferenceInput, difference_model
 from s2rtui.charts.compare.terminal import difference, difference_surface
-from s2rtui.charts.instance.model import map_input, nearest_iid, point_of, truth_points
-from s2rtui.charts.map.terminal import geomap
-from s2rtui.charts.shared.inputs import DifferenceInput, Floats, GeoMapInput
-from s2rtui.charts.shared.map_model import value_range
-from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, area
+from s2rtui.charts.mark_expressions import area
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.map_model import GeoMapInput, map_input, value_range
+from s2rtui.charts.shared.map_terminal import draw_value_map
+from s2rtui.charts.shared.points import nearest_iid, point_of, truth_points
+from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session, pending_target, run_differences
 
 _WIDE, _TALL = 56, 30
@@ -77,7 +79,7 @@ class CompareView(View):
         if maps:
             half = (canvas.width - 2) // 2
             for x, one in zip((0, half + 2), self.maps(scene, other), strict=True):
-                drawn = geomap(one, (half, maps), look, scene.state.viewport)
+                drawn = draw_value_map(one, (half, maps), look, scene.state.viewport)
                 canvas.paste(drawn, x, top)
         view = self.input(scene, other)
         shown = difference(view, (canvas.width, height - maps), look, scene.state.viewport)

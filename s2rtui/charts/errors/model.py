@@ -9,15 +9,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bins, bins, choose
+from s2rtui.analysis.binning import Bins, Bools, bins, choose, median
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.analysis.medians import median
-from s2rtui.charts.shared.inputs import Floats, HistogramInput
+from s2rtui.canvas.brush import Mark
+from s2rtui.charts.shared.axis_scale import Floats
 
 NAMES = ("sim", "real")
 FINE = 250
 """Bins that are counted, about so many, merged for the bars: the finer, the faster the median."""
 Counts = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HistogramInput:
+    """Errors of both sides, (N,) each, in `unit`; `selected` and `valid` (N,) bool; cursor: an iid.
+
+    `upper` is the right end of the axis (default: the 99th percentile of both sides).
+    """
+
+    sim: Floats
+    real: Floats
+    selected: Bools
+    valid: Bools
+    label: str = "error"
+    unit: str = "m"
+    upper: float | None = None
+    cursor: int | None = None
+    mark: Mark | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

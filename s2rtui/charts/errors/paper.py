@@ -8,9 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rtui.canvas.colour import LIGHT, Theme
-from s2rtui.charts.errors.model import NAMES, HistogramModel, SideErrors, histogram_model
+from s2rtui.charts.errors.model import (
+    NAMES,
+    HistogramInput,
+    HistogramModel,
+    SideErrors,
+    histogram_model,
+)
 from s2rtui.charts.shared.axis_scale import short
-from s2rtui.charts.shared.inputs import HistogramInput
 from s2rtui.charts.shared.paper import (
     Page,
     Pixels,

@@ -8,15 +8,19 @@ from functools import partial
 
 import numpy as np
 
-from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point, pending, range_of
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.pending_brush import pending, range_of
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.errors.model import NAMES, HistogramModel, SideErrors, histogram_model
+from s2rtui.charts.errors.model import (
+    NAMES,
+    HistogramInput,
+    HistogramModel,
+    SideErrors,
+    histogram_model,
+)
 from s2rtui.charts.shared.axis_scale import short, step, tick_text, ticks
 from s2rtui.charts.shared.bars import put_over, upright
-from s2rtui.charts.shared.inputs import HistogramInput
 
 LABELS = 12
 """Columns at the left that names and numbers take."""

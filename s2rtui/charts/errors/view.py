@@ -10,10 +10,11 @@ import numpy as np
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.errors.model import histogram_model
+from s2rtui.charts.errors.model import HistogramInput, histogram_model
 from s2rtui.charts.errors.terminal import histogram, histogram_surface
-from s2rtui.charts.shared.inputs import HistogramInput
-from s2rtui.charts.view import Pixels, Scene, Table, View, cell_width, number, rounded, span
+from s2rtui.charts.mark_expressions import cell_width, number, rounded, span
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import Pixels, Table, View
 
 BINS = 20
 """Of the flat table; the last one holds all that lies beyond."""

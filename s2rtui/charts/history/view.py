@@ -13,7 +13,8 @@ from s2rstore.gap_history.reader import History, Night
 from s2rstore.metrics.pose_metrics import Interval
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.charts.history import model, terminal
-from s2rtui.charts.view import Pane, Pixels, Scene, Table, View
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import Pane, Pixels, Table, View
 
 _COLUMNS = ("night", "outcome", "axis", "G", "low", "high", "result", "threshold", "value", "unit",
             "n", "evidence days")  # fmt: skip

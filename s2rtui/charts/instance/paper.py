@@ -9,8 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.canvas.colour import LIGHT, NO_DEPTH, Pixels, Theme, depth_tint, diverging, turbo
-from s2rtui.charts.shared.inputs import InstanceInput, SideView
-from s2rtui.charts.shared.instance_model import InstanceModel, instance_model, panel_pixels
+from s2rtui.charts.shared.instance_model import (
+    InstanceInput,
+    InstanceModel,
+    SideView,
+    instance_model,
+    panel_pixels,
+)
 from s2rtui.charts.shared.paper import (
     LETTER,
     Page,

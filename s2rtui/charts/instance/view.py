@@ -7,8 +7,9 @@ from dataclasses import replace
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
+from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared import instance_terminal
-from s2rtui.charts.view import Pixels, Scene, Table, View
+from s2rtui.charts.view import Pixels, Table, View
 from s2rtui.session.provenance import about
 
 

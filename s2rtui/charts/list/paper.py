@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme
-from s2rtui.charts.list.terminal import TableColumn, TableInput
+from s2rtui.charts.list.model import TableColumn, TableInput
 from s2rtui.charts.shared.paper import (
     Page,
     Pixels,

@@ -3,39 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
 from rich.cells import cell_len, set_cell_size
 
 from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.render_options import RenderOptions
-
-Text = Callable[[int], str]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TableColumn:
-    """`text` gives the words of an iid; `width` in cells; numbers stand to the right."""
-
-    title: str
-    text: Text
-    width: int
-    right: bool = True
-    sorts: bool = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TableInput:
-    """rows: (n,) iids in the list's order; `cursor` one of them; `descending` marks the order."""
-
-    rows: NDArray[np.intp]
-    columns: tuple[TableColumn, ...]
-    cursor: int | None = None
-    descending: bool = True
+from s2rtui.charts.list.model import TableColumn, TableInput, cursor_row
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +48,6 @@ def table_layout(view: TableInput, size: Size) -> TableLayout:
     at = cursor_row(view)
     first = 0 if at is None else min(max(0, at - space // 2), max(0, view.rows.size - space))
     return TableLayout(tuple(starts), first, min(space, view.rows.size - first), top)
-
-
-def cursor_row(view: TableInput) -> int | None:
-    """The cursor's place in the list; None where it is not in it."""
-    found = np.flatnonzero(view.rows == view.cursor) if view.cursor is not None else view.rows[:0]
-    return int(found[0]) if found.size else None
 
 
 def table(view: TableInput, size: Size, look: RenderOptions | None = None) -> Canvas:

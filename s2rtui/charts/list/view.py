@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.list.terminal import TableColumn, TableInput, table, table_surface
-from s2rtui.charts.view import Pane, Pixels, Scene, Table, View
+from s2rtui.charts.list.model import TableColumn, TableInput, _Column, _column, _remark
+from s2rtui.charts.list.terminal import table, table_surface
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session, instance_list
 
-_UNITS = {"heading": "deg", "real.heading_error": "deg", "sim.heading_error": "deg"}
 _IN_WORDS = 5
-
-
-@dataclass(frozen=True, slots=True)
-class _Column:
-    """A column by the language's name: how it is shown, and its value of an iid."""
-
-    name: str
-    shown: TableColumn
-    value: Callable[[int], object]
 
 
 class ListView(View):
@@ -104,50 +93,3 @@ class ListView(View):
         ends = sorted(round(point[1]) for point in (mark.points[0], mark.points[-1]))
         chosen = rows[max(0, ends[0]) : ends[1] + 1]
         return f"ids({', '.join(str(iid) for iid in np.sort(chosen))})"
-
-
-def _column(scene: Scene, name: str, sorts: bool) -> _Column:
-    if name == instance_list.REMARK:
-        return _remark(scene, sorts)
-    if name not in instance_list.NAMES:
-        return _numbers(scene, name, sorts)
-    truth = scene.store.instances
-    text = _named(getattr(truth, name), getattr(truth, f"{name}_names"))
-    return _texts(name, text, 16 if name == "room" else 12, sorts=sorts)
-
-
-def _remark(scene: Scene, sorts: bool) -> _Column:
-    return _texts(instance_list.REMARK, scene.remark, 24, "tags, note", sorts)
-
-
-def _numbers(scene: Scene, name: str, sorts: bool) -> _Column:
-    scale = 180 / math.pi if name in _UNITS else 1.0
-    title = name.replace("heading_error", "turn")
-
-    def value(iid: int) -> float | None:
-        found = float(instance_list.column(scene.store, scene.state, name)[iid]) * scale
-        return found if math.isfinite(found) else None
-
-    def text(iid: int) -> str:
-        found = value(iid)
-        return (
-            "n/a"
-            if found is None
-            else f"{found:.0f}"
-            if name in instance_list.COUNTS
-            else f"{found:.2f}"
-        )
-
-    shown = TableColumn(title, text, max(8, len(title) + 1), sorts=sorts)
-    return _Column(name, shown, value)
-
-
-def _texts(
-    name: str, text: Callable[[int], str], width: int, title: str = "", sorts: bool = False
-) -> _Column:
-    shown = TableColumn(title or name, text, width, False, sorts)
-    return _Column(name, shown, lambda iid: text(iid) or None)
-
-
-def _named(codes: NDArray[np.int32], names: Sequence[str]) -> Callable[[int], str]:
-    return lambda iid: names[codes[iid]] if codes[iid] >= 0 else ""

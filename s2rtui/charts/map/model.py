@@ -8,12 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.binned_sums import sums
-from s2rtui.analysis.binning import Bins, Chosen, count
+from s2rtui.analysis.binning import Bins, Chosen, count, sums
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.charts.shared.inputs import Floats, GeoMapInput
-from s2rtui.charts.shared.map_model import GeoMapModel, in_frame
+from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.map_model import GeoMapInput, GeoMapModel, in_frame
 from s2rtui.charts.shared.points import cells
 
 SINGLES = 200
@@ -166,3 +165,23 @@ def arc_degrees(vectors: Vectors, full: float) -> Floats:
 def arc_turns(vectors: Vectors, y_down: bool) -> Floats:
     """The direction of each error as drawn: radians clockwise on the screen from the right."""
     return np.arctan2(vectors[:, 1] * (1 if y_down else -1), vectors[:, 0])
+
+
+LINES_UP_TO = 24
+"""So many selected instances, all or in view, get their error lines drawn."""
+
+
+def lined(
+    view: GeoMapInput, model: GeoMapModel, frame: MapFrame | None = None, limit: int = LINES_UP_TO
+) -> NDArray[np.intp]:
+    """Iids whose error lines are drawn: the selected, or those in the frame, up to a limit.
+
+    The cursor's is always one of them.
+    """
+    ids = np.empty(0, dtype=np.intp)
+    if model.lit <= limit:
+        ids = model.chosen.members
+    elif frame is not None:
+        near = in_frame(np.asarray(view.truth), model.chosen, frame, limit)
+        ids = ids if near is None else near
+    return ids if model.cursor is None else np.unique(np.append(ids, model.cursor))

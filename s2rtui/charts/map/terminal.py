@@ -2,36 +2,61 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.brush import Panel, draw_mark
+from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.colour import Rgb, mix
+from s2rtui.canvas.raster import braille, dot_grid, segment_dots
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.map.error_arcs import draw_glyphs, glyph_legend
-from s2rtui.charts.map.points import (
-    draw_cursor,
-    draw_live,
-    draw_others,
-    draw_predictions,
-    draw_values,
+from s2rtui.charts.map.model import (
+    LARGEST,
+    LINES_UP_TO,
+    ErrorGlyphs,
+    arc_degrees,
+    arc_turns,
+    error_glyphs,
+    full_scale,
+    lined,
 )
-from s2rtui.charts.shared.inputs import GeoMapInput
+from s2rtui.charts.shared.axis_scale import short
 from s2rtui.charts.shared.legend import (
     LegendPart,
-    colour_bar,
-    draw_rows,
-    ramp_for_values,
-    scale_bar,
     words,
 )
-from s2rtui.charts.shared.map_background import HEAT_RAMPS, draw_ground, draw_names
 from s2rtui.charts.shared.map_model import (
-    LINES_UP_TO,
+    GeoMapInput,
     GeoMapModel,
-    default_view,
+    LivePose,
     geomap_model,
 )
-from s2rtui.charts.shared.map_terminal import GeoMapLayout, draw_axes, map_layout, map_panel
+from s2rtui.charts.shared.map_terminal import (
+    GeoMapLayout,
+    Places,
+    draw_cursor,
+    draw_dots,
+    draw_point_map,
+    draw_pose,
+    draw_values,
+    map_panel,
+    point_map_layout,
+    stamp,
+    value_legend,
+)
+from s2rtui.charts.shared.points import lit_cells
+
+ARC_FOOTPRINT = (7, 3)
+ARROW_FOOTPRINT = (9, 3)
+RADII = (3.0, 3.6, 4.2)
+"""Of the arcs, in braille dots: two dots thick."""
+OCTANTS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
+"""Columns and rows of the eight arrows' places, as `Glyphs.arrows` run."""
+Grid = NDArray[np.bool_]
 
 
 def geomap_layout(
@@ -43,12 +68,11 @@ def geomap_layout(
 ) -> GeoMapLayout:
     """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
     look, model = look or RenderOptions(), model or geomap_model(view)
-    area = viewport or default_view(view.bounds, view.truth, view.valid)
-
-    def legend(frame: MapFrame, width: int) -> list[LegendPart]:
-        return _legend(view, model, frame, width, look)
-
-    return map_layout(area, view.y_down, size, legend)
+    notes: list[LegendPart] = []
+    if view.mode == "full" and model.lit > LINES_UP_TO:
+        notes = [words(((f"lines up to {LINES_UP_TO} in view", look.theme.muted),))]
+    legend = LEGENDS[view.mode]
+    return point_map_layout(view, model, size, viewport, look, legend, notes)
 
 
 def geomap_surface(
@@ -63,87 +87,231 @@ def geomap(
 ) -> Canvas:
     """The view in `size` (columns, rows) through `viewport`, a world rectangle."""
     look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
     model = geomap_model(view)
-    layout = geomap_layout(view, (canvas.width, canvas.height), viewport, look, model)
-    frame = layout.frame
-    chart = Canvas(layout.width, layout.height, look.theme)
-    draw_ground(chart, view.ground, frame, look)
-    draw_others(chart, view.truth, model.chosen, frame, look)
-    draw_names(chart, view.ground.rooms, frame, look)
-    draw_selected = {"colour": draw_values, "glyph": draw_glyphs, "full": draw_predictions}
-    draw_selected[view.mode](chart, view, model, frame, look)
-    draw_live(chart, view.live, frame, look)
-    draw_cursor(chart, view, model.cursor, frame, look)
-    canvas.paste(chart, layout.x, layout.y)
-    if layout.axes:
-        draw_axes(canvas, layout, look)
-    draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
-    draw_mark(canvas, map_panel(layout), view.mark, look)
-    return canvas
+    layout = geomap_layout(view, size, viewport, look, model)
+
+    def draw_selected(chart: Canvas) -> None:
+        DRAWINGS[view.mode](chart, view, model, layout.frame, look)
+        draw_live(chart, view.live, layout.frame, look)
+        if view.mode == "full" and model.cursor is not None:
+            draw_cursor_predictions(chart, view, model.cursor, layout.frame, look)
+        draw_cursor(chart, view, model.cursor, layout.frame, look)
+
+    return draw_point_map(view, model.chosen, layout, size, look, draw_selected)
 
 
-def _legend(
-    view: GeoMapInput, model: GeoMapModel, frame: MapFrame, width: int, look: RenderOptions
+def full_legend(
+    view: GeoMapInput, model: GeoMapModel, look: RenderOptions, width: int
 ) -> list[LegendPart]:
-    bar = 12 if width >= 50 else 8
-    parts: list[LegendPart] = []
-    if view.mode == "full":
-        parts.append(_marks(look))
-    elif view.mode == "glyph":
-        parts += glyph_legend(view, model, look)
+    """The glyphs of predictions and truth."""
+    theme, glyphs = look.theme, look.glyphs
+    marks = (
+        (f"{glyphs.sim} ", theme.sim),
+        ("sim  ", theme.muted),
+        (f"{glyphs.real} ", theme.real),
+        ("real  ", theme.muted),
+        (f"{glyphs.truth} ", theme.truth),
+        ("truth", theme.muted),
+    )
+    return [words(marks)]
+
+
+def draw_predictions(
+    canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: RenderOptions
+) -> None:
+    """Sim, real and truth of the selected; lines join them where they are few."""
+    theme, glyphs = look.theme, look.glyphs
+    _lines(canvas, view, lined(view, model, frame), frame, look)
+    for points, glyph, colour in (
+        (view.sim, glyphs.sim, theme.sim),
+        (view.real, glyphs.real, theme.real),
+        (view.truth, glyphs.truth, theme.truth),
+    ):
+        rows, columns = np.nonzero(lit_cells(points, model.chosen, frame))
+        stamp(canvas, columns, rows, glyph, colour)
+
+
+def _lines(
+    canvas: Canvas, view: GeoMapInput, ids: Places, frame: MapFrame, look: RenderOptions
+) -> None:
+    """From the truth to both predictions, in braille or in full stops."""
+    starts = frame.to_cells(np.asarray(view.truth)[ids])
+    for side, colour in ((view.sim, look.theme.sim), (view.real, look.theme.real)):
+        grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
+        ends = frame.to_cells(np.asarray(side)[ids])
+        for start, end in zip(starts, ends, strict=True):
+            if np.isfinite(start).all() and np.isfinite(end).all():
+                columns, rows = segment_dots(start[0], start[1], end[0], end[1])
+                grid |= dot_grid(columns, rows, canvas.width, canvas.height)
+        draw_dots(canvas, grid, colour, look, ".")
+
+
+def draw_cursor_predictions(
+    canvas: Canvas, view: GeoMapInput, cursor: int, frame: MapFrame, look: RenderOptions
+) -> None:
+    """Both predicted poses of the cursor's instance."""
+    theme, glyphs = look.theme, look.glyphs
+    draw_pose(canvas, view.sim, view.sim_headings, cursor, frame, look, glyphs.sim, theme.sim)
+    draw_pose(canvas, view.real, view.real_headings, cursor, frame, look, glyphs.real, theme.real)
+
+
+def draw_live(
+    canvas: Canvas, live: Sequence[LivePose], frame: MapFrame, look: RenderOptions
+) -> None:
+    """Predictions that are not stored, with their headings."""
+    theme, glyphs = look.theme, look.glyphs
+    for pose in live:
+        glyph, colour = (glyphs.sim, theme.sim) if pose.side == "sim" else (glyphs.real, theme.real)
+        points, headings = np.array([[pose.x, pose.y]]), np.array([pose.heading])
+        draw_pose(canvas, points, headings, 0, frame, look, glyph, colour)
+
+
+def draw_glyphs(
+    canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: RenderOptions
+) -> None:
+    """Arcs in braille; arrows with letters and sizes where colours or braille lack."""
+    footprint = ARC_FOOTPRINT if look.pictures else ARROW_FOOTPRINT
+    found = error_glyphs(view, model, frame, footprint)
+    rows, columns = np.nonzero(lit_cells(view.truth, model.chosen, frame))
+    gold = look.theme.truth
+    if found.crowded:
+        red, green, blue = mix(np.array(look.theme.background), np.array(gold), 0.55).tolist()
+        stamp(canvas, columns, rows, "." if look.ascii else "·", (red, green, blue), bold=False)
     else:
-        parts.append(
-            colour_bar(
-                view.value_label,
-                view.value_unit,
-                model.value_range,
-                look,
-                bar,
-                ramp=ramp_for_values(look),
-                room=width,
-                clipped=view.value_range is None,
-            )
+        stamp(canvas, columns, rows, look.glyphs.truth, gold, bold=False)
+    draw = _arcs if look.pictures else _arrows
+    draw(canvas, found, view.y_down, look)
+    _middles(canvas, found, look)
+
+
+def _middles(canvas: Canvas, found: ErrorGlyphs, look: RenderOptions) -> None:
+    """The truth of one instance, or how many are taken together."""
+    for (column, row), size in zip(found.centres.tolist(), found.counts.tolist(), strict=True):
+        glyph = look.glyphs.truth if size == 1 else str(size) if size < 10 else "+"
+        canvas.put(int(column), int(row), glyph, look.theme.truth, bold=True)
+
+
+def _arcs(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: RenderOptions) -> None:
+    sim, real = (_ring(canvas, found, part, y_down) for part in (found.sim, found.real))
+    theme = look.theme
+    counts = [
+        part.reshape(canvas.height, 4, canvas.width, 2).sum(axis=(1, 3))
+        for part in (sim, real, sim & real)
+    ]
+    colours = np.empty((canvas.height, canvas.width, 3), dtype=np.uint8)
+    colours[:] = theme.sim
+    colours[counts[1] > counts[0]] = theme.real
+    colours[counts[2] > 0] = theme.both
+    braille(canvas, 0, 0, sim | real, colours)
+    _tips(canvas, found, y_down, look)
+
+
+def _ring(canvas: Canvas, found: ErrorGlyphs, vectors: NDArray[np.float64], y_down: bool) -> Grid:
+    """The arcs of one side as braille dots (4 rows, 2 columns per cell)."""
+    half = np.radians(arc_degrees(vectors, found.full))[:, None] / 2
+    angles = arc_turns(vectors, y_down)[:, None] + half * np.linspace(-1, 1, 32)
+    angles, radii = angles[..., None], np.array(RADII)
+    middle = np.floor(found.centres)[:, None, None] + 0.5
+    columns = middle[..., 0] + radii / 2 * np.cos(angles)
+    rows = middle[..., 1] + radii / 4 * np.sin(angles)
+    known = np.isfinite(columns)
+    return dot_grid(columns[known], rows[known], canvas.width, canvas.height)
+
+
+def _tips(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: RenderOptions) -> None:
+    """The middle of each arc as the side's glyph, one for both where they meet."""
+    theme, glyphs = look.theme, look.glyphs
+    places = [_tip_cells(found, part, y_down) for part in (found.sim, found.real)]
+    for sim, real in zip(*(part.tolist() for part in places), strict=True):
+        if sim == real:
+            canvas.put(sim[0], sim[1], glyphs.both, theme.both, bold=True)
+            continue
+        canvas.put(sim[0], sim[1], glyphs.sim, theme.sim, bold=True)
+        canvas.put(real[0], real[1], glyphs.real, theme.real, bold=True)
+
+
+def _tip_cells(found: ErrorGlyphs, vectors: NDArray[np.float64], y_down: bool) -> NDArray[np.intp]:
+    turns = arc_turns(vectors, y_down)
+    middle = np.floor(found.centres) + 0.5
+    step = np.stack([np.cos(turns) * RADII[-1] / 2, np.sin(turns) * RADII[-1] / 4], axis=1)
+    return np.where(np.isfinite(step), np.floor(middle + step), -1).astype(np.intp)
+
+
+def _arrows(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: RenderOptions) -> None:
+    """Beside the point an arrow in the error's direction, then the side's letter and the size."""
+    theme, glyphs = look.theme, look.glyphs
+    sim, real = (_octants(part, y_down) for part in (found.sim, found.real))
+    sizes = [_digits(part, found.full) for part in (found.sim, found.real)]
+    middles = np.floor(found.centres).astype(int).tolist()
+    for index, (column, row) in enumerate(middles):
+        texts = [side[index] for side in sizes]
+        if sim[index] == real[index]:
+            label = glyphs.both + "".join(texts)
+            _arrow(canvas, column, row, sim[index], None, label, theme.both, look)
+            continue
+        _arrow(canvas, column, row, sim[index], real[index], glyphs.sim + texts[0], theme.sim, look)
+        _arrow(
+            canvas, column, row, real[index], sim[index], glyphs.real + texts[1], theme.real, look
         )
-    if model.heat_range is not None:
-        ramp = None if look.fine else HEAT_RAMPS[look.ascii]
-        parts.append(
-            colour_bar(
-                view.heat_label, view.heat_unit, model.heat_range, look, bar, ramp=ramp, room=width
-            )
-        )
-    parts.append(scale_bar(frame.pitch, max(4, width // 6), look))
-    if model.others:
-        parts.append(others_part(look))
-    if view.mode == "full" and model.lit > LINES_UP_TO:
-        parts.append(words(((f"lines up to {LINES_UP_TO} in view", look.theme.muted),)))
-    if view.clip is not None:
-        parts.append(clip_part(look))
+
+
+def _arrow(
+    canvas: Canvas,
+    column: int,
+    row: int,
+    octant: int,
+    other: int | None,
+    label: str,
+    colour: Rgb,
+    look: RenderOptions,
+) -> None:
+    """One arrow; above and below the point its label avoids the other arrow's side."""
+    if octant < 0:
+        return
+    across, down = OCTANTS[octant]
+    leftwards = across < 0
+    if across == 0 and other is not None and other >= 0:
+        leftwards = OCTANTS[other] == (1, down)
+    canvas.put(column + across, row + down, look.glyphs.arrows[octant], colour, bold=True)
+    start = column + across + (-len(label) if leftwards else 1)
+    canvas.text(start, row + down, label, colour, bold=True)
+
+
+def _octants(vectors: NDArray[np.float64], y_down: bool) -> list[int]:
+    """The eighth of a turn, clockwise on the screen from the right; -1 where unknown."""
+    turns = arc_turns(vectors, y_down)
+    known = np.isfinite(turns)
+    eighths = np.rint(np.where(known, turns, 0) / (np.pi / 4)).astype(int) % 8
+    return list(np.where(known, eighths, -1).tolist())
+
+
+def _digits(vectors: NDArray[np.float64], full: float) -> list[str]:
+    """The size of each error in ninths of full scale."""
+    share = np.minimum(np.hypot(vectors[:, 0], vectors[:, 1]) / full, 1.0)
+    return [str(round(9 * part)) for part in np.nan_to_num(share).tolist()]
+
+
+def glyph_legend(
+    view: GeoMapInput, model: GeoMapModel, look: RenderOptions, width: int
+) -> list[LegendPart]:
+    """What the arcs or arrows mean."""
+    theme, glyphs = look.theme, look.glyphs
+    full = f"{short(full_scale(view), 2)} m"
+    scale = f"{LARGEST:g}{glyphs.degree} = {full}" if look.pictures else f"9 = {full}"
+    marks = (
+        (f"{glyphs.sim} ", theme.sim),
+        ("sim  ", theme.muted),
+        (f"{glyphs.real} ", theme.real),
+        ("real  ", theme.muted),
+        (f"{glyphs.both} ", theme.both),
+        (f"both  {scale}", theme.muted),
+    )
+    parts = [words(marks)]
+    if model.lit > 1:
+        parts.append(words((("2..9 + ", theme.truth), ("mean of so many", theme.muted))))
     return parts
 
 
-def _marks(look: RenderOptions) -> LegendPart:
-    theme, glyphs = look.theme, look.glyphs
-    return words(
-        (
-            (f"{glyphs.sim} ", theme.sim),
-            ("sim  ", theme.muted),
-            (f"{glyphs.real} ", theme.real),
-            ("real  ", theme.muted),
-            (f"{glyphs.truth} ", theme.truth),
-            ("truth", theme.muted),
-        )
-    )
-
-
-def others_part(look: RenderOptions) -> LegendPart:
-    """The legend of what is not selected."""
-    theme = look.theme
-    grey = "⠿" if not look.ascii else look.glyphs.unselected
-    return words(((f"{grey} ", theme.unselected), ("not selected", theme.muted)))
-
-
-def clip_part(look: RenderOptions) -> LegendPart:
-    """The legend of what no selected instance has seen."""
-    how = "dim" if look.fine else "blank"
-    return words(((f"{how}: not seen", look.theme.muted),))
+DRAWINGS = {"colour": draw_values, "glyph": draw_glyphs, "full": draw_predictions}
+LEGENDS = {"colour": value_legend, "glyph": glyph_legend, "full": full_legend}
+"""Per map mode: how the selected are drawn, and what the legend says about them."""

@@ -7,14 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from s2rstore.records import Side
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.adjust.model import live_poses
-from s2rtui.charts.instance.model import map_input, nearest_iid, point_of, truth_points
 from s2rtui.charts.map import terminal
-from s2rtui.charts.shared.inputs import GeoMapInput
-from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, area
+from s2rtui.charts.mark_expressions import area
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.instance_model import InstanceInput, SideView
+from s2rtui.charts.shared.map_model import GeoMapInput, LivePose, map_input
+from s2rtui.charts.shared.points import nearest_iid, point_of, truth_points
+from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session
 from s2rtui.session.heatmaps import share_told
 
@@ -67,7 +70,7 @@ class MapView(View):
         shown = resources.adjusted(state) if state.adjusting else None
         if shown is None or shown.iid != state.cursor:
             return view
-        return replace(view, live=live_poses(shown))
+        return replace(view, live=_live_poses(shown))
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
         return identity(self.input(scene)), scene.state.viewport
@@ -125,3 +128,13 @@ class MapView(View):
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area(panel, mark, "box", "lasso")
+
+
+def _live_poses(shown: InstanceInput) -> tuple[LivePose, ...]:
+    """The predictions of an instance that is being adjusted, for the map."""
+    sides: tuple[tuple[Side, SideView], ...] = (("sim", shown.sim), ("real", shown.real))
+    return tuple(
+        LivePose(name, side.pose.x, side.pose.y, side.pose.heading)
+        for name, side in sides
+        if side.pose is not None
+    )

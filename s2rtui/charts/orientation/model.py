@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bins, Chosen, bins, choose
+from s2rtui.analysis.binning import Bins, Bools, Chosen, bins, choose
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas.pending_brush import wrapped
-from s2rtui.charts.shared.inputs import Floats, OrientationInput
+from s2rtui.canvas.brush import Mark, wrapped
+from s2rtui.charts.shared.axis_scale import Floats
 
 BINS = 72
 WIDTH = 360 / BINS
@@ -21,6 +21,23 @@ EXACTLY_UP_TO = 20_000
 """A mean direction of so many is taken over the instances, of more over the bins."""
 Counts = NDArray[np.intp]
 Lengths = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrientationInput:
+    """Headings of prediction, truth and prediction, (N,) radians each, NaN for none.
+
+    selected, valid: (N,) bool; cursor: an iid. `y_down`: 90 degrees points down on the screen.
+    """
+
+    sim: Floats
+    truth: Floats
+    real: Floats
+    selected: Bools
+    valid: Bools
+    y_down: bool = True
+    cursor: int | None = None
+    mark: Mark | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,11 +12,11 @@ from s2rtui.charts.orientation.model import (
     BINS,
     NAMES,
     Headings,
+    OrientationInput,
     OrientationModel,
     orientation_model,
 )
 from s2rtui.charts.shared.axis_scale import ticks
-from s2rtui.charts.shared.inputs import OrientationInput
 from s2rtui.charts.shared.paper import (
     Page,
     Pixels,

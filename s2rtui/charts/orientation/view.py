@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.orientation.model import orientation_model
+from s2rtui.charts.mark_expressions import turn
+from s2rtui.charts.orientation.model import OrientationInput, orientation_model
 from s2rtui.charts.orientation.terminal import orientation, orientation_surface
-from s2rtui.charts.shared.inputs import OrientationInput
-from s2rtui.charts.view import Pixels, Scene, Table, View, turn
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import Pixels, Table, View
 
 _FIELDS = {"sim": "sim.heading", "truth": "heading", "real": "real.heading"}
 

@@ -10,8 +10,9 @@ from rich.cells import cell_len
 
 from s2rtui.canvas.brush import Panel, Point
 from s2rtui.canvas.canvas import Size
-from s2rtui.charts.overview.model import overview_model
-from s2rtui.charts.shared.inputs import Interval, OverviewLines, OverviewRow
+from s2rtui.charts.overview.model import OverviewLines, overview_model
+from s2rtui.charts.scene import OverviewRow
+from s2rtui.charts.shared.axis_scale import Interval
 
 NUMBERS = 12
 """Columns that the two numbers at the right take."""

@@ -9,9 +9,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.metrics import run_metrics
+from s2rstore.reader import Store
+from s2rstore.records import Side
+from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.charts.shared.axis_scale import finite, step
-from s2rtui.charts.shared.inputs import Interval, OverviewLines, OverviewRow
+from s2rtui.charts.scene import OverviewRow
+from s2rtui.charts.shared.axis_scale import Floats, Interval, finite, step
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OverviewLines:
+    """Each instance as a line across the runs.
+
+    values: a column (N,) per run, in the rows' order, accuracies of `side` (NaN: none there).
+    selected, valid: (N,) bool; cursor: an iid, its own line is drawn on top with its numbers.
+    """
+
+    values: tuple[Floats, ...]
+    selected: Bools
+    valid: Bools
+    side: Side = "real"
+    cursor: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,3 +104,37 @@ def _interval(interval: Interval | None) -> Interval | None:
         return None
     low, high = finite(interval[0]), finite(interval[1])
     return None if low is None or high is None else (min(low, high), max(low, high))
+
+
+def overview_rows(
+    store: Store, runs: Sequence[str] | None = None
+) -> tuple[list[OverviewRow], float]:
+    """A row per computed run (or per named one), and the baseline of the first one's instances.
+
+    Figures leave out what the model was trained on.
+    """
+    rows = []
+    for name in runs or [name for name, run in store.runs.items() if run.key]:
+        sim, real = (run_metrics.headline(store, name, side) for side in ("sim", "real"))
+        rows.append(
+            OverviewRow(
+                run=name,
+                sim_accuracy=sim.accuracy.value,
+                real_accuracy=real.accuracy.value,
+                sim_interval=(sim.accuracy.low, sim.accuracy.high),
+                real_interval=(real.accuracy.low, real.accuracy.high),
+                n=real.n,
+                note="" if real.n else "the model was trained on every instance",
+            )
+        )
+    return rows, run_metrics.baseline(store, rows[0].run) if rows else math.nan
+
+
+def own_accuracies(lines: OverviewLines) -> list[float | None]:
+    """The cursor's accuracy in every run, None where there is none."""
+    if lines.cursor is None:
+        return [None] * len(lines.values)
+    iid = lines.cursor
+    return [
+        finite(float(column[iid])) if 0 <= iid < len(column) else None for column in lines.values
+    ]

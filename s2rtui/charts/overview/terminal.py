@@ -6,16 +6,20 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.brush import Mark, pending, range_of
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.pending_brush import pending, range_of
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_surface
-from s2rtui.charts.overview.line_drawing import draw_threads, own_accuracies
-from s2rtui.charts.overview.model import OverviewModel, overview_model
+from s2rtui.charts.overview.lines import draw_threads
+from s2rtui.charts.overview.model import (
+    OverviewLines,
+    OverviewModel,
+    overview_model,
+    own_accuracies,
+)
+from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.axis_scale import step, tick_text, ticks
-from s2rtui.charts.shared.inputs import OverviewLines, OverviewRow
 
 
 def overview(

@@ -9,9 +9,11 @@ from s2rstore.language.canonical_text import string
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.charts.mark_expressions import span
 from s2rtui.charts.overview import layout, terminal
-from s2rtui.charts.shared.inputs import OverviewLines, OverviewRow
-from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, span
+from s2rtui.charts.overview.model import OverviewLines
+from s2rtui.charts.scene import OverviewRow, Scene
+from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session
 
 ROWS_PER_RUN = 3

@@ -8,13 +8,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bins, choose
+from s2rtui.analysis.binning import Bins, Bools, choose
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.charts.shared.inputs import RoomsInput
+from s2rtui.canvas.brush import Mark
 
 NAMES = ("sim", "truth", "real")
 NO_ROOM = "no room"
 Counts = NDArray[np.intp]
+
+
+Codes = NDArray[np.integer]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoomsInput:
+    """The rooms of prediction, truth and prediction: (N,) indices into `room_names`, -1 for none.
+
+    selected, valid: (N,) bool; cursor: an iid.
+    """
+
+    sim: Codes
+    truth: Codes
+    real: Codes
+    room_names: tuple[str, ...]
+    selected: Bools
+    valid: Bools
+    cursor: int | None = None
+    mark: Mark | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

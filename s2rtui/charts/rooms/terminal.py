@@ -8,14 +8,12 @@ from functools import partial
 import numpy as np
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point, pending, steps_of
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.pending_brush import pending, steps_of
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.rooms.model import NAMES, RoomsModel, rooms_model
+from s2rtui.charts.rooms.model import NAMES, RoomsInput, RoomsModel, rooms_model
 from s2rtui.charts.shared.bars import put_over, rightward
-from s2rtui.charts.shared.inputs import RoomsInput
 
 WIDEST = 18
 """Columns that a room's name takes at most."""

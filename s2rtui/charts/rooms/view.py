@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.rooms.model import rooms_model
+from s2rtui.charts.mark_expressions import named
+from s2rtui.charts.rooms.model import RoomsInput, rooms_model
 from s2rtui.charts.rooms.terminal import rooms, rooms_surface
-from s2rtui.charts.shared.inputs import RoomsInput
-from s2rtui.charts.view import Pixels, Scene, Table, View, named
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import Pixels, Table, View
 from s2rtui.session import Session
 
 _FIELDS = {"sim": "sim.room", "truth": "room", "real": "real.room"}

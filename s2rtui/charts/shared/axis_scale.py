@@ -74,3 +74,6 @@ def tick_text(value: float, width: float) -> str:
     places = max(0, -math.floor(math.log10(width) + 1e-9)) if width < 1 else 0
     text = f"{value:.{places}f}"
     return text[1:] if text.startswith("-") and not text.strip("-0.") else text
+
+
+Floats = NDArray[np.floating]

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import Rgb, mix
-from s2rtui.canvas.colour_mode import ColourMode
+from s2rtui.canvas.colour import ColourMode, Rgb, mix
 from s2rtui.canvas.render_options import RenderOptions
 
 UP = np.array(list(" ▁▂▃▄▅▆▇█"))

@@ -3,14 +3,64 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rtui.canvas.colour import NO_DEPTH, Pixels, depth_tint, diverging, mix, turbo
 from s2rtui.canvas.raster import resample
-from s2rtui.charts.shared.axis_scale import percentile_range, widened
-from s2rtui.charts.shared.inputs import Floats, InstanceInput, Interval, SideView
+from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, widened
+
+
+@dataclass(frozen=True, slots=True)
+class PoseNumbers:
+    """A predicted pose with its errors: metres and radians, NaN where unknown."""
+
+    x: float
+    y: float
+    heading: float
+    error: float = float("nan")
+    heading_error: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SideView:
+    """One side of an instance.
+
+    rgb: (H, W, 3) uint8, (0, 0, 3) for none. depth: (H, W) metres, NaN where invalid. heat: (h, w)
+    over the whole image, any resolution, NaN for none. pose: the prediction on this side.
+    """
+
+    rgb: NDArray[np.uint8]
+    depth: Floats | None = None
+    heat: Floats | None = None
+    pose: PoseNumbers | None = None
+    title: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InstanceInput:
+    """One instance, sim beside real.
+
+    `kind` (and `mode`) name the heat, `signed` makes its scale diverge about 0, `heat_range`
+    fixes it (default: from both sides together), `over` is the row of pictures that the heat
+    lies on. `truth`: x, y in metres, heading in radians. `notes`: further lines, label and value.
+    """
+
+    iid: int
+    sim: SideView
+    real: SideView
+    truth: tuple[float, float, float] | None = None
+    kind: str | None = None
+    mode: str | None = None
+    unit: str = ""
+    signed: bool = False
+    heat_range: Interval | None = None
+    over: Literal["rgb", "depth", "both"] = "rgb"
+    depth_range: Interval | None = None
+    notes: tuple[tuple[str, str], ...] = field(default=())
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,10 +14,11 @@ from s2rtui.canvas.canvas import Canvas, InlineImage, Size
 from s2rtui.canvas.colour import DEPTH_SHADES, Pixels, depth_tint, diverging, legible, turbo
 from s2rtui.canvas.raster import picture, resample, shade
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.shared.inputs import InstanceInput, SideView
 from s2rtui.charts.shared.instance_model import (
     HEADINGS,
+    InstanceInput,
     InstanceModel,
+    SideView,
     heat_colours,
     instance_model,
     panel_pixels,

@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from rich.cells import cell_len
 
 from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import Pixels, Rgb, legible, turbo
-from s2rtui.canvas.colour_mode import ColourMode
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, legible, turbo
+from s2rtui.canvas.render_options import DIGITS, RenderOptions
 from s2rtui.charts.shared.axis_scale import Interval, short, step
 
-DIGITS = "0123456789"
 Scale = Callable[[NDArray[np.float64]], Pixels]
 
 

@@ -7,17 +7,81 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.records import Bounds
-from s2rtui.analysis.binning import Chosen, choose, count
+from s2rstore.reader import Store
+from s2rstore.records import Bounds, Room, Side
+from s2rtui.analysis.binning import Bools, Chosen, choose, count
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.charts.shared.axis_scale import fraction, percentile_range
-from s2rtui.charts.shared.inputs import Bools, Floats, GeoMapInput, Interval
-from s2rtui.charts.shared.map_layers import heat_scale
-from s2rtui.charts.shared.points import cells
+from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.colour import Pixels
+from s2rtui.charts.shared.axis_scale import Floats, Interval, fraction, percentile_range
+from s2rtui.charts.shared.map_background import Ground, heat_scale
+from s2rtui.charts.shared.points import cells, stacked_points, truth_points
+from s2rtui.session.heatmaps import unit
+from s2rtui.session.state import HeatChoice, MapMode, State
 
-LINES_UP_TO = 24
-"""So many selected instances, all or in view, get their error lines drawn."""
+
+@dataclass(frozen=True, slots=True)
+class LivePose:
+    """A prediction that is not stored: metres, radians."""
+
+    side: Side
+    x: float
+    y: float
+    heading: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GeoMapInput:
+    """The map of one run.
+
+    truth, sim, real: (N, 2) metres. values: (N,) what mode "colour" shows, NaN for none;
+    `value_label` and `value_unit` name it, `value_range` fixes its scale (default: the 1st ..
+    99th percentile of the valid). selected, valid: (N,) bool; cursor: an iid. headings, (N,)
+    radians: the truth's. floor_plan, heat, clip: see `Ground`. Columns are taken as never changed
+    in place: what is worked out of them is kept for as long as the same arrays are given. `live`
+    are predictions for the cursor that no column has.
+    """
+
+    truth: Floats
+    sim: Floats
+    real: Floats
+    values: Floats
+    selected: Bools
+    valid: Bools
+    bounds: Bounds
+    headings: Floats | None = None
+    sim_headings: Floats | None = None
+    real_headings: Floats | None = None
+    cursor: int | None = None
+    y_down: bool = True
+    mode: MapMode = "colour"
+    value_label: str = "shift"
+    value_unit: str = "m"
+    value_range: Interval | None = None
+    floor_plan: NDArray[np.uint8] | None = None
+    heat: Floats | None = None
+    heat_label: str = "heat"
+    heat_unit: str = ""
+    heat_range: Interval | None = None
+    clip: Floats | Bools | None = None
+    rooms: tuple[Room, ...] = ()
+    room_names: bool = True
+    mark: Mark | None = None
+    live: tuple[LivePose, ...] = ()
+
+    @property
+    def ground(self) -> Ground:
+        rooms = self.rooms if self.room_names else ()
+        return Ground(
+            self.bounds,
+            self.y_down,
+            self.floor_plan,
+            self.heat,
+            self.heat_range,
+            self.clip,
+            rooms,
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,22 +137,6 @@ def by_value(view: GeoMapInput, model: GeoMapModel) -> tuple[NDArray[np.intp], F
     return ids[ordered], shares[ordered]
 
 
-def lined(
-    view: GeoMapInput, model: GeoMapModel, frame: MapFrame | None = None, limit: int = LINES_UP_TO
-) -> NDArray[np.intp]:
-    """Iids whose error lines are drawn: the selected, or those in the frame, up to a limit.
-
-    The cursor's is always one of them.
-    """
-    ids = np.empty(0, dtype=np.intp)
-    if model.lit <= limit:
-        ids = model.chosen.members
-    elif frame is not None:
-        near = in_frame(np.asarray(view.truth), model.chosen, frame, limit)
-        ids = ids if near is None else near
-    return ids if model.cursor is None else np.unique(np.append(ids, model.cursor))
-
-
 def in_frame(truth: Floats, chosen: Chosen, frame: MapFrame, limit: int) -> NDArray[np.intp] | None:
     """The selected iids that lie in the frame; None where they are more than `limit`."""
     places = cells(truth, frame)
@@ -108,3 +156,53 @@ def default_view(bounds: Bounds, truth: Floats, valid: Bools) -> Bounds:
         return Bounds(0.0, 0.0, 1.0, 1.0)
     (x0, y0), (x1, y1) = points.min(axis=0) - 0.5, points.max(axis=0) + 0.5
     return Bounds(float(x0), float(y0), float(x1), float(y1))
+
+
+def map_input(
+    store: Store,
+    state: State,
+    floor_plan: Pixels | None = None,
+    heat: Floats | None = None,
+    seen: Floats | None = None,
+    mark: Mark | None = None,
+    heat_note: str = "",
+) -> GeoMapInput:
+    """The map of the state's run; `heat_note` says of whom the heat is."""
+    truth, columns = store.instances, store.run_columns(state.run)
+    choice = state.heat
+    shown = heat is not None and choice is not None
+    return GeoMapInput(
+        truth=truth_points(store),
+        sim=stacked_points(columns.sim.x, columns.sim.y),
+        real=stacked_points(columns.real.x, columns.real.y),
+        values=columns.shift,
+        selected=state.selected,
+        valid=state.base,
+        bounds=store.dataset.bounds,
+        headings=truth.heading,
+        sim_headings=columns.sim.heading,
+        real_headings=columns.real.heading,
+        cursor=state.cursor,
+        y_down=store.dataset.y_down,
+        mode=state.map_mode,
+        floor_plan=floor_plan,
+        heat=heat if shown else None,
+        heat_label=_heat_label(state, choice, heat_note) if shown and choice else "heat",
+        heat_unit=_heat_unit(store, state, choice) if shown and choice else "",
+        clip=seen,
+        rooms=store.rooms,
+        room_names=state.room_names,
+        mark=mark,
+    )
+
+
+def _heat_label(state: State, choice: HeatChoice, note: str) -> str:
+    """The heat's name, its side and, where that is no mean, how it was gathered."""
+    gathered = state.overlay in ("selection", "run") and state.aggregate != "mean"
+    parts = [choice.label, choice.side, state.aggregate if gathered else "", note]
+    return ", ".join(part for part in parts if part)
+
+
+def _heat_unit(store: Store, state: State, choice: HeatChoice) -> str:
+    counts = state.overlay in ("selection", "run") and state.aggregate == "count"
+    return "pixels" if counts else unit(store, state.run, choice)

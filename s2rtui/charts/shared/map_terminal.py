@@ -2,19 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
+from s2rtui.analysis.binning import Chosen
 from s2rtui.analysis.map_frame import MapFrame, fit
-from s2rtui.canvas.brush import Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point, draw_mark
 from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.shared.axis_scale import step, tick_text, ticks
-from s2rtui.charts.shared.legend import LegendPart, flow
+from s2rtui.canvas.colour import Rgb, legible, turbo
+from s2rtui.canvas.raster import braille, braille_bits, ground
+from s2rtui.canvas.render_options import RenderOptions, heading_arrow
+from s2rtui.charts.shared.axis_scale import Floats, step, tick_text, ticks
+from s2rtui.charts.shared.legend import (
+    LegendPart,
+    colour_bar,
+    draw_rows,
+    flow,
+    ramp_for_values,
+    scale_bar,
+    words,
+)
+from s2rtui.charts.shared.map_background import HEAT_RAMPS, Ground, draw_ground, draw_names
+from s2rtui.charts.shared.map_model import GeoMapInput, GeoMapModel, default_view, geomap_model
+from s2rtui.charts.shared.points import level_shares, other_dots, top_levels
 
+Places = NDArray[np.intp]
 Legend = Callable[[MapFrame, int], list[LegendPart]]
 """The parts of a legend for a frame, each within a width."""
+ModeLegend = Callable[[GeoMapInput, GeoMapModel, RenderOptions, int], list[LegendPart]]
+"""The legend parts that explain the selected points of a map, within a width."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +49,17 @@ class GeoMapLayout:
     frame: MapFrame
     axes: bool
     legend: tuple[tuple[LegendPart, ...], ...]
+
+
+class PointMap(Protocol):
+    """What the inputs of all maps hold: true positions (N, 2), the floor under them, a mark."""
+
+    @property
+    def truth(self) -> Floats: ...
+    @property
+    def ground(self) -> Ground: ...
+    @property
+    def mark(self) -> Mark | None: ...
 
 
 def map_layout(area: Bounds, y_down: bool, size: Size, legend: Legend) -> GeoMapLayout:
@@ -80,3 +112,171 @@ def draw_axes(canvas: Canvas, layout: GeoMapLayout, look: RenderOptions) -> None
         row = int(frame.to_cells([[frame.x0, tick]])[0, 1])
         if 1 <= row < bottom:
             canvas.text(layout.x - 1, row, tick_text(tick, width)[:4], theme.muted, align="right")
+
+
+def draw_dots(
+    canvas: Canvas, grid: NDArray[np.bool_], colour: Rgb, look: RenderOptions, glyph: str = ""
+) -> None:
+    """Braille dots (4 rows, 2 columns per cell); in ASCII one glyph, by default a faint one."""
+    if not look.ascii:
+        braille(canvas, 0, 0, grid, np.array(colour, dtype=np.uint8))
+        return
+    rows, columns = np.nonzero(braille_bits(grid))
+    stamp(canvas, columns, rows, glyph or look.glyphs.unselected, colour, bold=False)
+
+
+def stamp(
+    canvas: Canvas, columns: Places, rows: Places, glyph: str, colour: Rgb, bold: bool = True
+) -> None:
+    """A glyph in each of some cells."""
+    ground(canvas, columns, rows)
+    canvas.char[rows, columns] = glyph
+    canvas.bold[rows, columns] = bold
+    canvas.fg[rows, columns] = colour
+
+
+def draw_values(
+    canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: RenderOptions
+) -> None:
+    """The selected coloured by value, the largest of a cell on top; digits where colours lack."""
+    top = top_levels(view.truth, view.values, model.value_range, model.chosen, frame)
+    rows, columns = np.nonzero(top >= 0)
+    shares = level_shares(top[rows, columns])
+    known = np.isfinite(shares)
+    stamp(canvas, columns, rows, look.glyphs.selected, look.theme.text)
+    if (digits := ramp_for_values(look)) is not None:
+        steps = np.clip(np.nan_to_num(shares) * len(digits), 0, len(digits) - 1).astype(np.intp)
+        canvas.char[rows, columns] = np.where(known, np.array(list(digits))[steps], "?")
+    canvas.fg[rows[known], columns[known]] = legible(turbo(shares[known]), look.theme)
+
+
+def draw_pose(
+    canvas: Canvas,
+    points: Floats,
+    headings: Floats | None,
+    iid: int,
+    frame: MapFrame,
+    look: RenderOptions,
+    glyph: str,
+    colour: Rgb,
+) -> None:
+    """A glyph at one of `points` (N, 2), with an arrow beside it where its heading is known."""
+    place = frame.to_cells(np.asarray(points)[iid])[0]
+    if not (np.isfinite(place).all() and (place >= 0).all()):
+        return
+    column, row = int(place[0]), int(place[1])
+    if column >= canvas.width or row >= canvas.height:
+        return
+    one = np.array([column]), np.array([row])
+    stamp(canvas, *one, glyph, colour)
+    if headings is not None and np.isfinite(headings[iid]):
+        arrow, across, down = heading_arrow(float(headings[iid]), frame.y_down, look.glyphs)
+        column, row = column + across, row + down
+        if 0 <= column < canvas.width and 0 <= row < canvas.height:
+            stamp(canvas, np.array([column]), np.array([row]), arrow, colour)
+
+
+def point_map_layout(
+    view: GeoMapInput,
+    model: GeoMapModel,
+    size: Size,
+    viewport: Bounds | None,
+    look: RenderOptions,
+    mode_legend: ModeLegend | None = None,
+    notes: Sequence[LegendPart] = (),
+) -> GeoMapLayout:
+    """Lay out a map whose selected points `mode_legend` explains (default: `value_legend`).
+
+    `viewport` is a world rectangle, by default the bounds. `notes` close the legend.
+    """
+    explain = mode_legend or value_legend
+
+    def legend(frame: MapFrame, width: int) -> list[LegendPart]:
+        parts = explain(view, model, look, width)
+        if model.heat_range is not None:
+            ramp = None if look.fine else HEAT_RAMPS[look.ascii]
+            length = 12 if width >= 50 else 8
+            heat = view.heat_label, view.heat_unit, model.heat_range
+            parts.append(colour_bar(*heat, look, length, ramp=ramp, room=width))
+        return parts + map_legend(frame, width, model.others, view.clip is not None, look, notes)
+
+    area = viewport or default_view(view.bounds, view.truth, view.valid)
+    return map_layout(area, view.y_down, size, legend)
+
+
+def value_legend(
+    view: GeoMapInput, model: GeoMapModel, look: RenderOptions, width: int
+) -> list[LegendPart]:
+    """The colour bar of the points' values."""
+    ramp, length = ramp_for_values(look), 12 if width >= 50 else 8
+    values = view.value_label, view.value_unit, model.value_range
+    clipped = view.value_range is None
+    return [colour_bar(*values, look, length, ramp=ramp, room=width, clipped=clipped)]
+
+
+def map_legend(
+    frame: MapFrame,
+    width: int,
+    others: int,
+    clipped: bool,
+    look: RenderOptions,
+    notes: Sequence[LegendPart] = (),
+) -> list[LegendPart]:
+    """Legend parts of every map: scale bar, unselected points, notes, dimmed floor."""
+    theme = look.theme
+    parts = [scale_bar(frame.pitch, max(4, width // 6), look)]
+    if others:
+        grey = "⠿" if not look.ascii else look.glyphs.unselected
+        parts.append(words(((f"{grey} ", theme.unselected), ("not selected", theme.muted))))
+    parts += notes
+    if clipped:
+        how = "dim" if look.fine else "blank"
+        parts.append(words(((f"{how}: not seen", theme.muted),)))
+    return parts
+
+
+def draw_point_map(
+    view: PointMap,
+    chosen: Chosen,
+    layout: GeoMapLayout,
+    size: Size,
+    look: RenderOptions,
+    draw_selected: Callable[[Canvas], None],
+) -> Canvas:
+    """A map in `size` (columns, rows): floor, unselected points and rooms, then the selected."""
+    canvas = Canvas(*size, theme=look.theme)
+    chart = Canvas(layout.width, layout.height, look.theme)
+    draw_ground(chart, view.ground, layout.frame, look)
+    dots = other_dots(view.truth, chosen, layout.frame)
+    draw_dots(chart, dots, look.theme.unselected, look)
+    draw_names(chart, view.ground.rooms, layout.frame, look)
+    draw_selected(chart)
+    canvas.paste(chart, layout.x, layout.y)
+    if layout.axes:
+        draw_axes(canvas, layout, look)
+    draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
+    draw_mark(canvas, map_panel(layout), view.mark, look)
+    return canvas
+
+
+def draw_value_map(
+    view: GeoMapInput, size: Size, look: RenderOptions, viewport: Bounds | None
+) -> Canvas:
+    """A map in `size` whose selected points are coloured by their values."""
+    model = geomap_model(view)
+    layout = point_map_layout(view, model, size, viewport, look)
+
+    def draw_selected(chart: Canvas) -> None:
+        draw_values(chart, view, model, layout.frame, look)
+        draw_cursor(chart, view, model.cursor, layout.frame, look)
+
+    return draw_point_map(view, model.chosen, layout, size, look, draw_selected)
+
+
+def draw_cursor(
+    canvas: Canvas, view: GeoMapInput, cursor: int | None, frame: MapFrame, look: RenderOptions
+) -> None:
+    """The true pose of the cursor's instance."""
+    if cursor is not None:
+        glyph, colour = look.glyphs.cursor, look.theme.cursor
+        draw_pose(canvas, view.truth, view.headings, cursor, frame, look, glyph, colour)

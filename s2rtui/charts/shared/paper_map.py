@@ -9,14 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds, Room
+from s2rtui.analysis.binning import Chosen
 from s2rtui.analysis.map_frame import MapFrame, fit
 from s2rtui.canvas.colour import Rgb, Theme, luma, mix, turbo
 from s2rtui.canvas.raster import resample
-from s2rtui.charts.shared.axis_scale import fraction, short, step, ticks
-from s2rtui.charts.shared.inputs import Floats, Ground
-from s2rtui.charts.shared.map_layers import DIMMED, heat_scale, seen_cells
+from s2rtui.charts.shared.axis_scale import Floats, fraction, short, step, ticks
+from s2rtui.charts.shared.map_background import DIMMED, Ground, heat_scale, seen_cells
+from s2rtui.charts.shared.map_model import GeoMapInput, GeoMapModel, by_value
 from s2rtui.charts.shared.paper import Box, Page, broken, dress, heading, new_figure, unit
 from s2rtui.charts.shared.points import dots
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -268,3 +272,53 @@ def _scale(axes: Axes, area: Bounds, y_down: bool, theme: Theme) -> None:
         patheffects.withStroke(linewidth=2.5, foreground=unit(theme.background))
     ]
     label.set_path_effects(halo_text)
+
+
+def draw_others(axes: Axes, truth: Floats, chosen: Chosen, spots: Spots) -> None:
+    """Unselected poses, small and grey."""
+    others = chosen.few if chosen.inverted else _outside(chosen)
+    grey = np.asarray(truth, dtype=np.float64)[spots.kept(truth, others)]
+    ink = unit(spots.theme.unselected)
+    axes.scatter(grey[:, 0], grey[:, 1], s=5, color=ink, linewidths=0, zorder=3)
+
+
+def _outside(chosen: Chosen) -> NDArray[np.intp]:
+    inside = chosen.base.copy()
+    inside[chosen.few] = False
+    return np.flatnonzero(inside)
+
+
+def draw_values(axes: Axes, view: GeoMapInput, model: GeoMapModel, spots: Spots) -> None:
+    """The lit ones coloured by value, the largest on top."""
+    ids, shares = by_value(view, model)
+    held = spots.last(view.truth, ids)
+    lit, shares = np.asarray(view.truth, dtype=np.float64)[ids[held]], shares[held]
+    ink = turbo(shares) / 255.0
+    ink[~np.isfinite(shares)] = unit(spots.theme.muted)
+    draw_dots(axes, lit, ink, spots)
+
+
+def draw_dots(axes: Axes, points: Floats, ink: NDArray[np.float64], spots: Spots) -> None:
+    """Dots with an edge in the page's colour; smaller where they are many."""
+    edge = unit(spots.theme.background)
+    many = len(points) > MANY
+    size, width = (5, 0.0) if many else (26, 0.6)
+    axes.scatter(
+        points[:, 0], points[:, 1], s=size, c=ink, edgecolors=[edge], linewidths=width, zorder=5
+    )
+
+
+def draw_pose(
+    axes: Axes, points: Floats, headings: Floats | None, iid: int, colour: Rgb, area: Bounds
+) -> None:
+    """A ring at one of `points` (N, 2), with an arrow where its heading is known."""
+    x, y = (float(part) for part in np.asarray(points)[iid])
+    if not np.isfinite([x, y]).all():
+        return
+    ink, length = unit(colour), 0.035 * max(area.width, area.height)
+    axes.scatter([x], [y], s=70, facecolors="none", edgecolors=[ink], linewidths=1.6, zorder=7)
+    if headings is not None and np.isfinite(headings[iid]):
+        angle = float(headings[iid])
+        tip = (x + length * np.cos(angle), y + length * np.sin(angle))
+        arrow = {"arrowstyle": "-|>", "color": ink, "lw": 1.6, "shrinkA": 4, "shrinkB": 0}
+        axes.annotate("", xy=tip, xytext=(x, y), arrowprops=arrow, zorder=8)

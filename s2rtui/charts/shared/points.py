@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.binned_sums import occupied
-from s2rtui.analysis.binning import Bins, Chosen, Codes, count
+from s2rstore.reader import Store
+from s2rtui.analysis.binning import Bins, Chosen, Codes, count, occupied
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.charts.shared.axis_scale import fraction
-from s2rtui.charts.shared.inputs import Floats, Interval
+from s2rtui.charts.shared.axis_scale import Floats, Interval, fraction
 
 PIECE = 1 << 15
 LEVELS = 60
@@ -126,9 +126,9 @@ def _tinted(points: ArrayKey, values: ArrayKey, scale: Interval, frame: MapFrame
     steps = np.uint32(LEVELS + 1)
     wide = places.codes.astype(np.uint32) * steps + _levels(values, scale)
     np.minimum(wide, places.count * steps, out=wide)
-    codes, cached_by_identity = occupied(Bins(wide, places.count * int(steps)))
-    cell, start = np.unique(cached_by_identity // (LEVELS + 1), return_index=True)
-    return _Tinted(codes, (cached_by_identity % (LEVELS + 1)).astype(np.int8), cell, start)
+    codes, numbers = occupied(Bins(wide, places.count * int(steps)))
+    cell, start = np.unique(numbers // (LEVELS + 1), return_index=True)
+    return _Tinted(codes, (numbers % (LEVELS + 1)).astype(np.int8), cell, start)
 
 
 @cached_by_identity(8)
@@ -140,3 +140,36 @@ def _levels(values: ArrayKey, scale: Interval) -> NDArray[np.uint8]:
 def level_shares(levels: NDArray[np.intp]) -> NDArray[np.float64]:
     """Levels as places on the scale, 0 .. 1; NaN for the unknown."""
     return np.where(levels > 0, (levels - 1) / (LEVELS - 1), np.nan)
+
+
+def truth_points(store: Store) -> NDArray[np.float64]:
+    """(N, 2) true positions, metres."""
+    return stacked_points(store.instances.x, store.instances.y)
+
+
+def stacked_points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 2); the same array for the same columns, so that plots can keep what they made of it."""
+    return _stacked(ArrayKey(x), ArrayKey(y))
+
+
+@cached_by_identity(24)
+def _stacked(x: ArrayKey, y: ArrayKey) -> NDArray[np.float64]:
+    return np.stack([np.asarray(x.array), np.asarray(y.array)], axis=1)
+
+
+def point_of(points: NDArray[np.floating[Any]], iid: int | None) -> tuple[float, float] | None:
+    """One of the points (N, 2), where it is known."""
+    if iid is None or not np.isfinite(points[iid]).all():
+        return None
+    return float(points[iid, 0]), float(points[iid, 1])
+
+
+def nearest_iid(
+    points: NDArray[np.floating[Any]], base: NDArray[np.bool_], at: tuple[float, float]
+) -> int | None:
+    """The iid of the base whose point (N, 2) is nearest."""
+    with np.errstate(invalid="ignore"):
+        distance = np.square(points[:, 0] - at[0]) + np.square(points[:, 1] - at[1])
+    distance = np.where(base & np.isfinite(distance), distance, np.inf)
+    iid = int(np.argmin(distance)) if distance.size else 0
+    return iid if distance.size and np.isfinite(distance[iid]) else None

@@ -7,19 +7,42 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.reader import Store
 from s2rstore.records import Bounds
-from s2rtui.analysis.binning import Bins, Chosen, bins, choose, count, joined
+from s2rtui.analysis.binning import Bins, Bools, Chosen, bins, choose, count, joined
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, fit
-from s2rtui.charts.shared.axis_scale import fraction, percentile_range
-from s2rtui.charts.shared.inputs import Bools, Floats, Interval, UmapInput
-from s2rtui.charts.shared.points import cells, dots
+from s2rtui.canvas.brush import Mark
+from s2rtui.charts.shared.axis_scale import Floats, Interval, fraction, percentile_range
+from s2rtui.charts.shared.points import cells, dots, stacked_points
+from s2rtui.session.state import State
 
 LEVELS = 20
 """Steps of the colour scale; level 0 stands for no value."""
 _WEIGHTS = np.stack([np.arange(LEVELS + 1) > 0, np.arange(LEVELS + 1) - 0.5], axis=1)
 _WEIGHTS[0] = 0
 """What each level adds: to the number of known values, and to their sum in levels."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UmapInput:
+    """Embeddings in the plane, sim and real in the same coordinates.
+
+    sim, real: (N, 2), NaN for none. values: (N,) what colours the points, NaN for none (default:
+    the distance between an instance's two points); `value_range` fixes its scale (default: the 1st
+    .. 99th percentile). selected, valid: (N,) bool; cursor: an iid.
+    """
+
+    sim: Floats
+    real: Floats
+    values: Floats | None
+    selected: Bools
+    valid: Bools
+    cursor: int | None = None
+    mark: Mark | None = None
+    value_label: str = "distance"
+    value_unit: str = ""
+    value_range: Interval | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,3 +183,17 @@ def _population(points: ArrayKey, frame: MapFrame, base: ArrayKey) -> Bools:
     """Which braille dots hold any valid instance."""
     nobody = Chosen(np.asarray(base.array), np.empty(0, dtype=np.intp), inverted=False)
     return np.asarray(count(dots(np.asarray(points.array), frame), nobody)[1] > 0)
+
+
+def umap_input(store: Store, state: State, mark: Mark | None = None) -> UmapInput:
+    """The embeddings of the state's run in the plane."""
+    columns = store.run_columns(state.run)
+    return UmapInput(
+        stacked_points(columns.sim.u, columns.sim.v),
+        stacked_points(columns.real.u, columns.real.v),
+        None,
+        state.selected,
+        state.base,
+        cursor=state.cursor,
+        mark=mark,
+    )

@@ -8,8 +8,7 @@ import numpy as np
 
 from s2rtui.analysis.binning import choose
 from s2rtui.canvas.colour import LIGHT, Theme, turbo
-from s2rtui.charts.shared.axis_scale import fraction, ticks
-from s2rtui.charts.shared.inputs import Floats, UmapInput
+from s2rtui.charts.shared.axis_scale import Floats, fraction, ticks
 from s2rtui.charts.shared.paper import (
     Page,
     Pixels,
@@ -22,6 +21,7 @@ from s2rtui.charts.shared.paper import (
     written,
 )
 from s2rtui.charts.umap.model import (
+    UmapInput,
     UmapModel,
     level_shares,
     umap_frame,

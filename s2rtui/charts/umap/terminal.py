@@ -14,10 +14,10 @@ from s2rtui.canvas.colour import legible, turbo
 from s2rtui.canvas.raster import braille
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.axis_scale import short, step, tick_text, ticks
-from s2rtui.charts.shared.inputs import UmapInput
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, words
 from s2rtui.charts.umap.model import (
     LEVELS,
+    UmapInput,
     UmapLayer,
     UmapModel,
     level_shares,

@@ -9,10 +9,13 @@ import numpy as np
 from s2rtui.analysis.identity_cache import identity
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.instance.model import nearest_iid, point_of, umap_input
-from s2rtui.charts.shared.inputs import Floats, UmapInput
+from s2rtui.charts.mark_expressions import area
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.points import nearest_iid, point_of
 from s2rtui.charts.umap import terminal
-from s2rtui.charts.view import Pixels, Scene, Table, View, area
+from s2rtui.charts.umap.model import UmapInput, umap_input
+from s2rtui.charts.view import Pixels, Table, View
 from s2rtui.session import Session
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from s2rstore.errors import RequestError
 from s2rstore.metrics import run_metrics, store_summary
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.charts.view import Scene
+from s2rtui.charts.scene import Scene
 from s2rtui.export.report import tables
 from s2rtui.export.report.content import Report, ReportImage, ReportTable, RunPart, Section
 from s2rtui.export.report.data_uri_images import figure

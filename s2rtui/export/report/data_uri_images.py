@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from s2rtui.canvas import DARK, LIGHT
+from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.paper import written_as
-from s2rtui.charts.view import Scene, View
+from s2rtui.charts.view import View
 from s2rtui.export.report.content import ReportImage, ReportTable
 
 _QUALITY = 92

@@ -6,10 +6,15 @@ import math
 from dataclasses import replace
 
 from s2rtui.charts.instance.model import instance_input
+from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import short
-from s2rtui.charts.shared.inputs import InstanceInput, SideView
-from s2rtui.charts.shared.instance_model import InstanceModel, instance_model, panel_pixels
-from s2rtui.charts.view import Scene
+from s2rtui.charts.shared.instance_model import (
+    InstanceInput,
+    InstanceModel,
+    SideView,
+    instance_model,
+    panel_pixels,
+)
 from s2rtui.export.report.content import Example, ReportImage, ReportTable
 from s2rtui.export.report.data_uri_images import image
 from s2rtui.export.report.tables import number
