@@ -24,7 +24,7 @@ Sums = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Chosen:
+class SelectionIndices:
     """A selection within its base population, as the shorter list.
 
     `few` are the iids of the selected, or (`inverted`) of the base's others. `base` (N,) bool.
@@ -46,32 +46,32 @@ class Chosen:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bins:
-    """codes: (N,) unsigned, 0 .. count - 1, and `count` itself for what lies in no bin."""
+    """codes: (N,) unsigned, 0 .. count - 1; `count` marks instances in no bin."""
 
     codes: Codes
     count: int
 
 
-def choose(selected: Bools, base: Bools) -> Chosen:
+def selection_indices(selected: Bools, base: Bools) -> SelectionIndices:
     """The selection as lists; the same arrays give the same object."""
     return _choose(ArrayKey(selected), ArrayKey(base))
 
 
 @cached_by_identity(8)
-def _choose(selected: ArrayKey, base: ArrayKey) -> Chosen:
+def _choose(selected: ArrayKey, base: ArrayKey) -> SelectionIndices:
     inside, population = _bools(selected), _bools(base)
     lit = inside & population
     total = int(np.count_nonzero(population))
     if 2 * int(np.count_nonzero(lit)) <= total:
-        return Chosen(population, np.flatnonzero(lit), False)
-    return Chosen(population, np.flatnonzero(population & ~lit), True)
+        return SelectionIndices(population, np.flatnonzero(lit), False)
+    return SelectionIndices(population, np.flatnonzero(population & ~lit), True)
 
 
 def _bools(same: ArrayKey) -> Bools:
     return np.asarray(same.array, dtype=np.bool_)
 
 
-def bins(places: NDArray[np.floating], count: int) -> Bins:
+def bin_values(places: NDArray[np.floating], count: int) -> Bins:
     """Bins of places given in units of bins; NaN and what lies outside 0 .. count is in none."""
     places = np.asarray(places)
     with np.errstate(invalid="ignore"):
@@ -80,7 +80,7 @@ def bins(places: NDArray[np.floating], count: int) -> Bins:
     return Bins(codes.astype(np.uint16 if count < 1 << 16 else np.uint32), count)
 
 
-def joined(first: Bins, second: Bins) -> Bins:
+def joint_bins(first: Bins, second: Bins) -> Bins:
     """Bins of both: code = first * second.count + second; none where one of them is none."""
     count = first.count * second.count
     wide = first.codes.astype(np.uint32) * np.uint32(second.count) + second.codes
@@ -89,14 +89,14 @@ def joined(first: Bins, second: Bins) -> Bins:
     return Bins(wide.astype(np.uint16 if count < 1 << 16 else np.uint32), count)
 
 
-def count(column: Bins, chosen: Chosen) -> tuple[Counts, Counts]:
+def count_selected(column: Bins, chosen: SelectionIndices) -> tuple[Counts, Counts]:
     """Counts per bin, (count,) each: the selected, and the whole base population."""
     total = _totals(ArrayKey(column.codes), column.count, ArrayKey(chosen.base))
-    part = _count(gathered(column.codes, chosen.few), column.count)
+    part = _count(take(column.codes, chosen.few), column.count)
     return (total - part if chosen.inverted else part), total
 
 
-def gathered(column: NDArray[Any], iids: NDArray[np.intp]) -> NDArray[Any]:
+def take(column: NDArray[Any], iids: NDArray[np.intp]) -> NDArray[Any]:
     """column[iids] for iids that exist; not to check them again halves the time."""
     return column.take(iids, axis=0, mode="clip")
 
@@ -112,7 +112,7 @@ def _count(codes: NDArray[np.generic], size: int) -> Counts:
     return np.bincount(codes, minlength=size + 1)[:size]
 
 
-def sums(column: Bins, weights: NDArray[np.floating], chosen: Chosen) -> Sums:
+def sum_selected(column: Bins, weights: NDArray[np.floating], chosen: SelectionIndices) -> Sums:
     """Sums per bin, (count,), of `weights` (N,) over the selected; all of a bin's are finite."""
     part = _weighted_counts(column, weights, chosen.few)
     if not chosen.inverted:
@@ -131,15 +131,15 @@ def _base_sums(codes: ArrayKey, size: int, weights: ArrayKey, base: ArrayKey) ->
 def _weighted_counts(
     column: Bins, weights: NDArray[np.floating], members: NDArray[np.intp]
 ) -> Sums:
-    codes = gathered(column.codes, members)
-    parts = np.asarray(gathered(weights, members), dtype=np.float64)
+    codes = take(column.codes, members)
+    parts = np.asarray(take(weights, members), dtype=np.float64)
     total = np.bincount(codes, parts, minlength=column.count + 1)[: column.count]
     return np.asarray(total, dtype=np.float64)
 
 
-def total_of(weights: NDArray[np.floating], chosen: Chosen) -> float:
+def total_selected(weights: NDArray[np.floating], chosen: SelectionIndices) -> float:
     """The sum of what is finite of `weights` (N,) over the selected."""
-    part = float(gathered(_finite(ArrayKey(weights)), chosen.few).sum())
+    part = float(take(_finite(ArrayKey(weights)), chosen.few).sum())
     return _base_total(ArrayKey(weights), ArrayKey(chosen.base)) - part if chosen.inverted else part
 
 
@@ -155,7 +155,7 @@ def _finite(weights: ArrayKey) -> Sums:
     return np.where(np.isfinite(column), column, 0.0)
 
 
-def occupied(column: Bins) -> tuple[Bins, NDArray[np.intp]]:
+def occupied_bins(column: Bins) -> tuple[Bins, NDArray[np.intp]]:
     """The bins that hold anything, renumbered, and the old number of each."""
     numbers = np.flatnonzero(_count(column.codes, column.count))
     places = np.full(column.count + 1, len(numbers), dtype=np.uint32)
@@ -164,7 +164,9 @@ def occupied(column: Bins) -> tuple[Bins, NDArray[np.intp]]:
     return Bins(wide[column.codes], len(numbers)), numbers
 
 
-def median(values: Floats, column: Bins, lit: Counts, selected: Bools, valid: Bools) -> float:
+def median_selected(
+    values: Floats, column: Bins, lit: Counts, selected: Bools, valid: Bools
+) -> float:
     """The median of the selected and valid, NaN where none is.
 
     `column` are bins that grow with the values, `lit` their counts of the selected; only the

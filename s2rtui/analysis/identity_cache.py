@@ -68,14 +68,14 @@ def _forget(number: int, gone: object) -> None:
             _MAKING.release()
 
 
-def identity(value: object) -> object:
+def identity_key(value: object) -> object:
     """A value to compare by: arrays by identity, also inside tuples and in dataclasses' fields."""
     if isinstance(value, np.ndarray):
         return ArrayKey(value)
     if isinstance(value, tuple):
-        return tuple(identity(part) for part in value)
+        return tuple(identity_key(part) for part in value)
     if is_dataclass(value) and type(value).__eq__ is object.__eq__:
-        parts = (identity(getattr(value, field.name)) for field in fields(value))
+        parts = (identity_key(getattr(value, field.name)) for field in fields(value))
         return type(value), *parts
     return value
 

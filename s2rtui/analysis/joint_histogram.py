@@ -12,7 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.binning import Bins, Chosen, Codes, Counts, gathered, joined, occupied
+from s2rtui.analysis.binning import (
+    Bins,
+    Codes,
+    Counts,
+    SelectionIndices,
+    joint_bins,
+    occupied_bins,
+    take,
+)
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 
 LARGEST = 1 << 14
@@ -47,7 +55,7 @@ class _Table:
     counts: tuple[int, ...]
 
 
-def counts(columns: Sequence[Bins], chosen: Chosen) -> list[tuple[Counts, Counts]]:
+def joint_counts(columns: Sequence[Bins], chosen: SelectionIndices) -> list[tuple[Counts, Counts]]:
     """Counts as `bins.count` gives them, for each column."""
     keys = tuple((ArrayKey(column.codes), column.count) for column in columns)
     table, totals = _table(keys), _totals(keys, ArrayKey(chosen.base))
@@ -80,7 +88,9 @@ def _joined(first: _Group, second: _Group) -> list[_Group]:
     sizes = first.bins[0].size, second.bins[0].size
     if len(first.codes) <= FEW or sizes[0] * sizes[1] > WIDEST:
         return [first, second]
-    both, held = occupied(joined(Bins(first.codes, sizes[0]), Bins(second.codes, sizes[1])))
+    both, held = occupied_bins(
+        joint_bins(Bins(first.codes, sizes[0]), Bins(second.codes, sizes[1]))
+    )
     if both.count > LARGEST:
         return [first, second]
     left, right = np.divmod(held, sizes[1])
@@ -98,7 +108,7 @@ def _count(table: _Table, iids: Places) -> Counts:
     """Counts of all groups' codes, (size,), in pieces that stay in the processor's caches."""
     found = np.zeros(table.size, dtype=np.intp)
     for start in range(0, iids.size, PIECE):
-        codes = gathered(table.codes, iids[start : start + PIECE])
+        codes = take(table.codes, iids[start : start + PIECE])
         found += np.bincount(codes.ravel(), minlength=table.size)
     return found
 

@@ -52,7 +52,7 @@ class MapFrame:
         return self.x0 + (column + 0.5) * self.pitch, self.y0 + down
 
 
-def fit(area: Bounds, width: int, height: int, y_down: bool) -> MapFrame:
+def fit_frame(area: Bounds, width: int, height: int, y_down: bool) -> MapFrame:
     """The frame of `width` x `height` pixels that shows all of `area` in its middle."""
     width, height = max(1, width), max(1, height)
     spans = max(area.width, 1e-6), max(area.height, 1e-6)
@@ -80,7 +80,7 @@ def panned(view: Bounds, across: float, down: float, y_down: bool) -> Bounds:
     return Bounds(view.x0 + dx, view.y0 + dy, view.x1 + dx, view.y1 + dy)
 
 
-def within(view: Bounds, area: Bounds) -> Bounds:
+def centred_within(view: Bounds, area: Bounds) -> Bounds:
     """A viewport moved so that its middle lies in `area`."""
     x, y = (view.x0 + view.x1) / 2, (view.y0 + view.y1) / 2
     dx = min(max(x, area.x0), area.x1) - x

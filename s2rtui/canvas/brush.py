@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.raster import braille, dot_grid, ground, segment_dots
+from s2rtui.canvas.raster import dot_grid, draw_braille, flatten_half_blocks, segment_dots
 from s2rtui.canvas.render_options import RenderOptions
 
 Point = tuple[float, float]
@@ -76,7 +76,7 @@ def _frame(canvas: Canvas, panel: Panel, corners: list[Point], look: RenderOptio
     held = [cell for cell in cells if panel.holds(*cell)]
     if held:
         at = np.array(held, dtype=np.intp)
-        ground(canvas, at[:, 0], at[:, 1])
+        flatten_half_blocks(canvas, at[:, 0], at[:, 1])
     glyphs = look.glyphs
     for column, row in held:
         edge = row in (top, bottom)
@@ -96,41 +96,41 @@ def _outline(canvas: Canvas, panel: Panel, corners: list[Point], look: RenderOpt
     columns_held = slice(2 * panel.x, 2 * (panel.x + panel.width))
     inside[rows_held, columns_held] = dots[rows_held, columns_held]
     if not look.ascii:
-        braille(canvas, 0, 0, inside, np.array(look.theme.truth, dtype=np.uint8))
+        draw_braille(canvas, 0, 0, inside, np.array(look.theme.truth, dtype=np.uint8))
         return
     held = inside.reshape(canvas.height, 4, canvas.width, 2).any(axis=(1, 3))
     for row, column in np.argwhere(held):
         canvas.put(int(column), int(row), ".", look.theme.truth, bold=True)
 
 
-def pending(mark: Mark | None, panel: str) -> Mark | None:
+def mark_on_panel(mark: Mark | None, panel: str) -> Mark | None:
     """The mark where it belongs to `panel` and holds a point."""
     return mark if mark is not None and mark.panel == panel and mark.points else None
 
 
-def range_of(mark: Mark) -> tuple[float, float]:
+def mark_range(mark: Mark) -> tuple[float, float]:
     """The lower and the upper end of x."""
     low, high = sorted((mark.points[0][0], mark.points[-1][0]))
     return low, high
 
 
-def steps_of(mark: Mark) -> tuple[int, int]:
+def mark_rows(mark: Mark) -> tuple[int, int]:
     """The first and the last whole y, both included."""
     low, high = sorted(round(y) for _, y in (mark.points[0], mark.points[-1]))
     return low, high
 
 
-def arc_of(mark: Mark) -> tuple[float, float]:
+def mark_arc(mark: Mark) -> tuple[float, float]:
     """The middle and half the width in degrees, from the first end turning to the last.
 
     As the language's range of a heading; ends further apart than a turn mean all of it.
     """
     start, stop = mark.points[0][0], mark.points[-1][0]
     width = min(stop - start, 360.0) if stop >= start else (stop - start) % 360
-    return wrapped(start + width / 2), width / 2
+    return wrap_degrees(start + width / 2), width / 2
 
 
-def wrapped(degrees: float) -> float:
+def wrap_degrees(degrees: float) -> float:
     """-180 up to, but without, 180."""
     turned = math.fmod(degrees + 180, 360)
     turned = turned + 360 if turned < 0 else turned

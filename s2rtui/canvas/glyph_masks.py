@@ -36,7 +36,7 @@ _QUADRANTS = {  # bits: upper left 1, upper right 2, lower left 4, lower right 8
 }
 
 
-def geometric(char: str, height: int, width: int) -> Mask | None:
+def glyph_mask(char: str, height: int, width: int) -> Mask | None:
     """The mask of a box, block or braille character; None for all others."""
     code = ord(char) if len(char) == 1 else 0
     if 0x2800 <= code <= 0x28FF:

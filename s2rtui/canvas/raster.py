@@ -50,7 +50,7 @@ def _area(source: NDArray[np.generic], height: int, width: int) -> Floats:
     return np.asarray(data, dtype=np.float32)
 
 
-def half_blocks(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
+def draw_half_blocks(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
     """A picture (2h, w, 3) uint8 as h rows of half blocks with its corner at (x, y), clipped."""
     rows, columns = pixels.shape[0] // 2, pixels.shape[1]
     left, top = max(0, x), max(0, y)
@@ -65,7 +65,7 @@ def half_blocks(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
     canvas.bg[into] = part[1::2]
 
 
-def shade(
+def draw_shades(
     canvas: Canvas, x: int, y: int, levels: ArrayLike, ramp: str, colours: Pixels | None = None
 ) -> None:
     """Numbers 0 .. 1 (h, w) as glyphs of a ramp from light to dense; NaN draws nothing."""
@@ -85,19 +85,19 @@ def shade(
         canvas.fg[into] = np.where(shown[..., None], colours[part], canvas.fg[into])
 
 
-def picture(canvas: Canvas, x: int, y: int, pixels: Pixels, look: RenderOptions) -> None:
+def draw_picture(canvas: Canvas, x: int, y: int, pixels: Pixels, look: RenderOptions) -> None:
     """A picture (2h, w, 3) as half blocks, or as shades of its brightness where those lack.
 
     On a light theme the shades are inverted, so that dense ink is dark.
     """
     if look.pictures:
-        half_blocks(canvas, x, y, pixels)
+        draw_half_blocks(canvas, x, y, pixels)
         return
     paired = pixels[: pixels.shape[0] // 2 * 2].reshape(-1, 2, pixels.shape[1], 3).mean(axis=1)
     levels = luma(paired)
     if not look.theme.dark:
         levels = 1 - levels
-    shade(canvas, x, y, levels, look.glyphs.shades, np.rint(paired).astype(np.uint8))
+    draw_shades(canvas, x, y, levels, look.glyphs.shades, np.rint(paired).astype(np.uint8))
 
 
 def braille_bits(dots: NDArray[np.bool_]) -> NDArray[np.int32]:
@@ -119,7 +119,9 @@ def dot_grid(
     return dots
 
 
-def braille(canvas: Canvas, x: int, y: int, dots: NDArray[np.bool_], fg: Pixels | None) -> None:
+def draw_braille(
+    canvas: Canvas, x: int, y: int, dots: NDArray[np.bool_], fg: Pixels | None
+) -> None:
     """Dots as braille glyphs over what is there; a half block under a dot becomes its mean."""
     bits = braille_bits(dots)
     rows, columns = np.nonzero(bits)
@@ -127,7 +129,7 @@ def braille(canvas: Canvas, x: int, y: int, dots: NDArray[np.bool_], fg: Pixels 
     inside = (at_row >= 0) & (at_row < canvas.height) & (at_column >= 0)
     inside &= at_column < canvas.width
     rows, columns = rows[inside], columns[inside]
-    ground(canvas, at_column[inside], at_row[inside])
+    flatten_half_blocks(canvas, at_column[inside], at_row[inside])
     glyphs = (0x2800 + bits[rows, columns]).astype(np.uint32).view("<U1")
     canvas.char[at_row[inside], at_column[inside]] = glyphs
     if fg is not None:
@@ -135,7 +137,7 @@ def braille(canvas: Canvas, x: int, y: int, dots: NDArray[np.bool_], fg: Pixels 
         canvas.fg[at_row[inside], at_column[inside]] = colours
 
 
-def ground(canvas: Canvas, columns: NDArray[np.intp], rows: NDArray[np.intp]) -> None:
+def flatten_half_blocks(canvas: Canvas, columns: NDArray[np.intp], rows: NDArray[np.intp]) -> None:
     """Make cells ready for a glyph: the background of a half block becomes the mean of both."""
     half = canvas.char[rows, columns] == "▀"
     rows, columns = rows[half], columns[half]

@@ -9,33 +9,33 @@ from s2rstore.language.canonical_text import quoted
 from s2rtui.canvas.brush import Mark, Panel
 
 
-def rounded(value: float, cell: float) -> float:
+def round_to_cell(value: float, cell: float) -> float:
     """A number with the places that a cell of `cell` units justifies."""
     places = max(0, math.ceil(-math.log10(max(abs(cell), 1e-9))) + 1)
     return round(value, places)
 
 
-def area(panel: Panel, mark: Mark, box: str, lasso: str) -> str:
+def area_expression(panel: Panel, mark: Mark, box: str, lasso: str) -> str:
     """A box or a lasso by the language's functions, in readable numbers."""
     first, second = panel.to_data(0, 0), panel.to_data(1, 1)
     wide, high = second[0] - first[0], second[1] - first[1]
-    points = [(rounded(x, wide), rounded(y, high)) for x, y in mark.points]
+    points = [(round_to_cell(x, wide), round_to_cell(y, high)) for x, y in mark.points]
     if mark.lasso:
-        return call(lasso, [number for point in points for number in point])
+        return function_call(lasso, [number_text for point in points for number_text in point])
     (x0, y0), (x1, y1) = points[0], points[-1]
-    return call(box, [min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)])
+    return function_call(box, [min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)])
 
 
-def span(
+def range_expression(
     panel: Panel, mark: Mark, field: str, lowest: float = -math.inf, highest: float = math.inf
 ) -> str:
     """A range of one field, both ends included, within what the field can be."""
     cell = cell_width(panel)
     ends = sorted(
-        min(max(rounded(point[0], cell), lowest), highest)
+        min(max(round_to_cell(point[0], cell), lowest), highest)
         for point in (mark.points[0], mark.points[-1])
     )
-    return f"{field}:{number(ends[0])}..{number(ends[1])}"
+    return f"{field}:{number_text(ends[0])}..{number_text(ends[1])}"
 
 
 def cell_width(panel: Panel) -> float:
@@ -44,29 +44,29 @@ def cell_width(panel: Panel) -> float:
     return panel.to_data(left + 1, panel.y)[0] - panel.to_data(left, panel.y)[0]
 
 
-def turn(mark: Mark, field: str) -> str:
+def heading_expression(mark: Mark, field: str) -> str:
     """A range of a heading in degrees, from the first end turning to the second."""
     low, high = (round(point[0]) for point in (mark.points[0], mark.points[-1]))
     if high - low >= 360:
         low, high = -180, 180
-    return f"{field}:{number(_wrapped(low))}..{number(_wrapped(high))}"
+    return f"{field}:{number_text(_heading(low))}..{number_text(_heading(high))}"
 
 
-def named(mark: Mark, field: str, names: Sequence[str]) -> str:
+def names_expression(mark: Mark, field: str, names: Sequence[str]) -> str:
     """One or several names of a text field; those that do not exist are left out."""
     rows = sorted(round(point[1]) for point in (mark.points[0], mark.points[-1]))
     chosen = [names[row] for row in range(max(0, rows[0]), min(len(names), rows[1] + 1))]
     return " | ".join(f"{field}:{quoted(name)}" for name in chosen) or "none"
 
 
-def call(function: str, numbers: Sequence[float]) -> str:
-    return f"{function}({', '.join(number(value) for value in numbers)})"
+def function_call(function: str, numbers: Sequence[float]) -> str:
+    return f"{function}({', '.join(number_text(value) for value in numbers)})"
 
 
-def number(value: float) -> str:
+def number_text(value: float) -> str:
     """As the language writes it."""
     return str(int(value)) if value == int(value) else f"{value:.10g}"
 
 
-def _wrapped(degrees: float) -> float:
+def _heading(degrees: float) -> float:
     return (degrees + 180) % 360 - 180 if abs(degrees) != 180 else degrees

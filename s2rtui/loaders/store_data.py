@@ -13,7 +13,7 @@ from s2rstore.reader import Store
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.overview.model import overview_rows
 from s2rtui.charts.scene import RunAccuracies
-from s2rtui.charts.shared.map_background import floor_plan
+from s2rtui.charts.shared.map_background import floor_plan_pixels
 from s2rtui.loaders.loader import Fields, Key, LoadContext
 from s2rtui.session import heatmaps, pending_target
 from s2rtui.session.generations import INDEX_MEMORY
@@ -95,7 +95,7 @@ def wants_floor_plan(store: Store, state: State) -> Key | None:
 
 
 def read_floor_plan(store: Store, state: State, caller: LoadContext) -> Fields:
-    return {"floor_plan": floor_plan(str(store.floor_plan_path()))}
+    return {"floor_plan": floor_plan_pixels(str(store.floor_plan_path()))}
 
 
 def wants_pictures(store: Store, state: State) -> Key | None:

@@ -19,7 +19,7 @@ from s2rstore.language import (
 )
 from s2rstore.metrics.top_k import extremes, largest
 from s2rstore.reader import Store
-from s2rtui.analysis.binning import choose
+from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session import pending_target, saved_selection_diff
 from s2rtui.session.state import State
@@ -94,7 +94,7 @@ def _kept_cursor(
     inside = pool[worst]
     if inside.any():
         return int(worst[inside.argmax()])
-    return largest(errors, choose(pool, base).members)
+    return largest(errors, selection_indices(pool, base).members)
 
 
 @cached_by_identity(4)

@@ -9,7 +9,7 @@ import numpy as np
 
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import turbo
-from s2rtui.canvas.raster import braille, half_blocks
+from s2rtui.canvas.raster import draw_braille, draw_half_blocks
 from s2rtui.canvas.render_options import DIGITS, RenderOptions
 
 Rows = list[tuple[str, str]]
@@ -26,7 +26,7 @@ def card_height(rows: Rows, width: int) -> int:
     return lines + (len(rows) + 2 * len(_SAMPLES) if narrow else len(_SAMPLES)) + 3 + advice
 
 
-def card(rows: Rows, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_card(rows: Rows, size: Size, look: RenderOptions | None = None) -> Canvas:
     """Lines of text, and under them samples of what is drawn, in `size` (columns, rows)."""
     look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
@@ -87,7 +87,7 @@ def _picture(canvas: Canvas, x: int, y: int, look: RenderOptions) -> None:
         return
     across = np.linspace(0, 1, 40)
     rows = np.stack([turbo(across), turbo(1 - across)])
-    half_blocks(canvas, x, y, rows)
+    draw_half_blocks(canvas, x, y, rows)
 
 
 def _dots(canvas: Canvas, x: int, y: int, look: RenderOptions) -> None:
@@ -99,7 +99,7 @@ def _dots(canvas: Canvas, x: int, y: int, look: RenderOptions) -> None:
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     inside = (2 * x + places < dots.shape[1]) & (4 * y + wave < dots.shape[0])
     dots[4 * y + wave[inside], 2 * x + places[inside]] = True
-    braille(canvas, 0, 0, dots, np.array(look.theme.text, dtype=np.uint8))
+    draw_braille(canvas, 0, 0, dots, np.array(look.theme.text, dtype=np.uint8))
 
 
 def _bars(canvas: Canvas, x: int, y: int, look: RenderOptions) -> None:

@@ -371,14 +371,14 @@ async def test_a_long_lasso_by_mouse_is_simplified(tiny_store: Path) -> None:
 
 
 async def test_a_brush_of_bars_selects_what_they_count(tiny_store: Path) -> None:
-    from s2rtui.charts.errors.model import histogram_model
+    from s2rtui.charts.errors.model import errors_model
 
     app = app_on(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "7")
         view = BY_NAME["errors"].input(app.scene)
         panel = next(p for p in panels(app, "errors") if p.name == "real")
-        counts = histogram_model(view, panel.width).real.total
+        counts = errors_model(view, panel.width).real.total
         cells = [(panel.x + 3, panel.y + 2), (panel.x + 20, panel.y + 2)]
         await drag(app, pilot, "errors", cells)
         assert abs(int(app.session.state.selected.sum()) - int(counts[3:21].sum())) <= 1

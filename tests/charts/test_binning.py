@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.analysis.binning import bins, choose, count, joined
+from s2rtui.analysis.binning import bin_values, count_selected, joint_bins, selection_indices
 
 SIZE = 40
 masks = arrays.arrays(np.bool_, SIZE)
@@ -17,8 +17,8 @@ places = arrays.arrays(np.float64, SIZE, elements=values)
 
 @given(places, masks, masks)
 def test_counts_are_those_of_the_masks(column, selected, base):
-    made = bins(column, 5)
-    lit, total = count(made, choose(selected, base))
+    made = bin_values(column, 5)
+    lit, total = count_selected(made, selection_indices(selected, base))
     with np.errstate(invalid="ignore"):
         for index in range(5):
             inside = (column >= index) & (column < index + 1)
@@ -28,13 +28,17 @@ def test_counts_are_those_of_the_masks(column, selected, base):
 
 @given(masks, masks)
 def test_members_are_the_selected_of_the_base(selected, base):
-    np.testing.assert_array_equal(choose(selected, base).members, np.flatnonzero(selected & base))
+    np.testing.assert_array_equal(
+        selection_indices(selected, base).members, np.flatnonzero(selected & base)
+    )
 
 
 @given(places, places, masks)
 def test_joined_bins_count_pairs(first, second, selected):
     base = np.ones(SIZE, dtype=np.bool_)
-    lit, _ = count(joined(bins(first, 3), bins(second, 4)), choose(selected, base))
+    lit, _ = count_selected(
+        joint_bins(bin_values(first, 3), bin_values(second, 4)), selection_indices(selected, base)
+    )
     with np.errstate(invalid="ignore"):
         one, two = np.floor(first), np.floor(second)
         for row in range(3):
@@ -44,5 +48,5 @@ def test_joined_bins_count_pairs(first, second, selected):
 
 
 def test_many_bins_need_wider_codes():
-    made = bins(np.array([0.0, 69_999.5, 70_000.0]), 70_000)
+    made = bin_values(np.array([0.0, 69_999.5, 70_000.0]), 70_000)
     assert made.codes.tolist() == [0, 69_999, 70_000]

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.analysis.binning import choose
+from s2rtui.analysis.binning import selection_indices
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.charts.compare.model import DifferenceInput, cell_means, difference_model
-from s2rtui.charts.compare.terminal import difference, difference_layout
+from s2rtui.charts.compare.model import CompareInput, cell_means, compare_model
+from s2rtui.charts.compare.terminal import compare_layout, draw_compare
 from tests.charts.examples import BOUNDS, N, difference_input
 
 SIZE = (80, 26)
@@ -26,7 +26,7 @@ def test_summary_counts_the_selected_by_who_is_better(
     first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
 ) -> None:
     view = difference_input(first=first, second=second, selected=selected, valid=valid)
-    summary = difference_model(view).summary
+    summary = compare_model(view).summary
     apart = (first - second)[selected & valid]
     known = apart[np.isfinite(apart)]
     assert summary.improved == (known > 0.05).sum()
@@ -41,8 +41,8 @@ def test_cells_hold_the_mean_of_their_selected(
     first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
 ) -> None:
     view = difference_input(first=first, second=second, selected=selected, valid=valid)
-    frame = difference_layout(view, (30, 8)).frame
-    columns, rows, means = cell_means(view, choose(selected, valid), frame)
+    frame = compare_layout(view, (30, 8)).frame
+    columns, rows, means = cell_means(view, selection_indices(selected, valid), frame)
     apart = first - second
     cells = np.floor(frame.to_cells(view.truth))
     known = selected & valid & np.isfinite(apart)
@@ -53,10 +53,10 @@ def test_cells_hold_the_mean_of_their_selected(
         assert mean == pytest.approx(apart[here].mean(), abs=1e-9)
 
 
-def three_points() -> DifferenceInput:
+def three_points() -> CompareInput:
     """The second run is better at the left, the first in the middle, equal at the right."""
     yes = np.ones(3, dtype=np.bool_)
-    return DifferenceInput(
+    return CompareInput(
         np.array([[4.0, 5.0], [10.0, 5.0], [16.0, 5.0]]),
         np.array([3.0, 0.5, 1.0]),
         np.array([1.0, 1.5, 1.04]),
@@ -78,7 +78,7 @@ def three_points() -> DifferenceInput:
 )
 def test_signs_say_who_is_better_without_colours(look: RenderOptions, glyphs: str) -> None:
     view = three_points()
-    canvas, layout = difference(view, SIZE, look), difference_layout(view, SIZE, None, look)
+    canvas, layout = draw_compare(view, SIZE, look), compare_layout(view, SIZE, None, look)
     places = np.floor(layout.frame.to_cells(view.truth)).astype(int)
     drawn = [canvas.char[row, column + layout.x] for column, row in places]
     assert "".join(drawn) == glyphs
@@ -86,7 +86,7 @@ def test_signs_say_who_is_better_without_colours(look: RenderOptions, glyphs: st
 
 def test_colours_part_at_zero() -> None:
     view = three_points()
-    canvas, layout = difference(view, SIZE), difference_layout(view, SIZE)
+    canvas, layout = draw_compare(view, SIZE), compare_layout(view, SIZE)
     places = np.floor(layout.frame.to_cells(view.truth)).astype(int)
     better, worse, equal = (canvas.fg[row, column + layout.x] for column, row in places)
     assert int(better[0]) > int(better[2]) + 80
@@ -95,17 +95,17 @@ def test_colours_part_at_zero() -> None:
 
 
 def test_legend_names_the_better_run_with_counts_and_mean() -> None:
-    text = "\n".join(difference(three_points(), (120, 26)).lines())
+    text = "\n".join(draw_compare(three_points(), (120, 26)).lines())
     for part in ("1 better in dataaug", "1 better in vanilla", "1 within 0.05 m", "mean +0.32 m"):
         assert part in text
     assert "real error, vanilla - dataaug -2 " in text
-    narrow = "\n".join(difference(three_points(), (50, 20)).lines())
+    narrow = "\n".join(draw_compare(three_points(), (50, 20)).lines())
     assert "▲ 1  ▼ 1  ● 1" in narrow
 
 
 def test_the_rest_is_grey_and_the_cursor_marked() -> None:
     view = replace(three_points(), selected=np.array([True, False, False]), cursor=2)
-    canvas, layout = difference(view, SIZE), difference_layout(view, SIZE)
+    canvas, layout = draw_compare(view, SIZE), compare_layout(view, SIZE)
     places = np.floor(layout.frame.to_cells(view.truth)).astype(int)
     column, row = places[1]
     assert 0x2800 < ord(canvas.char[row, column + layout.x]) <= 0x28FF
@@ -117,7 +117,7 @@ def test_the_rest_is_grey_and_the_cursor_marked() -> None:
 def test_nothing_selected_and_nothing_known_still_draw() -> None:
     nothing = np.zeros(N, dtype=np.bool_)
     gone = np.full(N, np.nan)
-    difference(difference_input(selected=nothing), SIZE)
-    summary = difference_model(difference_input(first=gone)).summary
+    draw_compare(difference_input(selected=nothing), SIZE)
+    summary = compare_model(difference_input(first=gone)).summary
     assert (summary.improved, summary.worse, summary.equal, summary.unknown) == (0, 0, 0, 15)
-    assert "mean" not in "\n".join(difference(difference_input(first=gone), SIZE).lines())
+    assert "mean" not in "\n".join(draw_compare(difference_input(first=gone), SIZE).lines())

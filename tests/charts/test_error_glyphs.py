@@ -10,20 +10,18 @@ import pytest
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.map.model import SINGLES, arc_degrees, arc_turns, error_glyphs, full_scale
-from s2rtui.charts.map.terminal import geomap, geomap_layout
-from s2rtui.charts.shared.map_model import GeoMapInput, geomap_model
+from s2rtui.charts.map.terminal import draw_map, map_layout
+from s2rtui.charts.shared.map_model import MapInput, map_model
 from tests.charts.examples import BOUNDS, geomap_input
 
 SIZE = (80, 26)
 
 
-def one_point(
-    sim: tuple[float, float], real: tuple[float, float], y_down: bool = True
-) -> GeoMapInput:
+def one_point(sim: tuple[float, float], real: tuple[float, float], y_down: bool = True) -> MapInput:
     """A single instance in the middle of the map with errors of these vectors."""
     truth = np.array([[10.0, 5.0]])
     yes = np.ones(1, dtype=np.bool_)
-    return GeoMapInput(
+    return MapInput(
         truth,
         truth + sim,
         truth + real,
@@ -36,13 +34,13 @@ def one_point(
     )
 
 
-def many(count: int) -> GeoMapInput:
+def many(count: int) -> MapInput:
     random = np.random.default_rng(3)
     truth = random.uniform((0, 0), (20, 10), (count, 2))
     errors = random.normal(0, 1, (2, count, 2))
     real = truth + errors[1]
     real[::7] = np.nan
-    return GeoMapInput(
+    return MapInput(
         truth,
         truth + errors[0],
         real,
@@ -56,8 +54,8 @@ def many(count: int) -> GeoMapInput:
 
 def test_blocks_show_the_mean_errors_of_their_selected() -> None:
     view = many(2000)
-    frame = geomap_layout(view, SIZE).frame
-    found = error_glyphs(view, geomap_model(view), frame, (7, 3))
+    frame = map_layout(view, SIZE).frame
+    found = error_glyphs(view, map_model(view), frame, (7, 3))
     cells = np.floor(frame.to_cells(view.truth))
     known = np.isfinite(view.real).all(axis=1) & view.selected & view.valid
     assert found.counts.sum() == known.sum() > SINGLES
@@ -74,13 +72,13 @@ def test_few_stand_at_their_truth_and_neighbours_together() -> None:
     truth = np.array([[5.0, 5.0], [5.2, 5.0], [15.0, 2.0]])
     sim = truth + np.array([[1.0, 0.0], [3.0, 0.0], [0.0, 1.0]])
     yes = np.ones(3, dtype=np.bool_)
-    view = GeoMapInput(truth, sim, sim, np.zeros(3), yes, yes, BOUNDS, mode="glyph")
-    frame = geomap_layout(view, SIZE).frame
-    found = error_glyphs(view, geomap_model(view), frame, (7, 3))
+    view = MapInput(truth, sim, sim, np.zeros(3), yes, yes, BOUNDS, mode="glyph")
+    frame = map_layout(view, SIZE).frame
+    found = error_glyphs(view, map_model(view), frame, (7, 3))
     assert found.counts.tolist() == [2, 1]
     assert found.sim[0] == pytest.approx([2.0, 0.0])
     assert found.centres[1] == pytest.approx(frame.to_cells(truth[2:])[0])
-    canvas, layout = geomap(view, SIZE), geomap_layout(view, SIZE)
+    canvas, layout = draw_map(view, SIZE), map_layout(view, SIZE)
     column, row = np.floor(found.centres[0]).astype(int)
     assert canvas.char[row, column + layout.x] == "2"
 
@@ -104,8 +102,8 @@ def test_full_scale_is_the_99th_percentile_of_the_valid() -> None:
     assert full_scale(view) == pytest.approx(np.percentile(both[np.isfinite(both)], 99))
 
 
-def centre_of(view: GeoMapInput, look: RenderOptions) -> tuple[int, int]:
-    layout = geomap_layout(view, SIZE, None, look)
+def centre_of(view: MapInput, look: RenderOptions) -> tuple[int, int]:
+    layout = map_layout(view, SIZE, None, look)
     column, row = np.floor(layout.frame.to_cells(view.truth)[0]).astype(int)
     return int(column) + layout.x, int(row)
 
@@ -113,7 +111,7 @@ def centre_of(view: GeoMapInput, look: RenderOptions) -> tuple[int, int]:
 @pytest.mark.parametrize("y_down", [True, False])
 def test_marks_of_both_sides_lie_where_the_errors_point(y_down: bool) -> None:
     view = one_point((3.0, 0.0), (0.0, 3.0), y_down)
-    canvas = geomap(view, SIZE)
+    canvas = draw_map(view, SIZE)
     column, row = centre_of(view, RenderOptions())
     assert canvas.char[row, column] == UNICODE.truth
     assert canvas.char[row, column + 2] == UNICODE.sim
@@ -125,7 +123,7 @@ def test_marks_of_both_sides_lie_where_the_errors_point(y_down: bool) -> None:
 
 def test_equal_errors_overlap_in_a_colour_and_a_glyph_of_their_own() -> None:
     view = one_point((-3.0, 0.0), (-3.0, 0.0))
-    canvas = geomap(view, SIZE)
+    canvas = draw_map(view, SIZE)
     column, row = centre_of(view, RenderOptions())
     left = (slice(row - 1, row + 2), slice(column - 3, column))
     inked = canvas.char[left] != " "
@@ -137,7 +135,7 @@ def test_equal_errors_overlap_in_a_colour_and_a_glyph_of_their_own() -> None:
 @pytest.mark.parametrize("look", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)])
 def test_arrows_with_letters_and_sizes_stand_in_without_colours(look: RenderOptions) -> None:
     view = one_point((3.0, 0.0), (-1.0, -1.0))
-    canvas = geomap(view, SIZE, look)
+    canvas = draw_map(view, SIZE, look)
     column, row = centre_of(view, look)
     glyphs = look.glyphs
     assert "".join(canvas.char[row, column + 1 : column + 4]) == f"{glyphs.arrows[0]}{glyphs.sim}9"
@@ -148,14 +146,14 @@ def test_arrows_with_letters_and_sizes_stand_in_without_colours(look: RenderOpti
 def test_equal_arrows_become_one_with_both_sizes() -> None:
     look = RenderOptions(ascii=True)
     view = one_point((0.0, 1.0), (0.0, 3.0))
-    canvas = geomap(view, SIZE, look)
+    canvas = draw_map(view, SIZE, look)
     column, row = centre_of(view, look)
     assert "".join(canvas.char[row + 1, column : column + 4]) == "vB39"
 
 
 def test_legend_tells_scale_and_means() -> None:
-    text = "\n".join(geomap(geomap_input(mode="glyph"), (120, 30)).lines())
+    text = "\n".join(draw_map(geomap_input(mode="glyph"), (120, 30)).lines())
     assert "180° = " in text
     assert "mean of so many" in text
     few = replace(geomap_input(mode="glyph"), selected=np.arange(60) == 5)
-    assert "mean of so many" not in "\n".join(geomap(few, (120, 30)).lines())
+    assert "mean of so many" not in "\n".join(draw_map(few, (120, 30)).lines())

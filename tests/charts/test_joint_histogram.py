@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import bins, choose, count
+from s2rtui.analysis.binning import bin_values, count_selected, selection_indices
 
 SIZE = 40
 places = arrays.arrays(np.float64, SIZE, elements=st.floats(-2, 7) | st.just(np.nan))
@@ -32,12 +32,12 @@ def test_margins_are_the_counts_of_each_column(few, largest, piece, monkeypatch)
 
     @given(places, places, places, masks, masks)
     def check(first, second, third, selected, base):
-        columns = [bins(first, 3), bins(second, 5), bins(third, 1)]
-        chosen = choose(selected, base)
+        columns = [bin_values(first, 3), bin_values(second, 5), bin_values(third, 1)]
+        chosen = selection_indices(selected, base)
         for column, (lit, total) in zip(
-            columns, joint_histogram.counts(columns, chosen), strict=True
+            columns, joint_histogram.joint_counts(columns, chosen), strict=True
         ):
-            expected = count(column, chosen)
+            expected = count_selected(column, chosen)
             np.testing.assert_array_equal(lit, expected[0])
             np.testing.assert_array_equal(total, expected[1])
 

@@ -8,22 +8,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.list.model import TableColumn, TableInput
-from s2rtui.charts.list.terminal import table, table_layout, table_surface
+from s2rtui.charts.list.model import ListColumn, ListInput
+from s2rtui.charts.list.terminal import draw_list, list_layout, list_panels
 
 ROWS = np.random.default_rng(5).permutation(60)
 COLUMNS = (
-    TableColumn("iid", str, 6),
-    TableColumn("error", lambda iid: f"{iid / 7:.2f}", 8, sorts=True),
-    TableColumn("room", lambda iid: f"room {iid}", 10, right=False),
+    ListColumn("iid", str, 6),
+    ListColumn("error", lambda iid: f"{iid / 7:.2f}", 8, sorts=True),
+    ListColumn("room", lambda iid: f"room {iid}", 10, right=False),
 )
 
 
 @settings(deadline=None, max_examples=60)
 @given(st.integers(16, 60), st.integers(2, 80), st.none() | st.sampled_from(ROWS.tolist()))
 def test_every_line_is_the_row_of_its_place(width: int, height: int, cursor: int | None) -> None:
-    view = TableInput(ROWS, COLUMNS, cursor)
-    canvas, layout = table(view, (width, height)), table_layout(view, (width, height))
+    view = ListInput(ROWS, COLUMNS, cursor)
+    canvas, layout = draw_list(view, (width, height)), list_layout(view, (width, height))
     lines = canvas.lines()
     for y in range(height):
         at = layout.row_at(y)
@@ -42,9 +42,9 @@ def test_every_line_is_the_row_of_its_place(width: int, height: int, cursor: int
 @settings(deadline=None, max_examples=40)
 @given(st.integers(16, 60), st.integers(2, 80), st.sampled_from(ROWS.tolist()))
 def test_cells_and_rows_lead_to_each_other(width: int, height: int, cursor: int) -> None:
-    view = TableInput(ROWS, COLUMNS, cursor)
-    (panel,) = table_surface(view, (width, height))
-    layout = table_layout(view, (width, height))
+    view = ListInput(ROWS, COLUMNS, cursor)
+    (panel,) = list_panels(view, (width, height))
+    layout = list_layout(view, (width, height))
     for y in range(layout.top, layout.top + layout.shown):
         _, row = panel.to_data(3.5, y + 0.5)
         assert row == layout.row_at(y)
@@ -53,16 +53,16 @@ def test_cells_and_rows_lead_to_each_other(width: int, height: int, cursor: int)
 
 @pytest.mark.parametrize(("descending", "arrow"), [(True, "▼"), (False, "▲")])
 def test_the_sorting_column_shows_which_way(descending: bool, arrow: str) -> None:
-    view = TableInput(ROWS, COLUMNS, None, descending)
-    head = table(view, (40, 5)).lines()[0]
+    view = ListInput(ROWS, COLUMNS, None, descending)
+    head = draw_list(view, (40, 5)).lines()[0]
     assert head.split() == ["iid", f"error{arrow}", "room"]
     assert (
         "error" + ("v" if descending else "^")
-        in table(view, (40, 5), RenderOptions(ascii=True)).lines()[0]
+        in draw_list(view, (40, 5), RenderOptions(ascii=True)).lines()[0]
     )
 
 
 def test_an_empty_list_says_so() -> None:
-    view = TableInput(ROWS[:0], COLUMNS)
-    assert table(view, (40, 5)).lines()[0].strip() == "nothing is selected"
-    assert table_surface(view, (40, 5)) == ()
+    view = ListInput(ROWS[:0], COLUMNS)
+    assert draw_list(view, (40, 5)).lines()[0].strip() == "nothing is selected"
+    assert list_panels(view, (40, 5)) == ()

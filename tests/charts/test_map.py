@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from s2rstore.records import Bounds
-from s2rtui.analysis.map_frame import fit, panned, sample, zoomed
+from s2rtui.analysis.map_frame import fit_frame, panned, sample, zoomed
 from s2rtui.canvas import DARK, ColourMode, RenderOptions, heading_arrow
 from s2rtui.canvas.colour import legible, turbo
 from s2rtui.canvas.render_options import ASCII, UNICODE
-from s2rtui.charts.map.model import LINES_UP_TO, lined
-from s2rtui.charts.map.terminal import geomap, geomap_layout
-from s2rtui.charts.shared.map_model import by_value, geomap_model
+from s2rtui.charts.map.model import LINES_UP_TO, iids_with_error_lines
+from s2rtui.charts.map.terminal import draw_map, map_layout
+from s2rtui.charts.shared.map_model import map_model, sorted_by_value
 from tests.charts.examples import BOUNDS, geomap_input
 
 SIZE = (80, 26)
 
 
 def test_frame_keeps_the_aspect_and_centres_the_area() -> None:
-    frame = fit(BOUNDS, 100, 100, True)
+    frame = fit_frame(BOUNDS, 100, 100, True)
     assert frame.pitch == pytest.approx(0.2)
     assert frame.extent.y0 == pytest.approx(-5)
     assert frame.to_cells([[0.0, 5.0]]).tolist() == [[0.0, 25.0]]
@@ -27,7 +27,7 @@ def test_frame_keeps_the_aspect_and_centres_the_area() -> None:
 
 @pytest.mark.parametrize("y_down", [True, False])
 def test_frame_turns_y_and_goes_back(y_down: bool) -> None:
-    frame = fit(BOUNDS, 40, 20, y_down)
+    frame = fit_frame(BOUNDS, 40, 20, y_down)
     upper, lower = frame.to_cells([[5, 2], [5, 8]])[:, 1]
     assert (upper < lower) == y_down
     x, y = frame.to_world(7, 3)
@@ -44,7 +44,7 @@ def test_zoom_and_pan() -> None:
 def test_sample_puts_image_rows_where_they_are_drawn() -> None:
     image = np.array([[1.0, 2.0], [3.0, np.nan]])
     square = Bounds(0, 0, 2, 2)
-    frame = fit(square, 4, 4, True)
+    frame = fit_frame(square, 4, 4, True)
     assert sample(image, square, frame, True)[[0, 0, 3], [0, 3, 0]].tolist() == [1, 2, 3]
     assert np.isnan(sample(image, square, frame, True)[3, 3])
     assert sample(image, square, frame, False)[0, 0] == 3
@@ -52,16 +52,16 @@ def test_sample_puts_image_rows_where_they_are_drawn() -> None:
 
 def test_model_sorts_by_value_and_leaves_out_the_invalid() -> None:
     view = geomap_input(cursor=3)
-    model = geomap_model(view)
-    assert by_value(view, model)[0].tolist() == list(range(45, 60))
+    model = map_model(view)
+    assert sorted_by_value(view, model)[0].tolist() == list(range(45, 60))
     assert (model.lit, model.others) == (15, 44)
     assert model.cursor is None
 
 
 def test_selected_points_are_turbo_and_the_others_grey() -> None:
     view = geomap_input(floor_plan=None, heat=None, rooms=(), cursor=None)
-    canvas = geomap(view, SIZE)
-    layout = geomap_layout(view, SIZE)
+    canvas = draw_map(view, SIZE)
+    layout = map_layout(view, SIZE)
     column, row = np.floor(layout.frame.to_cells(view.truth)[59]).astype(int)
     column += layout.x
     assert canvas.char[row, column] == "●"
@@ -74,7 +74,7 @@ def test_selected_points_are_turbo_and_the_others_grey() -> None:
 def test_digits_stand_for_values_without_colours() -> None:
     view = geomap_input(floor_plan=None, heat=None, rooms=(), cursor=None)
     look = RenderOptions(mode=ColourMode.NONE)
-    canvas, layout = geomap(view, SIZE, look), geomap_layout(view, SIZE, None, look)
+    canvas, layout = draw_map(view, SIZE, look), map_layout(view, SIZE, None, look)
     column, row = np.floor(layout.frame.to_cells(view.truth)[59]).astype(int)
     assert canvas.char[row, column + layout.x] == "9"
 
@@ -83,28 +83,31 @@ def test_full_mode_shows_three_marks_and_the_cursor_with_lines() -> None:
     selected = np.zeros(60, dtype=np.bool_)
     selected[[10, 30]] = True
     view = geomap_input(mode="full", selected=selected, cursor=30, heat=None, rooms=())
-    text = "\n".join(geomap(view, SIZE).lines()[:20])
+    text = "\n".join(draw_map(view, SIZE).lines()[:20])
     for glyph in (UNICODE.sim, UNICODE.real, UNICODE.truth, UNICODE.cursor):
         assert glyph in text
-    assert lined(view, geomap_model(view)).tolist() == [10, 30]
+    assert iids_with_error_lines(view, map_model(view)).tolist() == [10, 30]
     assert any(arrow in text for arrow in UNICODE.arrows)
 
 
 def test_many_selected_draw_no_lines_but_the_cursors() -> None:
     view = geomap_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=8)
-    model = geomap_model(view)
-    assert lined(view, model).tolist() == [8]
-    assert f"lines up to {LINES_UP_TO} in view" in "\n".join(geomap(view, (100, 30)).lines())
+    model = map_model(view)
+    assert iids_with_error_lines(view, model).tolist() == [8]
+    assert f"lines up to {LINES_UP_TO} in view" in "\n".join(draw_map(view, (100, 30)).lines())
 
 
 def test_zooming_in_on_a_few_of_many_draws_their_lines() -> None:
     view = geomap_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=None)
     near = Bounds(16.0, 3.5, 18.0, 6.5)
-    frame = geomap_layout(view, SIZE, near).frame
+    frame = map_layout(view, SIZE, near).frame
     cells = frame.to_cells(view.truth)
     seen = ((cells >= 0) & (cells < (frame.width, frame.height // 2))).all(axis=1) & view.valid
     assert 0 < seen.sum() <= LINES_UP_TO
-    assert lined(view, geomap_model(view), frame).tolist() == np.flatnonzero(seen).tolist()
+    assert (
+        iids_with_error_lines(view, map_model(view), frame).tolist()
+        == np.flatnonzero(seen).tolist()
+    )
 
 
 @pytest.mark.parametrize(
@@ -127,9 +130,9 @@ def test_arrows_are_eight_in_both_sets() -> None:
 
 
 def test_heat_is_turbo_where_it_is_and_absent_elsewhere() -> None:
-    plain = geomap(geomap_input(heat=None, cursor=None), SIZE)
-    hot = geomap(geomap_input(cursor=None), SIZE)
-    layout = geomap_layout(geomap_input(), SIZE)
+    plain = draw_map(geomap_input(heat=None, cursor=None), SIZE)
+    hot = draw_map(geomap_input(cursor=None), SIZE)
+    layout = map_layout(geomap_input(), SIZE)
     column, row = layout.frame.to_cells([[5.0, 3.0]])[0].astype(int)
     assert int(hot.bg[row, column + layout.x, 1]) > int(plain.bg[row, column + layout.x, 1]) + 60
     column, row = layout.frame.to_cells([[15.0, 5.0]])[0].astype(int)
@@ -138,7 +141,7 @@ def test_heat_is_turbo_where_it_is_and_absent_elsewhere() -> None:
 
 def test_floor_plan_lies_dim_under_the_map() -> None:
     view = geomap_input(heat=None, cursor=None, rooms=())
-    canvas, layout = geomap(view, SIZE), geomap_layout(view, SIZE)
+    canvas, layout = draw_map(view, SIZE), map_layout(view, SIZE)
     right = layout.frame.to_cells([[15.0, 5.0]])[0].astype(int)
     left = layout.frame.to_cells([[5.0, 5.0]])[0].astype(int)
     bright = canvas.bg[right[1], right[0] + layout.x].astype(int).sum()
@@ -147,7 +150,7 @@ def test_floor_plan_lies_dim_under_the_map() -> None:
 
 
 def test_legend_names_values_heat_and_scale() -> None:
-    text = "\n".join(geomap(geomap_input(), (100, 30)).lines())
+    text = "\n".join(draw_map(geomap_input(), (100, 30)).lines())
     assert "shift" in text
     assert "heat" in text
     assert " m" in text
@@ -156,8 +159,8 @@ def test_legend_names_values_heat_and_scale() -> None:
 
 
 def test_viewport_changes_what_is_seen() -> None:
-    near = geomap_layout(geomap_input(), SIZE, Bounds(8, 4, 12, 6)).frame
-    assert near.pitch < geomap_layout(geomap_input(), SIZE).frame.pitch / 2
+    near = map_layout(geomap_input(), SIZE, Bounds(8, 4, 12, 6)).frame
+    assert near.pitch < map_layout(geomap_input(), SIZE).frame.pitch / 2
 
 
 def test_nothing_valid_and_nothing_known_still_draws() -> None:
@@ -165,5 +168,5 @@ def test_nothing_valid_and_nothing_known_still_draws() -> None:
     gone = np.full(60, np.nan)
     for mode in ("colour", "glyph", "full"):
         view = geomap_input(valid=nothing, values=gone, mode=mode, heat=np.full((3, 3), np.nan))
-        geomap(view, SIZE)
-        geomap(geomap_input(values=gone, mode=mode, truth=np.full((60, 2), np.nan)), SIZE)
+        draw_map(view, SIZE)
+        draw_map(geomap_input(values=gone, mode=mode, truth=np.full((60, 2), np.nan)), SIZE)

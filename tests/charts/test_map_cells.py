@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.analysis.binning import choose, count
+from s2rtui.analysis.binning import count_selected, selection_indices
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.shared.points import (
     LEVELS,
-    cells,
-    dots,
+    highest_levels,
     level_shares,
-    lit_cells,
-    other_dots,
-    top_levels,
+    point_cells,
+    point_dots,
+    selected_cells,
+    unselected_dots,
 )
 
 N = 30
@@ -50,14 +50,14 @@ def by_hand(frame: MapFrame, points: np.ndarray) -> list[tuple[int, int] | None]
 
 @given(places, frames)
 def test_cells_are_those_of_the_frame(points: np.ndarray, frame: MapFrame) -> None:
-    column = cells(points, frame)
+    column = point_cells(points, frame)
     for code, cell in zip(column.codes.tolist(), by_hand(frame, points), strict=True):
         assert code == (column.count if cell is None else cell[0] * frame.width + cell[1])
 
 
 @given(places, frames)
 def test_a_dot_lies_in_its_cell(points: np.ndarray, frame: MapFrame) -> None:
-    fine, coarse = dots(points, frame), cells(points, frame)
+    fine, coarse = point_dots(points, frame), point_cells(points, frame)
     inside = fine.codes < fine.count
     assert (inside == (coarse.codes < coarse.count)).all()
     row, column = np.divmod(fine.codes[inside].astype(int), 2 * frame.width)
@@ -68,7 +68,7 @@ def test_a_dot_lies_in_its_cell(points: np.ndarray, frame: MapFrame) -> None:
 def test_the_largest_value_of_a_cell_wins(
     points: np.ndarray, column: np.ndarray, selected: np.ndarray, valid: np.ndarray, frame: MapFrame
 ) -> None:
-    top = top_levels(points, column, (0.0, 2.0), choose(selected, valid), frame)
+    top = highest_levels(points, column, (0.0, 2.0), selection_indices(selected, valid), frame)
     expected = np.full((frame.height // 2, frame.width), -1)
     for index, cell in enumerate(by_hand(frame, points)):
         if cell is not None and selected[index] and valid[index]:
@@ -82,8 +82,8 @@ def test_the_largest_value_of_a_cell_wins(
 def test_lit_cells_and_other_dots_hold_what_they_say(
     points: np.ndarray, selected: np.ndarray, valid: np.ndarray, frame: MapFrame
 ) -> None:
-    chosen = choose(selected, valid)
-    lit, others = lit_cells(points, chosen, frame), other_dots(points, chosen, frame)
+    chosen = selection_indices(selected, valid)
+    lit, others = selected_cells(points, chosen, frame), unselected_dots(points, chosen, frame)
     found = by_hand(frame, points)
     member = selected & valid
     assert set(zip(*np.nonzero(lit), strict=True)) == {
@@ -104,11 +104,11 @@ def test_levels_span_the_scale() -> None:
 def test_another_selection_costs_no_new_codes() -> None:
     points = np.random.default_rng(1).uniform(0, 5, (N, 2))
     frame = MapFrame(0.0, 0.0, 0.5, 10, 10, True)
-    assert dots(points, frame) is dots(points, frame)
-    assert cells(points, frame) is cells(points, frame)
+    assert point_dots(points, frame) is point_dots(points, frame)
+    assert point_cells(points, frame) is point_cells(points, frame)
     everything = np.ones(N, dtype=np.bool_)
     half = np.arange(N) % 2 == 0
-    lit, total = count(cells(points, frame), choose(half, everything))
+    lit, total = count_selected(point_cells(points, frame), selection_indices(half, everything))
     assert (lit.sum(), total.sum()) == (N // 2, N)
 
 
@@ -116,5 +116,5 @@ def test_another_selection_costs_no_new_codes() -> None:
 def test_wide_frames_keep_their_codes_apart(size: tuple[int, int]) -> None:
     width, height = size
     frame = MapFrame(0.0, 0.0, 1.0, width, height, True)
-    column = cells(np.array([[0.5, 0.5], [width - 0.5, height - 0.5]]), frame)
+    column = point_cells(np.array([[0.5, 0.5], [width - 0.5, height - 0.5]]), frame)
     assert column.codes.tolist() == [0, width * (height // 2) - 1]

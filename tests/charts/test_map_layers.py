@@ -13,8 +13,8 @@ from s2rstore.records import Bounds, Room
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.brush import Mark, panel_at
 from s2rtui.canvas.colour import mix
-from s2rtui.charts.compare.terminal import difference_surface
-from s2rtui.charts.map.terminal import geomap, geomap_layout, geomap_surface
+from s2rtui.charts.compare.terminal import compare_panels
+from s2rtui.charts.map.terminal import draw_map, map_layout, map_panels
 from s2rtui.charts.shared.map_background import DIMMED
 from tests.charts.examples import difference_input, geomap_input
 
@@ -25,7 +25,7 @@ LEFT = np.array([[1, 1, 0, 0]] * 2)
 
 def cell_at(x: float, y: float, look: RenderOptions | None = None) -> tuple[int, int]:
     """Row and column of a point on the example's map."""
-    layout = geomap_layout(geomap_input(), SIZE, None, look)
+    layout = map_layout(geomap_input(), SIZE, None, look)
     column, row = layout.frame.to_cells([[x, y]])[0].astype(int)
     return int(row), int(column) + layout.x
 
@@ -33,7 +33,7 @@ def cell_at(x: float, y: float, look: RenderOptions | None = None) -> tuple[int,
 @pytest.mark.parametrize("clip", [LEFT, LEFT.astype(bool), np.where(LEFT, 3.5, np.nan)])
 def test_what_was_not_seen_is_dimmed_and_the_rest_is_as_before(clip: np.ndarray) -> None:
     view = geomap_input(cursor=None, rooms=())
-    before, after = geomap(view, SIZE), geomap(replace(view, clip=clip), SIZE)
+    before, after = draw_map(view, SIZE), draw_map(replace(view, clip=clip), SIZE)
     seen, hidden = cell_at(5.0, 3.0), cell_at(15.0, 5.0)
     assert (after.bg[seen] == before.bg[seen]).all()
     expected = mix(before.bg[hidden], np.array(DARK.background), DIMMED)
@@ -43,30 +43,30 @@ def test_what_was_not_seen_is_dimmed_and_the_rest_is_as_before(clip: np.ndarray)
 @pytest.mark.parametrize("look", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.ANSI)])
 def test_glyphs_of_the_ground_are_dropped_where_nothing_was_seen(look: RenderOptions) -> None:
     view = geomap_input(cursor=None, rooms=(), clip=1 - LEFT)
-    whole = geomap(replace(view, clip=None), SIZE, look)
-    clipped = geomap(view, SIZE, look)
+    whole = draw_map(replace(view, clip=None), SIZE, look)
+    clipped = draw_map(view, SIZE, look)
     hot, bright = cell_at(5.0, 3.0, look), cell_at(18.5, 5.0, look)
     assert whole.char[hot] != " "
     assert clipped.char[hot] == " "
     assert clipped.char[bright] == whole.char[bright] != " "
-    assert "not seen" in "\n".join(geomap(view, (110, 26), look).lines())
+    assert "not seen" in "\n".join(draw_map(view, (110, 26), look).lines())
 
 
 def test_points_stay_where_the_ground_is_clipped() -> None:
     view = geomap_input(cursor=None, rooms=(), clip=np.zeros((3, 3)))
-    assert sum(line.count("●") for line in geomap(view, SIZE).lines()) > 5
+    assert sum(line.count("●") for line in draw_map(view, SIZE).lines()) > 5
 
 
 def test_rooms_have_names_and_outlines_only_when_asked() -> None:
     view = geomap_input(cursor=None, floor_plan=None, heat=None)
-    named = geomap(view, SIZE)
+    named = draw_map(view, SIZE)
     text = "\n".join(named.lines())
     assert "hall" in text
     assert "größer" in text
     wall = cell_at(10.0, 3.6)
     column = named.char[:, wall[1]]
     assert sum(0x2800 < ord(glyph) <= 0x28FF for glyph in column.tolist()) > 8
-    plain = "\n".join(geomap(replace(view, room_names=False), SIZE).lines())
+    plain = "\n".join(draw_map(replace(view, room_names=False), SIZE).lines())
     assert "hall" not in plain
 
 
@@ -76,9 +76,9 @@ def test_names_lie_over_the_unselected_and_under_the_selected() -> None:
     room = (Room("corridor", 0, 0, 0, 10, 10),)
     view = geomap_input(truth=truth, rooms=room, cursor=None, heat=None, floor_plan=None)
     nothing = replace(view, selected=np.zeros(60, dtype=np.bool_))
-    assert "corridor" in "\n".join(geomap(nothing, SIZE).lines())
+    assert "corridor" in "\n".join(draw_map(nothing, SIZE).lines())
     everything = replace(view, selected=np.ones(60, dtype=np.bool_))
-    assert "corridor" not in "\n".join(geomap(everything, SIZE).lines())
+    assert "corridor" not in "\n".join(draw_map(everything, SIZE).lines())
 
 
 @given(
@@ -92,8 +92,8 @@ def test_cells_become_metres_and_back(
 ) -> None:
     viewport = Bounds(3.0, 2.0, 6.0, 4.0) if near else None
     for (panel,) in (
-        geomap_surface(geomap_input(y_down=y_down), size, None, viewport),
-        difference_surface(difference_input(y_down=y_down), size, None, viewport),
+        map_panels(geomap_input(y_down=y_down), size, None, viewport),
+        compare_panels(difference_input(y_down=y_down), size, None, viewport),
     ):
         assert (panel.name, panel.shape) == ("map", "plane")
         column, row = panel.x + int(part[0] * panel.width), panel.y + int(part[1] * panel.height)
@@ -104,17 +104,17 @@ def test_cells_become_metres_and_back(
 
 def test_the_panel_is_where_points_are_drawn() -> None:
     view = geomap_input(floor_plan=None, heat=None, rooms=(), cursor=None)
-    (panel,) = geomap_surface(view, SIZE)
+    (panel,) = map_panels(view, SIZE)
     column, row = panel.to_cells(*view.truth[59])
-    assert geomap(view, SIZE).char[int(row), int(column)] == "●"
+    assert draw_map(view, SIZE).char[int(row), int(column)] == "●"
 
 
 @pytest.mark.parametrize("mode", ["colour", "glyph", "full"])
 @pytest.mark.parametrize("look", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)])
 def test_a_mark_is_drawn_at_its_metres(mode: str, look: RenderOptions) -> None:
     view = geomap_input(mode=mode, cursor=None, mark=Mark("map", ((2.0, 1.0), (12.0, 9.0))))
-    canvas = geomap(view, SIZE, look)
-    (panel,) = geomap_surface(view, SIZE, look)
+    canvas = draw_map(view, SIZE, look)
+    (panel,) = map_panels(view, SIZE, look)
     for corner in ((2.0, 1.0), (12.0, 9.0), (2.0, 9.0)):
         column, row = (int(part) for part in panel.to_cells(*corner))
         assert canvas.char[row, column] == "+"

@@ -14,10 +14,10 @@ from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.brush import Mark, panel_at
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.overview import lines as module
-from s2rtui.charts.overview.layout import overview_layout, overview_surface
+from s2rtui.charts.overview.layout import overview_layout, overview_panels
 from s2rtui.charts.overview.lines import bin_count, levels, line_density, pair_counts
 from s2rtui.charts.overview.model import OverviewLines, overview_model
-from s2rtui.charts.overview.terminal import overview
+from s2rtui.charts.overview.terminal import draw_overview
 from s2rtui.charts.scene import OverviewRow
 from tests.charts.examples import ROWS, N, overview_lines
 
@@ -117,9 +117,9 @@ def test_levels_rise_from_above_zero_to_one() -> None:
 
 def test_another_selection_bins_nothing_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = overview_lines()
-    overview(ROWS, 0.72, 0, SIZE, None, lines)
+    draw_overview(ROWS, 0.72, 0, SIZE, None, lines)
     monkeypatch.setattr(module, "_binned", lambda *_: pytest.fail("binned again"))
-    overview(ROWS, 0.72, 0, SIZE, None, replace(lines, selected=np.arange(N) < 9))
+    draw_overview(ROWS, 0.72, 0, SIZE, None, replace(lines, selected=np.arange(N) < 9))
 
 
 def test_axis_holds_the_lines_only_where_they_are_drawn() -> None:
@@ -142,7 +142,7 @@ def test_runs_take_the_rows_there_are() -> None:
 
 def test_marks_numbers_and_axis_stay_on_top() -> None:
     lines = overview_lines(cursor=None)
-    canvas = overview(ROWS, 0.72, 0, SIZE, None, lines)
+    canvas = draw_overview(ROWS, 0.72, 0, SIZE, None, lines)
     model, layout = overview_model(ROWS, 0.72, lines), overview_layout(ROWS, 0, SIZE, lines)
     for index, row in enumerate(ROWS[:2]):
         for value, glyph in ((row.sim_accuracy, UNICODE.sim), (row.real_accuracy, UNICODE.real)):
@@ -158,7 +158,7 @@ def test_marks_numbers_and_axis_stay_on_top() -> None:
 def test_selected_lines_have_their_sides_hue_and_the_rest_is_grey(side: str) -> None:
     lines = overview_lines(side=side, cursor=None)
     canvas, layout = (
-        overview(ROWS, None, 0, SIZE, None, lines),
+        draw_overview(ROWS, None, 0, SIZE, None, lines),
         overview_layout(ROWS, 0, SIZE, lines),
     )
     band = slice(layout.row_of(0) + 1, layout.row_of(1))
@@ -178,7 +178,7 @@ def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> 
     look = RenderOptions(mode=ColourMode.NONE)
 
     def ink(view: OverviewLines) -> int:
-        drawn = "".join(overview(ROWS, None, None, SIZE, look, view).lines())
+        drawn = "".join(draw_overview(ROWS, None, None, SIZE, look, view).lines())
         return sum(
             (ord(glyph) - 0x2800).bit_count() for glyph in drawn if "\u2800" < glyph < "\u2900"
         )
@@ -187,7 +187,7 @@ def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> 
     plain = RenderOptions(mode=ColourMode.NONE, ascii=True)
     layout = overview_layout(ROWS, None, SIZE, lines)
     for view, glyphs in ((lines, "."), (everything, "'+*#")):
-        band = overview(ROWS, None, None, SIZE, plain, view).lines()[
+        band = draw_overview(ROWS, None, None, SIZE, plain, view).lines()[
             layout.top + 1 : layout.row_of(1)
         ]
         assert set("".join(band)) <= {*glyphs, " "}
@@ -197,7 +197,7 @@ def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> 
 def test_a_note_is_read_before_lines_and_cursor() -> None:
     lines = overview_lines()
     waiting = [replace(row, sim_accuracy=None, real_accuracy=None, note="reading") for row in ROWS]
-    canvas = overview(waiting, None, 0, SIZE, None, lines)
+    canvas = draw_overview(waiting, None, 0, SIZE, None, lines)
     layout = overview_layout(waiting, 0, SIZE, lines)
     for index in range(2):
         assert "reading " in canvas.lines()[layout.row_of(index)][layout.chart :]
@@ -205,7 +205,10 @@ def test_a_note_is_read_before_lines_and_cursor() -> None:
 
 def test_the_cursors_line_runs_on_top_with_its_numbers() -> None:
     lines = overview_lines()
-    canvas, model = overview(ROWS, None, 0, SIZE, None, lines), overview_model(ROWS, None, lines)
+    canvas, model = (
+        draw_overview(ROWS, None, 0, SIZE, None, lines),
+        overview_model(ROWS, None, lines),
+    )
     layout = overview_layout(ROWS, 0, SIZE, lines)
     for index in range(2):
         value = float(lines.values[index][50])
@@ -229,7 +232,7 @@ def test_columns_become_accuracies_and_back(
     size: tuple[int, int], part: float, lined: bool
 ) -> None:
     lines = overview_lines() if lined else None
-    panels = overview_surface(ROWS, 0.72, 1, size, lines)
+    panels = overview_panels(ROWS, 0.72, 1, size, lines)
     model = overview_model(ROWS, 0.72, lines)
     for panel in panels:
         assert panel.shape == "range"
@@ -242,7 +245,7 @@ def test_columns_become_accuracies_and_back(
 
 def test_a_panel_per_run_covers_the_rows_nearest_to_it() -> None:
     lines = overview_lines()
-    panels = overview_surface(ROWS, 0.72, 1, SIZE, lines)
+    panels = overview_panels(ROWS, 0.72, 1, SIZE, lines)
     layout = overview_layout(ROWS, 1, SIZE, lines)
     assert [panel.name for panel in panels] == [row.run for row in ROWS]
     for y in range(layout.top, layout.top + layout.height):
@@ -254,17 +257,17 @@ def test_a_panel_per_run_covers_the_rows_nearest_to_it() -> None:
 
 
 def test_the_leftmost_column_takes_all_that_is_drawn_there() -> None:
-    panel = overview_surface(ROWS, 0.72, 1, SIZE, overview_lines())[0]
+    panel = overview_panels(ROWS, 0.72, 1, SIZE, overview_lines())[0]
     assert panel.to_data(panel.x + 0.5, panel.y)[0] == 0.0
-    assert overview_surface(ROWS, 0.72, 1, SIZE)[0].to_data(panel.x + 0.5, panel.y)[0] > 0.5
+    assert overview_panels(ROWS, 0.72, 1, SIZE)[0].to_data(panel.x + 0.5, panel.y)[0] > 0.5
 
 
 @pytest.mark.parametrize("look", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)])
 def test_a_marked_range_stands_between_ends_on_its_run(look: RenderOptions) -> None:
     lines = overview_lines()
     mark = Mark("dataaug", ((0.75, 0.0), (0.9, 0.0)))
-    canvas = overview(ROWS, 0.72, 0, SIZE, look, lines, mark)
-    panel = overview_surface(ROWS, 0.72, 0, SIZE, lines)[1]
+    canvas = draw_overview(ROWS, 0.72, 0, SIZE, look, lines, mark)
+    panel = overview_panels(ROWS, 0.72, 0, SIZE, lines)[1]
     low, high = (int(panel.to_cells(value, 0.0)[0]) for value in (0.75, 0.9))
     for y in range(panel.y, panel.y + panel.height):
         assert canvas.char[y, low] == look.glyphs.scale_left

@@ -11,32 +11,32 @@ from hypothesis import strategies as st
 
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.brush import Panel
-from s2rtui.charts.errors.terminal import histogram_surface
-from s2rtui.charts.orientation.terminal import orientation_surface
-from s2rtui.charts.rooms.terminal import rooms_surface
-from s2rtui.charts.umap.terminal import umap_surface
+from s2rtui.charts.errors.terminal import errors_panels
+from s2rtui.charts.orientation.terminal import orientation_panels
+from s2rtui.charts.rooms.terminal import rooms_panels
+from s2rtui.charts.umap.terminal import umap_panels
 from tests.charts.examples import histogram_input, orientation_input, rooms_input, umap_input
 
 Surface = Callable[[tuple[int, int], RenderOptions], tuple[Panel, ...]]
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
-    "umap": (lambda size, look: umap_surface(umap_input(), size, look), "plane", ("sim", "real")),
+    "umap": (lambda size, look: umap_panels(umap_input(), size, look), "plane", ("sim", "real")),
     "orientation": (
-        lambda size, look: orientation_surface(orientation_input(), size, look),
+        lambda size, look: orientation_panels(orientation_input(), size, look),
         "turn",
         ("sim", "truth", "real"),
     ),
     "upwards": (
-        lambda size, look: orientation_surface(orientation_input(y_down=False), size, look),
+        lambda size, look: orientation_panels(orientation_input(y_down=False), size, look),
         "turn",
         ("sim", "truth", "real"),
     ),
     "rooms": (
-        lambda size, look: rooms_surface(rooms_input(), size, look),
+        lambda size, look: rooms_panels(rooms_input(), size, look),
         "steps",
         ("sim", "truth", "real"),
     ),
     "histogram": (
-        lambda size, look: histogram_surface(histogram_input(), size, look),
+        lambda size, look: errors_panels(histogram_input(), size, look),
         "range",
         ("sim", "real"),
     ),

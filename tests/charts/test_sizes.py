@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 
 from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.brush import Mark
-from s2rtui.charts.compare.terminal import difference
-from s2rtui.charts.errors.terminal import histogram
+from s2rtui.charts.compare.terminal import draw_compare
+from s2rtui.charts.errors.terminal import draw_errors
 from s2rtui.charts.history.model import HistoryInput
-from s2rtui.charts.history.terminal import history
-from s2rtui.charts.map.terminal import geomap
-from s2rtui.charts.orientation.terminal import orientation
-from s2rtui.charts.overview.terminal import overview
-from s2rtui.charts.rooms.terminal import rooms
-from s2rtui.charts.shared.instance_terminal import instance
-from s2rtui.charts.umap.terminal import umap
+from s2rtui.charts.history.terminal import draw_history
+from s2rtui.charts.map.terminal import draw_map
+from s2rtui.charts.orientation.terminal import draw_orientation
+from s2rtui.charts.overview.terminal import draw_overview
+from s2rtui.charts.rooms.terminal import draw_rooms
+from s2rtui.charts.shared.instance_terminal import draw_instance
+from s2rtui.charts.umap.terminal import draw_umap
 from s2rtui.terminal.strips import to_strips
 from tests.charts.examples import (
     ROWS,
@@ -40,43 +40,43 @@ Draw = Callable[[tuple[int, int], RenderOptions], Canvas]
 BOX = Mark("map", ((2.0, 2.0), (9.0, 5.0)))
 LASSO = Mark("map", ((2.0, 2.0), (9.0, 5.0), (4.0, 8.0)), lasso=True)
 VIEWS: dict[str, Draw] = {
-    "overview": lambda size, look: overview(ROWS, 0.72, 1, size, look),
-    "threads": lambda size, look: overview(
+    "overview": lambda size, look: draw_overview(ROWS, 0.72, 1, size, look),
+    "threads": lambda size, look: draw_overview(
         ROWS, 0.72, 1, size, look, overview_lines(), Mark("vanilla", ((0.6, 0.0), (0.8, 0.0)))
     ),
-    "map": lambda size, look: geomap(geomap_input(), size, look),
-    "full map": lambda size, look: geomap(geomap_input(mode="full"), size, look),
-    "glyph map": lambda size, look: geomap(
+    "map": lambda size, look: draw_map(geomap_input(), size, look),
+    "full map": lambda size, look: draw_map(geomap_input(mode="full"), size, look),
+    "glyph map": lambda size, look: draw_map(
         geomap_input(mode="glyph", clip=np.eye(5), mark=BOX), size, look
     ),
-    "difference": lambda size, look: difference(difference_input(mark=LASSO), size, look),
-    "bare map": lambda size, look: geomap(
+    "difference": lambda size, look: draw_compare(difference_input(mark=LASSO), size, look),
+    "bare map": lambda size, look: draw_map(
         geomap_input(floor_plan=None, heat=None, headings=None, cursor=None), size, look
     ),
-    "instance": lambda size, look: instance(instance_input(), size, look),
-    "plain instance": lambda size, look: instance(
+    "instance": lambda size, look: draw_instance(instance_input(), size, look),
+    "plain instance": lambda size, look: draw_instance(
         instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None),
         size,
         look,
     ),
-    "histogram": lambda size, look: histogram(histogram_input(), size, look),
-    "marked histogram": lambda size, look: histogram(
+    "histogram": lambda size, look: draw_errors(histogram_input(), size, look),
+    "marked histogram": lambda size, look: draw_errors(
         histogram_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0)))), size, look
     ),
-    "history": lambda size, look: history(HistoryInput(gaps.week()), size, look),
-    "no history": lambda size, look: history(HistoryInput(()), size, look),
-    "umap": lambda size, look: umap(umap_input(), size, look),
-    "marked umap": lambda size, look: umap(
+    "history": lambda size, look: draw_history(HistoryInput(gaps.week()), size, look),
+    "no history": lambda size, look: draw_history(HistoryInput(()), size, look),
+    "umap": lambda size, look: draw_umap(umap_input(), size, look),
+    "marked umap": lambda size, look: draw_umap(
         umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
         size,
         look,
     ),
-    "orientation": lambda size, look: orientation(orientation_input(), size, look),
-    "marked orientation": lambda size, look: orientation(
+    "orientation": lambda size, look: draw_orientation(orientation_input(), size, look),
+    "marked orientation": lambda size, look: draw_orientation(
         orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0)))), size, look
     ),
-    "rooms": lambda size, look: rooms(rooms_input(), size, look),
-    "marked rooms": lambda size, look: rooms(
+    "rooms": lambda size, look: draw_rooms(rooms_input(), size, look),
+    "marked rooms": lambda size, look: draw_rooms(
         rooms_input(mark=Mark("truth", ((0.0, 1.0), (0.0, 9.0)))), size, look
     ),
 }

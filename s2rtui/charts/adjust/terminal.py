@@ -9,7 +9,7 @@ from functools import partial
 from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.shared.axis_scale import short
+from s2rtui.charts.shared.axis_scale import short_number
 
 _INDENT = 4
 _FIGURES = 5
@@ -40,7 +40,7 @@ class SliderLine:
 
 
 @dataclass(frozen=True, slots=True)
-class SlidersLayout:
+class SliderLayout:
     """The track's columns, with labels before and values after; the first line that is seen."""
 
     track: int
@@ -49,7 +49,7 @@ class SlidersLayout:
     shown: int
 
 
-def sliders_layout(lines: Sequence[SliderLine], size: Size) -> SlidersLayout:
+def slider_layout(lines: Sequence[SliderLine], size: Size) -> SliderLayout:
     """The track takes what labels and values leave, which give way where it would be too short;
     the active line stays in view.
     """
@@ -60,21 +60,23 @@ def sliders_layout(lines: Sequence[SliderLine], size: Size) -> SlidersLayout:
     track = max(_TRACK, width - label - value)
     active = next((at for at, line in enumerate(lines) if line.active), 0)
     first = min(max(0, active - height + 1), max(0, len(lines) - height))
-    return SlidersLayout(label, track, first, min(height, len(lines) - first))
+    return SliderLayout(label, track, first, min(height, len(lines) - first))
 
 
-def sliders(lines: Sequence[SliderLine], size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_sliders(
+    lines: Sequence[SliderLine], size: Size, look: RenderOptions | None = None
+) -> Canvas:
     """The view in `size` (columns, rows)."""
     look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
-    layout = sliders_layout(lines, (canvas.width, canvas.height))
+    layout = slider_layout(lines, (canvas.width, canvas.height))
     for row in range(layout.shown):
         _line(canvas, row, lines[layout.first + row], layout, look)
     return canvas
 
 
 def _line(
-    canvas: Canvas, y: int, line: SliderLine, layout: SlidersLayout, look: RenderOptions
+    canvas: Canvas, y: int, line: SliderLine, layout: SliderLayout, look: RenderOptions
 ) -> None:
     theme, glyphs = look.theme, look.glyphs
     side = theme.sim if line.side == "sim" else theme.real
@@ -91,17 +93,17 @@ def _line(
         canvas.hline(min(neutral, here), max(neutral, here), y, glyphs.bar, side)
     canvas.put(neutral, y, glyphs.vertical, theme.muted)
     canvas.put(here, y, glyphs.selected, side if line.moved else theme.text, bold=True)
-    text = f" {short(line.value)} {line.unit}".rstrip()
+    text = f" {short_number(line.value)} {line.unit}".rstrip()
     canvas.text(end + 1, y, text, theme.text if line.moved else theme.muted, bold=line.moved)
 
 
-def _column(share: float, layout: SlidersLayout) -> int:
+def _column(share: float, layout: SliderLayout) -> int:
     return layout.track + round(min(max(share, 0.0), 1.0) * (layout.track_width - 1))
 
 
-def sliders_surface(lines: Sequence[SliderLine], size: Size) -> tuple[Panel, ...]:
+def slider_panels(lines: Sequence[SliderLine], size: Size) -> tuple[Panel, ...]:
     """A panel per line, named by its index; its data are the slider's values."""
-    layout = sliders_layout(lines, size)
+    layout = slider_layout(lines, size)
     panels = []
     for row in range(layout.shown):
         index = layout.first + row
@@ -115,13 +117,13 @@ def sliders_surface(lines: Sequence[SliderLine], size: Size) -> tuple[Panel, ...
 
 
 def _to_data(
-    line: SliderLine, layout: SlidersLayout, y: int, column: float, row: float
+    line: SliderLine, layout: SliderLayout, y: int, column: float, row: float
 ) -> tuple[float, float]:
     share = (column - 0.5 - layout.track) / max(1, layout.track_width - 1)
     return line.lowest + share * (line.highest - line.lowest), row - y
 
 
 def _to_cells(
-    line: SliderLine, layout: SlidersLayout, y: int, x: float, row: float
+    line: SliderLine, layout: SliderLayout, y: int, x: float, row: float
 ) -> tuple[float, float]:
     return layout.track + 0.5 + line.share(x) * max(1, layout.track_width - 1), y + row

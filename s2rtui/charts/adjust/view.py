@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from s2rtui.canvas import Canvas, RenderOptions, Size
 from s2rtui.canvas.brush import Panel, Point
-from s2rtui.charts.adjust.terminal import SliderLine, sliders, sliders_surface
+from s2rtui.charts.adjust.terminal import SliderLine, draw_sliders, slider_panels
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared import instance_terminal
 from s2rtui.charts.view import View
@@ -56,7 +56,7 @@ class AdjustView(View):
             return _written(canvas, adjust.missing if adjust else "no instance to adjust", 0)
         lines = self.lines(scene)
         rows = self._rows(scene, canvas.height)
-        canvas.paste(sliders(lines, (canvas.width, rows), look), 0, 0)
+        canvas.paste(draw_sliders(lines, (canvas.width, rows), look), 0, 0)
         used = rows
         if adjust.reason and canvas.height > rows + 2:
             canvas.text(0, rows, adjust.reason[: canvas.width], look.theme.muted)
@@ -66,7 +66,9 @@ class AdjustView(View):
             return _written(canvas, failed, used + 1)
         live = scene.resources.adjusted(scene.state)
         if live is not None and space > 0:
-            canvas.paste(instance_terminal.instance(live, (canvas.width, space), look), 0, used + 1)
+            canvas.paste(
+                instance_terminal.draw_instance(live, (canvas.width, space), look), 0, used + 1
+            )
         return canvas
 
     def _rows(self, scene: Scene, height: int) -> int:
@@ -75,7 +77,7 @@ class AdjustView(View):
 
     def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
         lines = self.lines(scene)
-        return sliders_surface(lines, (size[0], self._rows(scene, size[1]))) if lines else ()
+        return slider_panels(lines, (size[0], self._rows(scene, size[1]))) if lines else ()
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         adjusting.put(session, int(panel.name), point[0])

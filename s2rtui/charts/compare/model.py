@@ -8,21 +8,30 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from s2rstore.records import Bounds, Room, Side
-from s2rtui.analysis.binning import Bins, Bools, Chosen, bins, choose, count, sums, total_of
+from s2rtui.analysis.binning import (
+    Bins,
+    Bools,
+    SelectionIndices,
+    bin_values,
+    count_selected,
+    selection_indices,
+    sum_selected,
+    total_selected,
+)
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas.brush import Mark
 from s2rtui.canvas.colour import Pixels, diverging
 from s2rtui.charts.shared.axis_scale import Floats
-from s2rtui.charts.shared.map_background import Ground
-from s2rtui.charts.shared.map_model import cursor_of, sizes
-from s2rtui.charts.shared.points import cells
+from s2rtui.charts.shared.map_background import MapBackground
+from s2rtui.charts.shared.map_model import selection_sizes, valid_cursor
+from s2rtui.charts.shared.points import point_cells
 
 Means = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DifferenceInput:
+class CompareInput:
     """Two runs on one map: which of them errs more, and where.
 
     truth: (N, 2) metres. first, second: (N,) errors of the two runs in `unit`, NaN where one has
@@ -52,13 +61,13 @@ class DifferenceInput:
     mark: Mark | None = None
 
     @property
-    def ground(self) -> Ground:
+    def ground(self) -> MapBackground:
         rooms = self.rooms if self.room_names else ()
-        return Ground(self.bounds, self.y_down, self.floor_plan, clip=self.clip, rooms=rooms)
+        return MapBackground(self.bounds, self.y_down, self.floor_plan, clip=self.clip, rooms=rooms)
 
 
 @dataclass(frozen=True, slots=True)
-class DifferenceSummary:
+class CompareSummary:
     """From the first run to the second, over the selected with both errors.
 
     improved: the second errs less by more than the margin; worse: it errs more; equal: neither.
@@ -73,47 +82,47 @@ class DifferenceSummary:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DifferenceModel:
+class CompareModel:
     """others: valid but not selected. scale: the difference of full colour. cursor: valid."""
 
-    chosen: Chosen
+    chosen: SelectionIndices
     lit: int
     others: int
     cursor: int | None
     scale: float
-    summary: DifferenceSummary
+    summary: CompareSummary
 
 
-def difference_model(view: DifferenceInput) -> DifferenceModel:
+def compare_model(view: CompareInput) -> CompareModel:
     """The summary and the scale."""
     valid: Bools = np.asarray(view.valid, dtype=np.bool_)
-    chosen = choose(np.asarray(view.selected, dtype=np.bool_), valid)
-    lit, others = sizes(chosen)
+    chosen = selection_indices(np.asarray(view.selected, dtype=np.bool_), valid)
+    lit, others = selection_sizes(chosen)
     arrays = ArrayKey(view.first), ArrayKey(view.second)
     summary = _summary(*arrays, view.equal, chosen, lit)
     scale = view.scale or _scale(*arrays, ArrayKey(valid), view.equal)
-    return DifferenceModel(chosen, lit, others, cursor_of(view.cursor, valid), scale, summary)
+    return CompareModel(chosen, lit, others, valid_cursor(view.cursor, valid), scale, summary)
 
 
 @cached_by_identity(8)
 def _summary(
-    first: ArrayKey, second: ArrayKey, equal: float, chosen: Chosen, lit: int
-) -> DifferenceSummary:
+    first: ArrayKey, second: ArrayKey, equal: float, chosen: SelectionIndices, lit: int
+) -> CompareSummary:
     column = _verdicts(first, second, equal)
-    worse, same, improved = count(column, chosen)[0].tolist()
+    worse, same, improved = count_selected(column, chosen)[0].tolist()
     known = worse + same + improved
-    total = total_of(_differences(first, second), chosen)
+    total = total_selected(_differences(first, second), chosen)
     mean = total / known if known else float("nan")
-    return DifferenceSummary(improved, worse, same, lit - known, mean)
+    return CompareSummary(improved, worse, same, lit - known, mean)
 
 
-def differences(view: DifferenceInput) -> Means:
+def differences(view: CompareInput) -> Means:
     """first - second of every instance, (N,); NaN where one is unknown."""
     return _differences(ArrayKey(view.first), ArrayKey(view.second))
 
 
 def cell_means(
-    view: DifferenceInput, chosen: Chosen, frame: MapFrame
+    view: CompareInput, chosen: SelectionIndices, frame: MapFrame
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
     """Columns, rows and mean differences (k,) of the cells that hold a selected instance."""
     return _cell_means(
@@ -123,16 +132,16 @@ def cell_means(
 
 @cached_by_identity(4)
 def _cell_means(
-    truth: ArrayKey, first: ArrayKey, second: ArrayKey, chosen: Chosen, frame: MapFrame
+    truth: ArrayKey, first: ArrayKey, second: ArrayKey, chosen: SelectionIndices, frame: MapFrame
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
     column = _known_cells(truth, first, second, frame)
-    counts, _ = count(column, chosen)
+    counts, _ = count_selected(column, chosen)
     held = np.flatnonzero(counts)
-    means = sums(column, _differences(first, second), chosen)[held] / counts[held]
+    means = sum_selected(column, _differences(first, second), chosen)[held] / counts[held]
     return held % frame.width, held // frame.width, means
 
 
-def verdicts(means: Means, equal: float) -> NDArray[np.intp]:
+def better_run(means: Means, equal: float) -> NDArray[np.intp]:
     """-1: the first is better, 1: the second is, 0: within the margin."""
     return np.sign(means).astype(np.intp) * (np.abs(means) > equal)
 
@@ -147,12 +156,12 @@ def _verdicts(first: ArrayKey, second: ArrayKey, equal: float) -> Bins:
     """Worse, equal and improved as bins 0, 1 and 2."""
     apart = _differences(first, second)
     places = np.where(np.abs(apart) > equal, np.sign(apart), 0) + 1
-    return bins(np.where(np.isfinite(apart), places, np.nan), 3)
+    return bin_values(np.where(np.isfinite(apart), places, np.nan), 3)
 
 
 @cached_by_identity(4)
 def _known_cells(truth: ArrayKey, first: ArrayKey, second: ArrayKey, frame: MapFrame) -> Bins:
-    column = cells(np.asarray(truth.array), frame)
+    column = point_cells(np.asarray(truth.array), frame)
     known = np.isfinite(_differences(first, second))
     none = column.codes.dtype.type(column.count)
     return Bins(np.where(known, column.codes, none), column.count)
@@ -167,7 +176,7 @@ def _scale(first: ArrayKey, second: ArrayKey, valid: ArrayKey, equal: float) -> 
     return max(largest, 2 * equal, 1e-9)
 
 
-def by_size(view: DifferenceInput, model: DifferenceModel) -> tuple[NDArray[np.intp], Means]:
+def sorted_by_difference(view: CompareInput, model: CompareModel) -> tuple[NDArray[np.intp], Means]:
     """Selected iids with both errors, the largest difference last, and their differences."""
     ids = model.chosen.members
     apart = differences(view)[ids]
@@ -176,7 +185,7 @@ def by_size(view: DifferenceInput, model: DifferenceModel) -> tuple[NDArray[np.i
     return ids[ordered], apart[ordered]
 
 
-def tint(means: ArrayLike, scale: float) -> Pixels:
+def difference_colours(means: ArrayLike, scale: float) -> Pixels:
     """Differences as colours: the stronger the further apart, blue below 0 and orange above."""
     share = np.asarray(means, dtype=np.float64) / scale
     return diverging(np.sign(share) * np.sqrt(np.abs(share)))

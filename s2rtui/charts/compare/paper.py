@@ -10,33 +10,33 @@ import numpy as np
 from s2rstore.records import Bounds
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme, turbo
 from s2rtui.charts.compare.model import (
-    DifferenceInput,
-    DifferenceModel,
-    by_size,
-    difference_model,
-    tint,
-    verdicts,
+    CompareInput,
+    CompareModel,
+    better_run,
+    compare_model,
+    difference_colours,
+    sorted_by_difference,
 )
-from s2rtui.charts.shared.axis_scale import short
-from s2rtui.charts.shared.map_background import Ground
-from s2rtui.charts.shared.map_model import GeoMapInput, default_view, geomap_model
+from s2rtui.charts.shared.axis_scale import short_number
+from s2rtui.charts.shared.map_background import MapBackground
+from s2rtui.charts.shared.map_model import MapInput, default_view, map_model
 from s2rtui.charts.shared.paper import (
     Box,
     Page,
     Pixels,
-    colour_scale,
-    heading,
+    draw_colour_bar,
+    draw_heading,
+    figure_bytes,
+    make_page,
     new_figure,
-    page_of,
-    unit,
-    written,
+    rgb_fractions,
 )
 from s2rtui.charts.shared.paper_map import (
     MANY,
     SIDE,
     MapSheet,
-    draw_others,
     draw_pose,
+    draw_unselected,
     draw_values,
     map_panel,
     map_sheet,
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Maps = tuple[GeoMapInput, GeoMapInput]
+Maps = tuple[MapInput, MapInput]
 LEFT, FOOT, TITLE, GAP, BESIDE = 0.75, 0.6, 0.34, 0.3, 0.3
 """Inches at the left, at the foot, above each map, between maps, and before the legends."""
 KEYS = 1.3
@@ -70,7 +70,7 @@ class _Plan:
 
 def compare_figure(
     maps: Maps,
-    difference: DifferenceInput,
+    difference: CompareInput,
     size: Pixels = (2100, 900),
     theme: Theme = LIGHT,
     title: str = "",
@@ -79,23 +79,25 @@ def compare_figure(
     viewport: Bounds | None = None,
 ) -> bytes:
     """A PNG of `size` pixels; both `maps` have one value range, `notes` stand under the title."""
-    page = page_of(size, theme)
+    page = make_page(size, theme)
     figure = new_figure(page)
     first, second = difference.names
     title = title or f"{difference.side.capitalize()} error: {first} against {second}"
-    top = heading(figure, page, title, "  ·  ".join(part for part in (subtitle, *notes) if part))
+    top = draw_heading(
+        figure, page, title, "  ·  ".join(part for part in (subtitle, *notes) if part)
+    )
     area = viewport or default_view(difference.bounds, difference.truth, difference.valid)
     plan = _plan(page, area, top)
     inks = (theme.text, theme.text, theme.text)
     for view, name, box, ink in zip(maps, difference.names, plan.boxes, inks, strict=False):
         told = name + _median(view) if box[2] > 1.8 else name
         sheet = _panel(figure, page, view.ground, area, box, told, ink)
-        model = geomap_model(view)
-        draw_others(sheet.axes, view.truth, model.chosen, sheet.spots)
+        model = map_model(view)
+        draw_unselected(sheet.axes, view.truth, model.chosen, sheet.spots)
         draw_values(sheet.axes, view, model, sheet.spots)
         if model.cursor is not None:
             draw_pose(sheet.axes, view.truth, view.headings, model.cursor, theme.cursor, area)
-    found = difference_model(difference)
+    found = compare_model(difference)
     told = f"{first} − {second}"
     sheet = _panel(figure, page, difference.ground, area, plan.boxes[2], told, theme.text)
     draw_difference(sheet, difference, found)
@@ -106,7 +108,7 @@ def compare_figure(
         below = _error_scale(figure, page, maps[0], plan.corner, high)
         corner = (left, below) if plan.row else (left + 1.2, upper)
         difference_legend(sheet, difference, found, corner, high, left)
-    return written(figure, page)
+    return figure_bytes(figure, page)
 
 
 def _plan(page: Page, area: Bounds, top: float) -> _Plan:
@@ -137,33 +139,37 @@ def _scale(area: Bounds, room: tuple[float, float], count: tuple[int, int]) -> f
 
 
 def _panel(
-    figure: Figure, page: Page, ground: Ground, area: Bounds, box: Box, title: str, ink: Rgb
+    figure: Figure, page: Page, ground: MapBackground, area: Bounds, box: Box, title: str, ink: Rgb
 ) -> MapSheet:
     sheet = map_panel(figure, page, ground, area, box)
     if box[0] > LEFT:
         sheet.axes.set_ylabel("")
         sheet.axes.tick_params(labelleft=False)
     label = sheet.axes.set_title(title, loc="left", fontsize=10, pad=6)
-    label.set_color(unit(ink))
+    label.set_color(rgb_fractions(ink))
     label.set_fontweight("bold")
     return sheet
 
 
-def _median(view: GeoMapInput) -> str:
+def _median(view: MapInput) -> str:
     """`   median 3.1 m`: of the selected."""
     errors = np.asarray(view.values)[np.asarray(view.selected) & np.asarray(view.valid)]
     errors = errors[np.isfinite(errors)]
-    return f"   median {short(float(np.median(errors)))} {view.value_unit}" if errors.size else ""
+    return (
+        f"   median {short_number(float(np.median(errors)))} {view.value_unit}"
+        if errors.size
+        else ""
+    )
 
 
 def _error_scale(
-    figure: Figure, page: Page, view: GeoMapInput, corner: tuple[float, float], high: float
+    figure: Figure, page: Page, view: MapInput, corner: tuple[float, float], high: float
 ) -> float:
     """The scale of both error maps; gives its lower end."""
     left, top = corner
-    span = geomap_model(view).value_range
+    span = map_model(view).value_range
     box = page.box(left, top - 0.52 - high, 0.16, high)
-    colour_scale(figure, page, box, span, f"error ({view.value_unit})", turbo)
+    draw_colour_bar(figure, page, box, span, f"error ({view.value_unit})", turbo)
     return top - 0.52 - high
 
 
@@ -171,7 +177,7 @@ MARKERS = {1: "^", 0: "o", -1: "v"}
 
 
 def difference_figure(
-    view: DifferenceInput,
+    view: CompareInput,
     size: Pixels = (1600, 1200),
     theme: Theme = LIGHT,
     title: str = "",
@@ -179,8 +185,8 @@ def difference_figure(
     viewport: Bounds | None = None,
 ) -> bytes:
     """A PNG of `size` pixels: each selected instance by its difference, the largest on top."""
-    page = page_of(size, theme)
-    model = difference_model(view)
+    page = make_page(size, theme)
+    model = compare_model(view)
     area = viewport or default_view(view.bounds, view.truth, view.valid)
     first, second = view.names
     title = title or f"{view.side.capitalize()} error: {first} against {second}"
@@ -188,24 +194,24 @@ def difference_figure(
     draw_difference(sheet, view, model)
     if sheet.side:
         difference_legend(sheet, view, model, sheet.side)
-    return written(sheet.figure, page)
+    return figure_bytes(sheet.figure, page)
 
 
-def draw_difference(sheet: MapSheet, view: DifferenceInput, model: DifferenceModel) -> None:
+def draw_difference(sheet: MapSheet, view: CompareInput, model: CompareModel) -> None:
     """The unselected, the differences on top of them, the cursor."""
-    draw_others(sheet.axes, view.truth, model.chosen, sheet.spots)
+    draw_unselected(sheet.axes, view.truth, model.chosen, sheet.spots)
     _signs(sheet, view, model)
     if model.cursor is not None:
         _cursor(sheet.axes, view, model.cursor, sheet.page.theme)
 
 
-def _signs(sheet: MapSheet, view: DifferenceInput, model: DifferenceModel) -> None:
+def _signs(sheet: MapSheet, view: CompareInput, model: CompareModel) -> None:
     """Triangles up where the second run is better, down where the first is, dots where equal."""
-    ids, apart = by_size(view, model)
+    ids, apart = sorted_by_difference(view, model)
     held = sheet.spots.last(view.truth, ids)
     truth, apart = np.asarray(view.truth, dtype=np.float64)[ids[held]], apart[held]
-    which = verdicts(apart, view.equal)
-    ink = tint(apart, model.scale) / 255.0
+    which = better_run(apart, view.equal)
+    ink = difference_colours(apart, model.scale) / 255.0
     few = len(held) <= MANY
     for order, verdict in enumerate((0, -1, 1)):
         part = which == verdict
@@ -215,22 +221,22 @@ def _signs(sheet: MapSheet, view: DifferenceInput, model: DifferenceModel) -> No
             s=34 if few else 5,
             marker=MARKERS[verdict],
             c=ink[part],
-            edgecolors=[unit(sheet.page.theme.background)],
+            edgecolors=[rgb_fractions(sheet.page.theme.background)],
             linewidths=0.6 if few else 0,
             zorder=5 + order / 10,
         )
 
 
-def _cursor(axes: Axes, view: DifferenceInput, iid: int, theme: Theme) -> None:
+def _cursor(axes: Axes, view: CompareInput, iid: int, theme: Theme) -> None:
     x, y = (float(part) for part in np.asarray(view.truth)[iid])
-    ink = unit(theme.cursor)
+    ink = rgb_fractions(theme.cursor)
     axes.scatter([x], [y], s=80, facecolors="none", edgecolors=[ink], linewidths=1.6, zorder=7)
 
 
 def difference_legend(
     sheet: MapSheet,
-    view: DifferenceInput,
-    model: DifferenceModel,
+    view: CompareInput,
+    model: CompareModel,
     corner: tuple[float, float],
     high: float = 0.0,
     keys: float | None = None,
@@ -244,15 +250,22 @@ def difference_legend(
     box = sheet.page.box(left, top - 0.52 - high, 0.16, high)
     label = f"{view.names[0]} −\n{view.names[1]} ({view.unit})"
     ends = (-model.scale, model.scale)
-    colour_scale(
-        sheet.figure, sheet.page, box, ends, label, lambda shares: tint(2 * shares - 1, 1.0)
+    draw_colour_bar(
+        sheet.figure,
+        sheet.page,
+        box,
+        ends,
+        label,
+        lambda shares: difference_colours(2 * shares - 1, 1.0),
     )
     theme, summary = sheet.page.theme, model.summary
-    blue, grey, orange = ((int(r), int(g), int(b)) for r, g, b in tint([-1.0, 0.0, 1.0], 1.0))
+    blue, grey, orange = (
+        (int(r), int(g), int(b)) for r, g, b in difference_colours([-1.0, 0.0, 1.0], 1.0)
+    )
     marks: list[tuple[str, str, Rgb, bool]] = [
         (f"{summary.improved} better in {view.names[1]}", "^", orange, True),
         (f"{summary.worse} better in {view.names[0]}", "v", blue, True),
-        (f"{summary.equal} within {short(view.equal)} {view.unit}", "o", grey, True),
+        (f"{summary.equal} within {short_number(view.equal)} {view.unit}", "o", grey, True),
     ]
     if summary.improved + summary.worse + summary.equal:
         marks.append((f"mean {summary.mean:+.2f} {view.unit}", "", theme.text, False))

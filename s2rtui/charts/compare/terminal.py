@@ -11,74 +11,74 @@ from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb, legible
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.compare.model import (
-    DifferenceInput,
-    DifferenceModel,
+    CompareInput,
+    CompareModel,
+    better_run,
     cell_means,
-    difference_model,
-    tint,
-    verdicts,
+    compare_model,
+    difference_colours,
 )
-from s2rtui.charts.shared.axis_scale import short
+from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.legend import (
     LegendPart,
     colour_bar,
     ramp_for_values,
-    words,
+    text_part,
 )
 from s2rtui.charts.shared.map_model import default_view
 from s2rtui.charts.shared.map_terminal import (
-    GeoMapLayout,
+    MapLayout,
     draw_point_map,
     draw_pose,
-    map_layout,
+    layout_of_area,
     map_legend,
     map_panel,
-    stamp,
+    put_glyphs,
 )
 
 
-def signs(look: RenderOptions) -> str:
+def difference_glyphs(look: RenderOptions) -> str:
     """The glyphs of: the first is better, equal, the second is better."""
     return "-=+" if ramp_for_values(look) is not None else "▼●▲"
 
 
-def difference_layout(
-    view: DifferenceInput,
+def compare_layout(
+    view: CompareInput,
     size: Size,
     viewport: Bounds | None = None,
     look: RenderOptions | None = None,
-    model: DifferenceModel | None = None,
-) -> GeoMapLayout:
+    model: CompareModel | None = None,
+) -> MapLayout:
     """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
-    look, model = look or RenderOptions(), model or difference_model(view)
+    look, model = look or RenderOptions(), model or compare_model(view)
     area = viewport or default_view(view.bounds, view.truth, view.valid)
 
     def legend(frame: MapFrame, width: int) -> list[LegendPart]:
         return _legend(view, model, frame, width, look)
 
-    return map_layout(area, view.y_down, size, legend)
+    return layout_of_area(area, view.y_down, size, legend)
 
 
-def difference_surface(
-    view: DifferenceInput,
+def compare_panels(
+    view: CompareInput,
     size: Size,
     look: RenderOptions | None = None,
     viewport: Bounds | None = None,
 ) -> tuple[Panel, ...]:
     """One panel "map", a plane of metres."""
-    return (map_panel(difference_layout(view, size, viewport, look)),)
+    return (map_panel(compare_layout(view, size, viewport, look)),)
 
 
-def difference(
-    view: DifferenceInput,
+def draw_compare(
+    view: CompareInput,
     size: Size,
     look: RenderOptions | None = None,
     viewport: Bounds | None = None,
 ) -> Canvas:
     """The view in `size` (columns, rows): per cell the mean difference of the selected."""
     look = look or RenderOptions()
-    model = difference_model(view)
-    layout = difference_layout(view, size, viewport, look, model)
+    model = compare_model(view)
+    layout = compare_layout(view, size, viewport, look, model)
     frame, glyph, colour = layout.frame, look.glyphs.cursor, look.theme.cursor
 
     def draw_selected(chart: Canvas) -> None:
@@ -91,21 +91,23 @@ def difference(
 
 def _cells(
     canvas: Canvas,
-    view: DifferenceInput,
-    model: DifferenceModel,
+    view: CompareInput,
+    model: CompareModel,
     frame: MapFrame,
     look: RenderOptions,
 ) -> None:
     """A sign per cell in the colour of its mean; bold beyond half of the scale."""
     columns, rows, means = cell_means(view, model.chosen, frame)
-    stamp(canvas, columns, rows, " ", look.theme.text)
-    canvas.char[rows, columns] = np.array(list(signs(look)))[verdicts(means, view.equal) + 1]
-    canvas.fg[rows, columns] = legible(tint(means, model.scale), look.theme)
+    put_glyphs(canvas, columns, rows, " ", look.theme.text)
+    canvas.char[rows, columns] = np.array(list(difference_glyphs(look)))[
+        better_run(means, view.equal) + 1
+    ]
+    canvas.fg[rows, columns] = legible(difference_colours(means, model.scale), look.theme)
     canvas.bold[rows, columns] = np.abs(means) > model.scale / 2
 
 
 def _legend(
-    view: DifferenceInput, model: DifferenceModel, frame: MapFrame, width: int, look: RenderOptions
+    view: CompareInput, model: CompareModel, frame: MapFrame, width: int, look: RenderOptions
 ) -> list[LegendPart]:
     first, second = (_name(name, look) for name in view.names)
     bar = colour_bar(
@@ -114,8 +116,8 @@ def _legend(
         (-model.scale, model.scale),
         look,
         12 if width >= 50 else 8,
-        colours=lambda shares: tint(2 * shares - 1, 1.0),
-        ramp=signs(look) if ramp_for_values(look) is not None else None,
+        colours=lambda shares: difference_colours(2 * shares - 1, 1.0),
+        ramp=difference_glyphs(look) if ramp_for_values(look) is not None else None,
         room=width,
     )
     counts = _counts(view, model, (first, second), look)
@@ -125,26 +127,31 @@ def _legend(
 
 
 def _counts(
-    view: DifferenceInput,
-    model: DifferenceModel,
+    view: CompareInput,
+    model: CompareModel,
     names: tuple[str, str] | None,
     look: RenderOptions,
 ) -> LegendPart:
     """Who is better how often, and the mean difference with its sign; names only with room."""
     theme, summary = look.theme, model.summary
-    ends = legible(tint([-1.0, 0.0, 1.0], 1.0), theme)
+    ends = legible(difference_colours([-1.0, 0.0, 1.0], 1.0), theme)
     blue, grey, orange = ((int(r), int(g), int(b)) for r, g, b in ends)
-    lower, same, upper = tuple(signs(look))
+    lower, same, upper = tuple(difference_glyphs(look))
     pieces: list[tuple[str, Rgb]] = []
     for glyph, colour, number, told in (
         (upper, orange, summary.improved, f" better in {names[1]}" if names else ""),
         (lower, blue, summary.worse, f" better in {names[0]}" if names else ""),
-        (same, grey, summary.equal, f" within {short(view.equal)} {view.unit}" if names else ""),
+        (
+            same,
+            grey,
+            summary.equal,
+            f" within {short_number(view.equal)} {view.unit}" if names else "",
+        ),
     ):
         pieces += [(f"{glyph} ", colour), (f"{number}{told}  ", theme.text)]
     if summary.improved + summary.worse + summary.equal:
         pieces.append((f"mean {summary.mean:+.2f} {view.unit}", theme.muted))
-    return words(pieces)
+    return text_part(pieces)
 
 
 def _name(name: str, look: RenderOptions) -> str:

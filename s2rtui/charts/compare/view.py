@@ -9,17 +9,17 @@ from dataclasses import replace
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.compare.model import DifferenceInput, difference_model
-from s2rtui.charts.compare.terminal import difference, difference_surface
-from s2rtui.charts.mark_expressions import area
+from s2rtui.charts.compare.model import CompareInput, compare_model
+from s2rtui.charts.compare.terminal import compare_panels, draw_compare
+from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import Floats
-from s2rtui.charts.shared.map_model import GeoMapInput, map_input, value_range
+from s2rtui.charts.shared.map_model import MapInput, map_input, value_range
 from s2rtui.charts.shared.map_terminal import draw_value_map
-from s2rtui.charts.shared.points import nearest_iid, point_of, truth_points
+from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
 from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session, pending_target, run_differences
 
@@ -42,11 +42,11 @@ class CompareView(View):
             return "there is only one run"
         return f"{scene.state.run} and {other}, {scene.state.side}: k another run, d side"
 
-    def input(self, scene: Scene, other: str) -> DifferenceInput:
+    def input(self, scene: Scene, other: str) -> CompareInput:
         store, state = scene.store, scene.state
         first, second = (store.run_columns(run).side(state.side) for run in (state.run, other))
-        return DifferenceInput(
-            truth_points(store), first.error, second.error, state.selected, state.base,
+        return CompareInput(
+            true_positions(store), first.error, second.error, state.selected, state.base,
             store.dataset.bounds, (state.run, other), state.side, equal=_EQUAL,
             cursor=state.cursor, y_down=store.dataset.y_down,
             floor_plan=scene.resources.floor_plan, rooms=store.rooms,
@@ -59,7 +59,7 @@ class CompareView(View):
             return ()
         if not pending_target.is_ready(scene.store, other):
             return other, "loading"
-        return state.generation, identity(self.input(scene, other)), state.viewport
+        return state.generation, identity_key(self.input(scene, other)), state.viewport
 
     def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         canvas = Canvas(*size, theme=look.theme)
@@ -82,7 +82,7 @@ class CompareView(View):
                 drawn = draw_value_map(one, (half, maps), look, scene.state.viewport)
                 canvas.paste(drawn, x, top)
         view = self.input(scene, other)
-        shown = difference(view, (canvas.width, height - maps), look, scene.state.viewport)
+        shown = draw_compare(view, (canvas.width, height - maps), look, scene.state.viewport)
         canvas.paste(shown, 0, top + maps)
         return canvas
 
@@ -95,7 +95,7 @@ class CompareView(View):
         notes = run_differences.differences(scene.store, scene.state.run, other) if other else []
         return min(len(notes), max(0, size[1] - 3))
 
-    def maps(self, scene: Scene, other: str) -> tuple[GeoMapInput, GeoMapInput]:
+    def maps(self, scene: Scene, other: str) -> tuple[MapInput, MapInput]:
         """Both runs' maps, coloured by their errors on one scale."""
         store, state = scene.store, scene.state
         runs = (state.run, other)
@@ -118,7 +118,7 @@ class CompareView(View):
         other = run_differences.other_run(scene.state)
         if other is None:
             return "There is only one run."
-        found = difference_model(self.input(scene, other)).summary
+        found = compare_model(self.input(scene, other)).summary
         mean = "n/a" if math.isnan(found.mean) else f"{found.mean:+.2f} m"
         return (
             f"{scene.state.side.capitalize()} errors of {scene.state.run} and {other}: {other} is "
@@ -145,20 +145,20 @@ class CompareView(View):
         top = self._top(scene, size)
         maps = (size[1] - top) // 2 if self._both(size) else 0
         inner = (size[0], size[1] - top - maps)
-        panels = difference_surface(self.input(scene, other), inner, look, scene.state.viewport)
+        panels = compare_panels(self.input(scene, other), inner, look, scene.state.viewport)
         return [run_differences.lowered(panel, top + maps) for panel in panels]
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
-        return point_of(truth_points(scene.store), scene.state.cursor)
+        return known_point(true_positions(scene.store), scene.state.cursor)
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        points = truth_points(scene.store)
+        points = true_positions(scene.store)
         nearest = nearest_iid(points, scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        return area(panel, mark, "box", "lasso")
+        return area_expression(panel, mark, "box", "lasso")
 
     def numbers(self, scene: Scene) -> Table:
         names = ("room", "n", "first mean", "second mean", "difference", "improved", "worse",
@@ -177,9 +177,9 @@ class CompareView(View):
 
 
 def _summary(first: Floats, second: Floats) -> tuple[object, ...]:
-    """n, both means, their difference, and how many improved, got worse, stayed equal."""
-    difference = first - second
-    better, worse = int((difference > _EQUAL).sum()), int((difference < -_EQUAL).sum())
+    """n, both means and their difference; how many improved, got worse, stayed equal."""
+    apart = first - second
+    better, worse = int((apart > _EQUAL).sum()), int((apart < -_EQUAL).sum())
     n = first.size
-    means = (float(part.mean()) if n else math.nan for part in (first, second, difference))
+    means = (float(part.mean()) if n else math.nan for part in (first, second, apart))
     return (n, *means, better, worse, n - better - worse)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bins, Bools, bins, choose, median
+from s2rtui.analysis.binning import Bins, Bools, bin_values, median_selected, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas.brush import Mark
 from s2rtui.charts.shared.axis_scale import Floats
@@ -21,7 +21,7 @@ Counts = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HistogramInput:
+class ErrorsInput:
     """Errors of both sides, (N,) each, in `unit`; `selected` and `valid` (N,) bool; cursor: an iid.
 
     `upper` is the right end of the axis (default: the 99th percentile of both sides).
@@ -58,7 +58,7 @@ class SideErrors:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HistogramModel:
+class ErrorsModel:
     """edges: (bins + 1,), from 0. What lies beyond the last edge counts into the last bin."""
 
     edges: NDArray[np.float64]
@@ -70,13 +70,13 @@ class HistogramModel:
         return float(self.edges[-1])
 
 
-def histogram_model(view: HistogramInput, bins: int) -> HistogramModel:
+def errors_model(view: ErrorsInput, number: int) -> ErrorsModel:
     """Both sides over one range: 0 to `upper`, by default the 99th percentile of both."""
     upper = view.upper
     if upper is None:
         upper = _upper(ArrayKey(view.sim), ArrayKey(view.real))
     upper = upper if upper > 0 else 1.0
-    count = max(1, bins)
+    count = max(1, number)
     keys = (ArrayKey(view.sim), ArrayKey(view.real))
     parts = _counts(keys, upper, count, ArrayKey(view.selected), ArrayKey(view.valid))
     sim, real = (
@@ -89,7 +89,7 @@ def histogram_model(view: HistogramInput, bins: int) -> HistogramModel:
         )
         for side, (lit, total, middle) in zip((view.sim, view.real), parts, strict=True)
     )
-    return HistogramModel(np.linspace(0.0, upper, count + 1), sim, real)
+    return ErrorsModel(np.linspace(0.0, upper, count + 1), sim, real)
 
 
 @cached_by_identity(4)
@@ -99,18 +99,18 @@ def _counts(
     """Counts of the selected and of all, and the selected's median, for each side."""
     lit_mask, population = np.asarray(selected.array), np.asarray(valid.array)
     columns = [_bins(side, upper, count * max(1, FINE // count)) for side in sides]
-    counted = joint_histogram.counts(columns, choose(lit_mask, population))
+    counted = joint_histogram.joint_counts(columns, selection_indices(lit_mask, population))
     return [
         (
             lit.reshape(count, -1).sum(axis=1),
             total.reshape(count, -1).sum(axis=1),
-            median(np.asarray(side.array), column, lit, lit_mask, population),
+            median_selected(np.asarray(side.array), column, lit, lit_mask, population),
         )
         for side, column, (lit, total) in zip(sides, columns, counted, strict=True)
     ]
 
 
-def _cursor(errors: Floats, view: HistogramInput) -> float | None:
+def _cursor(errors: Floats, view: ErrorsInput) -> float | None:
     cursor = view.cursor
     if cursor is None or not (0 <= cursor < len(view.valid) and view.valid[cursor]):
         return None
@@ -130,7 +130,7 @@ def _upper(sim: ArrayKey, real: ArrayKey) -> float:
 def _bins(errors: ArrayKey, upper: float, count: int) -> Bins:
     column = np.asarray(errors.array, dtype=np.float64)
     places = np.clip(column / upper * count, 0, np.nextafter(count, 0))
-    return bins(np.where(np.isfinite(column), places, np.nan), count)
+    return bin_values(np.where(np.isfinite(column), places, np.nan), count)
 
 
 @cached_by_identity(16)

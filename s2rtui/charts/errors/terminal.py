@@ -8,26 +8,26 @@ from functools import partial
 
 import numpy as np
 
-from s2rtui.canvas.brush import Mark, Panel, Point, pending, range_of
+from s2rtui.canvas.brush import Mark, Panel, Point, mark_on_panel, mark_range
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.errors.model import (
     NAMES,
-    HistogramInput,
-    HistogramModel,
+    ErrorsInput,
+    ErrorsModel,
     SideErrors,
-    histogram_model,
+    errors_model,
 )
-from s2rtui.charts.shared.axis_scale import short, step, tick_text, ticks
-from s2rtui.charts.shared.bars import put_over, upright
+from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
+from s2rtui.charts.shared.bars import draw_vertical_bars, put_over_bar
 
 LABELS = 12
 """Columns at the left that names and numbers take."""
 
 
 @dataclass(frozen=True, slots=True)
-class HistogramLayout:
+class ErrorsLayout:
     """The bars' first column and width; (first row, rows) of sim and of real; the axis' row."""
 
     left: int
@@ -36,7 +36,7 @@ class HistogramLayout:
     axis: int | None
 
 
-def histogram_layout(size: Size) -> HistogramLayout:
+def errors_layout(size: Size) -> ErrorsLayout:
     """Both sides in equal heights over one axis; one row shows sim alone."""
     width, height = max(1, size[0]), max(1, size[1])
     left = LABELS if width >= 24 else 0
@@ -44,18 +44,18 @@ def histogram_layout(size: Size) -> HistogramLayout:
     rows = height - (axis is not None)
     upper = (rows + 1) // 2
     sides = ((0, upper), (upper, rows - upper))
-    return HistogramLayout(left, width - left, tuple(side for side in sides if side[1]), axis)
+    return ErrorsLayout(left, width - left, tuple(side for side in sides if side[1]), axis)
 
 
-def histogram_surface(
-    view: HistogramInput, size: Size, look: RenderOptions | None = None
+def errors_panels(
+    view: ErrorsInput, size: Size, look: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """Ranges "sim" and "real": x is the error, y a count on the side's scale.
 
     The last column holds all errors beyond it, too.
     """
-    layout = histogram_layout(size)
-    model = histogram_model(view, layout.width)
+    layout = errors_layout(size)
+    model = errors_model(view, layout.width)
     panels = []
     sides = (model.sim, model.real)
     for name, errors, (top, rows) in zip(NAMES, sides, layout.sides, strict=False):
@@ -74,13 +74,13 @@ def _to_cells(corner: tuple[int, int], scale: Point, x: float, y: float) -> Poin
     return corner[0] + x / scale[0], corner[1] - y / scale[1]
 
 
-def histogram(view: HistogramInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_errors(view: ErrorsInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows): two rows of bars over one axis."""
     look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
-    layout = histogram_layout((canvas.width, canvas.height))
-    model = histogram_model(view, layout.width)
-    panels = histogram_surface(view, (canvas.width, canvas.height), look)
+    layout = errors_layout((canvas.width, canvas.height))
+    model = errors_model(view, layout.width)
+    panels = errors_panels(view, (canvas.width, canvas.height), look)
     theme, glyphs = look.theme, look.glyphs
     for panel, errors, glyph, colour in zip(
         panels,
@@ -89,7 +89,7 @@ def histogram(view: HistogramInput, size: Size, look: RenderOptions | None = Non
         (theme.sim, theme.real),
         strict=False,
     ):
-        mark = pending(view.mark, panel.name)
+        mark = mark_on_panel(view.mark, panel.name)
         _side(canvas, panel, errors, mark, colour, look)
         if layout.left:
             _labels(canvas, panel, errors, f"{glyph} {panel.name}", colour, look)
@@ -102,7 +102,7 @@ def _labels(
     canvas: Canvas, panel: Panel, errors: SideErrors, name: str, colour: Rgb, look: RenderOptions
 ) -> None:
     canvas.text(0, panel.y, name, colour)
-    lines = [f"median {short(errors.median, 2)}", _most(errors.peak)]
+    lines = [f"median {short_number(errors.median, 2)}", _most(errors.peak)]
     for row, line in enumerate(lines[: panel.height - 1], start=1):
         canvas.text(0, panel.y + row, line[: LABELS - 1], look.theme.muted)
 
@@ -123,21 +123,21 @@ def _side(
     theme, bottom = look.theme, panel.y + panel.height - 1
     ends: list[int] = []
     if mark is not None:
-        ends = [_column(panel, x) for x in range_of(mark)]
+        ends = [_column(panel, x) for x in mark_range(mark)]
         wide = ends[1] - ends[0] + 1
         canvas.fill(ends[0], panel.y, wide, panel.height, theme.highlight)
     bars = (errors.lit / errors.peak, errors.total / errors.peak)
-    upright(canvas, panel.x, panel.y, panel.height, bars, colour, look)
+    draw_vertical_bars(canvas, panel.x, panel.y, panel.height, bars, colour, look)
     if math.isfinite(errors.median):
         at = _column(panel, errors.median)
         for row in range(panel.y, bottom + 1):
-            put_over(canvas, at, row, look.glyphs.baseline, theme.text)
+            put_over_bar(canvas, at, row, look.glyphs.baseline, theme.text)
     for at, glyph in zip(ends, (look.glyphs.scale_left, look.glyphs.scale_right), strict=False):
         for row in range(panel.y, bottom + 1):
             canvas.put(at, row, glyph, theme.truth, bold=True)
     if errors.cursor is not None:
         at = _column(panel, errors.cursor)
-        put_over(canvas, at, bottom, look.glyphs.cursor, theme.cursor)
+        put_over_bar(canvas, at, bottom, look.glyphs.cursor, theme.cursor)
 
 
 def _column(panel: Panel, error: float) -> int:
@@ -148,24 +148,24 @@ def _column(panel: Panel, error: float) -> int:
 
 def _axis(
     canvas: Canvas,
-    layout: HistogramLayout,
-    model: HistogramModel,
-    view: HistogramInput,
+    layout: ErrorsLayout,
+    model: ErrorsModel,
+    view: ErrorsInput,
     look: RenderOptions,
 ) -> None:
     upper, row, chart = model.upper, canvas.height - 1, layout.width
     count = max(1, chart // 8)
-    width = step(upper, count)
+    width = tick_step(upper, count)
     name = f"{view.label} {view.unit}".strip()
     beyond = model.sim.beyond + model.real.beyond
     if beyond and chart >= 60:
-        name = f"{name}, last: {short(upper, 2)} and more"
+        name = f"{name}, last: {short_number(upper, 2)} and more"
     elif beyond and chart >= 30:
-        name = f"{name}, last {short(upper, 2)}+"
+        name = f"{name}, last {short_number(upper, 2)}+"
     stop = canvas.width - len(name) - 1
     free = layout.left
-    for tick in ticks(0.0, upper, count):
-        text = tick_text(tick, width) if width < 1e4 else short(tick)
+    for tick in tick_values(0.0, upper, count):
+        text = tick_text(tick, width) if width < 1e4 else short_number(tick)
         start = layout.left + min(chart - 1, int(tick / upper * chart))
         if start >= free and start + len(text) <= stop:
             free = canvas.text(start, row, text, look.theme.muted) + 1

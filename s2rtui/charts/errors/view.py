@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.errors.model import HistogramInput, histogram_model
-from s2rtui.charts.errors.terminal import histogram, histogram_surface
-from s2rtui.charts.mark_expressions import cell_width, number, rounded, span
+from s2rtui.charts.errors.model import ErrorsInput, errors_model
+from s2rtui.charts.errors.terminal import draw_errors, errors_panels
+from s2rtui.charts.mark_expressions import cell_width, number_text, range_expression, round_to_cell
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pixels, Table, View
 
@@ -28,16 +28,16 @@ class ErrorsView(View):
     def told(self, scene: Scene) -> str:
         return "position error of the selection"
 
-    def input(self, scene: Scene) -> HistogramInput:
+    def input(self, scene: Scene) -> ErrorsInput:
         state = scene.state
         columns = scene.store.run_columns(state.run)
-        return HistogramInput(
+        return ErrorsInput(
             columns.sim.error, columns.real.error, state.selected, state.base,
             cursor=state.cursor, mark=scene.mark(self.name),
         )  # fmt: skip
 
     def numbers(self, scene: Scene) -> Table:
-        model = histogram_model(self.input(scene), BINS)
+        model = errors_model(self.input(scene), BINS)
         ends = model.edges.tolist()
         counts = (model.sim.lit.tolist(), model.real.lit.tolist())
         return ("from", "to", "sim", "real"), list(zip(ends, ends[1:], *counts, strict=False))
@@ -55,16 +55,16 @@ class ErrorsView(View):
         from s2rtui.charts.errors import paper
 
         title = f"{scene.state.run}: position errors in simulation and in reality"
-        return paper.histogram_figure(self.input(scene), size, theme, title, scene.caption)
+        return paper.errors_figure(self.input(scene), size, theme, title, scene.caption)
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
-        return (identity(self.input(scene)),)
+        return (identity_key(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return histogram(self.input(scene), size, look)
+        return draw_errors(self.input(scene), size, look)
 
     def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return histogram_surface(self.input(scene), size, look)
+        return errors_panels(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
         if scene.state.cursor is None:
@@ -77,5 +77,5 @@ class ErrorsView(View):
         cell = cell_width(panel)
         low, high = sorted(point[0] for point in (mark.points[0], mark.points[-1]))
         if high > panel.to_data(panel.x + panel.width - 1, 0)[0]:
-            return f"{field} >= {number(max(0.0, rounded(low, cell)))}"  # the last bar has no end
-        return span(panel, mark, field, 0.0)
+            return f"{field} >= {number_text(max(0.0, round_to_cell(low, cell)))}"  # the last bar has no end
+        return range_expression(panel, mark, field, 0.0)

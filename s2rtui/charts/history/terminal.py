@@ -19,7 +19,7 @@ from s2rtui.charts.history.model import (
     Track,
     history_model,
 )
-from s2rtui.charts.shared.axis_scale import short
+from s2rtui.charts.shared.axis_scale import short_number
 
 LABELS = 5
 """Columns at the left that numbers take."""
@@ -50,12 +50,12 @@ class HistoryLayout:
         return self.left + (day - int(model.days[0])) * self.pitch + self.pitch // 2
 
 
-def sign(word: Word, look: RenderOptions) -> str:
+def status_glyph(word: Word, look: RenderOptions) -> str:
     """The glyph of a word, so that colour is never needed."""
     return _SIGNS[word][look.ascii]
 
 
-def ink(word: Word, theme: Theme) -> Rgb:
+def status_colour(word: Word, theme: Theme) -> Rgb:
     """The colour of a word."""
     return {"PASS": theme.sim, "FAIL": theme.real, "INCONCLUSIVE": theme.truth,
             "SKIPPED": theme.muted}[word]  # fmt: skip
@@ -87,7 +87,7 @@ def history_layout(model: HistoryModel, size: Size) -> HistoryLayout:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class ChartRows:
     """The rows of a chart, `top` and the `count` under it, over a scale of G."""
 
     scale: tuple[float, float]
@@ -113,7 +113,7 @@ class Rows:
         return self.top + min(self.count - 1, max(0, math.floor((1 - share) * self.count)))
 
 
-def history(view: HistoryInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_history(view: HistoryInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
     look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
@@ -126,7 +126,7 @@ def history(view: HistoryInput, size: Size, look: RenderOptions | None = None) -
         track = model.tracks[index]
         if title < top:
             _title(canvas, title, track, look)
-        chart = Rows(model.scale, top, rows)
+        chart = ChartRows(model.scale, top, rows)
         _threshold(canvas, model, layout, chart, look)
         _nights(canvas, model, layout, track, chart, look)
     if canvas.height >= 6:
@@ -138,7 +138,12 @@ def history(view: HistoryInput, size: Size, look: RenderOptions | None = None) -
 def _title(canvas: Canvas, row: int, track: Track, look: RenderOptions) -> None:
     theme, word, gap = look.theme, track.words[-1], track.last
     free = canvas.text(0, row, track.name, theme.text, bold=track.name == HEADLINE) + 2
-    free = canvas.text(free, row, f"{sign(word, look)} {word.lower()}", ink(word, theme)) + 2
+    free = (
+        canvas.text(
+            free, row, f"{status_glyph(word, look)} {word.lower()}", status_colour(word, theme)
+        )
+        + 2
+    )
     if not math.isnan(gap.value):
         bounds = f"{_short(gap.low)} .. {_short(gap.high)}"
         canvas.text(free, row, f"G {_short(gap.value)} ({bounds})", theme.text)
@@ -149,7 +154,11 @@ def _short(value: float) -> str:
 
 
 def _threshold(
-    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, chart: Rows, look: RenderOptions
+    canvas: Canvas,
+    model: HistoryModel,
+    layout: HistoryLayout,
+    chart: ChartRows,
+    look: RenderOptions,
 ) -> None:
     """Its line, which steps where it was changed, and the scale at the left."""
     theme = look.theme
@@ -164,7 +173,7 @@ def _threshold(
     marks = {chart.of(end, limit): (end, theme.muted) for end in (*model.scale, 0.0)}
     marks[chart.line(limit)] = (limit, theme.truth)
     for row, (value, colour) in marks.items():
-        canvas.text(LABELS - 1, row, short(value, 2), colour, align="right")
+        canvas.text(LABELS - 1, row, short_number(value, 2), colour, align="right")
 
 
 def _nights(
@@ -172,7 +181,7 @@ def _nights(
     model: HistoryModel,
     layout: HistoryLayout,
     track: Track,
-    chart: Rows,
+    chart: ChartRows,
     look: RenderOptions,
 ) -> None:
     """Each night's interval as a line, its G as the glyph of its word."""
@@ -180,7 +189,7 @@ def _nights(
         gap = float(track.value[at])
         if math.isnan(gap):
             continue
-        column, colour = layout.column(day, model), ink(track.words[at], look.theme)
+        column, colour = layout.column(day, model), status_colour(track.words[at], look.theme)
         limit = float(model.thresholds[at])
         ends = [
             chart.of(gap if math.isnan(end) else end, limit)
@@ -188,7 +197,7 @@ def _nights(
         ]
         canvas.vline(column, ends[1], ends[0], look.glyphs.vertical, colour)
         row = chart.of(gap, limit)
-        canvas.put(column, row, sign(track.words[at], look), colour, bold=True)
+        canvas.put(column, row, status_glyph(track.words[at], look), colour, bold=True)
 
 
 def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: RenderOptions) -> None:
@@ -211,7 +220,12 @@ def _legend(
     theme, row, free = look.theme, canvas.height - 1, 0
     words: tuple[Word, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
     for word in words:
-        free = canvas.text(free, row, f"{sign(word, look)} {word.lower()}", ink(word, theme)) + 2
+        free = (
+            canvas.text(
+                free, row, f"{status_glyph(word, look)} {word.lower()}", status_colour(word, theme)
+            )
+            + 2
+        )
     free = canvas.text(free, row, f"{look.glyphs.horizontal * 2} threshold", theme.truth) + 2
     hidden = [model.tracks[index].name for index in layout.hidden]
     notes = [f"no room for {', '.join(hidden)}"] if hidden else []

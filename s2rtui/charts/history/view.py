@@ -49,7 +49,7 @@ class HistoryView(View):
     def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         view = self.input(scene)
         if view.nights:
-            return terminal.history(view, size, look)
+            return terminal.draw_history(view, size, look)
         canvas = Canvas(*size, theme=look.theme)
         lines = [part for line in self._missing(scene) for part in wrap(line, canvas.width)]
         for row, line in enumerate(lines):

@@ -19,12 +19,12 @@ from s2rtui.charts.shared.instance_model import (
 from s2rtui.charts.shared.paper import (
     LETTER,
     Page,
-    colour_scale,
-    heading,
+    draw_colour_bar,
+    draw_heading,
+    figure_bytes,
+    make_page,
     new_figure,
-    page_of,
-    unit,
-    written,
+    rgb_fractions,
 )
 from s2rtui.charts.shared.paper import Pixels as Size
 
@@ -43,11 +43,11 @@ def instance_figure(
     title: str = "",
 ) -> bytes:
     """A PNG of `size` pixels; the heading names the run, the instance and the heat."""
-    page = page_of(size, theme)
+    page = make_page(size, theme)
     model = instance_model(view)
     figure = new_figure(page)
     name = f"{run}: instance {view.iid}" if run else f"Instance {view.iid}"
-    top = heading(figure, page, title or name, model.heat_name and f"heat: {model.heat_name}")
+    top = draw_heading(figure, page, title or name, model.heat_name and f"heat: {model.heat_name}")
     kinds = ["rgb"]
     if view.sim.depth is not None or view.real.depth is not None:
         kinds.append("depth")
@@ -71,7 +71,7 @@ def instance_figure(
         left = 0.42 + 2 * across + gap + 0.35
         _scales(figure, page, view, model, left, top - 0.25, min(2.1, high * 0.62))
         _numbers(figure, page, view, model, left, top - 0.25 - min(2.1, high * 0.62) - 0.75)
-    return written(figure, page)
+    return figure_bytes(figure, page)
 
 
 def _picture(
@@ -86,7 +86,9 @@ def _picture(
     axes = figure.add_axes(page.box(*box))
     axes.set_axis_off()
     if what == "depth" and side.depth is None:
-        axes.text(0.5, 0.5, "no depth", ha="center", va="center", color=unit(page.theme.muted))
+        axes.text(
+            0.5, 0.5, "no depth", ha="center", va="center", color=rgb_fractions(page.theme.muted)
+        )
         return
     rows, columns = side.rgb.shape[:2]
     pixels = panel_pixels(side, what, model, view, (rows, columns))
@@ -110,7 +112,7 @@ def _caption(
         fontsize=11,
         fontweight="bold",
     )
-    label.set_color(unit(ink))
+    label.set_color(rgb_fractions(ink))
 
 
 def _row_name(figure: Figure, page: Page, middle: float, text: str) -> None:
@@ -118,7 +120,7 @@ def _row_name(figure: Figure, page: Page, middle: float, text: str) -> None:
     label = figure.text(
         0.27 / wide, middle / high, text, ha="center", va="center", rotation=90, fontsize=9
     )
-    label.set_color(unit(page.theme.muted))
+    label.set_color(rgb_fractions(page.theme.muted))
 
 
 def _scales(
@@ -138,17 +140,17 @@ def _scales(
     if model.heat_range is not None:
         name = f"heat ({view.unit})" if view.unit else "heat"
         box = page.box(left, top - high - 0.2, 0.16, high)
-        colour_scale(figure, page, box, model.heat_range, name, heat)
+        draw_colour_bar(figure, page, box, model.heat_range, name, heat)
         left += 1.3
     if model.depth_range is not None:
         box = page.box(left, top - high - 0.2, 0.16, high)
-        colour_scale(figure, page, box, model.depth_range, "depth (m)", depth_tint)
+        draw_colour_bar(figure, page, box, model.depth_range, "depth (m)", depth_tint)
         patch = figure.add_axes(page.box(left, top - high - 0.5, 0.16, 0.16))
         patch.set_axis_off()
         patch.imshow(np.array([[NO_DEPTH]], dtype=np.uint8), aspect="auto")
         place = ((left + 0.24) / page.inches[0], (top - high - 0.42) / page.inches[1])
         label = figure.text(*place, "no depth", fontsize=8, va="center")
-        label.set_color(unit(page.theme.muted))
+        label.set_color(rgb_fractions(page.theme.muted))
 
 
 def _numbers(
@@ -161,7 +163,7 @@ def _numbers(
 
     def put(x: float, y: float, text: str, ink: tuple[int, int, int], **style: object) -> None:
         label = figure.text(x / wide, y / high, text, fontsize=9, va="top")
-        label.set(color=unit(ink), **style)
+        label.set(color=rgb_fractions(ink), **style)
 
     columns = (0.92, 1.42, 2.02)
     room = max(12, int((wide - left - 0.1) / (9 * LETTER)))

@@ -86,4 +86,4 @@ class InstanceView(View):
         shown = scene.resources.pictures
         if remark := scene.remark(shown.iid):
             shown = replace(shown, notes=(("remark", remark), *shown.notes))
-        return instance_terminal.instance(shown, size, look)
+        return instance_terminal.draw_instance(shown, size, look)

@@ -16,7 +16,7 @@ Text = Callable[[int], str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TableColumn:
+class ListColumn:
     """`text` gives the words of an iid; `width` in cells; numbers stand to the right."""
 
     title: str
@@ -27,16 +27,16 @@ class TableColumn:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TableInput:
+class ListInput:
     """rows: (n,) iids in the list's order; `cursor` one of them; `descending` marks the order."""
 
     rows: NDArray[np.intp]
-    columns: tuple[TableColumn, ...]
+    columns: tuple[ListColumn, ...]
     cursor: int | None = None
     descending: bool = True
 
 
-def cursor_row(view: TableInput) -> int | None:
+def cursor_row(view: ListInput) -> int | None:
     """The cursor's place in the list; None where it is not in it."""
     found = np.flatnonzero(view.rows == view.cursor) if view.cursor is not None else view.rows[:0]
     return int(found[0]) if found.size else None
@@ -50,7 +50,7 @@ class _Column:
     """A column by the language's name: how it is shown, and its value of an iid."""
 
     name: str
-    shown: TableColumn
+    shown: ListColumn
     value: Callable[[int], object]
 
 
@@ -86,14 +86,14 @@ def _numbers(scene: Scene, name: str, sorts: bool) -> _Column:
             else f"{found:.2f}"
         )
 
-    shown = TableColumn(title, text, max(8, len(title) + 1), sorts=sorts)
+    shown = ListColumn(title, text, max(8, len(title) + 1), sorts=sorts)
     return _Column(name, shown, value)
 
 
 def _texts(
     name: str, text: Callable[[int], str], width: int, title: str = "", sorts: bool = False
 ) -> _Column:
-    shown = TableColumn(title or name, text, width, False, sorts)
+    shown = ListColumn(title or name, text, width, False, sorts)
     return _Column(name, shown, lambda iid: text(iid) or None)
 
 

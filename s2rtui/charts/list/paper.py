@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme
-from s2rtui.charts.list.model import TableColumn, TableInput
+from s2rtui.charts.list.model import ListColumn, ListInput
 from s2rtui.charts.shared.paper import (
     Page,
     Pixels,
-    heading,
+    draw_heading,
+    figure_bytes,
+    make_page,
     new_figure,
-    page_of,
-    unit,
-    written,
+    rgb_fractions,
 )
 
 if TYPE_CHECKING:
@@ -23,17 +23,17 @@ ROW, LETTER, GAP, LEFT, FOOT = 0.215, 0.078, 0.22, 0.3, 0.45
 """Inches: a row's height, a letter's width, between columns, at the left, at the foot."""
 
 
-def table_figure(
-    view: TableInput,
+def list_figure(
+    view: ListInput,
     size: Pixels = (1600, 1200),
     theme: Theme = LIGHT,
     title: str = "List",
     subtitle: str = "",
 ) -> bytes:
     """A PNG of `size` pixels: the first rows in the list's order, the cursor's row set apart."""
-    page = page_of(size, theme)
+    page = make_page(size, theme)
     figure = new_figure(page)
-    top = heading(figure, page, title, subtitle) - 0.1
+    top = draw_heading(figure, page, title, subtitle) - 0.1
     count = max(1, min(len(view.rows), int((top - FOOT) / ROW) - 1))
     rows = view.rows[:count].tolist()
     columns = _columns(view, rows, page)
@@ -49,14 +49,12 @@ def table_figure(
         for column, start, end in columns:
             _put(figure, page, (column, start, end), y, column.text(iid), theme.text, False)
     _note(figure, page, _left_out(len(view.rows) - len(rows), len(view.columns) - len(columns)))
-    return written(figure, page)
+    return figure_bytes(figure, page)
 
 
-def _columns(
-    view: TableInput, rows: list[int], page: Page
-) -> list[tuple[TableColumn, float, float]]:
+def _columns(view: ListInput, rows: list[int], page: Page) -> list[tuple[ListColumn, float, float]]:
     """Those that fit, with their left and right ends in inches."""
-    found: list[tuple[TableColumn, float, float]] = []
+    found: list[tuple[ListColumn, float, float]] = []
     x = LEFT
     for column in view.columns:
         texts = [len(column.text(iid)) for iid in rows]
@@ -77,7 +75,7 @@ def _left_out(rows: int, columns: int) -> str:
 def _put(
     figure: Figure,
     page: Page,
-    place: tuple[TableColumn, float, float],
+    place: tuple[ListColumn, float, float],
     y: float,
     text: str,
     ink: Rgb,
@@ -90,7 +88,7 @@ def _put(
     x = end if column.right else start
     label = figure.text(x / wide, y / high, text, va="center", fontsize=9)
     label.set_horizontalalignment("right" if column.right else "left")
-    label.set_color(unit(ink))
+    label.set_color(rgb_fractions(ink))
     label.set_fontweight("bold" if bold else "normal")
 
 
@@ -99,7 +97,7 @@ def _line(figure: Figure, page: Page, y: float, ink: Rgb, width: float) -> None:
 
     wide, high = page.inches
     ends = [0.2 / wide, 1 - 0.2 / wide]
-    figure.add_artist(Line2D(ends, [y / high, y / high], color=unit(ink), linewidth=width))
+    figure.add_artist(Line2D(ends, [y / high, y / high], color=rgb_fractions(ink), linewidth=width))
 
 
 def _ground(figure: Figure, page: Page, y: float) -> None:
@@ -108,11 +106,11 @@ def _ground(figure: Figure, page: Page, y: float) -> None:
     wide, high = page.inches
     corner = (0.2 / wide, (y - ROW / 2) / high)
     ground = Rectangle(corner, 1 - 0.4 / wide, ROW / high, linewidth=0, zorder=-1)
-    ground.set_color(unit(page.theme.highlight))
+    ground.set_color(rgb_fractions(page.theme.highlight))
     figure.add_artist(ground)
 
 
 def _note(figure: Figure, page: Page, text: str) -> None:
     wide, high = page.inches
     label = figure.text(LEFT / wide, 0.2 / high, text, va="center", fontsize=8)
-    label.set_color(unit(page.theme.muted))
+    label.set_color(rgb_fractions(page.theme.muted))

@@ -10,11 +10,11 @@ from rich.cells import cell_len, set_cell_size
 from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.list.model import TableColumn, TableInput, cursor_row
+from s2rtui.charts.list.model import ListColumn, ListInput, cursor_row
 
 
 @dataclass(frozen=True, slots=True)
-class TableLayout:
+class ListLayout:
     """starts: the first cell of each column that fits; first: the index into `rows` of the line
     `top`; shown: how many lines there are from there on.
     """
@@ -30,7 +30,7 @@ class TableLayout:
         return self.first + index if 0 <= index < self.shown else None
 
 
-def table_layout(view: TableInput, size: Size) -> TableLayout:
+def list_layout(view: ListInput, size: Size) -> ListLayout:
     """Where columns and rows stand in `size` (columns, rows), in cells from the upper left corner.
 
     Columns from the left while they fit, the first one always; the cursor's row is in view.
@@ -47,15 +47,15 @@ def table_layout(view: TableInput, size: Size) -> TableLayout:
     space = max(1, height - top)
     at = cursor_row(view)
     first = 0 if at is None else min(max(0, at - space // 2), max(0, view.rows.size - space))
-    return TableLayout(tuple(starts), first, min(space, view.rows.size - first), top)
+    return ListLayout(tuple(starts), first, min(space, view.rows.size - first), top)
 
 
-def table(view: TableInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_list(view: ListInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
     look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     theme = look.theme
-    layout = table_layout(view, (canvas.width, canvas.height))
+    layout = list_layout(view, (canvas.width, canvas.height))
     if not view.rows.size:
         canvas.text(0, 0, "nothing is selected", theme.muted)
         return canvas
@@ -78,7 +78,7 @@ def table(view: TableInput, size: Size, look: RenderOptions | None = None) -> Ca
     return canvas
 
 
-def _arrow(view: TableInput, look: RenderOptions) -> str:
+def _arrow(view: ListInput, look: RenderOptions) -> str:
     down, up = ("v", "^") if look.ascii else ("▼", "▲")
     return down if view.descending else up
 
@@ -87,7 +87,7 @@ def _cell(
     canvas: Canvas,
     x: int,
     y: int,
-    column: TableColumn,
+    column: ListColumn,
     text: str,
     ink: tuple[int, int, int],
     bold: bool,
@@ -100,11 +100,11 @@ def _cell(
         canvas.text(x, y, text, ink, bold=bold)
 
 
-def table_surface(
-    view: TableInput, size: Size, look: RenderOptions | None = None
+def list_panels(
+    view: ListInput, size: Size, look: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """One panel whose data are the row's index in the list."""
-    layout = table_layout(view, size)
+    layout = list_layout(view, size)
     if not layout.shown:
         return ()
 

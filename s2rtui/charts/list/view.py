@@ -9,8 +9,8 @@ import numpy as np
 from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.list.model import TableColumn, TableInput, _Column, _column, _remark
-from s2rtui.charts.list.terminal import table, table_surface
+from s2rtui.charts.list.model import ListColumn, ListInput, _Column, _column, _remark
+from s2rtui.charts.list.terminal import draw_list, list_panels
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session, instance_list
@@ -28,15 +28,15 @@ class ListView(View):
     def told(self, scene: Scene) -> str:
         return f"{scene.state.count}, by {scene.state.sort}: . next column, comma reverses"
 
-    def input(self, scene: Scene) -> TableInput:
+    def input(self, scene: Scene) -> ListInput:
         state = scene.state
         columns = tuple(column.shown for column in self._columns(scene))
         rows = instance_list.order(scene.store, state, scene.notes)
-        return TableInput(rows, columns, state.cursor, state.descending)
+        return ListInput(rows, columns, state.cursor, state.descending)
 
     def _columns(self, scene: Scene) -> list[_Column]:
         sort = scene.state.sort
-        columns = [_Column("iid", TableColumn("iid", str, 8, sorts=sort == "iid"), int)]
+        columns = [_Column("iid", ListColumn("iid", str, 8, sorts=sort == "iid"), int)]
         if sort != "iid":
             columns.append(_column(scene, sort, True))
         if sort != "room":
@@ -64,7 +64,7 @@ class ListView(View):
 
         title = f"{scene.state.run}: instances by {scene.state.sort}"
         told = f"{scene.caption}  ·  metres and degrees"
-        return paper.table_figure(self.input(scene), size, theme, title, told)
+        return paper.list_figure(self.input(scene), size, theme, title, told)
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
         state = scene.state
@@ -73,10 +73,10 @@ class ListView(View):
         return rows, *shown, scene.notes.remarks
 
     def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return table(self.input(scene), size, look)
+        return draw_list(self.input(scene), size, look)
 
     def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return table_surface(self.input(scene), size, look)
+        return list_panels(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
         rows = instance_list.order(scene.store, scene.state, scene.notes)

@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.binning import Bins, Chosen, count, sums
+from s2rtui.analysis.binning import Bins, SelectionIndices, count_selected, sum_selected
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.shared.axis_scale import Floats
-from s2rtui.charts.shared.map_model import GeoMapInput, GeoMapModel, in_frame
-from s2rtui.charts.shared.points import cells
+from s2rtui.charts.shared.map_model import MapInput, MapModel, selected_in_frame
+from s2rtui.charts.shared.points import point_cells
 
 SINGLES = 200
 """More selected instances in view than these are shown by blocks of cells."""
@@ -43,7 +43,7 @@ class ErrorGlyphs:
 
 
 def error_glyphs(
-    view: GeoMapInput, model: GeoMapModel, frame: MapFrame, footprint: tuple[int, int]
+    view: MapInput, model: MapModel, frame: MapFrame, footprint: tuple[int, int]
 ) -> ErrorGlyphs:
     """The glyphs of what is selected in the frame, each with `footprint` cells of its own.
 
@@ -62,15 +62,19 @@ class _Arrays(NamedTuple):
 
 @cached_by_identity(4)
 def _glyphs(
-    arrays: _Arrays, full: float, chosen: Chosen, frame: MapFrame, footprint: tuple[int, int]
+    arrays: _Arrays,
+    full: float,
+    chosen: SelectionIndices,
+    frame: MapFrame,
+    footprint: tuple[int, int],
 ) -> ErrorGlyphs:
-    ids = in_frame(np.asarray(arrays.truth.array), chosen, frame, SINGLES)
+    ids = selected_in_frame(np.asarray(arrays.truth.array), chosen, frame, SINGLES)
     if ids is None:
         return _blocks(arrays, full, chosen, frame, footprint)
     return _clusters(arrays, full, ids, frame, footprint)
 
 
-def full_scale(view: GeoMapInput) -> float:
+def full_scale(view: MapInput) -> float:
     """The error that a full arc stands for: the 99th percentile of both sides' valid ones."""
     return _full_scale(
         ArrayKey(view.truth), ArrayKey(view.sim), ArrayKey(view.real), ArrayKey(view.valid)
@@ -125,18 +129,22 @@ def _clusters(
 
 
 def _blocks(
-    arrays: _Arrays, full: float, chosen: Chosen, frame: MapFrame, footprint: tuple[int, int]
+    arrays: _Arrays,
+    full: float,
+    chosen: SelectionIndices,
+    frame: MapFrame,
+    footprint: tuple[int, int],
 ) -> ErrorGlyphs:
     """One glyph in the middle of each block of cells that holds a selected instance."""
     wide, high = footprint
     across = -(-frame.width // wide)
     column = _block_codes(arrays, frame, footprint)
-    counts, _ = count(column, chosen)
+    counts, _ = count_selected(column, chosen)
     held = np.flatnonzero(counts)
     middles = np.stack([held % across * wide + wide / 2, held // across * high + high / 2], axis=1)
 
     def mean(side: ArrayKey) -> Vectors:
-        parts = [sums(column, part, chosen)[held] for part in _errors(arrays.truth, side)]
+        parts = [sum_selected(column, part, chosen)[held] for part in _errors(arrays.truth, side)]
         return np.stack(parts, axis=1) / counts[held, None]
 
     return ErrorGlyphs(middles, counts[held], mean(arrays.sim), mean(arrays.real), full)
@@ -149,7 +157,7 @@ def _block_codes(arrays: _Arrays, frame: MapFrame, footprint: tuple[int, int]) -
     across, down = -(-frame.width // wide), -(-(frame.height // 2) // high)
     rows, columns = np.divmod(np.arange(frame.height // 2 * frame.width), frame.width)
     table = np.append(rows // high * across + columns // wide, across * down)
-    codes = table.astype(np.uint16)[cells(np.asarray(arrays.truth.array), frame).codes]
+    codes = table.astype(np.uint16)[point_cells(np.asarray(arrays.truth.array), frame).codes]
     for side in (arrays.sim, arrays.real):
         for part in _errors(arrays.truth, side):
             codes[~np.isfinite(part)] = across * down
@@ -171,8 +179,8 @@ LINES_UP_TO = 24
 """So many selected instances, all or in view, get their error lines drawn."""
 
 
-def lined(
-    view: GeoMapInput, model: GeoMapModel, frame: MapFrame | None = None, limit: int = LINES_UP_TO
+def iids_with_error_lines(
+    view: MapInput, model: MapModel, frame: MapFrame | None = None, limit: int = LINES_UP_TO
 ) -> NDArray[np.intp]:
     """Iids whose error lines are drawn: the selected, or those in the frame, up to a limit.
 
@@ -182,6 +190,6 @@ def lined(
     if model.lit <= limit:
         ids = model.chosen.members
     elif frame is not None:
-        near = in_frame(np.asarray(view.truth), model.chosen, frame, limit)
+        near = selected_in_frame(np.asarray(view.truth), model.chosen, frame, limit)
         ids = ids if near is None else near
     return ids if model.cursor is None else np.unique(np.append(ids, model.cursor))

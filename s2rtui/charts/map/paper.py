@@ -17,22 +17,29 @@ from s2rtui.charts.map.model import (
     arc_turns,
     error_glyphs,
     full_scale,
-    lined,
+    iids_with_error_lines,
 )
-from s2rtui.charts.shared.axis_scale import short
+from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.map_model import (
-    GeoMapInput,
-    GeoMapModel,
+    MapInput,
+    MapModel,
     default_view,
-    geomap_model,
+    map_model,
 )
-from s2rtui.charts.shared.paper import Pixels, broken, colour_scale, page_of, unit, written
+from s2rtui.charts.shared.paper import (
+    Pixels,
+    draw_colour_bar,
+    figure_bytes,
+    make_page,
+    rgb_fractions,
+    wrapped_label,
+)
 from s2rtui.charts.shared.paper_map import (
     MANY,
     MapSheet,
     Spots,
-    draw_others,
     draw_pose,
+    draw_unselected,
     draw_values,
     map_sheet,
     marker_legend,
@@ -47,8 +54,8 @@ if TYPE_CHECKING:
 WHAT = {"full": "predicted and true positions", "glyph": "direction and size of the errors"}
 
 
-def geomap_figure(
-    view: GeoMapInput,
+def map_figure(
+    view: MapInput,
     size: Pixels = (1600, 1200),
     theme: Theme = LIGHT,
     run: str = "",
@@ -57,11 +64,11 @@ def geomap_figure(
     viewport: Bounds | None = None,
 ) -> bytes:
     """A PNG of `size` pixels; the heading names the run and what is shown."""
-    page = page_of(size, theme)
-    model = geomap_model(view)
+    page = make_page(size, theme)
+    model = map_model(view)
     area = viewport or default_view(view.bounds, view.truth, view.valid)
     sheet = map_sheet(view.ground, area, page, title or _title(view, run), subtitle)
-    draw_others(sheet.axes, view.truth, model.chosen, sheet.spots)
+    draw_unselected(sheet.axes, view.truth, model.chosen, sheet.spots)
     if view.mode == "full":
         draw_predictions(sheet.axes, view, model, sheet.spots)
     elif view.mode == "glyph":
@@ -74,18 +81,16 @@ def geomap_figure(
             _draw_cursor_predictions(sheet.axes, view, cursor, theme, area)
     if sheet.side:
         _side(sheet, view, model, sheet.side)
-    return written(sheet.figure, page)
+    return figure_bytes(sheet.figure, page)
 
 
-def _title(view: GeoMapInput, run: str) -> str:
+def _title(view: MapInput, run: str) -> str:
     what = WHAT.get(view.mode, view.value_label)
     what = f"{what} and {view.heat_label}" if view.heat is not None else what
     return f"{run}: {what}" if run else what[:1].upper() + what[1:]
 
 
-def _side(
-    sheet: MapSheet, view: GeoMapInput, model: GeoMapModel, corner: tuple[float, float]
-) -> None:
+def _side(sheet: MapSheet, view: MapInput, model: MapModel, corner: tuple[float, float]) -> None:
     """Colour bars and legend, one under the other from `corner` (inches) downwards."""
     left, top = corner
     page = sheet.page
@@ -95,19 +100,19 @@ def _side(
     if view.mode == "colour":
         label = f"{view.value_label} ({view.value_unit})" if view.value_unit else view.value_label
         box = page.box(left, top - gap - high, 0.16, high)
-        colour_scale(sheet.figure, page, box, model.value_range, label, turbo)
+        draw_colour_bar(sheet.figure, page, box, model.value_range, label, turbo)
         top -= high + gap + 0.25
     if model.heat_range is not None:
         label = f"{view.heat_label} ({view.heat_unit})" if view.heat_unit else view.heat_label
-        label = broken(label)
+        label = wrapped_label(label)
         gap += line * label.count("\n")
         box = page.box(left, top - gap - high, 0.16, high)
-        colour_scale(sheet.figure, page, box, model.heat_range, label, turbo)
+        draw_colour_bar(sheet.figure, page, box, model.heat_range, label, turbo)
         top -= high + gap + 0.25
     marker_legend(sheet, _marks(view, model, page.theme), (left, top))
 
 
-def _marks(view: GeoMapInput, model: GeoMapModel, theme: Theme) -> list[tuple[str, str, Rgb, bool]]:
+def _marks(view: MapInput, model: MapModel, theme: Theme) -> list[tuple[str, str, Rgb, bool]]:
     marks: list[tuple[str, str, Rgb, bool]] = []
     if view.mode == "full":
         marks = [
@@ -130,11 +135,11 @@ PAPER_LINES_UP_TO = 200
 """Paper is finer than a terminal: this many instances get their error lines."""
 
 
-def draw_predictions(axes: Axes, view: GeoMapInput, model: GeoMapModel, spots: Spots) -> None:
+def draw_predictions(axes: Axes, view: MapInput, model: MapModel, spots: Spots) -> None:
     """Sim, real and truth of the lit ones, joined by lines where they are few."""
     ids, theme = model.chosen.members, spots.theme
-    edge = unit(theme.background)
-    _error_lines(axes, view, lined(view, model, limit=PAPER_LINES_UP_TO), theme)
+    edge = rgb_fractions(theme.background)
+    _error_lines(axes, view, iids_with_error_lines(view, model, limit=PAPER_LINES_UP_TO), theme)
     shrink = 0.2 if len(ids) > MANY else 1.0
     sim, real, truth = (
         np.asarray(side, dtype=np.float64)[spots.kept(side, ids)]
@@ -146,7 +151,7 @@ def draw_predictions(axes: Axes, view: GeoMapInput, model: GeoMapModel, spots: S
         s=20 * shrink,
         marker="D",
         linewidths=0,
-        color=unit(theme.sim),
+        color=rgb_fractions(theme.sim),
         zorder=5,
     )
     axes.scatter(
@@ -157,9 +162,9 @@ def draw_predictions(axes: Axes, view: GeoMapInput, model: GeoMapModel, spots: S
         linewidths=1.1 * shrink,
         zorder=5,
         facecolors=[edge],
-        edgecolors=[unit(theme.real)],
+        edgecolors=[rgb_fractions(theme.real)],
     )
-    gold = unit(theme.truth)
+    gold = rgb_fractions(theme.truth)
     axes.scatter(
         truth[:, 0],
         truth[:, 1],
@@ -171,7 +176,7 @@ def draw_predictions(axes: Axes, view: GeoMapInput, model: GeoMapModel, spots: S
     )
 
 
-def _error_lines(axes: Axes, view: GeoMapInput, ids: np.ndarray, theme: Theme) -> None:
+def _error_lines(axes: Axes, view: MapInput, ids: np.ndarray, theme: Theme) -> None:
     from matplotlib.collections import LineCollection
 
     truth = np.asarray(view.truth, dtype=np.float64)[ids]
@@ -182,13 +187,13 @@ def _error_lines(axes: Axes, view: GeoMapInput, ids: np.ndarray, theme: Theme) -
         lines = lines[np.isfinite(lines).all(axis=(1, 2))]
         axes.add_collection(
             LineCollection(
-                list(lines), colors=[unit(colour)], linewidths=0.7, alpha=alpha, zorder=4
+                list(lines), colors=[rgb_fractions(colour)], linewidths=0.7, alpha=alpha, zorder=4
             )
         )
 
 
 def _draw_cursor_predictions(
-    axes: Axes, view: GeoMapInput, iid: int, theme: Theme, area: Bounds
+    axes: Axes, view: MapInput, iid: int, theme: Theme, area: Bounds
 ) -> None:
     """Both predicted poses of the cursor's instance, joined to its true position."""
     _error_lines(axes, view, np.array([iid]), theme)
@@ -210,7 +215,7 @@ RADIUS, THICK = 11.0, 4.5
 Span = tuple[float, float]
 
 
-def draw_wedges(sheet: MapSheet, view: GeoMapInput, model: GeoMapModel) -> None:
+def draw_wedges(sheet: MapSheet, view: MapInput, model: MapModel) -> None:
     """Sim and real wedges, overlapping parts in a colour of their own."""
     from matplotlib.patches import Wedge
 
@@ -220,7 +225,7 @@ def draw_wedges(sheet: MapSheet, view: GeoMapInput, model: GeoMapModel) -> None:
     frame = sheet.grid(CELL)
     found = error_glyphs(view, model, frame, FOOTPRINT)
     size, alpha = (1, 0.25) if found.crowded else (4, 1.0)
-    gold = unit(theme.truth)
+    gold = rgb_fractions(theme.truth)
     axes.scatter(truth[:, 0], truth[:, 1], s=size, color=gold, alpha=alpha, linewidths=0, zorder=4)
     metres = sheet.area.width / sheet.inches[0] / 72
     centres = found.centres * (frame.pitch, 2 * frame.pitch * (1 if view.y_down else -1))
@@ -241,8 +246,8 @@ def draw_wedges(sheet: MapSheet, view: GeoMapInput, model: GeoMapModel) -> None:
                 RADIUS * metres,
                 *span,
                 width=THICK * metres,
-                facecolor=unit(colour),
-                edgecolor=unit(theme.background),
+                facecolor=rgb_fractions(colour),
+                edgecolor=rgb_fractions(theme.background),
                 linewidth=0.5,
                 zorder=order,
             )
@@ -257,11 +262,11 @@ def _middle(sheet: MapSheet, centre: tuple[float, float], size: int) -> None:
     theme = sheet.page.theme
     if size == 1:
         sheet.axes.scatter(
-            [centre[0]], [centre[1]], s=12, color=unit(theme.truth), linewidths=0, zorder=6
+            [centre[0]], [centre[1]], s=12, color=rgb_fractions(theme.truth), linewidths=0, zorder=6
         )
         return
     halo: list[AbstractPathEffect] = [
-        patheffects.withStroke(linewidth=2, foreground=unit(theme.background))
+        patheffects.withStroke(linewidth=2, foreground=rgb_fractions(theme.background))
     ]
     label = sheet.axes.annotate(
         str(size) if size < 1000 else f"{size // 1000}k",
@@ -270,7 +275,7 @@ def _middle(sheet: MapSheet, centre: tuple[float, float], size: int) -> None:
         va="center",
         fontsize=6,
         fontweight="bold",
-        color=unit(theme.truth if theme.dark else theme.text),
+        color=rgb_fractions(theme.truth if theme.dark else theme.text),
         zorder=6,
         annotation_clip=True,
     )
@@ -296,11 +301,9 @@ def _shared(first: Span | None, second: Span | None) -> Span | None:
     return (low, high) if high > low else None
 
 
-def wedge_legend(
-    view: GeoMapInput, model: GeoMapModel, theme: Theme
-) -> list[tuple[str, str, Rgb, bool]]:
+def wedge_legend(view: MapInput, model: MapModel, theme: Theme) -> list[tuple[str, str, Rgb, bool]]:
     """What the wedges' colours, widths and numbers mean."""
-    full = f"{LARGEST:g}° wide = {short(full_scale(view), 2)} m"
+    full = f"{LARGEST:g}° wide = {short_number(full_scale(view), 2)} m"
     marks = [
         ("sim error", "s", theme.sim, True),
         ("real error", "s", theme.real, True),

@@ -12,7 +12,7 @@ from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb, mix
-from s2rtui.canvas.raster import braille, dot_grid, segment_dots
+from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.map.model import (
     LARGEST,
@@ -22,33 +22,33 @@ from s2rtui.charts.map.model import (
     arc_turns,
     error_glyphs,
     full_scale,
-    lined,
+    iids_with_error_lines,
 )
-from s2rtui.charts.shared.axis_scale import short
+from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.legend import (
     LegendPart,
-    words,
+    text_part,
 )
 from s2rtui.charts.shared.map_model import (
-    GeoMapInput,
-    GeoMapModel,
     LivePose,
-    geomap_model,
+    MapInput,
+    MapModel,
+    map_model,
 )
 from s2rtui.charts.shared.map_terminal import (
-    GeoMapLayout,
+    MapLayout,
     Places,
     draw_cursor,
     draw_dots,
     draw_point_map,
     draw_pose,
     draw_values,
+    layout_of_points,
     map_panel,
-    point_map_layout,
-    stamp,
+    put_glyphs,
     value_legend,
 )
-from s2rtui.charts.shared.points import lit_cells
+from s2rtui.charts.shared.points import selected_cells
 
 ARC_FOOTPRINT = (7, 3)
 ARROW_FOOTPRINT = (9, 3)
@@ -59,36 +59,36 @@ OCTANTS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
 Grid = NDArray[np.bool_]
 
 
-def geomap_layout(
-    view: GeoMapInput,
+def map_layout(
+    view: MapInput,
     size: Size,
     viewport: Bounds | None = None,
     look: RenderOptions | None = None,
-    model: GeoMapModel | None = None,
-) -> GeoMapLayout:
+    model: MapModel | None = None,
+) -> MapLayout:
     """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
-    look, model = look or RenderOptions(), model or geomap_model(view)
+    look, model = look or RenderOptions(), model or map_model(view)
     notes: list[LegendPart] = []
     if view.mode == "full" and model.lit > LINES_UP_TO:
-        notes = [words(((f"lines up to {LINES_UP_TO} in view", look.theme.muted),))]
+        notes = [text_part(((f"lines up to {LINES_UP_TO} in view", look.theme.muted),))]
     legend = LEGENDS[view.mode]
-    return point_map_layout(view, model, size, viewport, look, legend, notes)
+    return layout_of_points(view, model, size, viewport, look, legend, notes)
 
 
-def geomap_surface(
-    view: GeoMapInput, size: Size, look: RenderOptions | None = None, viewport: Bounds | None = None
+def map_panels(
+    view: MapInput, size: Size, look: RenderOptions | None = None, viewport: Bounds | None = None
 ) -> tuple[Panel, ...]:
     """One panel "map", a plane of metres."""
-    return (map_panel(geomap_layout(view, size, viewport, look)),)
+    return (map_panel(map_layout(view, size, viewport, look)),)
 
 
-def geomap(
-    view: GeoMapInput, size: Size, look: RenderOptions | None = None, viewport: Bounds | None = None
+def draw_map(
+    view: MapInput, size: Size, look: RenderOptions | None = None, viewport: Bounds | None = None
 ) -> Canvas:
     """The view in `size` (columns, rows) through `viewport`, a world rectangle."""
     look = look or RenderOptions()
-    model = geomap_model(view)
-    layout = geomap_layout(view, size, viewport, look, model)
+    model = map_model(view)
+    layout = map_layout(view, size, viewport, look, model)
 
     def draw_selected(chart: Canvas) -> None:
         DRAWINGS[view.mode](chart, view, model, layout.frame, look)
@@ -101,7 +101,7 @@ def geomap(
 
 
 def full_legend(
-    view: GeoMapInput, model: GeoMapModel, look: RenderOptions, width: int
+    view: MapInput, model: MapModel, look: RenderOptions, width: int
 ) -> list[LegendPart]:
     """The glyphs of predictions and truth."""
     theme, glyphs = look.theme, look.glyphs
@@ -113,26 +113,26 @@ def full_legend(
         (f"{glyphs.truth} ", theme.truth),
         ("truth", theme.muted),
     )
-    return [words(marks)]
+    return [text_part(marks)]
 
 
 def draw_predictions(
-    canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: RenderOptions
+    canvas: Canvas, view: MapInput, model: MapModel, frame: MapFrame, look: RenderOptions
 ) -> None:
     """Sim, real and truth of the selected; lines join them where they are few."""
     theme, glyphs = look.theme, look.glyphs
-    _lines(canvas, view, lined(view, model, frame), frame, look)
+    _lines(canvas, view, iids_with_error_lines(view, model, frame), frame, look)
     for points, glyph, colour in (
         (view.sim, glyphs.sim, theme.sim),
         (view.real, glyphs.real, theme.real),
         (view.truth, glyphs.truth, theme.truth),
     ):
-        rows, columns = np.nonzero(lit_cells(points, model.chosen, frame))
-        stamp(canvas, columns, rows, glyph, colour)
+        rows, columns = np.nonzero(selected_cells(points, model.chosen, frame))
+        put_glyphs(canvas, columns, rows, glyph, colour)
 
 
 def _lines(
-    canvas: Canvas, view: GeoMapInput, ids: Places, frame: MapFrame, look: RenderOptions
+    canvas: Canvas, view: MapInput, ids: Places, frame: MapFrame, look: RenderOptions
 ) -> None:
     """From the truth to both predictions, in braille or in full stops."""
     starts = frame.to_cells(np.asarray(view.truth)[ids])
@@ -147,7 +147,7 @@ def _lines(
 
 
 def draw_cursor_predictions(
-    canvas: Canvas, view: GeoMapInput, cursor: int, frame: MapFrame, look: RenderOptions
+    canvas: Canvas, view: MapInput, cursor: int, frame: MapFrame, look: RenderOptions
 ) -> None:
     """Both predicted poses of the cursor's instance."""
     theme, glyphs = look.theme, look.glyphs
@@ -166,19 +166,21 @@ def draw_live(
         draw_pose(canvas, points, headings, 0, frame, look, glyph, colour)
 
 
-def draw_glyphs(
-    canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: RenderOptions
+def draw_error_glyphs(
+    canvas: Canvas, view: MapInput, model: MapModel, frame: MapFrame, look: RenderOptions
 ) -> None:
     """Arcs in braille; arrows with letters and sizes where colours or braille lack."""
     footprint = ARC_FOOTPRINT if look.pictures else ARROW_FOOTPRINT
     found = error_glyphs(view, model, frame, footprint)
-    rows, columns = np.nonzero(lit_cells(view.truth, model.chosen, frame))
+    rows, columns = np.nonzero(selected_cells(view.truth, model.chosen, frame))
     gold = look.theme.truth
     if found.crowded:
         red, green, blue = mix(np.array(look.theme.background), np.array(gold), 0.55).tolist()
-        stamp(canvas, columns, rows, "." if look.ascii else "·", (red, green, blue), bold=False)
+        put_glyphs(
+            canvas, columns, rows, "." if look.ascii else "·", (red, green, blue), bold=False
+        )
     else:
-        stamp(canvas, columns, rows, look.glyphs.truth, gold, bold=False)
+        put_glyphs(canvas, columns, rows, look.glyphs.truth, gold, bold=False)
     draw = _arcs if look.pictures else _arrows
     draw(canvas, found, view.y_down, look)
     _middles(canvas, found, look)
@@ -202,7 +204,7 @@ def _arcs(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: RenderOptions)
     colours[:] = theme.sim
     colours[counts[1] > counts[0]] = theme.real
     colours[counts[2] > 0] = theme.both
-    braille(canvas, 0, 0, sim | real, colours)
+    draw_braille(canvas, 0, 0, sim | real, colours)
     _tips(canvas, found, y_down, look)
 
 
@@ -292,11 +294,11 @@ def _digits(vectors: NDArray[np.float64], full: float) -> list[str]:
 
 
 def glyph_legend(
-    view: GeoMapInput, model: GeoMapModel, look: RenderOptions, width: int
+    view: MapInput, model: MapModel, look: RenderOptions, width: int
 ) -> list[LegendPart]:
     """What the arcs or arrows mean."""
     theme, glyphs = look.theme, look.glyphs
-    full = f"{short(full_scale(view), 2)} m"
+    full = f"{short_number(full_scale(view), 2)} m"
     scale = f"{LARGEST:g}{glyphs.degree} = {full}" if look.pictures else f"9 = {full}"
     marks = (
         (f"{glyphs.sim} ", theme.sim),
@@ -306,12 +308,12 @@ def glyph_legend(
         (f"{glyphs.both} ", theme.both),
         (f"both  {scale}", theme.muted),
     )
-    parts = [words(marks)]
+    parts = [text_part(marks)]
     if model.lit > 1:
-        parts.append(words((("2..9 + ", theme.truth), ("mean of so many", theme.muted))))
+        parts.append(text_part((("2..9 + ", theme.truth), ("mean of so many", theme.muted))))
     return parts
 
 
-DRAWINGS = {"colour": draw_values, "glyph": draw_glyphs, "full": draw_predictions}
+DRAWINGS = {"colour": draw_values, "glyph": draw_error_glyphs, "full": draw_predictions}
 LEGENDS = {"colour": value_legend, "glyph": glyph_legend, "full": full_legend}
 """Per map mode: how the selected are drawn, and what the legend says about them."""

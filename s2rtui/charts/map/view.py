@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from s2rstore.records import Side
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.map import terminal
-from s2rtui.charts.mark_expressions import area
+from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.instance_model import InstanceInput, SideView
-from s2rtui.charts.shared.map_model import GeoMapInput, LivePose, map_input
-from s2rtui.charts.shared.points import nearest_iid, point_of, truth_points
+from s2rtui.charts.shared.map_model import LivePose, MapInput, map_input
+from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
 from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session
 from s2rtui.session.heatmaps import share_told
@@ -56,7 +56,7 @@ class MapView(View):
         )
         return told + "".join(f", no {feed}: {scene.resources.failed[feed]}" for feed in lacks)
 
-    def input(self, scene: Scene) -> GeoMapInput:
+    def input(self, scene: Scene) -> MapInput:
         state, resources = scene.state, scene.resources
         view = map_input(
             scene.store,
@@ -73,10 +73,10 @@ class MapView(View):
         return replace(view, live=_live_poses(shown))
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
-        return identity(self.input(scene)), scene.state.viewport
+        return identity_key(self.input(scene)), scene.state.viewport
 
     def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return terminal.geomap(self.input(scene), size, look, scene.state.viewport)
+        return terminal.draw_map(self.input(scene), size, look, scene.state.viewport)
 
     def numbers(self, scene: Scene) -> Table:
         truth, run = scene.store.instances, scene.store.run_columns(scene.state.run)
@@ -110,24 +110,22 @@ class MapView(View):
         view, state = self.input(scene), scene.state
         title = f"{state.run}: {_TITLES[state.map_mode]}"
         title += f"; heat: {view.heat_label}" if view.heat is not None else ""
-        return paper.geomap_figure(
-            view, size, theme, state.run, scene.caption, title, state.viewport
-        )
+        return paper.map_figure(view, size, theme, state.run, scene.caption, title, state.viewport)
 
     def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return terminal.geomap_surface(self.input(scene), size, look, scene.state.viewport)
+        return terminal.map_panels(self.input(scene), size, look, scene.state.viewport)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
-        return point_of(truth_points(scene.store), scene.state.cursor)
+        return known_point(true_positions(scene.store), scene.state.cursor)
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        points = truth_points(scene.store)
+        points = true_positions(scene.store)
         nearest = nearest_iid(points, scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        return area(panel, mark, "box", "lasso")
+        return area_expression(panel, mark, "box", "lasso")
 
 
 def _live_poses(shown: InstanceInput) -> tuple[LivePose, ...]:

@@ -8,10 +8,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from s2rtui.canvas.brush import Mark, Panel, Point, arc_of
+from s2rtui.canvas.brush import Mark, Panel, Point, mark_arc
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.raster import braille, dot_grid, segment_dots
+from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
 from s2rtui.canvas.render_options import RenderOptions, heading_arrow
 from s2rtui.charts.shared.bars import Bars
 
@@ -148,7 +148,7 @@ def _dots_and_blocks(
     """The selected as quarters of cells, solid; ring and all others as braille dots."""
     theme = look.theme
     ring = ring_dots(dial, chart.width, chart.height)
-    braille(chart, 0, 0, grey | ring, np.array(theme.unselected, dtype=np.uint8))
+    draw_braille(chart, 0, 0, grey | ring, np.array(theme.unselected, dtype=np.uint8))
     parts = lit.reshape(chart.height, 2, chart.width, 2)
     quarters = (parts * QUARTER[None, :, None, :]).sum(axis=(1, 3))
     held = quarters > 0
@@ -180,12 +180,12 @@ def _needle(chart: Canvas, dial: Dial, cursor: float | None, look: RenderOptions
         return
     end = dial.to_cells(cursor, 0.0)
     dots = dot_grid(*segment_dots(dial.x, dial.y, *end), chart.width, chart.height)
-    braille(chart, 0, 0, dots, np.array(look.theme.cursor, dtype=np.uint8))
+    draw_braille(chart, 0, 0, dots, np.array(look.theme.cursor, dtype=np.uint8))
 
 
 def _ground(chart: Canvas, dial: Dial, mark: Mark, look: RenderOptions) -> None:
     """The sector of a pending brush."""
-    middle, half = arc_of(mark)
+    middle, half = mark_arc(mark)
     across = np.arange(chart.width) + 0.5 - dial.x
     down = 2 * (np.arange(chart.height) + 0.5 - dial.y)
     turn = np.degrees(np.arctan2((down if dial.y_down else -down)[:, None], across[None]))
@@ -198,7 +198,7 @@ def _rim(
 ) -> None:
     """The ends of a pending brush and the cursor's heading, at the rim."""
     if mark is not None:
-        middle, half = arc_of(mark)
+        middle, half = mark_arc(mark)
         for degrees in (middle - half, middle + half):
             _at_rim(canvas, panel, degrees, "+", look.theme.truth)
     if cursor is not None:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bins, Bools, Chosen, bins, choose
+from s2rtui.analysis.binning import Bins, Bools, SelectionIndices, bin_values, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas.brush import Mark, wrapped
+from s2rtui.canvas.brush import Mark, wrap_degrees
 from s2rtui.charts.shared.axis_scale import Floats
 
 BINS = 72
@@ -98,7 +98,7 @@ def orientation_model(view: OrientationInput, count: int = BINS) -> OrientationM
 def _bins(headings: ArrayKey) -> Bins:
     turned = np.degrees(np.asarray(headings.array, dtype=np.float64)) + 180
     turned = (turned - 360 * np.floor(turned / 360)) / WIDTH
-    return bins(np.where(turned >= BINS, 0.0, turned), BINS)
+    return bin_values(np.where(turned >= BINS, 0.0, turned), BINS)
 
 
 @cached_by_identity(16)
@@ -118,8 +118,8 @@ def _counts(
     sides: tuple[ArrayKey, ...], selected: ArrayKey, valid: ArrayKey
 ) -> list[tuple[Counts, Counts, complex]]:
     """Counts of the selected and of all in 72 bins, and the selected's mean unit vector."""
-    chosen = choose(np.asarray(selected.array), np.asarray(valid.array))
-    counted = joint_histogram.counts([_bins(side) for side in sides], chosen)
+    chosen = selection_indices(np.asarray(selected.array), np.asarray(valid.array))
+    counted = joint_histogram.joint_counts([_bins(side) for side in sides], chosen)
     return [
         (lit, total, _mean(np.asarray(side.array), lit, chosen))
         for side, (lit, total) in zip(sides, counted, strict=True)
@@ -132,7 +132,7 @@ def _cursor(column: Floats, view: OrientationInput) -> float | None:
     if cursor is None or not (0 <= cursor < len(view.valid) and view.valid[cursor]):
         return None
     heading = float(column[cursor])
-    return wrapped(math.degrees(heading)) if math.isfinite(heading) else None
+    return wrap_degrees(math.degrees(heading)) if math.isfinite(heading) else None
 
 
 def _units(column: Floats, iids: NDArray[np.intp]) -> NDArray[np.complex128]:
@@ -147,7 +147,7 @@ def _all_units(column: ArrayKey) -> NDArray[np.complex128]:
     return np.asarray(np.exp(1j * np.asarray(column.array)))
 
 
-def _mean(column: Floats, lit: Counts, chosen: Chosen) -> complex:
+def _mean(column: Floats, lit: Counts, chosen: SelectionIndices) -> complex:
     """The mean unit vector of the selected."""
     number = int(lit.sum())
     if number == 0:

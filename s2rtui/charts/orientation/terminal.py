@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtui.canvas.brush import Mark, Panel, Point, arc_of, pending, wrapped
+from s2rtui.canvas.brush import Mark, Panel, Point, mark_arc, mark_on_panel, wrap_degrees
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.render_options import Glyphs, RenderOptions
@@ -21,8 +21,8 @@ from s2rtui.charts.orientation.model import (
     OrientationModel,
     orientation_model,
 )
-from s2rtui.charts.shared.axis_scale import short
-from s2rtui.charts.shared.bars import Bars, put_over, upright
+from s2rtui.charts.shared.axis_scale import short_number
+from s2rtui.charts.shared.bars import Bars, draw_vertical_bars, put_over_bar
 
 SMALLEST = 6.0
 """Radius in columns from which a dial can be read; without braille dots twice that."""
@@ -56,15 +56,15 @@ def orientation_layout(
     """Dials in a row or a column, whichever are larger; strips where both are too small."""
     width, height = max(1, size[0]), max(1, size[1])
     row, column = ((width - 2) // 3, height), (width, height // 3)
-    upright = _rim(*column)[0] > _rim(*row)[0]
-    room, rows = column if upright else row
+    stacked = _rim(*column)[0] > _rim(*row)[0]
+    room, rows = column if stacked else row
     rim, header, footer, margin = _rim(room, rows)
     smallest = 2 * SMALLEST if look is not None and look.ascii else SMALLEST
     if rim < smallest:
         return _strips(width, height)
     inner = min(rows - header - footer, math.ceil(rim + 2 * margin[1]))
     top = header + (rows - header - footer - inner) // 2
-    corners = [(0, index * rows) if upright else (index * (room + 1), 0) for index in range(3)]
+    corners = [(0, index * rows) if stacked else (index * (room + 1), 0) for index in range(3)]
     places = tuple((x, y + top, room, inner) for x, y in corners)
     dial = dial_of(0, 0, room, inner, view.y_down, margin)
     return OrientationLayout(places, dial, BINS, room, header, footer, margin[1] > 0)
@@ -88,7 +88,7 @@ def _strips(width: int, height: int) -> OrientationLayout:
     return OrientationLayout(places, None, count, left, 0, footer, False)
 
 
-def orientation_surface(
+def orientation_panels(
     view: OrientationInput, size: Size, look: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """Turns "sim", "truth" and "real": degrees in [-180, 180), and how far out (0 .. 1)."""
@@ -118,25 +118,27 @@ def _on_strip(place: Place) -> tuple[Way, Way]:
     x, y, width, height = place
 
     def to_data(column: float, row: float) -> Point:
-        return wrapped(360 * (column - x) / width - 180), (y + height - row) / height
+        return wrap_degrees(360 * (column - x) / width - 180), (y + height - row) / height
 
     def to_cells(degrees: float, radius: float) -> Point:
-        return x + (wrapped(degrees) + 180) / 360 * width, y + height * (1 - radius)
+        return x + (wrap_degrees(degrees) + 180) / 360 * width, y + height * (1 - radius)
 
     return to_data, to_cells
 
 
-def orientation(view: OrientationInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_orientation(
+    view: OrientationInput, size: Size, look: RenderOptions | None = None
+) -> Canvas:
     """The view in `size` (columns, rows)."""
     look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     size = (canvas.width, canvas.height)
     layout = orientation_layout(view, size, look)
     model = orientation_model(view, layout.count)
-    panels = orientation_surface(view, size, look)
+    panels = orientation_panels(view, size, look)
     for panel, headings in zip(panels, model.panels, strict=False):
         bars, cursor, name = model.lengths(headings), headings.cursor, _name(panel.name, look)
-        mark = pending(view.mark, panel.name)
+        mark = mark_on_panel(view.mark, panel.name)
         if layout.dial is None:
             draw_strip(canvas, panel, bars, cursor, mark, name[1], look)
             _beside(canvas, panel, layout, headings, name, look)
@@ -150,7 +152,7 @@ def orientation(view: OrientationInput, size: Size, look: RenderOptions | None =
 
 def _scale(model: OrientationModel, room: int) -> str:
     """What the longest bar stands for: of the selected, and of all where that differs."""
-    lit, whole = short(model.peak, 2), short(model.whole, 2)
+    lit, whole = short_number(model.peak, 2), short_number(model.whole, 2)
     options = [f"max {lit}", lit]
     if lit != whole:
         options.insert(0, f"max {lit} (all {whole})")
@@ -229,7 +231,7 @@ def _mean(headings: Headings, room: int, look: RenderOptions) -> str:
 
 
 def _degrees(mean: float, glyphs: Glyphs) -> str:
-    return f"{int(wrapped(round(mean)))}{glyphs.degree}"
+    return f"{int(wrap_degrees(round(mean)))}{glyphs.degree}"
 
 
 def draw_strip(
@@ -245,7 +247,7 @@ def draw_strip(
     bottom = panel.y + panel.height - 1
     ends: tuple[float, ...] = ()
     if mark is not None:
-        middle, half = arc_of(mark)
+        middle, half = mark_arc(mark)
         turn = (np.arange(panel.width) + 0.5) / panel.width * 360 - 180
         held = np.abs((turn - middle + 180) % 360 - 180) <= half
         rows, columns = slice(panel.y, bottom + 1), panel.x + np.flatnonzero(held)
@@ -253,12 +255,12 @@ def draw_strip(
         ends = (middle - half, middle + half)
     each = panel.width // len(np.asarray(bars[0]))
     lit, grey = (np.repeat(part, each) for part in bars)
-    upright(canvas, panel.x, panel.y, panel.height, (lit, grey), colour, look)
+    draw_vertical_bars(canvas, panel.x, panel.y, panel.height, (lit, grey), colour, look)
     for degrees in ends:
         canvas.put(_column(panel, degrees), bottom, "+", look.theme.truth, bold=True)
     if cursor is not None:
         at = _column(panel, cursor)
-        put_over(canvas, at, bottom, look.glyphs.cursor, look.theme.cursor)
+        put_over_bar(canvas, at, bottom, look.glyphs.cursor, look.theme.cursor)
 
 
 def _column(panel: Panel, degrees: float) -> int:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.mark_expressions import turn
+from s2rtui.charts.mark_expressions import heading_expression
 from s2rtui.charts.orientation.model import OrientationInput, orientation_model
-from s2rtui.charts.orientation.terminal import orientation, orientation_surface
+from s2rtui.charts.orientation.terminal import draw_orientation, orientation_panels
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pixels, Table, View
 
@@ -58,13 +58,13 @@ class OrientationView(View):
         return paper.orientation_figure(self.input(scene), size, theme, title, scene.caption)
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
-        return (identity(self.input(scene)),)
+        return (identity_key(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return orientation(self.input(scene), size, look)
+        return draw_orientation(self.input(scene), size, look)
 
     def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return orientation_surface(self.input(scene), size, look)
+        return orientation_panels(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
         if scene.state.cursor is None:
@@ -73,4 +73,4 @@ class OrientationView(View):
         return (math.degrees(heading), 1.0) if math.isfinite(heading) else None
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        return turn(mark, _FIELDS[panel.name])
+        return heading_expression(mark, _FIELDS[panel.name])

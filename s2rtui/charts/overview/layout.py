@@ -108,7 +108,7 @@ def overview_layout(
     )
 
 
-def overview_surface(
+def overview_panels(
     rows: Sequence[OverviewRow],
     baseline: float | None,
     selected: int | None,

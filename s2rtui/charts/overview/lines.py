@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bins, Chosen, choose, count
+from s2rtui.analysis.binning import Bins, SelectionIndices, count_selected, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, mix
-from s2rtui.canvas.raster import braille, dot_grid, segment_dots
+from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.overview.layout import OverviewLayout, axis_share
-from s2rtui.charts.overview.model import OverviewLines, own_accuracies
+from s2rtui.charts.overview.model import OverviewLines, cursor_accuracies
 from s2rtui.charts.shared.axis_scale import Interval
 
 PIECE = 1 << 15
@@ -43,7 +43,7 @@ class LineDensity:
 
 def line_density(lines: OverviewLines, axis: Interval, layout: OverviewLayout) -> LineDensity:
     """Segments between neighbouring runs in view, or bars on their rows where those adjoin."""
-    chosen = choose(np.asarray(lines.selected), np.asarray(lines.valid))
+    chosen = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
     shown = lines.values[layout.first : layout.first + layout.shown]
     columns = tuple(ArrayKey(column) for column in shown)
     draw = _segments if layout.step > 1 and layout.shown > 1 else _bars
@@ -52,7 +52,7 @@ def line_density(lines: OverviewLines, axis: Interval, layout: OverviewLayout) -
 
 @cached_by_identity(4)
 def _segments(
-    columns: tuple[ArrayKey, ...], axis: Interval, width: int, step: int, chosen: Chosen
+    columns: tuple[ArrayKey, ...], axis: Interval, width: int, step: int, chosen: SelectionIndices
 ) -> LineDensity:
     """From the middle of one run's row to the middle of the next one's."""
     size = bin_count(width, len(chosen.base))
@@ -68,11 +68,11 @@ def _segments(
 
 @cached_by_identity(4)
 def _bars(
-    columns: tuple[ArrayKey, ...], axis: Interval, width: int, step: int, chosen: Chosen
+    columns: tuple[ArrayKey, ...], axis: Interval, width: int, step: int, chosen: SelectionIndices
 ) -> LineDensity:
     """On each run's row a bar of up to four dots per column of dots."""
     size = bin_count(width, len(chosen.base))
-    counted = joint_histogram.counts(_bar_bins(columns, axis, size), chosen)
+    counted = joint_histogram.joint_counts(_bar_bins(columns, axis, size), chosen)
     both = np.stack([*(lit for lit, _ in counted), *(total - lit for lit, total in counted)])
     dots = _per_dot(both, width).reshape(2, len(columns), 2 * width)
     up = np.arange(4, 0, -1)[:, None]
@@ -99,7 +99,7 @@ def pair_counts(lines: OverviewLines, axis: Interval, size: int) -> list[tuple[C
 
     Each (size, size), size up to 254; bin i covers i .. i + 1 of `size` parts of the axis.
     """
-    chosen = choose(np.asarray(lines.selected), np.asarray(lines.valid))
+    chosen = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
     found = []
     for first, second in pairwise(lines.values):
         lit, others = _tables(ArrayKey(first), ArrayKey(second), axis, size, chosen)
@@ -108,10 +108,10 @@ def pair_counts(lines: OverviewLines, axis: Interval, size: int) -> list[tuple[C
 
 
 def _tables(
-    first: ArrayKey, second: ArrayKey, axis: Interval, size: int, chosen: Chosen
+    first: ArrayKey, second: ArrayKey, axis: Interval, size: int, chosen: SelectionIndices
 ) -> tuple[Counts, Counts]:
     """Counts per pair of bins, (size + 1, size + 1), the last ones none: selected, and others."""
-    lit, total = count(_pairs(first, second, axis, size), chosen)
+    lit, total = count_selected(_pairs(first, second, axis, size), chosen)
     shape = (size + 1, size + 1)
     return lit.reshape(shape), (total - lit).reshape(shape)
 
@@ -229,7 +229,7 @@ DITHER = np.array([[0, 4], [6, 2], [1, 5], [7, 3]]) / 8
 """Thresholds of the dots of a cell: the share of dots that stay tells how dense it is."""
 
 
-def draw_threads(
+def draw_lines(
     canvas: Canvas,
     lines: OverviewLines,
     axis: Interval,
@@ -274,7 +274,7 @@ def _layer(
     dots = (density > 0) & (shares > 0.7 * strength * dither)
     if faint and look.mode is ColourMode.NONE:
         dots &= (np.indices(dots.shape).sum(axis=0) % 2).astype(np.bool_)
-    braille(canvas, 0, 0, dots, _shades(per_cell, colour, faint, look))
+    draw_braille(canvas, 0, 0, dots, _shades(per_cell, colour, faint, look))
 
 
 def _shades(shares: Density, colour: Rgb, faint: bool, look: RenderOptions) -> Pixels:
@@ -295,14 +295,14 @@ def _draw_cursor_line(
     grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     places = [
         _cell_of_accuracy(value, axis, layout, index)
-        for index, value in enumerate(own_accuracies(lines)[layout.first :][: layout.shown])
+        for index, value in enumerate(cursor_accuracies(lines)[layout.first :][: layout.shown])
     ]
     for start, stop in pairwise(places):
         if start is not None and stop is not None:
             columns, rows = segment_dots(*start, *stop)
             grid |= dot_grid(columns, rows, canvas.width, canvas.height)
     if not look.ascii:
-        braille(canvas, 0, 0, grid, np.array(look.theme.cursor, dtype=np.uint8))
+        draw_braille(canvas, 0, 0, grid, np.array(look.theme.cursor, dtype=np.uint8))
         return
     held = grid.reshape(canvas.height, 4, canvas.width, 2).any(axis=(1, 3))
     for row, column in np.argwhere(held).tolist():

@@ -15,7 +15,7 @@ from s2rstore.records import Side
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.charts.scene import OverviewRow
-from s2rtui.charts.shared.axis_scale import Floats, Interval, finite, step
+from s2rtui.charts.shared.axis_scale import Floats, Interval, finite_or_none, tick_step
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,8 +67,8 @@ def _model(
     clean = tuple(
         OverviewRow(
             row.run,
-            finite(row.sim_accuracy),
-            finite(row.real_accuracy),
+            finite_or_none(row.sim_accuracy),
+            finite_or_none(row.real_accuracy),
             _interval(row.sim_interval),
             _interval(row.real_interval),
             row.n,
@@ -76,7 +76,7 @@ def _model(
         )
         for row in rows
     )
-    seen = [finite(baseline)]
+    seen = [finite_or_none(baseline)]
     for row in clean:
         seen += [row.sim_accuracy, row.real_accuracy]
         seen += [*(row.sim_interval or ()), *(row.real_interval or ())]
@@ -84,11 +84,13 @@ def _model(
         seen += [1.0, *_lowest(columns, valid.array)]
     values = [value for value in seen if value is not None]
     low, high = (min(values), max(values)) if values else (0.0, 1.0)
-    width = step(max(high - low, 0.02), 4)
+    width = tick_step(max(high - low, 0.02), 4)
     low, high = math.floor(low / width + 1e-9) * width, math.ceil(high / width - 1e-9) * width
     if high <= low:
         high = low + width
-    return OverviewModel(clean, finite(baseline), (max(0.0, low), min(max(1.0, low + width), high)))
+    return OverviewModel(
+        clean, finite_or_none(baseline), (max(0.0, low), min(max(1.0, low + width), high))
+    )
 
 
 def _lowest(columns: tuple[ArrayKey, ...], valid: NDArray[np.generic]) -> list[float]:
@@ -102,7 +104,7 @@ def _lowest(columns: tuple[ArrayKey, ...], valid: NDArray[np.generic]) -> list[f
 def _interval(interval: Interval | None) -> Interval | None:
     if interval is None:
         return None
-    low, high = finite(interval[0]), finite(interval[1])
+    low, high = finite_or_none(interval[0]), finite_or_none(interval[1])
     return None if low is None or high is None else (min(low, high), max(low, high))
 
 
@@ -130,11 +132,12 @@ def overview_rows(
     return rows, run_metrics.baseline(store, rows[0].run) if rows else math.nan
 
 
-def own_accuracies(lines: OverviewLines) -> list[float | None]:
+def cursor_accuracies(lines: OverviewLines) -> list[float | None]:
     """The cursor's accuracy in every run, None where there is none."""
     if lines.cursor is None:
         return [None] * len(lines.values)
     iid = lines.cursor
     return [
-        finite(float(column[iid])) if 0 <= iid < len(column) else None for column in lines.values
+        finite_or_none(float(column[iid])) if 0 <= iid < len(column) else None
+        for column in lines.values
     ]

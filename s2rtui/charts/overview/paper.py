@@ -15,20 +15,20 @@ from s2rtui.charts.overview.lines import MANY, levels, pair_counts
 from s2rtui.charts.overview.model import (
     OverviewLines,
     OverviewModel,
+    cursor_accuracies,
     overview_model,
-    own_accuracies,
 )
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.axis_scale import Interval
 from s2rtui.charts.shared.paper import (
     Page,
     Pixels,
-    dress,
-    heading,
+    draw_heading,
+    figure_bytes,
+    make_page,
     new_figure,
-    page_of,
-    unit,
-    written,
+    rgb_fractions,
+    style_axes,
 )
 
 if TYPE_CHECKING:
@@ -58,10 +58,10 @@ def overview_figure(
 
     With `lines` every instance is a line across the runs, the selected in their side's colour.
     """
-    page = page_of(size, theme)
+    page = make_page(size, theme)
     model = overview_model(rows, baseline, lines)
     figure = new_figure(page)
-    top = heading(figure, page, title, subtitle)
+    top = draw_heading(figure, page, title, subtitle)
     wide, _ = page.inches
     longest = max((len(row.run) for row in model.rows), default=4)
     left = min(0.4 + 0.085 * min(longest, 32), wide * 0.35)
@@ -69,7 +69,7 @@ def overview_figure(
     across, keyed = _legend_size(wide, lines)
     box = page.box(left, 0.62, wide - left - right, top - 0.62 - keyed)
     axes = figure.add_axes(box)
-    dress(axes, theme, grid=True)
+    style_axes(axes, theme, grid=True)
     axes.spines["left"].set_visible(False)
     count = max(1, len(model.rows))
     axes.set_ylim(count - 0.5, -0.5)
@@ -83,7 +83,7 @@ def overview_figure(
         _row(axes, index, row, page, index == selected)
     _columns(axes, model, page, selected)
     _legend(figure, axes, model, page, (top, across), lines)
-    return written(figure, page)
+    return figure_bytes(figure, page)
 
 
 def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> None:
@@ -94,21 +94,26 @@ def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> No
         low, high = axes.get_xlim()
         span = high - low
         ground = Rectangle((low - 9 * span, y - 0.5), 19 * span, 1, linewidth=0, zorder=0)
-        ground.set_color(unit(theme.highlight))
+        ground.set_color(rgb_fractions(theme.highlight))
         ground.set_clip_on(False)
         axes.add_patch(ground)
     _name(axes, y, row, page, selected)
     sides = (
-        (row.sim_accuracy, row.sim_interval, theme.sim, unit(theme.sim)),
-        (row.real_accuracy, row.real_interval, theme.real, unit(theme.background)),
+        (row.sim_accuracy, row.sim_interval, theme.sim, rgb_fractions(theme.sim)),
+        (row.real_accuracy, row.real_interval, theme.real, rgb_fractions(theme.background)),
     )
     if row.sim_accuracy is not None and row.real_accuracy is not None:
         ends = [100 * row.sim_accuracy, 100 * row.real_accuracy]
         axes.plot(
-            ends, [y, y], color=unit(theme.faint), linewidth=5, solid_capstyle="butt", zorder=2
+            ends,
+            [y, y],
+            color=rgb_fractions(theme.faint),
+            linewidth=5,
+            solid_capstyle="butt",
+            zorder=2,
         )
     for accuracy, interval, colour, face in sides:
-        ink = unit(colour)
+        ink = rgb_fractions(colour)
         if interval is not None:
             ends = [100 * interval[0], 100 * interval[1]]
             axes.plot(ends, [y, y], color=ink, linewidth=1.3, marker="|", markersize=6, zorder=3)
@@ -139,7 +144,7 @@ def _name(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> N
         va="center",
         fontsize=10,
     )
-    label.set_color(unit(theme.text))
+    label.set_color(rgb_fractions(theme.text))
     label.set_fontweight("bold" if selected else "normal")
     if row.sim_accuracy is None and row.real_accuracy is None:
         axes.annotate(
@@ -148,8 +153,8 @@ def _name(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> N
             xycoords=("axes fraction", "data"),
             va="center",
             fontsize=9,
-            color=unit(theme.muted),
-            bbox={"facecolor": unit(theme.background), "edgecolor": "none", "pad": 2},
+            color=rgb_fractions(theme.muted),
+            bbox={"facecolor": rgb_fractions(theme.background), "edgecolor": "none", "pad": 2},
             zorder=5,
         )
 
@@ -172,7 +177,7 @@ def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None)
             va="center",
             fontsize=10 * max(squeeze, 0.6),
         )
-        label.set_color(unit(ink))
+        label.set_color(rgb_fractions(ink))
         label.set_fontweight("bold" if bold else "normal")
 
     for spot, (name, ink) in zip(spots, names, strict=True):
@@ -186,7 +191,7 @@ def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None)
             va="center",
             fontsize=9 * max(squeeze, 0.6),
         )
-        label.set_color(unit(ink))
+        label.set_color(rgb_fractions(ink))
     for y, row in enumerate(model.rows):
         sim, real = row.sim_accuracy, row.real_accuracy
         gap = None if sim is None or real is None else sim - real
@@ -210,8 +215,10 @@ def _diamonds(theme: Theme) -> list[Line2D]:
     from matplotlib.lines import Line2D
 
     handles = [
-        Line2D([], [], color=unit(theme.sim)),
-        Line2D([], [], color=unit(theme.real), markerfacecolor=unit(theme.background)),
+        Line2D([], [], color=rgb_fractions(theme.sim)),
+        Line2D(
+            [], [], color=rgb_fractions(theme.real), markerfacecolor=rgb_fractions(theme.background)
+        ),
     ]
     for handle in handles:
         handle.set(linestyle="none", marker="D", markersize=7, markeredgewidth=1.6)
@@ -239,17 +246,22 @@ def _legend(
 
     theme = page.theme
     handles = _diamonds(theme)
-    handles.append(Line2D([], [], color=unit(theme.muted), linewidth=1.3, marker="|", markersize=6))
+    handles.append(
+        Line2D([], [], color=rgb_fractions(theme.muted), linewidth=1.3, marker="|", markersize=6)
+    )
     names = ["sim", "real", f"{LEVEL_TOLD} interval"]
     if model.baseline is not None:
         line = axes.axvline(
-            100 * model.baseline, color=unit(theme.truth), linewidth=1.4, linestyle=(0, (2, 2))
+            100 * model.baseline,
+            color=rgb_fractions(theme.truth),
+            linewidth=1.4,
+            linestyle=(0, (2, 2)),
         )
         line.set_zorder(1.5)
         handles.append(line)
         names.append(f"constant mean position ({_percent(model.baseline)} %)")
     for ink, name in line_keys(lines, theme):
-        handles.append(Line2D([], [], color=unit(ink), linewidth=1.2))
+        handles.append(Line2D([], [], color=rgb_fractions(ink), linewidth=1.2))
         names.append(name)
     legend = figure.legend(
         handles,
@@ -264,7 +276,7 @@ def _legend(
         borderaxespad=0,
     )
     for text in legend.get_texts():
-        text.set_color(unit(theme.muted))
+        text.set_color(rgb_fractions(theme.muted))
 
 
 CLEAR = 60
@@ -313,7 +325,7 @@ def _draw_segments(
     starts = np.stack([middles[first], np.full(first.size, float(row))], axis=1)
     ends = np.stack([middles[second], np.full(first.size, row + 1.0)], axis=1)
     colours = np.empty((first.size, 4))
-    colours[:, :3] = unit(ink)
+    colours[:, :3] = rgb_fractions(ink)
     colours[:, 3] = scale[1] * (0.25 + 0.75 * shares) if scale[0] < 100 else scale[1] * shares
     segments = np.stack([starts, ends], axis=1)[ordered]
     collection = LineCollection(
@@ -326,17 +338,22 @@ def _draw_cursor_line(axes: Axes, lines: OverviewLines, axis: Interval, theme: T
     """A ring per run at the cursor's accuracy with its number, joined where known."""
     from matplotlib import patheffects
 
-    found = own_accuracies(lines)
+    found = cursor_accuracies(lines)
     kept = np.array([np.nan if value is None else value for value in found])
     places = 100 * np.clip(kept, *axis)
     rows = np.arange(len(kept))
-    ink = unit(theme.cursor)
+    ink = rgb_fractions(theme.cursor)
     axes.plot(places, rows, color=ink, linewidth=1.4, zorder=3.5)
     axes.scatter(
-        places, rows, s=34, facecolors=[unit(theme.background)], edgecolors=[ink], zorder=3.6
+        places,
+        rows,
+        s=34,
+        facecolors=[rgb_fractions(theme.background)],
+        edgecolors=[ink],
+        zorder=3.6,
     )
     halo: list[AbstractPathEffect] = [
-        patheffects.withStroke(linewidth=2, foreground=unit(theme.background))
+        patheffects.withStroke(linewidth=2, foreground=rgb_fractions(theme.background))
     ]
     for place, row, value in zip(places.tolist(), rows.tolist(), found, strict=True):
         if value is not None:

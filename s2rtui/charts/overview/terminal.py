@@ -6,23 +6,23 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.brush import Mark, pending, range_of
+from s2rtui.canvas.brush import Mark, mark_on_panel, mark_range
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_surface
-from s2rtui.charts.overview.lines import draw_threads
+from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_panels
+from s2rtui.charts.overview.lines import draw_lines
 from s2rtui.charts.overview.model import (
     OverviewLines,
     OverviewModel,
+    cursor_accuracies,
     overview_model,
-    own_accuracies,
 )
 from s2rtui.charts.scene import OverviewRow
-from s2rtui.charts.shared.axis_scale import step, tick_text, ticks
+from s2rtui.charts.shared.axis_scale import tick_step, tick_text, tick_values
 
 
-def overview(
+def draw_overview(
     rows: Sequence[OverviewRow],
     baseline: float | None,
     selected: int | None,
@@ -49,8 +49,8 @@ def overview(
         canvas.fill(0, y, canvas.width, 1, look.theme.highlight)
         canvas.put(0, y, look.glyphs.pointer, look.theme.text, bold=True)
     if lines is not None and layout.chart_width:
-        draw_threads(canvas, lines, model.axis, layout, look)
-    own = own_accuracies(lines) if lines is not None else []
+        draw_lines(canvas, lines, model.axis, layout, look)
+    own = cursor_accuracies(lines) if lines is not None else []
     for index in range(layout.first, layout.first + layout.shown):
         _line(canvas, model, index, layout, look, index == selected)
         if lines is not None:
@@ -203,11 +203,11 @@ def _mark(
     look: RenderOptions,
 ) -> None:
     """A range on a run's axis: highlighted ground between bold ends."""
-    panels = overview_surface(rows, baseline, selected, (canvas.width, canvas.height), lines)
-    panel = next((panel for panel in panels if pending(mark, panel.name)), None)
+    panels = overview_panels(rows, baseline, selected, (canvas.width, canvas.height), lines)
+    panel = next((panel for panel in panels if mark_on_panel(mark, panel.name)), None)
     if panel is None:
         return
-    low, high = (int(panel.to_cells(end, 0.0)[0]) for end in range_of(mark))
+    low, high = (int(panel.to_cells(end, 0.0)[0]) for end in mark_range(mark))
     canvas.fill(low, panel.y, high - low + 1, panel.height, look.theme.highlight)
     for y in range(panel.y, panel.y + panel.height):
         canvas.put(low, y, look.glyphs.scale_left, look.theme.truth, bold=True)
@@ -222,11 +222,11 @@ def _axis(
     end = layout.chart + layout.chart_width - 1
     canvas.hline(layout.chart, end, y, glyphs.horizontal, theme.faint)
     count = max(1, layout.chart_width // 8)
-    width = step(high - low, count)
+    width = tick_step(high - low, count)
     if model.baseline is not None:
         canvas.put(layout.column(model.baseline, model.axis), y, glyphs.baseline, theme.truth)
     free = layout.chart - 1
-    for tick in ticks(low, high, count):
+    for tick in tick_values(low, high, count):
         at = layout.column(tick / 100, model.axis)
         canvas.put(at, y, glyphs.tick, theme.muted)
         text = tick_text(tick, width)

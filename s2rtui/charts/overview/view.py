@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 
 from s2rstore.language.canonical_text import string
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.mark_expressions import span
+from s2rtui.charts.mark_expressions import range_expression
 from s2rtui.charts.overview import layout, terminal
 from s2rtui.charts.overview.model import OverviewLines
 from s2rtui.charts.scene import OverviewRow, Scene
@@ -54,12 +54,12 @@ class OverviewView(View):
         return rows, scene.resources.baseline, selected
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
-        lines = identity(self.lines(scene))
+        lines = identity_key(self.lines(scene))
         return *self._arguments(scene), lines, scene.mark(self.name)
 
     def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
         lines, mark = self.lines(scene), scene.mark(self.name)
-        return terminal.overview(*self._arguments(scene), size, look, lines, mark)
+        return terminal.draw_overview(*self._arguments(scene), size, look, lines, mark)
 
     def numbers(self, scene: Scene) -> Table:
         names = ("run", "sim accuracy", "sim low", "sim high", "real accuracy", "real low",
@@ -93,7 +93,7 @@ class OverviewView(View):
         return ROWS_PER_RUN * len(scene.state.runs) + 1
 
     def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return layout.overview_surface(*self._arguments(scene), size, self.lines(scene))
+        return layout.overview_panels(*self._arguments(scene), size, self.lines(scene))
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
         lines, cursor = scene.resources.lines, scene.state.cursor
@@ -109,7 +109,7 @@ class OverviewView(View):
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         side = scene.resources.lines.side if scene.resources.lines else scene.state.side
         run = "" if panel.name == scene.state.run else f"run({string(panel.name)})."
-        return span(panel, mark, f"{run}{side}.accuracy", 0.0, 1.0)
+        return range_expression(panel, mark, f"{run}{side}.accuracy", 0.0, 1.0)
 
 
 def _caption(scene: Scene, lines: OverviewLines | None) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import Bins, Bools, choose
+from s2rtui.analysis.binning import Bins, Bools, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.canvas.brush import Mark
 
@@ -75,8 +75,8 @@ def _counts(
     columns: tuple[ArrayKey, ...], number: int, selected: ArrayKey, valid: ArrayKey
 ) -> tuple[Counts, Counts]:
     """(3, number + 1) each, the last for no room."""
-    chosen = choose(np.asarray(selected.array), np.asarray(valid.array))
-    counted = joint_histogram.counts([_bins(column, number) for column in columns], chosen)
+    chosen = selection_indices(np.asarray(selected.array), np.asarray(valid.array))
+    counted = joint_histogram.joint_counts([_bins(column, number) for column in columns], chosen)
     return np.stack([lit for lit, _ in counted]), np.stack([total for _, total in counted])
 
 

@@ -8,12 +8,12 @@ from functools import partial
 import numpy as np
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.brush import Mark, Panel, Point, pending, steps_of
+from s2rtui.canvas.brush import Mark, Panel, Point, mark_on_panel, mark_rows
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.rooms.model import NAMES, RoomsInput, RoomsModel, rooms_model
-from s2rtui.charts.shared.bars import put_over, rightward
+from s2rtui.charts.shared.bars import draw_horizontal_bars, put_over_bar
 
 WIDEST = 18
 """Columns that a room's name takes at most."""
@@ -94,7 +94,7 @@ def _brief(count: int) -> str:
     return str(count) if count < 100_000 else f"{count // 1000}k"
 
 
-def rooms_surface(
+def rooms_panels(
     view: RoomsInput, size: Size, look: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """Steps "sim", "truth" and "real": y is the room's index, x a count on the bars' scale.
@@ -132,7 +132,7 @@ def _to_cells(layout: RoomsLayout, left: int, per_cell: float, x: float, y: floa
     return left + x / per_cell, row + max(1, layout.each - 1) / 2
 
 
-def rooms(view: RoomsInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_rooms(view: RoomsInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
     look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
@@ -142,10 +142,10 @@ def rooms(view: RoomsInput, size: Size, look: RenderOptions | None = None) -> Ca
         return canvas
     layout = rooms_layout(view, (canvas.width, canvas.height), model)
     _names(canvas, model, layout, look)
-    panels = rooms_surface(view, (canvas.width, canvas.height), look)
+    panels = rooms_panels(view, (canvas.width, canvas.height), look)
     colours = (look.theme.sim, look.theme.truth, look.theme.real)
     for index, (panel, colour) in enumerate(zip(panels, colours, strict=False)):
-        mark = pending(view.mark, panel.name)
+        mark = mark_on_panel(view.mark, panel.name)
         _column(canvas, panel, index, model, layout, mark, colour, look)
     return canvas
 
@@ -194,7 +194,7 @@ def _column(
     """Bars with their counts; the pending brush and the cursor's room in the gutter."""
     theme, each = look.theme, layout.each
     thick = max(1, each - 1)
-    low, high = (-1, -2) if mark is None else steps_of(mark)
+    low, high = (-1, -2) if mark is None else mark_rows(mark)
     shown = slice(layout.first, layout.first + layout.shown)
     for room in range(max(low, shown.start), min(high + 1, shown.stop)):
         row = panel.y + (room - layout.first) * each
@@ -204,7 +204,9 @@ def _column(
         np.where(inked, np.repeat(part[index, shown] / model.peak, each), 0.0)
         for part in (model.lit, model.total)
     )
-    rightward(canvas, panel.x + layout.gutter, panel.y, layout.bar, (lit, grey), colour, look)
+    draw_horizontal_bars(
+        canvas, panel.x + layout.gutter, panel.y, layout.bar, (lit, grey), colour, look
+    )
     for room in range(shown.start, shown.stop):
         middle, held = (
             panel.y + (room - layout.first) * each + (thick - 1) // 2,
@@ -220,4 +222,4 @@ def _column(
         if room == model.cursor[index]:
             beside = held and layout.gutter == 1
             at = panel.x + (1 if beside else max(0, layout.gutter - 1))
-            put_over(canvas, at, middle, look.glyphs.cursor, theme.cursor)
+            put_over_bar(canvas, at, middle, look.glyphs.cursor, theme.cursor)

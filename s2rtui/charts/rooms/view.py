@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.mark_expressions import named
+from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.rooms.model import RoomsInput, rooms_model
-from s2rtui.charts.rooms.terminal import rooms, rooms_surface
+from s2rtui.charts.rooms.terminal import draw_rooms, rooms_panels
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pixels, Table, View
 from s2rtui.session import Session
@@ -51,13 +51,13 @@ class RoomsView(View):
         return paper.rooms_figure(self.input(scene), size, theme, title, scene.caption)
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
-        return (identity(self.input(scene)),)
+        return (identity_key(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return rooms(self.input(scene), size, look)
+        return draw_rooms(self.input(scene), size, look)
 
     def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return rooms_surface(self.input(scene), size, look)
+        return rooms_panels(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
         if scene.state.cursor is None:
@@ -70,4 +70,4 @@ class RoomsView(View):
         session.choose(self.meaning(scene, panel, mark))
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        return named(mark, _FIELDS[panel.name], scene.store.instances.room_names)
+        return names_expression(mark, _FIELDS[panel.name], scene.store.instances.room_names)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 Interval = tuple[float, float]
 
 
-def finite(value: float | None) -> float | None:
+def finite_or_none(value: float | None) -> float | None:
     """The number, or None for None, NaN and infinities."""
     return float(value) if value is not None and math.isfinite(value) else None
 
@@ -22,21 +22,21 @@ def percentile_range(values: ArrayLike, low: float = 1.0, high: float = 99.0) ->
     if not array.size:
         return (0.0, 1.0)
     bottom, top = np.percentile(array, [low, high])
-    return widened(float(bottom), float(top))
+    return non_empty(float(bottom), float(top))
 
 
-def widened(low: float, high: float) -> Interval:
+def non_empty(low: float, high: float) -> Interval:
     """The interval, made non-empty where both ends coincide."""
     return (low, high) if high > low else (low, low + max(abs(low) * 1e-3, 1e-3))
 
 
-def fraction(values: ArrayLike, scale: Interval) -> NDArray[np.float64]:
+def scale_fraction(values: ArrayLike, scale: Interval) -> NDArray[np.float64]:
     """Numbers to 0 .. 1 over `scale`, clipped; NaN stays NaN."""
     low, high = scale
     return np.clip((np.asarray(values, dtype=np.float64) - low) / (high - low), 0.0, 1.0)
 
 
-def step(span: float, count: int) -> float:
+def tick_step(span: float, count: int) -> float:
     """The round step (1, 2 or 5 times a power of ten) that gives at most `count` intervals."""
     raw = max(span, 1e-12) / max(1, count)
     power = 10.0 ** math.floor(math.log10(raw))
@@ -46,18 +46,18 @@ def step(span: float, count: int) -> float:
     return 10 * power
 
 
-def ticks(low: float, high: float, count: int) -> list[float]:
+def tick_values(low: float, high: float, count: int) -> list[float]:
     """Round numbers within [low, high], at most `count` intervals apart."""
     if not (math.isfinite(low) and math.isfinite(high)) or high <= low:
         return []
-    width = step(high - low, count)
+    width = tick_step(high - low, count)
     first, last = math.ceil(low / width - 1e-9), math.floor(high / width + 1e-9)
     return [index * width for index in range(first, last + 1)]
 
 
-def short(value: float | None, digits: int = 3) -> str:
+def short_number(value: float | None, digits: int = 3) -> str:
     """A number in few characters: `digits` significant ones, no exponent where avoidable."""
-    number = finite(value)
+    number = finite_or_none(value)
     if number is None:
         return "n/a"
     if number == 0:

@@ -17,7 +17,7 @@ SOLID = 0.55
 """Grey areas are paler than grey dots, or they would outshine the lit ones."""
 
 
-def upright(
+def draw_vertical_bars(
     canvas: Canvas, x: int, y: int, rows: int, bars: Bars, colour: Rgb, look: RenderOptions
 ) -> None:
     """A bar per column upwards from the last of `rows`."""
@@ -26,7 +26,7 @@ def upright(
     _stamp(canvas, x, y, lit[None] - level, grey[None] - level, UP, level == 0, colour, look)
 
 
-def rightward(
+def draw_horizontal_bars(
     canvas: Canvas, x: int, y: int, columns: int, bars: Bars, colour: Rgb, look: RenderOptions
 ) -> None:
     """A bar per row to the right from `x`, within `columns`."""
@@ -36,7 +36,7 @@ def rightward(
     _stamp(canvas, x, y, lit, grey, RIGHT, level == 0, colour, look)
 
 
-def put_over(canvas: Canvas, x: int, y: int, glyph: str, colour: Rgb) -> None:
+def put_over_bar(canvas: Canvas, x: int, y: int, glyph: str, colour: Rgb) -> None:
     """A bold glyph; a solid bar stays as its ground."""
     solid = 0 <= x < canvas.width and 0 <= y < canvas.height and canvas.char[y, x] == "█"
     red, green, blue = canvas.fg[y, x].tolist() if solid else (0, 0, 0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from s2rtui.canvas.colour import NO_DEPTH, Pixels, depth_tint, diverging, mix, turbo
 from s2rtui.canvas.raster import resample
-from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, widened
+from s2rtui.charts.shared.axis_scale import Floats, Interval, non_empty, percentile_range
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +106,9 @@ def _heat_range(view: InstanceInput) -> Interval | None:
     else:
         low, high = min(0.0, float(values.min())), float(values.max())
     if view.signed:
-        bound = widened(0.0, max(abs(low), abs(high)))[1]
+        bound = non_empty(0.0, max(abs(low), abs(high)))[1]
         return (-bound, bound)
-    return widened(low, high)
+    return non_empty(low, high)
 
 
 def _depth_range(view: InstanceInput) -> Interval | None:

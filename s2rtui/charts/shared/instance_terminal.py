@@ -9,10 +9,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas.canvas import Canvas, InlineImage, Size
 from s2rtui.canvas.colour import DEPTH_SHADES, Pixels, depth_tint, diverging, legible, turbo
-from s2rtui.canvas.raster import picture, resample, shade
+from s2rtui.canvas.raster import draw_picture, draw_shades, resample
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.instance_model import (
     HEADINGS,
@@ -23,7 +23,7 @@ from s2rtui.charts.shared.instance_model import (
     instance_model,
     panel_pixels,
 )
-from s2rtui.charts.shared.legend import LegendPart, colour_bar, draw_rows, flow
+from s2rtui.charts.shared.legend import LegendPart, colour_bar, draw_rows, fit_rows
 
 SIGNED_RAMP = "ihgfedcba.123456789"
 """Glyphs of a signed heat, from the most negative over 0 to the most positive."""
@@ -60,7 +60,7 @@ def instance_layout(
     width, height = max(1, size[0]), max(1, size[1])
     model = instance_model(view)
     kinds = _kinds(view, model, look)
-    bars = [tuple(row) for row in flow(_bars(view, model, look, width), width)]
+    bars = [tuple(row) for row in fit_rows(_bars(view, model, look, width), width)]
     table = 1 + len(model.poses) + len(view.notes)
     title = 1 if height >= 4 else 0
     plans: tuple[tuple[list[str], list[tuple[LegendPart, ...]], int], ...] = (
@@ -121,7 +121,7 @@ def _arrange(
     return tuple(panels), top + rows * high
 
 
-def instance(view: InstanceInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_instance(view: InstanceInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
     look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
@@ -149,12 +149,12 @@ def _panel(
     elif side.rgb.size if panel.what == "rgb" else side.depth is not None:
         plain = view if look.pictures else _without_heat(view)
         pixels = partial(panel_pixels, side, panel.what, model, plain)
-        picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)), look)
+        draw_picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)), look)
         if look.fine:
             of = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
             true = partial(pixels, shades=DEPTH_SHADES)
             follows = panel.what, *of, view.over, view.signed
-            canvas.plates.append(_plate(panel, side, true, identity(follows)))
+            canvas.plates.append(_plate(panel, side, true, identity_key(follows)))
     else:
         canvas.text(
             panel.x,
@@ -188,7 +188,7 @@ def _heat_glyphs(
     low, high = model.heat_range
     colours, _ = heat_colours(heat, model.heat_range, view.signed)
     ramp = SIGNED_RAMP if view.signed else HEAT_RAMP
-    shade(
+    draw_shades(
         canvas, panel.x, panel.y, (heat - low) / (high - low), ramp, legible(colours, canvas.theme)
     )
 

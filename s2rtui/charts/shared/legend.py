@@ -13,7 +13,7 @@ from rich.cells import cell_len
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, legible, turbo
 from s2rtui.canvas.render_options import DIGITS, RenderOptions
-from s2rtui.charts.shared.axis_scale import Interval, short, step
+from s2rtui.charts.shared.axis_scale import Interval, short_number, tick_step
 
 Scale = Callable[[NDArray[np.float64]], Pixels]
 
@@ -26,7 +26,7 @@ class LegendPart:
     draw: Callable[[Canvas, int, int], None]
 
 
-def words(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
+def text_part(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
     """Coloured pieces of text, one after the other."""
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
@@ -54,7 +54,7 @@ def colour_bar(
     the bar shrinks to no less than 4, then the label goes; to no less than 2, then these names go.
     """
     small = 0.005 * max(abs(scale[0]), abs(scale[1]))
-    low, high = (short(0.0 if abs(end) < small else end, 2) for end in scale)
+    low, high = (short_number(0.0 if abs(end) < small else end, 2) for end in scale)
     first, last = ("p1 ", "p99 ") if clipped else ("", "")
     told = (
         (f"{label} {first}{low} ".lstrip(), f" {last}{high} {unit}".rstrip()),
@@ -90,11 +90,11 @@ def colour_bar(
 @lru_cache(64)
 def scale_bar(metres_per_cell: float, room: int, look: RenderOptions) -> LegendPart:
     """A bar of a round length in metres, at most `room` cells long."""
-    length = step(metres_per_cell * room, 1)
+    length = tick_step(metres_per_cell * room, 1)
     if length > metres_per_cell * room * (1 + 1e-9):
-        length = step(metres_per_cell * room / 2.5, 1)
+        length = tick_step(metres_per_cell * room / 2.5, 1)
     cells = max(2, round(length / metres_per_cell))
-    glyphs, label = look.glyphs, f" {short(length)} m"
+    glyphs, label = look.glyphs, f" {short_number(length)} m"
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
         canvas.hline(x, x + cells - 1, y, glyphs.horizontal, look.theme.text)
@@ -105,7 +105,7 @@ def scale_bar(metres_per_cell: float, room: int, look: RenderOptions) -> LegendP
     return LegendPart(cells + len(label), draw)
 
 
-def flow(parts: Sequence[LegendPart], width: int, gap: int = 2) -> list[list[LegendPart]]:
+def fit_rows(parts: Sequence[LegendPart], width: int, gap: int = 2) -> list[list[LegendPart]]:
     """Parts to rows that fit `width`; a part that fits nowhere is left out."""
     rows: list[list[LegendPart]] = []
     free = -1

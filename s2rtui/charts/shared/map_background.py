@@ -21,10 +21,10 @@ from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, sample
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Pixels, Theme, legible, luma, mix, turbo
-from s2rtui.canvas.raster import braille, dot_grid, half_blocks, segment_dots, shade
-from s2rtui.canvas.raster import ground as prepare
+from s2rtui.canvas.raster import dot_grid, draw_braille, draw_half_blocks, draw_shades, segment_dots
+from s2rtui.canvas.raster import flatten_half_blocks as prepare
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.shared.axis_scale import Floats, Interval, fraction, percentile_range
+from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 
 FLOOR_RAMPS = {True: "  ..::", False: "   ░░"}
 HEAT_RAMPS = {True: "-=+*#%", False: "▒▓█"}
@@ -33,7 +33,7 @@ FAINT = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ground:
+class MapBackground:
     """What lies under the points of a map.
 
     floor_plan: (H, W, 3) uint8 over `bounds`, its first row drawn at the top. heat and clip:
@@ -50,20 +50,22 @@ class Ground:
     rooms: tuple[Room, ...] = ()
 
 
-def draw_ground(canvas: Canvas, ground: Ground, frame: MapFrame, look: RenderOptions) -> None:
+def draw_background(
+    canvas: Canvas, ground: MapBackground, frame: MapFrame, look: RenderOptions
+) -> None:
     """Half blocks; where those lack light glyphs for the floor and dense ones for heat.
 
     What was not seen is dimmed, or has no glyphs. Rooms have dotted outlines.
     """
     if ground.floor_plan is not None or ground.heat is not None:
         if look.fine:
-            half_blocks(canvas, 0, 0, ground_layer(ground, frame, look.theme))
+            draw_half_blocks(canvas, 0, 0, background_layer(ground, frame, look.theme))
         else:
             _glyphs(canvas, ground, frame, look)
     _outlines(canvas, ground.rooms, frame, look)
 
 
-def _glyphs(canvas: Canvas, ground: Ground, frame: MapFrame, look: RenderOptions) -> None:
+def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame, look: RenderOptions) -> None:
     seen = seen_layer(ground, frame)
     hidden = None if seen is None else _paired(seen) < 0.5
     floor = floor_layer(ground, frame)
@@ -72,13 +74,13 @@ def _glyphs(canvas: Canvas, ground: Ground, frame: MapFrame, look: RenderOptions
         bright = luma(floor) if look.theme.dark else 1 - luma(floor)
         colours = mix(np.array(look.theme.background), np.nan_to_num(floor), 0.6)
         levels = bright if hidden is None else np.where(hidden, np.nan, bright)
-        shade(canvas, 0, 0, levels, FLOOR_RAMPS[look.ascii], colours)
+        draw_shades(canvas, 0, 0, levels, FLOOR_RAMPS[look.ascii], colours)
     heat = heat_layer(ground, frame)
     if heat is not None:
         levels = _paired(heat)
         shown = levels > FAINT if hidden is None else (levels > FAINT) & ~hidden
         colours = legible(turbo(levels), look.theme)
-        shade(canvas, 0, 0, np.where(shown, levels, np.nan), HEAT_RAMPS[look.ascii], colours)
+        draw_shades(canvas, 0, 0, np.where(shown, levels, np.nan), HEAT_RAMPS[look.ascii], colours)
 
 
 def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -107,10 +109,12 @@ def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: Rend
                 continue
             columns, rows = segment_dots(u0, v0, u1, v1)
             dots |= dot_grid(columns[::3], rows[::3], canvas.width, canvas.height)
-    braille(canvas, 0, 0, dots, np.array(look.theme.muted, dtype=np.uint8))
+    draw_braille(canvas, 0, 0, dots, np.array(look.theme.muted, dtype=np.uint8))
 
 
-def draw_names(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: RenderOptions) -> None:
+def draw_room_names(
+    canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: RenderOptions
+) -> None:
     """Each name once, in the middle of its room, where it fits."""
     named: set[str] = set()
     for room in rooms:
@@ -130,7 +134,7 @@ def draw_names(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: Ren
 
 
 @lru_cache(maxsize=4)
-def floor_plan(path: str) -> Pixels:
+def floor_plan_pixels(path: str) -> Pixels:
     """The floor plan's picture, (H, W, 3); RequestError where it cannot be decoded."""
     from PIL import Image
 
@@ -149,7 +153,7 @@ DIMMED = 0.78
 """How far what was not seen goes towards the background."""
 
 
-def heat_scale(ground: Ground) -> Interval | None:
+def heat_scale(ground: MapBackground) -> Interval | None:
     """The heat's range: the given one, or 0 (where nothing is negative) to the 99th percentile."""
     found = _heat_scale(ArrayKey(ground.heat)) if ground.heat is not None else None
     return ground.heat_range or found if found else None
@@ -164,7 +168,7 @@ def _heat_scale(heat: ArrayKey) -> Interval | None:
     return (0.0, high) if low >= 0 and high > 0 else (low, high)
 
 
-def ground_layer(ground: Ground, frame: MapFrame, theme: Theme) -> Pixels:
+def background_layer(ground: MapBackground, frame: MapFrame, theme: Theme) -> Pixels:
     """(height, width, 3), read-only: the floor plan paled, heat on it, the unseen dimmed.
 
     Kept for the last few frames: the arrays are taken as never changed in place.
@@ -187,7 +191,7 @@ def _ground(
     picture: Any = plan.array
     values: Any = heat.array
     seen_at: Any = clip.array
-    ground = Ground(bounds, y_down, picture, values, scale, seen_at)
+    ground = MapBackground(bounds, y_down, picture, values, scale, seen_at)
     layer = _floor(ground, frame, theme)
     shares = heat_layer(ground, frame)
     if shares is not None:
@@ -200,7 +204,7 @@ def _ground(
     return layer
 
 
-def _floor(ground: Ground, frame: MapFrame, theme: Theme) -> Pixels:
+def _floor(ground: MapBackground, frame: MapFrame, theme: Theme) -> Pixels:
     base = np.empty((frame.height, frame.width, 3), dtype=np.uint8)
     base[:] = theme.background
     floor = floor_layer(ground, frame)
@@ -214,22 +218,22 @@ def _floor(ground: Ground, frame: MapFrame, theme: Theme) -> Pixels:
     return np.where(seen[..., None], paled, base).astype(np.uint8)
 
 
-def floor_layer(ground: Ground, frame: MapFrame) -> Layer | None:
+def floor_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
     """The floor plan's colours (height, width, 3), NaN outside of it."""
     if ground.floor_plan is None or _empty(ground.bounds):
         return None
     return _sampled(ArrayKey(ground.floor_plan), ground.bounds, frame, ground.y_down)
 
 
-def heat_layer(ground: Ground, frame: MapFrame) -> Layer | None:
+def heat_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
     """The heat as fractions of its scale (height, width), NaN where nothing is."""
     scale = heat_scale(ground)
     if scale is None or _empty(ground.bounds):
         return None
-    return fraction(_sampled(ArrayKey(ground.heat), ground.bounds, frame, True), scale)
+    return scale_fraction(_sampled(ArrayKey(ground.heat), ground.bounds, frame, True), scale)
 
 
-def seen_layer(ground: Ground, frame: MapFrame) -> Layer | None:
+def seen_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
     """The share of each pixel (height, width) that was seen, 0 .. 1; None without a clip."""
     if ground.clip is None or _empty(ground.bounds):
         return None

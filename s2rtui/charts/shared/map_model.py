@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from s2rstore.reader import Store
 from s2rstore.records import Bounds, Room, Side
-from s2rtui.analysis.binning import Bools, Chosen, choose, count
+from s2rtui.analysis.binning import Bools, SelectionIndices, count_selected, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas.brush import Mark
 from s2rtui.canvas.colour import Pixels
-from s2rtui.charts.shared.axis_scale import Floats, Interval, fraction, percentile_range
-from s2rtui.charts.shared.map_background import Ground, heat_scale
-from s2rtui.charts.shared.points import cells, stacked_points, truth_points
+from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
+from s2rtui.charts.shared.map_background import MapBackground, heat_scale
+from s2rtui.charts.shared.points import point_cells, stacked_points, true_positions
 from s2rtui.session.heatmaps import unit
 from s2rtui.session.state import HeatChoice, MapMode, State
 
@@ -32,13 +32,13 @@ class LivePose:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GeoMapInput:
+class MapInput:
     """The map of one run.
 
     truth, sim, real: (N, 2) metres. values: (N,) what mode "colour" shows, NaN for none;
     `value_label` and `value_unit` name it, `value_range` fixes its scale (default: the 1st ..
     99th percentile of the valid). selected, valid: (N,) bool; cursor: an iid. headings, (N,)
-    radians: the truth's. floor_plan, heat, clip: see `Ground`. Columns are taken as never changed
+    radians: the truth's. floor_plan, heat, clip: see `MapBackground`. Columns are taken as never changed
     in place: what is worked out of them is kept for as long as the same arrays are given. `live`
     are predictions for the cursor that no column has.
     """
@@ -71,9 +71,9 @@ class GeoMapInput:
     live: tuple[LivePose, ...] = ()
 
     @property
-    def ground(self) -> Ground:
+    def ground(self) -> MapBackground:
         rooms = self.rooms if self.room_names else ()
-        return Ground(
+        return MapBackground(
             self.bounds,
             self.y_down,
             self.floor_plan,
@@ -85,10 +85,10 @@ class GeoMapInput:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GeoMapModel:
+class MapModel:
     """lit: how many are selected and valid; others: valid but not selected. cursor: valid."""
 
-    chosen: Chosen
+    chosen: SelectionIndices
     lit: int
     others: int
     cursor: int | None
@@ -96,23 +96,23 @@ class GeoMapModel:
     heat_range: Interval | None
 
 
-def geomap_model(view: GeoMapInput) -> GeoMapModel:
+def map_model(view: MapInput) -> MapModel:
     """What is drawn, and the scales."""
     valid: Bools = np.asarray(view.valid, dtype=np.bool_)
-    chosen = choose(np.asarray(view.selected, dtype=np.bool_), valid)
-    lit, others = sizes(chosen)
+    chosen = selection_indices(np.asarray(view.selected, dtype=np.bool_), valid)
+    lit, others = selection_sizes(chosen)
     scale = view.value_range or value_range(view.values, valid)
-    cursor = cursor_of(view.cursor, valid)
-    return GeoMapModel(chosen, lit, others, cursor, scale, heat_scale(view.ground))
+    cursor = valid_cursor(view.cursor, valid)
+    return MapModel(chosen, lit, others, cursor, scale, heat_scale(view.ground))
 
 
-def sizes(chosen: Chosen) -> tuple[int, int]:
+def selection_sizes(chosen: SelectionIndices) -> tuple[int, int]:
     """How many of the base are selected, and how many are not."""
     few, base = len(chosen.few), int(np.count_nonzero(chosen.base))
     return (base - few, few) if chosen.inverted else (few, base - few)
 
 
-def cursor_of(cursor: int | None, valid: Bools) -> int | None:
+def valid_cursor(cursor: int | None, valid: Bools) -> int | None:
     """The cursor where it is a valid iid."""
     if cursor is None or not 0 <= cursor < valid.size or not valid[cursor]:
         return None
@@ -129,18 +129,20 @@ def _value_range(values: ArrayKey, valid: ArrayKey) -> Interval:
     return percentile_range(np.asarray(values.array)[np.asarray(valid.array)])
 
 
-def by_value(view: GeoMapInput, model: GeoMapModel) -> tuple[NDArray[np.intp], Floats]:
+def sorted_by_value(view: MapInput, model: MapModel) -> tuple[NDArray[np.intp], Floats]:
     """The selected iids, the largest value last (drawn on top), and their places on the scale."""
     ids = model.chosen.members
-    shares = fraction(np.asarray(view.values)[ids], model.value_range)
+    shares = scale_fraction(np.asarray(view.values)[ids], model.value_range)
     ordered = np.argsort(np.nan_to_num(shares, nan=-1.0), kind="stable")
     return ids[ordered], shares[ordered]
 
 
-def in_frame(truth: Floats, chosen: Chosen, frame: MapFrame, limit: int) -> NDArray[np.intp] | None:
+def selected_in_frame(
+    truth: Floats, chosen: SelectionIndices, frame: MapFrame, limit: int
+) -> NDArray[np.intp] | None:
     """The selected iids that lie in the frame; None where they are more than `limit`."""
-    places = cells(truth, frame)
-    if int(count(places, chosen)[0].sum()) > limit:
+    places = point_cells(truth, frame)
+    if int(count_selected(places, chosen)[0].sum()) > limit:
         return None
     ids = chosen.members
     return ids[places.codes[ids] < places.count]
@@ -166,13 +168,13 @@ def map_input(
     seen: Floats | None = None,
     mark: Mark | None = None,
     heat_note: str = "",
-) -> GeoMapInput:
+) -> MapInput:
     """The map of the state's run; `heat_note` says of whom the heat is."""
     truth, columns = store.instances, store.run_columns(state.run)
     choice = state.heat
     shown = heat is not None and choice is not None
-    return GeoMapInput(
-        truth=truth_points(store),
+    return MapInput(
+        truth=true_positions(store),
         sim=stacked_points(columns.sim.x, columns.sim.y),
         real=stacked_points(columns.real.x, columns.real.y),
         values=columns.shift,

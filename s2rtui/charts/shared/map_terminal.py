@@ -10,36 +10,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
-from s2rtui.analysis.binning import Chosen
-from s2rtui.analysis.map_frame import MapFrame, fit
+from s2rtui.analysis.binning import SelectionIndices
+from s2rtui.analysis.map_frame import MapFrame, fit_frame
 from s2rtui.canvas.brush import Mark, Panel, Point, draw_mark
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb, legible, turbo
-from s2rtui.canvas.raster import braille, braille_bits, ground
+from s2rtui.canvas.raster import braille_bits, draw_braille, flatten_half_blocks
 from s2rtui.canvas.render_options import RenderOptions, heading_arrow
-from s2rtui.charts.shared.axis_scale import Floats, step, tick_text, ticks
+from s2rtui.charts.shared.axis_scale import Floats, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.legend import (
     LegendPart,
     colour_bar,
     draw_rows,
-    flow,
+    fit_rows,
     ramp_for_values,
     scale_bar,
-    words,
+    text_part,
 )
-from s2rtui.charts.shared.map_background import HEAT_RAMPS, Ground, draw_ground, draw_names
-from s2rtui.charts.shared.map_model import GeoMapInput, GeoMapModel, default_view, geomap_model
-from s2rtui.charts.shared.points import level_shares, other_dots, top_levels
+from s2rtui.charts.shared.map_background import (
+    HEAT_RAMPS,
+    MapBackground,
+    draw_background,
+    draw_room_names,
+)
+from s2rtui.charts.shared.map_model import MapInput, MapModel, default_view, map_model
+from s2rtui.charts.shared.points import highest_levels, level_shares, unselected_dots
 
 Places = NDArray[np.intp]
 Legend = Callable[[MapFrame, int], list[LegendPart]]
 """The parts of a legend for a frame, each within a width."""
-ModeLegend = Callable[[GeoMapInput, GeoMapModel, RenderOptions, int], list[LegendPart]]
+ModeLegend = Callable[[MapInput, MapModel, RenderOptions, int], list[LegendPart]]
 """The legend parts that explain the selected points of a map, within a width."""
 
 
 @dataclass(frozen=True, slots=True)
-class GeoMapLayout:
+class MapLayout:
     """The map's rectangle in cells, its frame in the world, and the legend's rows under it."""
 
     x: int
@@ -57,25 +62,25 @@ class PointMap(Protocol):
     @property
     def truth(self) -> Floats: ...
     @property
-    def ground(self) -> Ground: ...
+    def ground(self) -> MapBackground: ...
     @property
     def mark(self) -> Mark | None: ...
 
 
-def map_layout(area: Bounds, y_down: bool, size: Size, legend: Legend) -> GeoMapLayout:
+def layout_of_area(area: Bounds, y_down: bool, size: Size, legend: Legend) -> MapLayout:
     """The place of a map of `area`; larger views have axes and up to two rows of legend."""
     width, height = max(1, size[0]), max(1, size[1])
     axes = width >= 40 and height >= 12
     left, below = (4, 1) if axes else (0, 0)
     inner = max(1, width - left)
-    rough = fit(area, inner, 2 * height, y_down)
-    rows = flow(legend(rough, inner), inner)[: 0 if height < 6 else 1 if height < 18 else 2]
+    rough = fit_frame(area, inner, 2 * height, y_down)
+    rows = fit_rows(legend(rough, inner), inner)[: 0 if height < 6 else 1 if height < 18 else 2]
     rows_high = max(1, height - below - len(rows))
-    frame = fit(area, inner, 2 * rows_high, y_down)
-    return GeoMapLayout(left, 0, inner, rows_high, frame, axes, tuple(tuple(row) for row in rows))
+    frame = fit_frame(area, inner, 2 * rows_high, y_down)
+    return MapLayout(left, 0, inner, rows_high, frame, axes, tuple(tuple(row) for row in rows))
 
 
-def map_panel(layout: GeoMapLayout) -> Panel:
+def map_panel(layout: MapLayout) -> Panel:
     """The map as a plane of metres."""
     frame = layout.frame
 
@@ -90,16 +95,16 @@ def map_panel(layout: GeoMapLayout) -> Panel:
     return Panel("map", "plane", *place, to_data, to_cells)
 
 
-def draw_axes(canvas: Canvas, layout: GeoMapLayout, look: RenderOptions) -> None:
+def draw_axes(canvas: Canvas, layout: MapLayout, look: RenderOptions) -> None:
     """Ticks in metres along the left and the lower edge."""
     theme, frame = look.theme, layout.frame
     extent, bottom = frame.extent, layout.height
     count = max(2, layout.width // 12)
-    width = step(extent.width, count)
+    width = tick_step(extent.width, count)
     canvas.text(0, 0, "y m", theme.muted)
     name = "x m"
     free, stop = layout.x, canvas.width - len(name) - 1
-    for tick in ticks(extent.x0, extent.x1, count):
+    for tick in tick_values(extent.x0, extent.x1, count):
         column = layout.x + int(frame.to_cells([[tick, frame.y0]])[0, 0])
         text = tick_text(tick, width)
         start = column - len(text) // 2
@@ -107,8 +112,8 @@ def draw_axes(canvas: Canvas, layout: GeoMapLayout, look: RenderOptions) -> None
             free = canvas.text(start, bottom, text, theme.muted) + 1
     canvas.text(canvas.width - len(name), bottom, name, theme.muted)
     count = max(2, layout.height // 5)
-    width = step(extent.height, count)
-    for tick in ticks(extent.y0, extent.y1, count):
+    width = tick_step(extent.height, count)
+    for tick in tick_values(extent.y0, extent.y1, count):
         row = int(frame.to_cells([[frame.x0, tick]])[0, 1])
         if 1 <= row < bottom:
             canvas.text(layout.x - 1, row, tick_text(tick, width)[:4], theme.muted, align="right")
@@ -119,31 +124,31 @@ def draw_dots(
 ) -> None:
     """Braille dots (4 rows, 2 columns per cell); in ASCII one glyph, by default a faint one."""
     if not look.ascii:
-        braille(canvas, 0, 0, grid, np.array(colour, dtype=np.uint8))
+        draw_braille(canvas, 0, 0, grid, np.array(colour, dtype=np.uint8))
         return
     rows, columns = np.nonzero(braille_bits(grid))
-    stamp(canvas, columns, rows, glyph or look.glyphs.unselected, colour, bold=False)
+    put_glyphs(canvas, columns, rows, glyph or look.glyphs.unselected, colour, bold=False)
 
 
-def stamp(
+def put_glyphs(
     canvas: Canvas, columns: Places, rows: Places, glyph: str, colour: Rgb, bold: bool = True
 ) -> None:
     """A glyph in each of some cells."""
-    ground(canvas, columns, rows)
+    flatten_half_blocks(canvas, columns, rows)
     canvas.char[rows, columns] = glyph
     canvas.bold[rows, columns] = bold
     canvas.fg[rows, columns] = colour
 
 
 def draw_values(
-    canvas: Canvas, view: GeoMapInput, model: GeoMapModel, frame: MapFrame, look: RenderOptions
+    canvas: Canvas, view: MapInput, model: MapModel, frame: MapFrame, look: RenderOptions
 ) -> None:
     """The selected coloured by value, the largest of a cell on top; digits where colours lack."""
-    top = top_levels(view.truth, view.values, model.value_range, model.chosen, frame)
+    top = highest_levels(view.truth, view.values, model.value_range, model.chosen, frame)
     rows, columns = np.nonzero(top >= 0)
     shares = level_shares(top[rows, columns])
     known = np.isfinite(shares)
-    stamp(canvas, columns, rows, look.glyphs.selected, look.theme.text)
+    put_glyphs(canvas, columns, rows, look.glyphs.selected, look.theme.text)
     if (digits := ramp_for_values(look)) is not None:
         steps = np.clip(np.nan_to_num(shares) * len(digits), 0, len(digits) - 1).astype(np.intp)
         canvas.char[rows, columns] = np.where(known, np.array(list(digits))[steps], "?")
@@ -168,23 +173,23 @@ def draw_pose(
     if column >= canvas.width or row >= canvas.height:
         return
     one = np.array([column]), np.array([row])
-    stamp(canvas, *one, glyph, colour)
+    put_glyphs(canvas, *one, glyph, colour)
     if headings is not None and np.isfinite(headings[iid]):
         arrow, across, down = heading_arrow(float(headings[iid]), frame.y_down, look.glyphs)
         column, row = column + across, row + down
         if 0 <= column < canvas.width and 0 <= row < canvas.height:
-            stamp(canvas, np.array([column]), np.array([row]), arrow, colour)
+            put_glyphs(canvas, np.array([column]), np.array([row]), arrow, colour)
 
 
-def point_map_layout(
-    view: GeoMapInput,
-    model: GeoMapModel,
+def layout_of_points(
+    view: MapInput,
+    model: MapModel,
     size: Size,
     viewport: Bounds | None,
     look: RenderOptions,
     mode_legend: ModeLegend | None = None,
     notes: Sequence[LegendPart] = (),
-) -> GeoMapLayout:
+) -> MapLayout:
     """Lay out a map whose selected points `mode_legend` explains (default: `value_legend`).
 
     `viewport` is a world rectangle, by default the bounds. `notes` close the legend.
@@ -201,11 +206,11 @@ def point_map_layout(
         return parts + map_legend(frame, width, model.others, view.clip is not None, look, notes)
 
     area = viewport or default_view(view.bounds, view.truth, view.valid)
-    return map_layout(area, view.y_down, size, legend)
+    return layout_of_area(area, view.y_down, size, legend)
 
 
 def value_legend(
-    view: GeoMapInput, model: GeoMapModel, look: RenderOptions, width: int
+    view: MapInput, model: MapModel, look: RenderOptions, width: int
 ) -> list[LegendPart]:
     """The colour bar of the points' values."""
     ramp, length = ramp_for_values(look), 12 if width >= 50 else 8
@@ -227,18 +232,18 @@ def map_legend(
     parts = [scale_bar(frame.pitch, max(4, width // 6), look)]
     if others:
         grey = "⠿" if not look.ascii else look.glyphs.unselected
-        parts.append(words(((f"{grey} ", theme.unselected), ("not selected", theme.muted))))
+        parts.append(text_part(((f"{grey} ", theme.unselected), ("not selected", theme.muted))))
     parts += notes
     if clipped:
         how = "dim" if look.fine else "blank"
-        parts.append(words(((f"{how}: not seen", theme.muted),)))
+        parts.append(text_part(((f"{how}: not seen", theme.muted),)))
     return parts
 
 
 def draw_point_map(
     view: PointMap,
-    chosen: Chosen,
-    layout: GeoMapLayout,
+    chosen: SelectionIndices,
+    layout: MapLayout,
     size: Size,
     look: RenderOptions,
     draw_selected: Callable[[Canvas], None],
@@ -246,10 +251,10 @@ def draw_point_map(
     """A map in `size` (columns, rows): floor, unselected points and rooms, then the selected."""
     canvas = Canvas(*size, theme=look.theme)
     chart = Canvas(layout.width, layout.height, look.theme)
-    draw_ground(chart, view.ground, layout.frame, look)
-    dots = other_dots(view.truth, chosen, layout.frame)
+    draw_background(chart, view.ground, layout.frame, look)
+    dots = unselected_dots(view.truth, chosen, layout.frame)
     draw_dots(chart, dots, look.theme.unselected, look)
-    draw_names(chart, view.ground.rooms, layout.frame, look)
+    draw_room_names(chart, view.ground.rooms, layout.frame, look)
     draw_selected(chart)
     canvas.paste(chart, layout.x, layout.y)
     if layout.axes:
@@ -260,11 +265,11 @@ def draw_point_map(
 
 
 def draw_value_map(
-    view: GeoMapInput, size: Size, look: RenderOptions, viewport: Bounds | None
+    view: MapInput, size: Size, look: RenderOptions, viewport: Bounds | None
 ) -> Canvas:
     """A map in `size` whose selected points are coloured by their values."""
-    model = geomap_model(view)
-    layout = point_map_layout(view, model, size, viewport, look)
+    model = map_model(view)
+    layout = layout_of_points(view, model, size, viewport, look)
 
     def draw_selected(chart: Canvas) -> None:
         draw_values(chart, view, model, layout.frame, look)
@@ -274,7 +279,7 @@ def draw_value_map(
 
 
 def draw_cursor(
-    canvas: Canvas, view: GeoMapInput, cursor: int | None, frame: MapFrame, look: RenderOptions
+    canvas: Canvas, view: MapInput, cursor: int | None, frame: MapFrame, look: RenderOptions
 ) -> None:
     """The true pose of the cursor's instance."""
     if cursor is not None:

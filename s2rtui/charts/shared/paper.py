@@ -18,19 +18,19 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas.colour import LIGHT, Rgb, Theme
-from s2rtui.charts.shared.axis_scale import ticks
+from s2rtui.charts.shared.axis_scale import tick_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Form = Literal["png", "svg", "pdf"]
+FileFormat = Literal["png", "svg", "pdf"]
 Pixels = tuple[int, int]
 Box = tuple[float, float, float, float]
 SMALLEST_DPI = 72.0
 LETTER = 0.56 / 72
 """Inches that a letter takes per point of its size, on average."""
-NOTHING_ELSE: dict[Form, dict[str, None]] = {
+EMPTY_METADATA: dict[FileFormat, dict[str, None]] = {
     "png": {"Software": None},
     "svg": {"Date": None, "Creator": None},
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
@@ -40,12 +40,12 @@ _SETTINGS = {
     "font.family": "DejaVu Sans", "savefig.bbox": None, "path.simplify": True,
     "svg.hashsalt": "s2r", "svg.fonttype": "path", "pdf.fonttype": 42,
 }  # fmt: skip
-_form: ContextVar[Form] = ContextVar("form", default="png")
+_form: ContextVar[FileFormat] = ContextVar("form", default="png")
 _type_size: ContextVar[float] = ContextVar("type_size", default=1.0)
 
 
 @contextmanager
-def written_as(form: Form = "png", type_size: float = 1.0) -> Iterator[None]:
+def figure_format(form: FileFormat = "png", type_size: float = 1.0) -> Iterator[None]:
     """Figures inside are files of this form, their type and lines so many times as large."""
     before = _form.set(form), _type_size.set(type_size)
     try:
@@ -82,7 +82,7 @@ class Page:
         return left / wide, bottom / high, max(width / wide, 1e-3), max(height / high, 1e-3)
 
 
-def page_of(size: Pixels, theme: Theme) -> Page:
+def make_page(size: Pixels, theme: Theme) -> Page:
     """The page; sizes outside 16 .. 20000 pixels are refused by name."""
     width, height = size
     if not (16 <= width <= 20000 and 16 <= height <= 20000):
@@ -100,12 +100,14 @@ def new_figure(page: Page) -> Figure:
     from matplotlib.figure import Figure
 
     rcParams["text.parse_math"] = False
-    figure = Figure(figsize=page.inches, dpi=page.dpi, facecolor=unit(page.theme.background))
+    figure = Figure(
+        figsize=page.inches, dpi=page.dpi, facecolor=rgb_fractions(page.theme.background)
+    )
     FigureCanvasAgg(figure)
     return figure
 
 
-def written(figure: Figure, page: Page) -> bytes:
+def figure_bytes(figure: Figure, page: Page) -> bytes:
     """The file, by default a PNG, of exactly the page's size; no dates, no version."""
     from matplotlib import rc_context
 
@@ -113,32 +115,32 @@ def written(figure: Figure, page: Page) -> bytes:
     figure.set_size_inches((page.width + 0.01) / page.dpi, (page.height + 0.01) / page.dpi)
     stream = BytesIO()
     with rc_context(_SETTINGS):
-        figure.savefig(stream, format=form, dpi=page.dpi, metadata=NOTHING_ELSE[form])
+        figure.savefig(stream, format=form, dpi=page.dpi, metadata=EMPTY_METADATA[form])
     return stream.getvalue()
 
 
-def unit(colour: Rgb) -> tuple[float, float, float]:
+def rgb_fractions(colour: Rgb) -> tuple[float, float, float]:
     """uint8 RGB to matplotlib's 0 .. 1."""
     return colour[0] / 255, colour[1] / 255, colour[2] / 255
 
 
-def dress(axes: Axes, theme: Theme, grid: bool = False) -> None:
+def style_axes(axes: Axes, theme: Theme, grid: bool = False) -> None:
     """Quiet spines and ticks in the theme's colours."""
-    axes.set_facecolor(unit(theme.background))
+    axes.set_facecolor(rgb_fractions(theme.background))
     for side, spine in axes.spines.items():
         spine.set_visible(side in ("left", "bottom"))
-        spine.set_color(unit(theme.faint))
+        spine.set_color(rgb_fractions(theme.faint))
         spine.set_linewidth(0.8)
-    axes.tick_params(colors=unit(theme.muted), labelsize=8, width=0.8, length=3)
+    axes.tick_params(colors=rgb_fractions(theme.muted), labelsize=8, width=0.8, length=3)
     for label in (axes.xaxis.label, axes.yaxis.label):
-        label.set_color(unit(theme.muted))
+        label.set_color(rgb_fractions(theme.muted))
         label.set_fontsize(9)
     if grid:
-        axes.grid(True, axis="x", color=unit(theme.faint), linewidth=0.6)
+        axes.grid(True, axis="x", color=rgb_fractions(theme.faint), linewidth=0.6)
         axes.set_axisbelow(True)
 
 
-def heading(figure: Figure, page: Page, title: str, subtitle: str = "") -> float:
+def draw_heading(figure: Figure, page: Page, title: str, subtitle: str = "") -> float:
     """Title and subtitle at the upper left; returns the inches left under them.
 
     What does not fit is broken, the title into two lines, the subtitle into three, and then cut.
@@ -153,22 +155,22 @@ def heading(figure: Figure, page: Page, title: str, subtitle: str = "") -> float
             x, top = 0.25 / page.inches[0], y / page.inches[1]
             label = figure.text(x, top, line, ha="left", va="top", fontsize=size)
             label.set_fontweight(weight)
-            label.set_color(unit(colour))
+            label.set_color(rgb_fractions(colour))
             y -= drop
     return max(0.2, y - 0.1)
 
 
-def broken(label: str) -> str:
+def wrapped_label(label: str) -> str:
     """A scale's label in lines that fit beside a map."""
     return "\n".join(textwrap.wrap(label, 23, break_long_words=False)) or label
 
 
-def colour_scale(
+def draw_colour_bar(
     figure: Figure, page: Page, box: Box, scale: tuple[float, float], label: str, colours: Any
 ) -> None:
     """A vertical colour bar in `box` with its label above and its ticks at the right.
 
-    The label may take several lines; see `broken`.
+    The label may take several lines; see `wrapped_label`.
     """
     axes = figure.add_axes(box)
     ramp = np.linspace(0, 1, 256)[:, None]
@@ -181,9 +183,9 @@ def colour_scale(
     )
     axes.set_xticks([])
     axes.yaxis.tick_right()
-    axes.set_yticks(ticks(*scale, max(2, int(box[3] * page.inches[1] / 0.27))))
-    axes.tick_params(colors=unit(page.theme.muted), labelsize=8, width=0.8, length=3)
+    axes.set_yticks(tick_values(*scale, max(2, int(box[3] * page.inches[1] / 0.27))))
+    axes.tick_params(colors=rgb_fractions(page.theme.muted), labelsize=8, width=0.8, length=3)
     for spine in axes.spines.values():
         spine.set_visible(False)
     title = axes.set_title(label, loc="left", fontsize=9, pad=6)
-    title.set_color(unit(page.theme.text))
+    title.set_color(rgb_fractions(page.theme.text))

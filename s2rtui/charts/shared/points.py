@@ -9,22 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
-from s2rtui.analysis.binning import Bins, Chosen, Codes, count, occupied
+from s2rtui.analysis.binning import Bins, Codes, SelectionIndices, count_selected, occupied_bins
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.charts.shared.axis_scale import Floats, Interval, fraction
+from s2rtui.charts.shared.axis_scale import Floats, Interval, scale_fraction
 
 PIECE = 1 << 15
 LEVELS = 60
 """Steps of a value's scale; a multiple of ten, so that digits are exact."""
 
 
-def cells(points: Floats, frame: MapFrame) -> Bins:
+def point_cells(points: Floats, frame: MapFrame) -> Bins:
     """Cell of each point (N, 2), row by row; in no bin outside the frame."""
     return _cells(ArrayKey(points), frame)
 
 
-def dots(points: Floats, frame: MapFrame) -> Bins:
+def point_dots(points: Floats, frame: MapFrame) -> Bins:
     """Braille dot of each point (N, 2), row by row over (4 rows, 2 columns) per cell."""
     return _dots(ArrayKey(points), frame)
 
@@ -58,18 +58,18 @@ def _dots(points: ArrayKey, frame: MapFrame) -> Bins:
     return Bins(codes, size)
 
 
-def lit_cells(points: Floats, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
+def selected_cells(points: Floats, chosen: SelectionIndices, frame: MapFrame) -> NDArray[np.bool_]:
     """(rows, columns), read-only: where a selected point lies."""
     return _lit_cells(ArrayKey(points), chosen, frame)
 
 
-def other_dots(points: Floats, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
+def unselected_dots(points: Floats, chosen: SelectionIndices, frame: MapFrame) -> NDArray[np.bool_]:
     """(4 rows, 2 columns), read-only: where a point of the base lies that is not selected."""
     return _other_dots(ArrayKey(points), chosen, frame)
 
 
-def top_levels(
-    points: Floats, values: Floats, scale: Interval, chosen: Chosen, frame: MapFrame
+def highest_levels(
+    points: Floats, values: Floats, scale: Interval, chosen: SelectionIndices, frame: MapFrame
 ) -> NDArray[np.intp]:
     """(rows, columns), read-only: the largest value of the selected in each cell.
 
@@ -79,15 +79,17 @@ def top_levels(
 
 
 @cached_by_identity(6)
-def _lit_cells(points: ArrayKey, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
-    lit = (count(_cells(points, frame), chosen)[0] > 0).reshape(frame.height // 2, frame.width)
+def _lit_cells(points: ArrayKey, chosen: SelectionIndices, frame: MapFrame) -> NDArray[np.bool_]:
+    lit = (count_selected(_cells(points, frame), chosen)[0] > 0).reshape(
+        frame.height // 2, frame.width
+    )
     lit.setflags(write=False)
     return lit
 
 
 @cached_by_identity(4)
-def _other_dots(points: ArrayKey, chosen: Chosen, frame: MapFrame) -> NDArray[np.bool_]:
-    lit, total = count(_dots(points, frame), chosen)
+def _other_dots(points: ArrayKey, chosen: SelectionIndices, frame: MapFrame) -> NDArray[np.bool_]:
+    lit, total = count_selected(_dots(points, frame), chosen)
     others = (total > lit).reshape(frame.height // 2 * 4, frame.width * 2)
     others.setflags(write=False)
     return others
@@ -95,10 +97,10 @@ def _other_dots(points: ArrayKey, chosen: Chosen, frame: MapFrame) -> NDArray[np
 
 @cached_by_identity(4)
 def _top_levels(
-    points: ArrayKey, values: ArrayKey, scale: Interval, chosen: Chosen, frame: MapFrame
+    points: ArrayKey, values: ArrayKey, scale: Interval, chosen: SelectionIndices, frame: MapFrame
 ) -> NDArray[np.intp]:
     found = _tinted(points, values, scale, frame)
-    lit, _ = count(found.codes, chosen)
+    lit, _ = count_selected(found.codes, chosen)
     top = np.full(frame.height // 2 * frame.width, -1, dtype=np.intp)
     if len(found.cell):
         shown = np.where(lit > 0, found.level, np.int8(-1))
@@ -126,14 +128,14 @@ def _tinted(points: ArrayKey, values: ArrayKey, scale: Interval, frame: MapFrame
     steps = np.uint32(LEVELS + 1)
     wide = places.codes.astype(np.uint32) * steps + _levels(values, scale)
     np.minimum(wide, places.count * steps, out=wide)
-    codes, numbers = occupied(Bins(wide, places.count * int(steps)))
+    codes, numbers = occupied_bins(Bins(wide, places.count * int(steps)))
     cell, start = np.unique(numbers // (LEVELS + 1), return_index=True)
     return _Tinted(codes, (numbers % (LEVELS + 1)).astype(np.int8), cell, start)
 
 
 @cached_by_identity(8)
 def _levels(values: ArrayKey, scale: Interval) -> NDArray[np.uint8]:
-    steps = np.minimum(fraction(np.asarray(values.array), scale) * LEVELS, LEVELS - 1) + 1
+    steps = np.minimum(scale_fraction(np.asarray(values.array), scale) * LEVELS, LEVELS - 1) + 1
     return np.nan_to_num(steps).astype(np.uint8)
 
 
@@ -142,7 +144,7 @@ def level_shares(levels: NDArray[np.intp]) -> NDArray[np.float64]:
     return np.where(levels > 0, (levels - 1) / (LEVELS - 1), np.nan)
 
 
-def truth_points(store: Store) -> NDArray[np.float64]:
+def true_positions(store: Store) -> NDArray[np.float64]:
     """(N, 2) true positions, metres."""
     return stacked_points(store.instances.x, store.instances.y)
 
@@ -157,7 +159,7 @@ def _stacked(x: ArrayKey, y: ArrayKey) -> NDArray[np.float64]:
     return np.stack([np.asarray(x.array), np.asarray(y.array)], axis=1)
 
 
-def point_of(points: NDArray[np.floating[Any]], iid: int | None) -> tuple[float, float] | None:
+def known_point(points: NDArray[np.floating[Any]], iid: int | None) -> tuple[float, float] | None:
     """One of the points (N, 2), where it is known."""
     if iid is None or not np.isfinite(points[iid]).all():
         return None

@@ -9,12 +9,20 @@ from numpy.typing import NDArray
 
 from s2rstore.reader import Store
 from s2rstore.records import Bounds
-from s2rtui.analysis.binning import Bins, Bools, Chosen, bins, choose, count, joined
+from s2rtui.analysis.binning import (
+    Bins,
+    Bools,
+    SelectionIndices,
+    bin_values,
+    count_selected,
+    joint_bins,
+    selection_indices,
+)
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.analysis.map_frame import MapFrame, fit
+from s2rtui.analysis.map_frame import MapFrame, fit_frame
 from s2rtui.canvas.brush import Mark
-from s2rtui.charts.shared.axis_scale import Floats, Interval, fraction, percentile_range
-from s2rtui.charts.shared.points import cells, dots, stacked_points
+from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
+from s2rtui.charts.shared.points import point_cells, point_dots, stacked_points
 from s2rtui.session.state import State
 
 LEVELS = 20
@@ -76,7 +84,7 @@ def umap_model(view: UmapInput, frame: MapFrame) -> UmapModel:
     """What lies in each cell of `frame` (an even number of pixels high)."""
     values = umap_values(view)
     scale = value_range(view)
-    chosen = choose(view.selected, view.valid)
+    chosen = selection_indices(view.selected, view.valid)
     sim, real = (
         _layer(ArrayKey(points), ArrayKey(values), scale, frame, chosen)
         for points in (view.sim, view.real)
@@ -89,7 +97,7 @@ def umap_model(view: UmapInput, frame: MapFrame) -> UmapModel:
 
 def umap_frame(view: UmapInput, columns: int, rows: int) -> MapFrame:
     """The window of `columns` x `rows` cells that shows every point of both sides."""
-    return fit(extent(view), columns, 2 * rows, y_down=False)
+    return fit_frame(extent(view), columns, 2 * rows, y_down=False)
 
 
 def extent(view: UmapInput) -> Bounds:
@@ -146,23 +154,23 @@ def _percentiles(values: ArrayKey) -> Interval:
 @cached_by_identity(16)
 def _levels(values: ArrayKey, scale: Interval) -> Bins:
     """Level of each instance; all have one, 0 for no value."""
-    steps = np.floor(fraction(np.asarray(values.array), scale) * LEVELS)
-    return bins(np.nan_to_num(np.minimum(steps, LEVELS - 1) + 1, nan=0.0), LEVELS + 1)
+    steps = np.floor(scale_fraction(np.asarray(values.array), scale) * LEVELS)
+    return bin_values(np.nan_to_num(np.minimum(steps, LEVELS - 1) + 1, nan=0.0), LEVELS + 1)
 
 
 @cached_by_identity(16)
 def _cells(points: ArrayKey, frame: MapFrame, levels: ArrayKey) -> Bins:
     """Cell and level together."""
-    places = cells(np.asarray(points.array), frame)
-    return joined(places, Bins(np.asarray(levels.array), LEVELS + 1))
+    places = point_cells(np.asarray(points.array), frame)
+    return joint_bins(places, Bins(np.asarray(levels.array), LEVELS + 1))
 
 
 def _layer(
-    points: ArrayKey, values: ArrayKey, scale: Interval, frame: MapFrame, chosen: Chosen
+    points: ArrayKey, values: ArrayKey, scale: Interval, frame: MapFrame, chosen: SelectionIndices
 ) -> UmapLayer:
     rows, columns, depth = frame.height // 2, frame.width, LEVELS + 1
     coloured = _cells(points, frame, ArrayKey(_levels(values, scale).codes))
-    lit, total = count(coloured, chosen)
+    lit, total = count_selected(coloured, chosen)
     table = lit.reshape(rows, columns, depth)
     level = _mean_level(table)
     held = _population(points, frame, ArrayKey(chosen.base)).reshape(rows, 4, columns, 2)
@@ -181,8 +189,8 @@ def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
 @cached_by_identity(16)
 def _population(points: ArrayKey, frame: MapFrame, base: ArrayKey) -> Bools:
     """Which braille dots hold any valid instance."""
-    nobody = Chosen(np.asarray(base.array), np.empty(0, dtype=np.intp), inverted=False)
-    return np.asarray(count(dots(np.asarray(points.array), frame), nobody)[1] > 0)
+    nobody = SelectionIndices(np.asarray(base.array), np.empty(0, dtype=np.intp), inverted=False)
+    return np.asarray(count_selected(point_dots(np.asarray(points.array), frame), nobody)[1] > 0)
 
 
 def umap_input(store: Store, state: State, mark: Mark | None = None) -> UmapInput:

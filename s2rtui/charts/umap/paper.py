@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from s2rtui.analysis.binning import choose
+from s2rtui.analysis.binning import selection_indices
 from s2rtui.canvas.colour import LIGHT, Theme, turbo
-from s2rtui.charts.shared.axis_scale import Floats, fraction, ticks
+from s2rtui.charts.shared.axis_scale import Floats, scale_fraction, tick_values
 from s2rtui.charts.shared.paper import (
     Page,
     Pixels,
-    colour_scale,
-    dress,
-    heading,
+    draw_colour_bar,
+    draw_heading,
+    figure_bytes,
+    make_page,
     new_figure,
-    page_of,
-    unit,
-    written,
+    rgb_fractions,
+    style_axes,
 )
 from s2rtui.charts.umap.model import (
     UmapInput,
@@ -49,9 +49,9 @@ def umap_figure(
     subtitle: str = "",
 ) -> bytes:
     """A PNG of `size` pixels: sim at the left, real at the right, the colour bar beside them."""
-    page = page_of(size, theme)
+    page = make_page(size, theme)
     figure = new_figure(page)
-    top = heading(figure, page, title, subtitle)
+    top = draw_heading(figure, page, title, subtitle)
     wide, _ = page.inches
     side = SIDE if wide > 4.5 else 0.1
     width, height = (wide - 0.65 - side - 0.35) / 2, top - 0.55 - 0.35
@@ -68,7 +68,7 @@ def umap_figure(
             axes.set_ylabel("v")
     if side > 1:
         _side(figure, page, view, model, (wide - side + 0.25, foot + height))
-    return written(figure, page)
+    return figure_bytes(figure, page)
 
 
 def _side(
@@ -81,7 +81,7 @@ def _side(
     high = min(2.0, top * 0.45)
     label = f"{view.value_label} ({view.value_unit})" if view.value_unit else view.value_label
     box = page.box(left, top - high - 0.15, 0.16, high)
-    colour_scale(figure, page, box, model.value_range, label, turbo)
+    draw_colour_bar(figure, page, box, model.value_range, label, turbo)
     marks = []
     if model.sim.selected < model.sim.total:
         marks.append(("not selected", page.theme.unselected, 4.0))
@@ -90,14 +90,14 @@ def _side(
     y = top - high - 0.5
     for text, ink, size in marks:
         spot = ((left + 0.08) / page.inches[0], y / page.inches[1])
-        dot = Line2D([spot[0]], [spot[1]], marker="o", markersize=size, color=unit(ink))
-        dot.set_markerfacecolor(unit(ink) if size < 5 else "none")
+        dot = Line2D([spot[0]], [spot[1]], marker="o", markersize=size, color=rgb_fractions(ink))
+        dot.set_markerfacecolor(rgb_fractions(ink) if size < 5 else "none")
         dot.set_markeredgewidth(0 if size < 5 else 1.6)
         figure.add_artist(dot)
         told = figure.text(
             spot[0] + 0.17 / page.inches[0], spot[1], text, va="center", fontsize=8.5
         )
-        told.set_color(unit(page.theme.text))
+        told.set_color(rgb_fractions(page.theme.text))
         y -= 0.26
 
 
@@ -110,11 +110,11 @@ def _panel(
     inches: tuple[float, float],
 ) -> None:
     theme, area = page.theme, model.frame.extent
-    dress(axes, theme)
+    style_axes(axes, theme)
     axes.set_xlim(area.x0, area.x1)
     axes.set_ylim(area.y0, area.y1)
-    axes.set_xticks(ticks(area.x0, area.x1, max(2, int(inches[0] / 0.7))))
-    axes.set_yticks(ticks(area.y0, area.y1, max(2, int(inches[1] / 0.7))))
+    axes.set_xticks(tick_values(area.x0, area.x1, max(2, int(inches[0] / 0.7))))
+    axes.set_yticks(tick_values(area.y0, area.y1, max(2, int(inches[1] / 0.7))))
     axes.set_xlabel("u")
     for spine in axes.spines.values():
         spine.set_visible(True)
@@ -122,7 +122,7 @@ def _panel(
     layer = model.sim if sim else model.real
     told = f"{name}   {layer.selected} of {layer.total}" if layer.total else f"{name}   none"
     label = axes.set_title(told, loc="left", fontsize=10, pad=6)
-    label.set_color(unit(theme.sim if sim else theme.real))
+    label.set_color(rgb_fractions(theme.sim if sim else theme.real))
     label.set_fontweight("bold")
     points = np.asarray(view.sim if sim else view.real, dtype=np.float64)
     if layer.total > POINTS_UP_TO:
@@ -131,23 +131,25 @@ def _panel(
         _points(axes, view, points, model, theme)
     if model.cursor is not None and np.isfinite(points[model.cursor]).all():
         x, y = points[model.cursor]
-        ink = unit(theme.cursor)
+        ink = rgb_fractions(theme.cursor)
         axes.scatter([x], [y], s=80, facecolors="none", edgecolors=[ink], linewidths=1.6, zorder=6)
 
 
 def _points(axes: Axes, view: UmapInput, points: Floats, model: UmapModel, theme: Theme) -> None:
     """Unselected points small and grey, the selected by value, the largest on top."""
-    lit = choose(view.selected, view.valid).members
+    lit = selection_indices(view.selected, view.valid).members
     others = np.asarray(view.valid, dtype=np.bool_).copy()
     others[lit] = False
     grey = points[others]
-    axes.scatter(grey[:, 0], grey[:, 1], s=6, color=unit(theme.unselected), linewidths=0, zorder=2)
-    shares = fraction(umap_values(view), model.value_range)[lit]
+    axes.scatter(
+        grey[:, 0], grey[:, 1], s=6, color=rgb_fractions(theme.unselected), linewidths=0, zorder=2
+    )
+    shares = scale_fraction(umap_values(view), model.value_range)[lit]
     order = np.argsort(np.nan_to_num(shares, nan=-1.0), kind="stable")
     shares, own = shares[order], points[lit[order]]
     ink = turbo(shares) / 255.0
-    ink[~np.isfinite(shares)] = unit(theme.muted)
-    edge = [unit(theme.background)]
+    ink[~np.isfinite(shares)] = rgb_fractions(theme.muted)
+    edge = [rgb_fractions(theme.background)]
     axes.scatter(own[:, 0], own[:, 1], s=24, c=ink, edgecolors=edge, linewidths=0.5, zorder=4)
 
 
@@ -157,7 +159,7 @@ def _cells(axes: Axes, model: UmapModel, name: str, theme: Theme) -> None:
     rows, columns = layer.level.shape
     picture = np.zeros((rows, columns, 4))
     grey = layer.grey.reshape(rows, 4, columns, 2).any(axis=(1, 3))
-    picture[grey] = (*unit(theme.unselected), 0.6)
+    picture[grey] = (*rgb_fractions(theme.unselected), 0.6)
     inks = np.vstack([np.array([theme.muted]), turbo(level_shares())]) / 255.0
     lit = layer.level >= 0
     picture[lit, :3] = inks[layer.level[lit]]

@@ -11,10 +11,10 @@ from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas.brush import Panel, Point, draw_mark
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import legible, turbo
-from s2rtui.canvas.raster import braille
+from s2rtui.canvas.raster import draw_braille
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.shared.axis_scale import short, step, tick_text, ticks
-from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, words
+from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
+from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.charts.umap.model import (
     LEVELS,
     UmapInput,
@@ -62,7 +62,7 @@ def umap_layout(view: UmapInput, size: Size) -> UmapLayout:
     return UmapLayout(corners, inner, high, room, header, axes, frame)
 
 
-def umap_surface(
+def umap_panels(
     view: UmapInput, size: Size, look: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """Planes "sim" and "real" in UMAP coordinates, y upwards."""
@@ -91,13 +91,13 @@ def _to_cells(frame: MapFrame, corner: tuple[int, int], x: float, y: float) -> P
     return float(column) + corner[0], float(row) + corner[1]
 
 
-def umap(view: UmapInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_umap(view: UmapInput, size: Size, look: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
     look = look or RenderOptions()
     canvas = Canvas(*size, theme=look.theme)
     layout = umap_layout(view, (canvas.width, canvas.height))
     model = umap_model(view, layout.frame)
-    panels = umap_surface(view, (canvas.width, canvas.height), look)
+    panels = umap_panels(view, (canvas.width, canvas.height), look)
     for panel, layer in zip(panels, (model.sim, model.real), strict=False):
         chart = Canvas(layout.width, layout.height, look.theme)
         _points(chart, layer, look)
@@ -123,7 +123,7 @@ def _points(chart: Canvas, layer: UmapLayer, look: RenderOptions) -> None:
         chart.char[held] = look.glyphs.unselected
         chart.fg[held] = theme.unselected
     else:
-        braille(chart, 0, 0, layer.grey, np.array(theme.unselected, dtype=np.uint8))
+        draw_braille(chart, 0, 0, layer.grey, np.array(theme.unselected, dtype=np.uint8))
     lit = layer.level >= 0
     inks = np.empty((LEVELS + 1, 3), dtype=np.uint8)
     inks[0] = theme.text
@@ -165,12 +165,12 @@ def _header(
     layer = model.sim if sim else model.real
     left, row = panel.x + layout.width - layout.room, panel.y - 1
     glyph, colour = (glyphs.sim, theme.sim) if sim else (glyphs.real, theme.real)
-    parts = [words(((f"{glyph} {panel.name}", colour),))]
+    parts = [text_part(((f"{glyph} {panel.name}", colour),))]
     if layer.total:
         told = f"{layer.selected} of {layer.total}"
-        parts.append(words(((told, theme.muted),)))
+        parts.append(text_part(((told, theme.muted),)))
     else:
-        parts.append(words((("no coordinates", theme.muted),)))
+        parts.append(text_part((("no coordinates", theme.muted),)))
     free = layout.room
     bar = None if sim else _bar(view, model, free - parts[0].width - 2, look)
     if bar is not None:
@@ -204,16 +204,16 @@ def _divide(canvas: Canvas, layout: UmapLayout, look: RenderOptions) -> None:
 def _axes(canvas: Canvas, panel: Panel, layout: UmapLayout, look: RenderOptions) -> None:
     """Ticks along the left and the lower edge of a panel."""
     theme, area = look.theme, layout.frame.extent
-    width = step(area.width, max(2, panel.width // 10))
+    width = tick_step(area.width, max(2, panel.width // 10))
     free, stop = panel.x, panel.x + panel.width
-    for tick in ticks(area.x0, area.x1, max(2, panel.width // 10)):
-        text = tick_text(tick, width) if width >= 1e-2 else short(tick)
+    for tick in tick_values(area.x0, area.x1, max(2, panel.width // 10)):
+        text = tick_text(tick, width) if width >= 1e-2 else short_number(tick)
         start = int(panel.to_cells(tick, area.y0)[0]) - len(text) // 2
         if start >= free and start + len(text) <= stop:
             free = canvas.text(start, panel.y + panel.height, text, theme.muted) + 1
-    width = step(area.height, max(2, panel.height // 4))
-    for tick in ticks(area.y0, area.y1, max(2, panel.height // 4)):
+    width = tick_step(area.height, max(2, panel.height // 4))
+    for tick in tick_values(area.y0, area.y1, max(2, panel.height // 4)):
         row = int(panel.to_cells(area.x0, tick)[1])
         if panel.y <= row < panel.y + panel.height:
-            text = (tick_text(tick, width) if width >= 1e-2 else short(tick))[: AXES - 1]
+            text = (tick_text(tick, width) if width >= 1e-2 else short_number(tick))[: AXES - 1]
             canvas.text(panel.x - 1, row, text, theme.muted, align="right")

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.canvas.brush import Mark, Panel, Point
-from s2rtui.charts.mark_expressions import area
+from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import Floats
-from s2rtui.charts.shared.points import nearest_iid, point_of
+from s2rtui.charts.shared.points import known_point, nearest_iid
 from s2rtui.charts.umap import terminal
 from s2rtui.charts.umap.model import UmapInput, umap_input
 from s2rtui.charts.view import Pixels, Table, View
@@ -41,10 +41,10 @@ class UmapView(View):
         return names, list(zip(*(column.tolist() for column in columns), strict=True))
 
     def depends(self, scene: Scene) -> tuple[object, ...]:
-        return (identity(self.input(scene)),)
+        return (identity_key(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return terminal.umap(self.input(scene), size, look)
+        return terminal.draw_umap(self.input(scene), size, look)
 
     def words(self, scene: Scene) -> str:
         _, rows = self.numbers(scene)
@@ -64,10 +64,10 @@ class UmapView(View):
         return paper.umap_figure(self.input(scene), size, theme, title, scene.caption)
 
     def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return terminal.umap_surface(self.input(scene), size, look)
+        return terminal.umap_panels(self.input(scene), size, look)
 
     def at(self, scene: Scene, panel: Panel) -> Point | None:
-        return point_of(self._points(scene, panel), scene.state.cursor)
+        return known_point(self._points(scene, panel), scene.state.cursor)
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         nearest = nearest_iid(self._points(scene, panel), scene.state.base, point)
@@ -75,7 +75,7 @@ class UmapView(View):
             session.put_cursor(nearest)
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        return area(panel, mark, f"umap.{panel.name}", f"umap.{panel.name}.lasso")
+        return area_expression(panel, mark, f"umap.{panel.name}", f"umap.{panel.name}.lasso")
 
     def _points(self, scene: Scene, panel: Panel) -> Floats:
         view = self.input(scene)

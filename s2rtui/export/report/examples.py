@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.axis_scale import short
+from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.instance_model import (
     InstanceInput,
     InstanceModel,
@@ -65,7 +65,7 @@ def _images(shown: InstanceInput) -> list[ReportImage]:
     if model.heat_range is not None:
         low, high = model.heat_range
         low = low if abs(low) > _NOTHING * abs(high) else 0.0
-        scale = f", {model.heat_name} {short(low, 2)} to {short(high, 2)} {shown.unit}".rstrip()
+        scale = f", {model.heat_name} {short_number(low, 2)} to {short_number(high, 2)} {shown.unit}".rstrip()
     found = []
     for what, word in (("rgb", "image"), ("depth", "depth")):
         for role, side in (("sim", shown.sim), ("real", shown.real)):
@@ -81,7 +81,7 @@ def _images(shown: InstanceInput) -> list[ReportImage]:
 def _metres(model: InstanceModel, what: str) -> str:
     if what != "depth" or model.depth_range is None:
         return ""
-    return f" 0 to {short(model.depth_range[1], 2)} m"
+    return f" 0 to {short_number(model.depth_range[1], 2)} m"
 
 
 def _alt(role: str, side: SideView, word: str) -> str:
