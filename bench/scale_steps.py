@@ -85,8 +85,8 @@ def numbers(scene: Scene) -> None:
     shown = BY_NAME["map"].input(scene)
     model = map_model(shown)
     frame = map_layout(shown, _MAP).frame
-    unselected_dots(shown.truth, model.chosen, frame)
-    highest_levels(shown.truth, shown.values, value_range, model.chosen, frame)
+    unselected_dots(shown.truth, model.selection, frame)
+    highest_levels(shown.truth, shown.values, value_range, model.selection, frame)
     other = run_differences.other_run(scene.state)
     compare_model(BY_NAME["compare"].input(scene, other))
 

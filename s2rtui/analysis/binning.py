@@ -27,20 +27,20 @@ Sums = NDArray[np.float64]
 class SelectionIndices:
     """A selection within its base population, as the shorter list.
 
-    `few` are the iids of the selected, or (`inverted`) of the base's others. `base` (N,) bool.
+    `indices` are the iids of the selected, or (`inverted`) of the base's others. `base` (N,) bool.
     """
 
     base: Bools
-    few: NDArray[np.intp]
+    indices: NDArray[np.intp]
     inverted: bool
 
     @property
     def members(self) -> NDArray[np.intp]:
         """The selected iids, ascending."""
         if not self.inverted:
-            return self.few
+            return self.indices
         inside = self.base.copy()
-        inside[self.few] = False
+        inside[self.indices] = False
         return np.flatnonzero(inside)
 
 
@@ -60,11 +60,11 @@ def selection_indices(selected: Bools, base: Bools) -> SelectionIndices:
 @cached_by_identity(8)
 def _choose(selected: ArrayKey, base: ArrayKey) -> SelectionIndices:
     inside, population = _bools(selected), _bools(base)
-    lit = inside & population
+    highlighted = inside & population
     total = int(np.count_nonzero(population))
-    if 2 * int(np.count_nonzero(lit)) <= total:
-        return SelectionIndices(population, np.flatnonzero(lit), False)
-    return SelectionIndices(population, np.flatnonzero(population & ~lit), True)
+    if 2 * int(np.count_nonzero(highlighted)) <= total:
+        return SelectionIndices(population, np.flatnonzero(highlighted), False)
+    return SelectionIndices(population, np.flatnonzero(population & ~highlighted), True)
 
 
 def _bools(same: ArrayKey) -> Bools:
@@ -89,11 +89,11 @@ def joint_bins(first: Bins, second: Bins) -> Bins:
     return Bins(wide.astype(np.uint16 if count < 1 << 16 else np.uint32), count)
 
 
-def count_selected(column: Bins, chosen: SelectionIndices) -> tuple[Counts, Counts]:
+def count_selected(column: Bins, selection: SelectionIndices) -> tuple[Counts, Counts]:
     """Counts per bin, (count,) each: the selected, and the whole base population."""
-    total = _totals(ArrayKey(column.codes), column.count, ArrayKey(chosen.base))
-    part = _count(take(column.codes, chosen.few), column.count)
-    return (total - part if chosen.inverted else part), total
+    total = _totals(ArrayKey(column.codes), column.count, ArrayKey(selection.base))
+    part = _count(take(column.codes, selection.indices), column.count)
+    return (total - part if selection.inverted else part), total
 
 
 def take(column: NDArray[Any], iids: NDArray[np.intp]) -> NDArray[Any]:
@@ -112,12 +112,12 @@ def _count(codes: NDArray[np.generic], size: int) -> Counts:
     return np.bincount(codes, minlength=size + 1)[:size]
 
 
-def sum_selected(column: Bins, weights: NDArray[np.floating], chosen: SelectionIndices) -> Sums:
+def sum_selected(column: Bins, weights: NDArray[np.floating], selection: SelectionIndices) -> Sums:
     """Sums per bin, (count,), of `weights` (N,) over the selected; all of a bin's are finite."""
-    part = _weighted_counts(column, weights, chosen.few)
-    if not chosen.inverted:
+    part = _weighted_counts(column, weights, selection.indices)
+    if not selection.inverted:
         return part
-    base = ArrayKey(chosen.base)
+    base = ArrayKey(selection.base)
     return _base_sums(ArrayKey(column.codes), column.count, ArrayKey(weights), base) - part
 
 
@@ -137,10 +137,14 @@ def _weighted_counts(
     return np.asarray(total, dtype=np.float64)
 
 
-def total_selected(weights: NDArray[np.floating], chosen: SelectionIndices) -> float:
+def total_selected(weights: NDArray[np.floating], selection: SelectionIndices) -> float:
     """The sum of what is finite of `weights` (N,) over the selected."""
-    part = float(take(_finite(ArrayKey(weights)), chosen.few).sum())
-    return _base_total(ArrayKey(weights), ArrayKey(chosen.base)) - part if chosen.inverted else part
+    part = float(take(_finite(ArrayKey(weights)), selection.indices).sum())
+    return (
+        _base_total(ArrayKey(weights), ArrayKey(selection.base)) - part
+        if selection.inverted
+        else part
+    )
 
 
 @cached_by_identity(16)
@@ -165,23 +169,23 @@ def occupied_bins(column: Bins) -> tuple[Bins, NDArray[np.intp]]:
 
 
 def median_selected(
-    values: Floats, column: Bins, lit: Counts, selected: Bools, valid: Bools
+    values: Floats, column: Bins, highlighted: Counts, selected: Bools, valid: Bools
 ) -> float:
     """The median of the selected and valid, NaN where none is.
 
-    `column` are bins that grow with the values, `lit` their counts of the selected; only the
+    `column` are bins that grow with the values, `highlighted` their counts of the selected; only the
     instances of the bin that holds the median are looked at.
     """
-    number = int(lit.sum())
+    number = int(highlighted.sum())
     if not number:
         return math.nan
     order, starts = _sorted(ArrayKey(values), ArrayKey(column.codes), column.count)
-    ends = np.cumsum(lit)
+    ends = np.cumsum(highlighted)
     places = np.array([(number - 1) // 2, number // 2])
     first, last = np.searchsorted(ends, places, side="right").tolist()
     inside = order[starts[first] : starts[last + 1]]
     members = np.flatnonzero((selected & valid)[inside])
-    middle = inside[members[places - (ends[first] - lit[first])]]
+    middle = inside[members[places - (ends[first] - highlighted[first])]]
     return float(values[middle].mean())
 
 

@@ -55,12 +55,14 @@ class _Table:
     counts: tuple[int, ...]
 
 
-def joint_counts(columns: Sequence[Bins], chosen: SelectionIndices) -> list[tuple[Counts, Counts]]:
+def joint_counts(
+    columns: Sequence[Bins], selection: SelectionIndices
+) -> list[tuple[Counts, Counts]]:
     """Counts as `bins.count` gives them, for each column."""
     keys = tuple((ArrayKey(column.codes), column.count) for column in columns)
-    table, totals = _table(keys), _totals(keys, ArrayKey(chosen.base))
-    parts = _margins(_count(table, chosen.few), table)
-    if chosen.inverted:
+    table, totals = _table(keys), _totals(keys, ArrayKey(selection.base))
+    parts = _margins(_count(table, selection.indices), table)
+    if selection.inverted:
         parts = [total - part for part, total in zip(parts, totals, strict=True)]
     return list(zip(parts, totals, strict=True))
 

@@ -254,7 +254,7 @@ ACTIONS: tuple[Action, ...] = (
     *(
         Action(f"view('{view.name}')", (view.key,), "views", view.description)
         for view in VIEWS
-        if view.stored
+        if view.from_store
     ),
     Action("next_view", ("tab",), "views", "next view", short="view", when="still"),
     Action("previous_view", ("shift+tab",), "views", "previous view", when="still"),

@@ -86,16 +86,16 @@ def cut(text: str, width: int, look: RenderOptions) -> str:
 
 def shown(view: View, scene: Scene) -> tuple[Draw, tuple[object, ...] | None]:
     """A view's drawing under its title, and all that it depends on (None: draw it always)."""
-    depends = view.depends(scene)
+    depends = view.cache_key(scene)
     if depends is not None:
-        depends = (*depends, view.told(scene), scene.state.view == view.name)
+        depends = (*depends, view.subtitle(scene), scene.state.view == view.name)
     return titled(view, scene, partial(view.draw, scene)), depends
 
 
 def titled(view: View, scene: Scene, draw: Draw) -> Draw:
     """A drawing with a line above it: the view's key, name and what it shows."""
     active = scene.state.view == view.name
-    label, told = f"{view.key} {view.name}", view.told(scene)
+    label, told = f"{view.key} {view.name}", view.subtitle(scene)
 
     def drawn(size: tuple[int, int], look: RenderOptions) -> Canvas:
         width, height = size

@@ -55,18 +55,18 @@ def panel_at(panels: Sequence[Panel], column: int, row: int) -> Panel | None:
     return next((panel for panel in panels if panel.holds(column, row)), None)
 
 
-def draw_mark(canvas: Canvas, panel: Panel, mark: Mark | None, look: RenderOptions) -> None:
+def draw_mark(canvas: Canvas, panel: Panel, mark: Mark | None, options: RenderOptions) -> None:
     """The outline of a mark on a plane, clipped to its panel."""
     if mark is None or mark.panel != panel.name or panel.shape != "plane" or not mark.points:
         return
     corners = [panel.to_cells(*point) for point in mark.points]
     if mark.lasso:
-        _outline(canvas, panel, corners, look)
+        _outline(canvas, panel, corners, options)
     else:
-        _frame(canvas, panel, corners, look)
+        _frame(canvas, panel, corners, options)
 
 
-def _frame(canvas: Canvas, panel: Panel, corners: list[Point], look: RenderOptions) -> None:
+def _frame(canvas: Canvas, panel: Panel, corners: list[Point], options: RenderOptions) -> None:
     """A box in line glyphs, at least one cell."""
     columns = sorted(int(np.floor(column)) for column, _ in (corners[0], corners[-1]))
     rows = sorted(int(np.floor(row)) for _, row in (corners[0], corners[-1]))
@@ -77,15 +77,15 @@ def _frame(canvas: Canvas, panel: Panel, corners: list[Point], look: RenderOptio
     if held:
         at = np.array(held, dtype=np.intp)
         flatten_half_blocks(canvas, at[:, 0], at[:, 1])
-    glyphs = look.glyphs
+    glyphs = options.glyphs
     for column, row in held:
         edge = row in (top, bottom)
         corner = edge and column in (left, right)
         glyph = "+" if corner else glyphs.horizontal if edge else glyphs.vertical
-        canvas.put(column, row, glyph, look.theme.truth, bold=True)
+        canvas.put(column, row, glyph, options.theme.truth, bold=True)
 
 
-def _outline(canvas: Canvas, panel: Panel, corners: list[Point], look: RenderOptions) -> None:
+def _outline(canvas: Canvas, panel: Panel, corners: list[Point], options: RenderOptions) -> None:
     """A closed polygon: braille, or full stops where only ASCII is allowed."""
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
@@ -95,12 +95,12 @@ def _outline(canvas: Canvas, panel: Panel, corners: list[Point], look: RenderOpt
     rows_held = slice(4 * panel.y, 4 * (panel.y + panel.height))
     columns_held = slice(2 * panel.x, 2 * (panel.x + panel.width))
     inside[rows_held, columns_held] = dots[rows_held, columns_held]
-    if not look.ascii:
-        draw_braille(canvas, 0, 0, inside, np.array(look.theme.truth, dtype=np.uint8))
+    if not options.ascii:
+        draw_braille(canvas, 0, 0, inside, np.array(options.theme.truth, dtype=np.uint8))
         return
     held = inside.reshape(canvas.height, 4, canvas.width, 2).any(axis=(1, 3))
     for row, column in np.argwhere(held):
-        canvas.put(int(column), int(row), ".", look.theme.truth, bold=True)
+        canvas.put(int(column), int(row), ".", options.theme.truth, bold=True)
 
 
 def mark_on_panel(mark: Mark | None, panel: str) -> Mark | None:

@@ -36,16 +36,16 @@ class Canvas:
     """`width` x `height` cells: `char` (h, w) '<U1', `fg` and `bg` (h, w, 3) uint8, `bold` (h, w).
 
     The cell after a character of width two holds the empty string. Drawing outside the canvas is
-    clipped, never an error. Sizes under 1 are taken as 1. `plates` are the pictures in it that a
+    clipped, never an error. Sizes under 1 are taken as 1. `images` are the pictures in it that a
     terminal may draw in true pixels.
     """
 
-    __slots__ = ("bg", "bold", "char", "fg", "plates", "theme")
+    __slots__ = ("bg", "bold", "char", "fg", "images", "theme")
 
     def __init__(self, width: int, height: int, theme: Theme = DARK) -> None:
         shape = (max(1, int(height)), max(1, int(width)))
         self.theme = theme
-        self.plates: list[InlineImage] = []
+        self.images: list[InlineImage] = []
         self.char: NDArray[np.str_] = np.full(shape, " ", dtype="<U1")
         self.fg: Pixels = np.empty((*shape, 3), dtype=np.uint8)
         self.bg: Pixels = np.empty((*shape, 3), dtype=np.uint8)
@@ -165,8 +165,8 @@ class Canvas:
         self.bold[into] = other.bold[source]
         self.fg[into] = other.fg[source]
         self.bg[into] = other.bg[source]
-        moved = (replace(plate, x=plate.x + x, y=plate.y + y) for plate in other.plates)
-        self.plates += [plate for plate in moved if self._holds(plate)]
+        moved = (replace(plate, x=plate.x + x, y=plate.y + y) for plate in other.images)
+        self.images += [plate for plate in moved if self._holds(plate)]
 
     def _holds(self, plate: InlineImage) -> bool:
         across = plate.x >= 0 and plate.x + plate.width <= self.width

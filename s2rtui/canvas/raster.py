@@ -85,19 +85,19 @@ def draw_shades(
         canvas.fg[into] = np.where(shown[..., None], colours[part], canvas.fg[into])
 
 
-def draw_picture(canvas: Canvas, x: int, y: int, pixels: Pixels, look: RenderOptions) -> None:
+def draw_picture(canvas: Canvas, x: int, y: int, pixels: Pixels, options: RenderOptions) -> None:
     """A picture (2h, w, 3) as half blocks, or as shades of its brightness where those lack.
 
     On a light theme the shades are inverted, so that dense ink is dark.
     """
-    if look.pictures:
+    if options.supports_images:
         draw_half_blocks(canvas, x, y, pixels)
         return
     paired = pixels[: pixels.shape[0] // 2 * 2].reshape(-1, 2, pixels.shape[1], 3).mean(axis=1)
     levels = luma(paired)
-    if not look.theme.dark:
+    if not options.theme.dark:
         levels = 1 - levels
-    draw_shades(canvas, x, y, levels, look.glyphs.shades, np.rint(paired).astype(np.uint8))
+    draw_shades(canvas, x, y, levels, options.glyphs.shades, np.rint(paired).astype(np.uint8))
 
 
 def braille_bits(dots: NDArray[np.bool_]) -> NDArray[np.int32]:

@@ -100,14 +100,14 @@ class RenderOptions:
         return ASCII if self.ascii else UNICODE
 
     @property
-    def pictures(self) -> bool:
+    def supports_images(self) -> bool:
         """Whether half blocks can carry a picture: colours and block characters both exist."""
         return self.mode is not ColourMode.NONE and not self.ascii
 
     @property
-    def fine(self) -> bool:
+    def supports_shading(self) -> bool:
         """Whether dim pictures stay apart from what lies on them: more than 16 colours."""
-        return self.pictures and self.mode is not ColourMode.ANSI
+        return self.supports_images and self.mode is not ColourMode.ANSI
 
 
 def heading_arrow(heading: float, y_down: bool, glyphs: Glyphs) -> tuple[str, int, int]:

@@ -55,8 +55,8 @@ def heading_expression(mark: Mark, field: str) -> str:
 def names_expression(mark: Mark, field: str, names: Sequence[str]) -> str:
     """One or several names of a text field; those that do not exist are left out."""
     rows = sorted(round(point[1]) for point in (mark.points[0], mark.points[-1]))
-    chosen = [names[row] for row in range(max(0, rows[0]), min(len(names), rows[1] + 1))]
-    return " | ".join(f"{field}:{quoted(name)}" for name in chosen) or "none"
+    selection = [names[row] for row in range(max(0, rows[0]), min(len(names), rows[1] + 1))]
+    return " | ".join(f"{field}:{quoted(name)}" for name in selection) or "none"
 
 
 def function_call(function: str, numbers: Sequence[float]) -> str:

@@ -1,4 +1,4 @@
-"""What a view is: numbers from the scene, a drawing of them, and what a brush on it means."""
+"""The base class of all views."""
 
 from __future__ import annotations
 
@@ -16,13 +16,19 @@ Pixels = tuple[int, int]
 
 
 class View:
-    """One view; a subclass says what it tells, draws and means.
+    """One view of a scene, drawn in terminal cells and on paper.
 
-    `name` is its word, `key` the key that shows it. `pane` is its place: the overview's, the
-    large centre, or one that it shares with others where the screen is small. `aliases` are other
-    words for it on the command line. `feeds` names what it needs from workers. `stored` tells that
-    a store holds all that it shows, `one` that it shows one instance, `marked` that marks on its
-    panels mean expressions; `paper` is the size of its figure where none is asked for.
+    Class attributes:
+        name: the view's name in commands, options and titles.
+        key: the key that shows it.
+        pane: its place on the screen: the overview's, the large centre, or a tab.
+        description: a phrase for `--help` and the help screen.
+        aliases: other names on the command line.
+        loads: names of the background loads that deliver its data.
+        from_store: whether a store holds everything that it shows.
+        single_instance: whether it shows the cursor's instance alone.
+        brushable: whether marks on its panels stand for expressions.
+        figure_size: default size of its figure, pixels.
     """
 
     name: str
@@ -30,55 +36,55 @@ class View:
     pane: Pane = "tab"
     description: str
     aliases: tuple[str, ...] = ()
-    feeds: tuple[str, ...] = ()
-    stored: bool = True
-    one: bool = False
-    marked: bool = True
-    paper: Pixels = (1600, 900)
+    loads: tuple[str, ...] = ()
+    from_store: bool = True
+    single_instance: bool = False
+    brushable: bool = True
+    figure_size: Pixels = (1600, 900)
 
-    def told(self, scene: Scene) -> str:
-        """The words beside the title."""
+    def subtitle(self, scene: Scene) -> str:
+        """The text beside the title."""
         return ""
 
-    def depends(self, scene: Scene) -> tuple[object, ...] | None:
-        """What the drawing depends on; equal means unchanged, None that it is always drawn."""
+    def cache_key(self, scene: Scene) -> tuple[object, ...] | None:
+        """Everything that the drawing depends on; None where it must be drawn every time."""
         return None
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        """The view in `size` (columns, rows)."""
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        """Draw the view in `size` (columns, rows)."""
         raise NotImplementedError
 
     def height(self, scene: Scene, width: int) -> int:
-        """The rows that the view would like; 0 takes what there is."""
+        """The preferred number of rows; 0 takes all that are free."""
         return 0
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        """Where it can be brushed, or takes the mouse otherwise."""
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        """The parts that take the mouse or a brush."""
         return ()
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
-        """Where a brush by keys begins: the cursor's place in a panel."""
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
+        """The cursor's place in a panel, where a brush drawn with keys begins."""
         return None
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        """What a click on a panel does, at a point in data."""
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        """Handle a click on a panel at a point in data coordinates."""
 
     def drag(self, session: Session, scene: Scene, panel: Panel, point: Point) -> bool:
-        """What dragging to a point in data does; False where it draws a mark."""
+        """Handle dragging to a point in data coordinates; False lets it draw a mark."""
         return False
 
     def numbers(self, scene: Scene) -> Table:
-        """What it shows as a flat table: names of columns, and rows; NaN or None for nothing."""
+        """The figures of the view as a table: column names and rows; None and NaN are empty."""
         raise NotImplementedError
 
-    def words(self, scene: Scene) -> str:
-        """What it shows in a sentence or two, with the numbers that matter most."""
+    def summary(self, scene: Scene) -> str:
+        """One or two sentences with the most important figures."""
         raise NotImplementedError
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
-        """The view drawn for paper. Raises RequestError where there is nothing to draw."""
+        """Draw the view on paper. Raises RequestError where there is nothing to draw."""
         raise NotImplementedError
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        """The expression that a mark stands for."""
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        """The expression that selects what a mark covers."""
         raise NotImplementedError

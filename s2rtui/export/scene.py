@@ -51,7 +51,7 @@ def staged(path: Path, wanted: SceneOptions, *views: View) -> Iterator[Scene]:
     session = Session(path, wanted.run, ReadNotebook, wanted.history)
     try:
         described(session, wanted)
-        cursor = wanted.iid is not None or not views or any(view.one for view in views)
+        cursor = wanted.iid is not None or not views or any(view.single_instance for view in views)
         yield fed(session, *views, cursor=cursor)
     finally:
         session.close()
@@ -61,7 +61,7 @@ def fed(session: Session, *views: View, cursor: bool = True) -> Scene:
     """The session's scene, with its cursor or without, and what workers bring for some views."""
     store, state = session.store, session.state
     state = state if cursor else replace(state, cursor=None)
-    needed = {name for view in views for name in view.feeds}
+    needed = {name for view in views for name in view.loads}
     fields: Fields = {}
     for feed in LOADERS:
         if feed.name in needed and feed.wants(store, state) is not None:

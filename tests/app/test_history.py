@@ -151,7 +151,7 @@ def test_what_is_missing_is_told(tiny_store: Path, found: reader.History | None,
     scene = Scene(session.store, session.state, Resources(history=found))
     text = "\n".join(VIEW.draw(scene, (60, 10), RenderOptions()).lines())
     assert told in text
-    assert told.capitalize() in VIEW.words(scene) or told in VIEW.words(scene)
+    assert told.capitalize() in VIEW.summary(scene) or told in VIEW.summary(scene)
     assert VIEW.numbers(scene)[1] == []
     session.close()
 

@@ -48,7 +48,7 @@ async def press_and_go_on(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
 
 
 def told(app: S2RApp, view: str) -> str:
-    return BY_NAME[view].told(app.scene)
+    return BY_NAME[view].subtitle(app.scene)
 
 
 @pytest.mark.parametrize(
@@ -148,15 +148,15 @@ async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
         def scene(**changes: object):
             return replace(app.scene, resources=found, state=replace(here, **changes))
 
-        assert BY_NAME["adjust"].told(scene()).endswith(f"instance {state.cursor}")
+        assert BY_NAME["adjust"].subtitle(scene()).endswith(f"instance {state.cursor}")
         assert BY_NAME["map"].input(scene()).live
         assert BY_NAME["map"].input(scene()).heat is not None
         turned = scene(run="dataaug", adjust=replace(adjust, run="dataaug"))
-        assert BY_NAME["adjust"].told(turned) == "run dataaug: loading the model"
+        assert BY_NAME["adjust"].subtitle(turned) == "run dataaug: loading the model"
         assert not BY_NAME["map"].input(turned).live
         assert BY_NAME["map"].input(turned).heat is None
         moved = scene(cursor=7)
-        assert f"instance {state.cursor} (loading 7)" in BY_NAME["adjust"].told(moved)
+        assert f"instance {state.cursor} (loading 7)" in BY_NAME["adjust"].subtitle(moved)
         assert not BY_NAME["map"].input(moved).live
         assert BY_NAME["map"].input(moved).heat is None
 

@@ -18,11 +18,11 @@ places = arrays.arrays(np.float64, SIZE, elements=values)
 @given(places, masks, masks)
 def test_counts_are_those_of_the_masks(column, selected, base):
     made = bin_values(column, 5)
-    lit, total = count_selected(made, selection_indices(selected, base))
+    highlighted, total = count_selected(made, selection_indices(selected, base))
     with np.errstate(invalid="ignore"):
         for index in range(5):
             inside = (column >= index) & (column < index + 1)
-            assert lit[index] == (inside & selected & base).sum()
+            assert highlighted[index] == (inside & selected & base).sum()
             assert total[index] == (inside & base).sum()
 
 
@@ -36,7 +36,7 @@ def test_members_are_the_selected_of_the_base(selected, base):
 @given(places, places, masks)
 def test_joined_bins_count_pairs(first, second, selected):
     base = np.ones(SIZE, dtype=np.bool_)
-    lit, _ = count_selected(
+    highlighted, _ = count_selected(
         joint_bins(bin_values(first, 3), bin_values(second, 4)), selection_indices(selected, base)
     )
     with np.errstate(invalid="ignore"):
@@ -44,7 +44,7 @@ def test_joined_bins_count_pairs(first, second, selected):
         for row in range(3):
             for column in range(4):
                 expected = (selected & (one == row) & (two == column)).sum()
-                assert lit[row * 4 + column] == expected
+                assert highlighted[row * 4 + column] == expected
 
 
 def test_many_bins_need_wider_codes():

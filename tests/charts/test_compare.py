@@ -68,7 +68,7 @@ def three_points() -> CompareInput:
 
 
 @pytest.mark.parametrize(
-    ("look", "glyphs"),
+    ("options", "glyphs"),
     [
         (RenderOptions(), "▲▼●"),
         (RenderOptions(mode=ColourMode.ANSI), "▲▼●"),
@@ -76,9 +76,9 @@ def three_points() -> CompareInput:
         (RenderOptions(ascii=True), "+-="),
     ],
 )
-def test_signs_say_who_is_better_without_colours(look: RenderOptions, glyphs: str) -> None:
+def test_signs_say_who_is_better_without_colours(options: RenderOptions, glyphs: str) -> None:
     view = three_points()
-    canvas, layout = draw_compare(view, SIZE, look), compare_layout(view, SIZE, None, look)
+    canvas, layout = draw_compare(view, SIZE, options), compare_layout(view, SIZE, None, options)
     places = np.floor(layout.frame.to_cells(view.truth)).astype(int)
     drawn = [canvas.char[row, column + layout.x] for column, row in places]
     assert "".join(drawn) == glyphs

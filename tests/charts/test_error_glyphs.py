@@ -102,8 +102,8 @@ def test_full_scale_is_the_99th_percentile_of_the_valid() -> None:
     assert full_scale(view) == pytest.approx(np.percentile(both[np.isfinite(both)], 99))
 
 
-def centre_of(view: MapInput, look: RenderOptions) -> tuple[int, int]:
-    layout = map_layout(view, SIZE, None, look)
+def centre_of(view: MapInput, options: RenderOptions) -> tuple[int, int]:
+    layout = map_layout(view, SIZE, None, options)
     column, row = np.floor(layout.frame.to_cells(view.truth)[0]).astype(int)
     return int(column) + layout.x, int(row)
 
@@ -132,22 +132,24 @@ def test_equal_errors_overlap_in_a_colour_and_a_glyph_of_their_own() -> None:
     assert colours == {DARK.both}
 
 
-@pytest.mark.parametrize("look", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)])
-def test_arrows_with_letters_and_sizes_stand_in_without_colours(look: RenderOptions) -> None:
+@pytest.mark.parametrize(
+    "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
+)
+def test_arrows_with_letters_and_sizes_stand_in_without_colours(options: RenderOptions) -> None:
     view = one_point((3.0, 0.0), (-1.0, -1.0))
-    canvas = draw_map(view, SIZE, look)
-    column, row = centre_of(view, look)
-    glyphs = look.glyphs
+    canvas = draw_map(view, SIZE, options)
+    column, row = centre_of(view, options)
+    glyphs = options.glyphs
     assert "".join(canvas.char[row, column + 1 : column + 4]) == f"{glyphs.arrows[0]}{glyphs.sim}9"
     left = "".join(canvas.char[row - 1, column - 3 : column])
     assert left == f"{glyphs.real}4{glyphs.arrows[5]}"
 
 
 def test_equal_arrows_become_one_with_both_sizes() -> None:
-    look = RenderOptions(ascii=True)
+    options = RenderOptions(ascii=True)
     view = one_point((0.0, 1.0), (0.0, 3.0))
-    canvas = draw_map(view, SIZE, look)
-    column, row = centre_of(view, look)
+    canvas = draw_map(view, SIZE, options)
+    column, row = centre_of(view, options)
     assert "".join(canvas.char[row + 1, column : column + 4]) == "vB39"
 
 

@@ -28,8 +28,8 @@ def test_counts_are_all_valid_and_the_selected_of_them() -> None:
     view = histogram_input(valid=np.arange(N) != 0)
     model = errors_model(view, 12)
     assert model.sim.total.sum() == N - 1
-    assert model.real.lit.sum() == 9
-    assert (model.sim.lit <= model.sim.total).all()
+    assert model.real.highlighted.sum() == 9
+    assert (model.sim.highlighted <= model.sim.total).all()
     assert model.edges[0] == 0
     for side, errors in ((view.sim, model.sim), (view.real, model.real)):
         expected, _ = np.histogram(np.minimum(side[1:], model.upper), model.edges)
@@ -99,8 +99,14 @@ def test_selected_bars_have_their_sides_colour_and_the_rest_is_grey() -> None:
 
 
 def test_selected_bars_differ_by_glyph_without_colours() -> None:
-    for look, lit in ((RenderOptions(mode=ColourMode.NONE), "█"), (RenderOptions(ascii=True), "#")):
-        assert any(lit in line for line in draw_errors(histogram_input(), (60, 12), look).lines())
+    for options, highlighted in (
+        (RenderOptions(mode=ColourMode.NONE), "█"),
+        (RenderOptions(ascii=True), "#"),
+    ):
+        assert any(
+            highlighted in line
+            for line in draw_errors(histogram_input(), (60, 12), options).lines()
+        )
 
 
 def test_pending_range_is_framed_on_its_side_alone() -> None:

@@ -117,8 +117,10 @@ def test_a_small_screen_shows_the_headline_and_the_worst_axes() -> None:
 
 
 def test_words_need_no_colour() -> None:
-    for look in (RenderOptions(), RenderOptions(ascii=True)):
-        signs = {status_glyph(word, look) for word in ("PASS", "FAIL", "INCONCLUSIVE", "SKIPPED")}
+    for options in (RenderOptions(), RenderOptions(ascii=True)):
+        signs = {
+            status_glyph(word, options) for word in ("PASS", "FAIL", "INCONCLUSIVE", "SKIPPED")
+        }
         assert len(signs) == 4
 
 

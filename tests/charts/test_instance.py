@@ -75,13 +75,15 @@ def test_no_minus_zero_and_no_nan() -> None:
     assert model.poses[0].cells[:3] == ("0.00", "n/a", "0.0")
 
 
-@pytest.mark.parametrize("look", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)])
-def test_heat_becomes_digits_and_letters_where_it_cannot_be_colour(look: RenderOptions) -> None:
+@pytest.mark.parametrize(
+    "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
+)
+def test_heat_becomes_digits_and_letters_where_it_cannot_be_colour(options: RenderOptions) -> None:
     view = instance_input()
-    layout = instance_layout(view, (60, 60), look)
+    layout = instance_layout(view, (60, 60), options)
     heat = [panel for panel in layout.panels if panel.what == "heat"]
     assert len(heat) == 2
-    canvas = draw_instance(view, (60, 60), look)
+    canvas = draw_instance(view, (60, 60), options)
     panel = heat[0]
     part = canvas.char[panel.y : panel.y + panel.height, panel.x : panel.x + panel.width]
     assert set(part.ravel()) <= set("ihgfedcba.123456789")

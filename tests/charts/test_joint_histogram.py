@@ -33,12 +33,12 @@ def test_margins_are_the_counts_of_each_column(few, largest, piece, monkeypatch)
     @given(places, places, places, masks, masks)
     def check(first, second, third, selected, base):
         columns = [bin_values(first, 3), bin_values(second, 5), bin_values(third, 1)]
-        chosen = selection_indices(selected, base)
-        for column, (lit, total) in zip(
-            columns, joint_histogram.joint_counts(columns, chosen), strict=True
+        selection = selection_indices(selected, base)
+        for column, (highlighted, total) in zip(
+            columns, joint_histogram.joint_counts(columns, selection), strict=True
         ):
-            expected = count_selected(column, chosen)
-            np.testing.assert_array_equal(lit, expected[0])
+            expected = count_selected(column, selection)
+            np.testing.assert_array_equal(highlighted, expected[0])
             np.testing.assert_array_equal(total, expected[1])
 
     check()

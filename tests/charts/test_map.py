@@ -54,7 +54,7 @@ def test_model_sorts_by_value_and_leaves_out_the_invalid() -> None:
     view = geomap_input(cursor=3)
     model = map_model(view)
     assert sorted_by_value(view, model)[0].tolist() == list(range(45, 60))
-    assert (model.lit, model.others) == (15, 44)
+    assert (model.highlighted, model.others) == (15, 44)
     assert model.cursor is None
 
 
@@ -73,8 +73,8 @@ def test_selected_points_are_turbo_and_the_others_grey() -> None:
 
 def test_digits_stand_for_values_without_colours() -> None:
     view = geomap_input(floor_plan=None, heat=None, rooms=(), cursor=None)
-    look = RenderOptions(mode=ColourMode.NONE)
-    canvas, layout = draw_map(view, SIZE, look), map_layout(view, SIZE, None, look)
+    options = RenderOptions(mode=ColourMode.NONE)
+    canvas, layout = draw_map(view, SIZE, options), map_layout(view, SIZE, None, options)
     column, row = np.floor(layout.frame.to_cells(view.truth)[59]).astype(int)
     assert canvas.char[row, column + layout.x] == "9"
 

@@ -82,11 +82,14 @@ def test_the_largest_value_of_a_cell_wins(
 def test_lit_cells_and_other_dots_hold_what_they_say(
     points: np.ndarray, selected: np.ndarray, valid: np.ndarray, frame: MapFrame
 ) -> None:
-    chosen = selection_indices(selected, valid)
-    lit, others = selected_cells(points, chosen, frame), unselected_dots(points, chosen, frame)
+    selection = selection_indices(selected, valid)
+    highlighted, others = (
+        selected_cells(points, selection, frame),
+        unselected_dots(points, selection, frame),
+    )
     found = by_hand(frame, points)
     member = selected & valid
-    assert set(zip(*np.nonzero(lit), strict=True)) == {
+    assert set(zip(*np.nonzero(highlighted), strict=True)) == {
         cell for index, cell in enumerate(found) if cell is not None and member[index]
     }
     coarse = others.reshape(frame.height // 2, 4, frame.width, 2).any(axis=(1, 3))
@@ -108,8 +111,10 @@ def test_another_selection_costs_no_new_codes() -> None:
     assert point_cells(points, frame) is point_cells(points, frame)
     everything = np.ones(N, dtype=np.bool_)
     half = np.arange(N) % 2 == 0
-    lit, total = count_selected(point_cells(points, frame), selection_indices(half, everything))
-    assert (lit.sum(), total.sum()) == (N // 2, N)
+    highlighted, total = count_selected(
+        point_cells(points, frame), selection_indices(half, everything)
+    )
+    assert (highlighted.sum(), total.sum()) == (N // 2, N)
 
 
 @pytest.mark.parametrize("size", [(300, 600), (10, 4)])

@@ -23,9 +23,9 @@ LEFT = np.array([[1, 1, 0, 0]] * 2)
 """Only the left half of the map was seen."""
 
 
-def cell_at(x: float, y: float, look: RenderOptions | None = None) -> tuple[int, int]:
+def cell_at(x: float, y: float, options: RenderOptions | None = None) -> tuple[int, int]:
     """Row and column of a point on the example's map."""
-    layout = map_layout(geomap_input(), SIZE, None, look)
+    layout = map_layout(geomap_input(), SIZE, None, options)
     column, row = layout.frame.to_cells([[x, y]])[0].astype(int)
     return int(row), int(column) + layout.x
 
@@ -40,16 +40,18 @@ def test_what_was_not_seen_is_dimmed_and_the_rest_is_as_before(clip: np.ndarray)
     assert (np.abs(after.bg[hidden].astype(int) - expected) <= 1).all()
 
 
-@pytest.mark.parametrize("look", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.ANSI)])
-def test_glyphs_of_the_ground_are_dropped_where_nothing_was_seen(look: RenderOptions) -> None:
+@pytest.mark.parametrize(
+    "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.ANSI)]
+)
+def test_glyphs_of_the_ground_are_dropped_where_nothing_was_seen(options: RenderOptions) -> None:
     view = geomap_input(cursor=None, rooms=(), clip=1 - LEFT)
-    whole = draw_map(replace(view, clip=None), SIZE, look)
-    clipped = draw_map(view, SIZE, look)
-    hot, bright = cell_at(5.0, 3.0, look), cell_at(18.5, 5.0, look)
+    whole = draw_map(replace(view, clip=None), SIZE, options)
+    clipped = draw_map(view, SIZE, options)
+    hot, bright = cell_at(5.0, 3.0, options), cell_at(18.5, 5.0, options)
     assert whole.char[hot] != " "
     assert clipped.char[hot] == " "
     assert clipped.char[bright] == whole.char[bright] != " "
-    assert "not seen" in "\n".join(draw_map(view, (110, 26), look).lines())
+    assert "not seen" in "\n".join(draw_map(view, (110, 26), options).lines())
 
 
 def test_points_stay_where_the_ground_is_clipped() -> None:
@@ -110,11 +112,13 @@ def test_the_panel_is_where_points_are_drawn() -> None:
 
 
 @pytest.mark.parametrize("mode", ["colour", "glyph", "full"])
-@pytest.mark.parametrize("look", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)])
-def test_a_mark_is_drawn_at_its_metres(mode: str, look: RenderOptions) -> None:
+@pytest.mark.parametrize(
+    "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
+)
+def test_a_mark_is_drawn_at_its_metres(mode: str, options: RenderOptions) -> None:
     view = geomap_input(mode=mode, cursor=None, mark=Mark("map", ((2.0, 1.0), (12.0, 9.0))))
-    canvas = draw_map(view, SIZE, look)
-    (panel,) = map_panels(view, SIZE, look)
+    canvas = draw_map(view, SIZE, options)
+    (panel,) = map_panels(view, SIZE, options)
     for corner in ((2.0, 1.0), (12.0, 9.0), (2.0, 9.0)):
         column, row = (int(part) for part in panel.to_cells(*corner))
         assert canvas.char[row, column] == "+"

@@ -39,7 +39,7 @@ def test_counts_and_means_are_those_of_the_selected(column, selected, valid) -> 
     )
     edges = np.arange(BINS + 1) * 5.0 - 180
     panel = orientation_model(view).panels[0]
-    for mask, counts in ((selected & valid, panel.lit), (valid, panel.total)):
+    for mask, counts in ((selected & valid, panel.highlighted), (valid, panel.total)):
         own = column[mask & np.isfinite(column)]
         turned = np.array([wrap_degrees(degrees) for degrees in np.degrees(own)])
         expected, _ = np.histogram(turned, edges)
@@ -82,15 +82,15 @@ def test_means_of_many_are_close_and_exact_on_few_directions() -> None:
     [(2, True, "right"), (92, True, "down"), (92, False, "up"), (-88, True, "up"),
      (178, True, "left")],
 )  # fmt: skip
-@pytest.mark.parametrize("look", [RenderOptions(), RenderOptions(ascii=True)])
+@pytest.mark.parametrize("options", [RenderOptions(), RenderOptions(ascii=True)])
 def test_bars_point_as_on_the_map(
-    degrees: float, y_down: bool, way: str, look: RenderOptions
+    degrees: float, y_down: bool, way: str, options: RenderOptions
 ) -> None:
     size = (120, 24)
     view = one_way(degrees, y_down=y_down)
-    canvas = draw_orientation(view, size, look)
+    canvas = draw_orientation(view, size, options)
     for panel, colour in zip(
-        surface(view, size, look), (DARK.sim, DARK.truth, DARK.real), strict=True
+        surface(view, size, options), (DARK.sim, DARK.truth, DARK.real), strict=True
     ):
         rows, columns = (slice(panel.y, panel.y + panel.height),
                          slice(panel.x, panel.x + panel.width))  # fmt: skip
@@ -129,9 +129,9 @@ def test_every_bar_is_drawn_and_as_long_as_its_count(lengths) -> None:
 def test_grey_bars_are_all_shrunk_by_the_selected_share() -> None:
     view = orientation_input()
     model = orientation_model(view)
-    lit, total = (sum(part.sum() for part in counts) for counts in zip(
-        *((panel.lit, panel.total) for panel in model.panels), strict=True))  # fmt: skip
-    assert model.whole == pytest.approx(model.peak * total / lit)
+    highlighted, total = (sum(part.sum() for part in counts) for counts in zip(
+        *((panel.highlighted, panel.total) for panel in model.panels), strict=True))  # fmt: skip
+    assert model.whole == pytest.approx(model.peak * total / highlighted)
     for panel in model.panels:
         for bars in model.lengths(panel):
             assert bars.max() <= 1 + 1e-9
@@ -166,15 +166,15 @@ def test_strips_take_over_where_dials_are_too_small(size: tuple[int, int]) -> No
 
 def test_selected_and_others_differ_without_colours() -> None:
     none = np.zeros(N, dtype=np.bool_)
-    for look, lit in (
+    for options, highlighted in (
         (RenderOptions(mode=ColourMode.NONE), "▀▄█▌▐▘▝▖▗▛▜▙▟"),
         (RenderOptions(ascii=True), "#"),
     ):
         size = (120, 24)
-        drawn = "".join(draw_orientation(one_way(10), size, look).lines()[3:])
-        grey = "".join(draw_orientation(one_way(10, selected=none), size, look).lines()[3:])
-        assert any(glyph in drawn for glyph in lit)
-        assert not any(glyph in grey for glyph in lit)
+        drawn = "".join(draw_orientation(one_way(10), size, options).lines()[3:])
+        grey = "".join(draw_orientation(one_way(10, selected=none), size, options).lines()[3:])
+        assert any(glyph in drawn for glyph in highlighted)
+        assert not any(glyph in grey for glyph in highlighted)
         assert "".join(grey.split()) != ""
 
 

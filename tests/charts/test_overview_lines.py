@@ -64,9 +64,9 @@ def test_density_is_that_of_single_lines(
     lines = OverviewLines((first, second, third), selected, valid)
     layout = overview_layout(rows(3), 0, SIZE, lines)
     found = line_density(lines, AXIS, layout)
-    lit = by_hand(lines, layout.chart_width, layout.step, selected & valid)
+    highlighted = by_hand(lines, layout.chart_width, layout.step, selected & valid)
     others = by_hand(lines, layout.chart_width, layout.step, ~selected & valid)
-    assert (found.lit == lit).all()
+    assert (found.highlighted == highlighted).all()
     assert (found.others == others).all()
 
 
@@ -74,12 +74,14 @@ def test_density_is_that_of_single_lines(
 def test_pairs_count_who_goes_where(
     first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
 ) -> None:
-    ((lit, others),) = pair_counts(OverviewLines((first, second), selected, valid), AXIS, 10)
+    ((highlighted, others),) = pair_counts(
+        OverviewLines((first, second), selected, valid), AXIS, 10
+    )
     known = valid & np.isfinite(first) & np.isfinite(second)
-    assert lit.sum() == (known & selected).sum()
+    assert highlighted.sum() == (known & selected).sum()
     assert others.sum() == (known & ~selected).sum()
     top = known & selected & (first >= 0.95)
-    assert lit[9].sum() == top.sum()
+    assert highlighted[9].sum() == top.sum()
 
 
 def test_bars_stand_for_runs_that_adjoin_even_where_a_neighbour_is_unknown() -> None:
@@ -87,13 +89,13 @@ def test_bars_stand_for_runs_that_adjoin_even_where_a_neighbour_is_unknown() -> 
     layout = overview_layout(ROWS, 0, (60, 6), lines)
     assert layout.step == 1
     found = line_density(lines, AXIS, layout)
-    assert found.lit.shape == (4 * 3, 2 * layout.chart_width)
-    assert found.lit[3].sum() == 15
+    assert found.highlighted.shape == (4 * 3, 2 * layout.chart_width)
+    assert found.highlighted[3].sum() == 15
     assert found.others[7].sum() == 44
-    assert not found.lit[8:].any()
-    tall = (found.lit[:4] > 0).sum(axis=0)
+    assert not found.highlighted[8:].any()
+    tall = (found.highlighted[:4] > 0).sum(axis=0)
     assert tall.max() <= 4
-    assert (found.lit[3] > 0).sum() == (tall > 0).sum()
+    assert (found.highlighted[3] > 0).sum() == (tall > 0).sum()
 
 
 def test_many_lines_are_bands_without_gaps() -> None:
@@ -102,7 +104,7 @@ def test_many_lines_are_bands_without_gaps() -> None:
     yes = np.ones(count, dtype=np.bool_)
     lines = OverviewLines((values, values), yes, yes)
     layout = overview_layout(rows(2), 0, (200, 16), lines)
-    inside = line_density(lines, AXIS, layout).lit[2:-2, 2:-2]
+    inside = line_density(lines, AXIS, layout).highlighted[2:-2, 2:-2]
     assert (inside > 0).all()
 
 
@@ -165,20 +167,20 @@ def test_selected_lines_have_their_sides_hue_and_the_rest_is_grey(side: str) -> 
     inked = np.char.greater(canvas.char[band], "\u2800")
     colours = canvas.fg[band][inked].astype(int)
     strongest = 2 if side == "sim" else 0
-    lit = np.ptp(colours, axis=1) > 40
-    assert lit.any()
-    assert not lit.all()
-    assert (colours[lit].argmax(axis=1) == strongest).all()
+    highlighted = np.ptp(colours, axis=1) > 40
+    assert highlighted.any()
+    assert not highlighted.all()
+    assert (colours[highlighted].argmax(axis=1) == strongest).all()
     assert f"lines: {side}" in canvas.lines()[0]
 
 
 def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> None:
     lines = overview_lines(selected=np.zeros(N, dtype=np.bool_), cursor=None)
     everything = replace(lines, selected=np.ones(N, dtype=np.bool_))
-    look = RenderOptions(mode=ColourMode.NONE)
+    options = RenderOptions(mode=ColourMode.NONE)
 
     def ink(view: OverviewLines) -> int:
-        drawn = "".join(draw_overview(ROWS, None, None, SIZE, look, view).lines())
+        drawn = "".join(draw_overview(ROWS, None, None, SIZE, options, view).lines())
         return sum(
             (ord(glyph) - 0x2800).bit_count() for glyph in drawn if "\u2800" < glyph < "\u2900"
         )
@@ -262,15 +264,17 @@ def test_the_leftmost_column_takes_all_that_is_drawn_there() -> None:
     assert overview_panels(ROWS, 0.72, 1, SIZE)[0].to_data(panel.x + 0.5, panel.y)[0] > 0.5
 
 
-@pytest.mark.parametrize("look", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)])
-def test_a_marked_range_stands_between_ends_on_its_run(look: RenderOptions) -> None:
+@pytest.mark.parametrize(
+    "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
+)
+def test_a_marked_range_stands_between_ends_on_its_run(options: RenderOptions) -> None:
     lines = overview_lines()
     mark = Mark("dataaug", ((0.75, 0.0), (0.9, 0.0)))
-    canvas = draw_overview(ROWS, 0.72, 0, SIZE, look, lines, mark)
+    canvas = draw_overview(ROWS, 0.72, 0, SIZE, options, lines, mark)
     panel = overview_panels(ROWS, 0.72, 0, SIZE, lines)[1]
     low, high = (int(panel.to_cells(value, 0.0)[0]) for value in (0.75, 0.9))
     for y in range(panel.y, panel.y + panel.height):
-        assert canvas.char[y, low] == look.glyphs.scale_left
-        assert canvas.char[y, high] == look.glyphs.scale_right
+        assert canvas.char[y, low] == options.glyphs.scale_left
+        assert canvas.char[y, high] == options.glyphs.scale_right
         assert (canvas.bg[y, low : high + 1] == DARK.highlight).all()
-    assert not (canvas.char[panel.y - 1] == look.glyphs.scale_left).any()
+    assert not (canvas.char[panel.y - 1] == options.glyphs.scale_left).any()

@@ -19,24 +19,28 @@ from tests.charts.examples import histogram_input, orientation_input, rooms_inpu
 
 Surface = Callable[[tuple[int, int], RenderOptions], tuple[Panel, ...]]
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
-    "umap": (lambda size, look: umap_panels(umap_input(), size, look), "plane", ("sim", "real")),
+    "umap": (
+        lambda size, options: umap_panels(umap_input(), size, options),
+        "plane",
+        ("sim", "real"),
+    ),
     "orientation": (
-        lambda size, look: orientation_panels(orientation_input(), size, look),
+        lambda size, options: orientation_panels(orientation_input(), size, options),
         "turn",
         ("sim", "truth", "real"),
     ),
     "upwards": (
-        lambda size, look: orientation_panels(orientation_input(y_down=False), size, look),
+        lambda size, options: orientation_panels(orientation_input(y_down=False), size, options),
         "turn",
         ("sim", "truth", "real"),
     ),
     "rooms": (
-        lambda size, look: rooms_panels(rooms_input(), size, look),
+        lambda size, options: rooms_panels(rooms_input(), size, options),
         "steps",
         ("sim", "truth", "real"),
     ),
     "histogram": (
-        lambda size, look: errors_panels(histogram_input(), size, look),
+        lambda size, options: errors_panels(histogram_input(), size, options),
         "range",
         ("sim", "real"),
     ),

@@ -64,11 +64,13 @@ def test_a_dot_on_a_picture_keeps_its_mean_as_ground() -> None:
     assert canvas.bg[0, 0].tolist() == [150, 0, 0]
 
 
-@pytest.mark.parametrize("look", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)])
-def test_without_half_blocks_brightness_becomes_density(look: RenderOptions) -> None:
+@pytest.mark.parametrize(
+    "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
+)
+def test_without_half_blocks_brightness_becomes_density(options: RenderOptions) -> None:
     pixels = np.zeros((2, 3, 3), dtype=np.uint8)
     pixels[:, 1], pixels[:, 2] = 128, 255
     canvas = Canvas(3, 1)
-    draw_picture(canvas, 0, 0, pixels, look)
-    shades = look.glyphs.shades
+    draw_picture(canvas, 0, 0, pixels, options)
+    shades = options.glyphs.shades
     assert canvas.lines()[0] == shades[0] + shades[len(shades) // 2] + shades[-1]

@@ -35,7 +35,7 @@ def test_counts_are_those_of_each_column(sim, truth, real, selected, valid) -> N
     view = rooms_input(sim=sim, truth=truth, real=real, selected=selected, valid=valid, cursor=None)
     model = rooms_model(view)
     for index, column in enumerate((sim, truth, real)):
-        for mask, counts in ((valid, model.total), (selected & valid, model.lit)):
+        for mask, counts in ((valid, model.total), (selected & valid, model.highlighted)):
             expected = Counter(column[mask].tolist())
             shown = {room: expected[room] for room in range(5)}
             if len(model.names) == 6:
@@ -68,10 +68,10 @@ def test_bars_share_one_scale_and_are_as_long_as_their_counts() -> None:
     layout = rooms_layout(view, (76, 4))
     for x, _ in layout.columns:
         bar = slice(x + layout.gutter, x + layout.gutter + layout.bar)
-        for row, (lit, total) in enumerate(((32, 32), (8, 16), (0, 12)), start=1):
+        for row, (highlighted, total) in enumerate(((32, 32), (8, 16), (0, 12)), start=1):
             inked = "".join(canvas.char[row, bar]).rstrip()
             assert len(inked) == -(-total * layout.bar // 32)
-            assert abs(inked.count("█") - lit * layout.bar / 32) <= 1
+            assert abs(inked.count("█") - highlighted * layout.bar / 32) <= 1
 
 
 def test_colours_are_those_of_the_sides() -> None:
@@ -111,13 +111,13 @@ def test_the_cursors_room_is_marked_in_each_column(size: tuple[int, int]) -> Non
 
 
 @pytest.mark.parametrize(
-    "look", [RenderOptions(), RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)]
+    "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)]
 )
-def test_pending_steps_are_pointed_at_in_their_column(look: RenderOptions) -> None:
+def test_pending_steps_are_pointed_at_in_their_column(options: RenderOptions) -> None:
     view = rooms_input(mark=Mark("truth", ((0.0, 3.0), (0.0, 1.0))), cursor=20)
-    canvas = draw_rooms(view, SIZE, look)
-    found = np.argwhere(canvas.char == look.glyphs.pointer)
-    _, truth, _ = rooms_panels(view, SIZE, look)
+    canvas = draw_rooms(view, SIZE, options)
+    found = np.argwhere(canvas.char == options.glyphs.pointer)
+    _, truth, _ = rooms_panels(view, SIZE, options)
     steps = [truth.to_data(column + 0.5, row + 0.5)[1] for row, column in found.tolist()]
     assert steps == [1.0, 2.0, 3.0]
     assert all(column == truth.x for _, column in found.tolist())

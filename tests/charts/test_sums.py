@@ -52,8 +52,8 @@ def test_occupied_bins_keep_their_counts(
 ) -> None:
     made = bin_values(column, 6)
     fewer, kept = occupied_bins(made)
-    chosen = selection_indices(selected, base)
-    before, after = count_selected(made, chosen)[0], count_selected(fewer, chosen)[0]
+    selection = selection_indices(selected, base)
+    before, after = count_selected(made, selection)[0], count_selected(fewer, selection)[0]
     assert (before[kept] == after).all()
     assert before.sum() == after.sum()
 

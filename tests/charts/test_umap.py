@@ -54,12 +54,12 @@ def test_cells_show_the_mean_of_their_selected(sim, real, values, selected, vali
                 assert abs((place - 0.5) / LEVELS - known.mean() / 4.0) <= 1.001 / LEVELS
             else:
                 assert place == 0
-        lit = np.zeros((5, 9), dtype=np.bool_)
+        highlighted = np.zeros((5, 9), dtype=np.bool_)
         for cell in cells:
-            lit[cell] = True
-        np.testing.assert_array_equal(layer.level >= 0, lit)
+            highlighted[cell] = True
+        np.testing.assert_array_equal(layer.level >= 0, highlighted)
         grey = layer.grey.reshape(5, 4, 9, 2).any(axis=(1, 3))
-        np.testing.assert_array_equal(grey, held & ~lit)
+        np.testing.assert_array_equal(grey, held & ~highlighted)
         placed = valid & np.isfinite(side).all(axis=1)
         assert (layer.selected, layer.total) == ((placed & selected).sum(), placed.sum())
 
@@ -128,9 +128,9 @@ def test_digits_stand_for_colours_where_those_lack() -> None:
     values = np.zeros(N)
     values[45], values[50] = 4.0, np.nan
     view = umap_input(selected=selected, values=values, value_range=(0.0, 4.0), cursor=None)
-    for look in (RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)):
-        canvas = draw_umap(view, SIZE, look)
-        sim, _ = umap_panels(view, SIZE, look)
+    for options in (RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)):
+        canvas = draw_umap(view, SIZE, options)
+        sim, _ = umap_panels(view, SIZE, options)
         for iid, digit in ((20, "0"), (45, "9"), (50, "?")):
             column, row = (int(part) for part in sim.to_cells(*view.sim[iid]))
             assert canvas.char[row, column] == digit

@@ -64,21 +64,21 @@ def slider_layout(lines: Sequence[SliderLine], size: Size) -> SliderLayout:
 
 
 def draw_sliders(
-    lines: Sequence[SliderLine], size: Size, look: RenderOptions | None = None
+    lines: Sequence[SliderLine], size: Size, options: RenderOptions | None = None
 ) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
     layout = slider_layout(lines, (canvas.width, canvas.height))
     for row in range(layout.shown):
-        _line(canvas, row, lines[layout.first + row], layout, look)
+        _line(canvas, row, lines[layout.first + row], layout, options)
     return canvas
 
 
 def _line(
-    canvas: Canvas, y: int, line: SliderLine, layout: SliderLayout, look: RenderOptions
+    canvas: Canvas, y: int, line: SliderLine, layout: SliderLayout, options: RenderOptions
 ) -> None:
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     side = theme.sim if line.side == "sim" else theme.real
     mark = glyphs.sim if line.side == "sim" else glyphs.real
     if line.active:

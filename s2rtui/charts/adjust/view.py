@@ -19,10 +19,10 @@ class AdjustView(View):
     name = "adjust"
     key = "a"
     description = "adjust images live, and save that as a run"
-    stored = False
-    marked = False
+    from_store = False
+    brushable = False
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         state = scene.state
         adjust = state.adjust
         if adjust is None or adjust.missing:
@@ -45,21 +45,21 @@ class AdjustView(View):
             for index, slider in enumerate(adjust.sliders)
         )  # fmt: skip
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         resources = scene.resources
         return scene.state.adjust, resources.adjusted(scene.state), resources.failed.get("live")
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        canvas = Canvas(*size, theme=look.theme)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        canvas = Canvas(*size, theme=options.theme)
         adjust = scene.state.adjust
         if adjust is None or adjust.missing:
             return _written(canvas, adjust.missing if adjust else "no instance to adjust", 0)
         lines = self.lines(scene)
         rows = self._rows(scene, canvas.height)
-        canvas.paste(draw_sliders(lines, (canvas.width, rows), look), 0, 0)
+        canvas.paste(draw_sliders(lines, (canvas.width, rows), options), 0, 0)
         used = rows
         if adjust.reason and canvas.height > rows + 2:
-            canvas.text(0, rows, adjust.reason[: canvas.width], look.theme.muted)
+            canvas.text(0, rows, adjust.reason[: canvas.width], options.theme.muted)
             used += 1
         space = canvas.height - used - 1
         if failed := scene.resources.failed.get("live"):
@@ -67,7 +67,7 @@ class AdjustView(View):
         live = scene.resources.adjusted(scene.state)
         if live is not None and space > 0:
             canvas.paste(
-                instance_terminal.draw_instance(live, (canvas.width, space), look), 0, used + 1
+                instance_terminal.draw_instance(live, (canvas.width, space), options), 0, used + 1
             )
         return canvas
 
@@ -75,16 +75,19 @@ class AdjustView(View):
         """The sliders, as long as the pictures keep most of the room."""
         return max(1, min(len(self.lines(scene)), height // 2))
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         lines = self.lines(scene)
         return slider_panels(lines, (size[0], self._rows(scene, size[1]))) if lines else ()
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         adjusting.put(session, int(panel.name), point[0])
 
     def drag(self, session: Session, scene: Scene, panel: Panel, point: Point) -> bool:
         adjusting.put(session, int(panel.name), point[0])
         return True
+
+
+VIEW = AdjustView()
 
 
 def _written(canvas: Canvas, text: str, top: int) -> Canvas:

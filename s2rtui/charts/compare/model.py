@@ -85,59 +85,61 @@ class CompareSummary:
 class CompareModel:
     """others: valid but not selected. scale: the difference of full colour. cursor: valid."""
 
-    chosen: SelectionIndices
-    lit: int
+    selection: SelectionIndices
+    highlighted: int
     others: int
     cursor: int | None
     scale: float
     summary: CompareSummary
 
 
-def compare_model(view: CompareInput) -> CompareModel:
+def compare_model(data: CompareInput) -> CompareModel:
     """The summary and the scale."""
-    valid: Bools = np.asarray(view.valid, dtype=np.bool_)
-    chosen = selection_indices(np.asarray(view.selected, dtype=np.bool_), valid)
-    lit, others = selection_sizes(chosen)
-    arrays = ArrayKey(view.first), ArrayKey(view.second)
-    summary = _summary(*arrays, view.equal, chosen, lit)
-    scale = view.scale or _scale(*arrays, ArrayKey(valid), view.equal)
-    return CompareModel(chosen, lit, others, valid_cursor(view.cursor, valid), scale, summary)
+    valid: Bools = np.asarray(data.valid, dtype=np.bool_)
+    selection = selection_indices(np.asarray(data.selected, dtype=np.bool_), valid)
+    highlighted, others = selection_sizes(selection)
+    arrays = ArrayKey(data.first), ArrayKey(data.second)
+    summary = _summary(*arrays, data.equal, selection, highlighted)
+    scale = data.scale or _scale(*arrays, ArrayKey(valid), data.equal)
+    return CompareModel(
+        selection, highlighted, others, valid_cursor(data.cursor, valid), scale, summary
+    )
 
 
 @cached_by_identity(8)
 def _summary(
-    first: ArrayKey, second: ArrayKey, equal: float, chosen: SelectionIndices, lit: int
+    first: ArrayKey, second: ArrayKey, equal: float, selection: SelectionIndices, highlighted: int
 ) -> CompareSummary:
     column = _verdicts(first, second, equal)
-    worse, same, improved = count_selected(column, chosen)[0].tolist()
+    worse, same, improved = count_selected(column, selection)[0].tolist()
     known = worse + same + improved
-    total = total_selected(_differences(first, second), chosen)
+    total = total_selected(_differences(first, second), selection)
     mean = total / known if known else float("nan")
-    return CompareSummary(improved, worse, same, lit - known, mean)
+    return CompareSummary(improved, worse, same, highlighted - known, mean)
 
 
-def differences(view: CompareInput) -> Means:
+def differences(data: CompareInput) -> Means:
     """first - second of every instance, (N,); NaN where one is unknown."""
-    return _differences(ArrayKey(view.first), ArrayKey(view.second))
+    return _differences(ArrayKey(data.first), ArrayKey(data.second))
 
 
 def cell_means(
-    view: CompareInput, chosen: SelectionIndices, frame: MapFrame
+    data: CompareInput, selection: SelectionIndices, frame: MapFrame
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
     """Columns, rows and mean differences (k,) of the cells that hold a selected instance."""
     return _cell_means(
-        ArrayKey(view.truth), ArrayKey(view.first), ArrayKey(view.second), chosen, frame
+        ArrayKey(data.truth), ArrayKey(data.first), ArrayKey(data.second), selection, frame
     )
 
 
 @cached_by_identity(4)
 def _cell_means(
-    truth: ArrayKey, first: ArrayKey, second: ArrayKey, chosen: SelectionIndices, frame: MapFrame
+    truth: ArrayKey, first: ArrayKey, second: ArrayKey, selection: SelectionIndices, frame: MapFrame
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
     column = _known_cells(truth, first, second, frame)
-    counts, _ = count_selected(column, chosen)
+    counts, _ = count_selected(column, selection)
     held = np.flatnonzero(counts)
-    means = sum_selected(column, _differences(first, second), chosen)[held] / counts[held]
+    means = sum_selected(column, _differences(first, second), selection)[held] / counts[held]
     return held % frame.width, held // frame.width, means
 
 
@@ -176,10 +178,10 @@ def _scale(first: ArrayKey, second: ArrayKey, valid: ArrayKey, equal: float) -> 
     return max(largest, 2 * equal, 1e-9)
 
 
-def sorted_by_difference(view: CompareInput, model: CompareModel) -> tuple[NDArray[np.intp], Means]:
+def sorted_by_difference(data: CompareInput, model: CompareModel) -> tuple[NDArray[np.intp], Means]:
     """Selected iids with both errors, the largest difference last, and their differences."""
-    ids = model.chosen.members
-    apart = differences(view)[ids]
+    ids = model.selection.members
+    apart = differences(data)[ids]
     ids, apart = ids[np.isfinite(apart)], apart[np.isfinite(apart)]
     ordered = np.argsort(np.abs(apart), kind="stable")
     return ids[ordered], apart[ordered]

@@ -89,14 +89,14 @@ def compare_figure(
     area = viewport or default_view(difference.bounds, difference.truth, difference.valid)
     plan = _plan(page, area, top)
     inks = (theme.text, theme.text, theme.text)
-    for view, name, box, ink in zip(maps, difference.names, plan.boxes, inks, strict=False):
-        told = name + _median(view) if box[2] > 1.8 else name
-        sheet = _panel(figure, page, view.ground, area, box, told, ink)
-        model = map_model(view)
-        draw_unselected(sheet.axes, view.truth, model.chosen, sheet.spots)
-        draw_values(sheet.axes, view, model, sheet.spots)
+    for data, name, box, ink in zip(maps, difference.names, plan.boxes, inks, strict=False):
+        told = name + _median(data) if box[2] > 1.8 else name
+        sheet = _panel(figure, page, data.ground, area, box, told, ink)
+        model = map_model(data)
+        draw_unselected(sheet.axes, data.truth, model.selection, sheet.spots)
+        draw_values(sheet.axes, data, model, sheet.spots)
         if model.cursor is not None:
-            draw_pose(sheet.axes, view.truth, view.headings, model.cursor, theme.cursor, area)
+            draw_pose(sheet.axes, data.truth, data.headings, model.cursor, theme.cursor, area)
     found = compare_model(difference)
     told = f"{first} − {second}"
     sheet = _panel(figure, page, difference.ground, area, plan.boxes[2], told, theme.text)
@@ -151,25 +151,25 @@ def _panel(
     return sheet
 
 
-def _median(view: MapInput) -> str:
+def _median(data: MapInput) -> str:
     """`   median 3.1 m`: of the selected."""
-    errors = np.asarray(view.values)[np.asarray(view.selected) & np.asarray(view.valid)]
+    errors = np.asarray(data.values)[np.asarray(data.selected) & np.asarray(data.valid)]
     errors = errors[np.isfinite(errors)]
     return (
-        f"   median {short_number(float(np.median(errors)))} {view.value_unit}"
+        f"   median {short_number(float(np.median(errors)))} {data.value_unit}"
         if errors.size
         else ""
     )
 
 
 def _error_scale(
-    figure: Figure, page: Page, view: MapInput, corner: tuple[float, float], high: float
+    figure: Figure, page: Page, data: MapInput, corner: tuple[float, float], high: float
 ) -> float:
     """The scale of both error maps; gives its lower end."""
     left, top = corner
-    span = map_model(view).value_range
+    span = map_model(data).value_range
     box = page.box(left, top - 0.52 - high, 0.16, high)
-    draw_colour_bar(figure, page, box, span, f"error ({view.value_unit})", turbo)
+    draw_colour_bar(figure, page, box, span, f"error ({data.value_unit})", turbo)
     return top - 0.52 - high
 
 
@@ -177,7 +177,7 @@ MARKERS = {1: "^", 0: "o", -1: "v"}
 
 
 def difference_figure(
-    view: CompareInput,
+    data: CompareInput,
     size: Pixels = (1600, 1200),
     theme: Theme = LIGHT,
     title: str = "",
@@ -186,31 +186,31 @@ def difference_figure(
 ) -> bytes:
     """A PNG of `size` pixels: each selected instance by its difference, the largest on top."""
     page = make_page(size, theme)
-    model = compare_model(view)
-    area = viewport or default_view(view.bounds, view.truth, view.valid)
-    first, second = view.names
-    title = title or f"{view.side.capitalize()} error: {first} against {second}"
-    sheet = map_sheet(view.ground, area, page, title, subtitle)
-    draw_difference(sheet, view, model)
+    model = compare_model(data)
+    area = viewport or default_view(data.bounds, data.truth, data.valid)
+    first, second = data.names
+    title = title or f"{data.side.capitalize()} error: {first} against {second}"
+    sheet = map_sheet(data.ground, area, page, title, subtitle)
+    draw_difference(sheet, data, model)
     if sheet.side:
-        difference_legend(sheet, view, model, sheet.side)
+        difference_legend(sheet, data, model, sheet.side)
     return figure_bytes(sheet.figure, page)
 
 
-def draw_difference(sheet: MapSheet, view: CompareInput, model: CompareModel) -> None:
+def draw_difference(sheet: MapSheet, data: CompareInput, model: CompareModel) -> None:
     """The unselected, the differences on top of them, the cursor."""
-    draw_unselected(sheet.axes, view.truth, model.chosen, sheet.spots)
-    _signs(sheet, view, model)
+    draw_unselected(sheet.axes, data.truth, model.selection, sheet.spots)
+    _signs(sheet, data, model)
     if model.cursor is not None:
-        _cursor(sheet.axes, view, model.cursor, sheet.page.theme)
+        _cursor(sheet.axes, data, model.cursor, sheet.page.theme)
 
 
-def _signs(sheet: MapSheet, view: CompareInput, model: CompareModel) -> None:
+def _signs(sheet: MapSheet, data: CompareInput, model: CompareModel) -> None:
     """Triangles up where the second run is better, down where the first is, dots where equal."""
-    ids, apart = sorted_by_difference(view, model)
-    held = sheet.spots.last(view.truth, ids)
-    truth, apart = np.asarray(view.truth, dtype=np.float64)[ids[held]], apart[held]
-    which = better_run(apart, view.equal)
+    ids, apart = sorted_by_difference(data, model)
+    held = sheet.spots.last(data.truth, ids)
+    truth, apart = np.asarray(data.truth, dtype=np.float64)[ids[held]], apart[held]
+    which = better_run(apart, data.equal)
     ink = difference_colours(apart, model.scale) / 255.0
     few = len(held) <= MANY
     for order, verdict in enumerate((0, -1, 1)):
@@ -227,15 +227,15 @@ def _signs(sheet: MapSheet, view: CompareInput, model: CompareModel) -> None:
         )
 
 
-def _cursor(axes: Axes, view: CompareInput, iid: int, theme: Theme) -> None:
-    x, y = (float(part) for part in np.asarray(view.truth)[iid])
+def _cursor(axes: Axes, data: CompareInput, iid: int, theme: Theme) -> None:
+    x, y = (float(part) for part in np.asarray(data.truth)[iid])
     ink = rgb_fractions(theme.cursor)
     axes.scatter([x], [y], s=80, facecolors="none", edgecolors=[ink], linewidths=1.6, zorder=7)
 
 
 def difference_legend(
     sheet: MapSheet,
-    view: CompareInput,
+    data: CompareInput,
     model: CompareModel,
     corner: tuple[float, float],
     high: float = 0.0,
@@ -248,7 +248,7 @@ def difference_legend(
     left, top = corner
     high = high or min(2.0, (top - 0.6) * 0.42)
     box = sheet.page.box(left, top - 0.52 - high, 0.16, high)
-    label = f"{view.names[0]} −\n{view.names[1]} ({view.unit})"
+    label = f"{data.names[0]} −\n{data.names[1]} ({data.unit})"
     ends = (-model.scale, model.scale)
     draw_colour_bar(
         sheet.figure,
@@ -263,12 +263,12 @@ def difference_legend(
         (int(r), int(g), int(b)) for r, g, b in difference_colours([-1.0, 0.0, 1.0], 1.0)
     )
     marks: list[tuple[str, str, Rgb, bool]] = [
-        (f"{summary.improved} better in {view.names[1]}", "^", orange, True),
-        (f"{summary.worse} better in {view.names[0]}", "v", blue, True),
-        (f"{summary.equal} within {short_number(view.equal)} {view.unit}", "o", grey, True),
+        (f"{summary.improved} better in {data.names[1]}", "^", orange, True),
+        (f"{summary.worse} better in {data.names[0]}", "v", blue, True),
+        (f"{summary.equal} within {short_number(data.equal)} {data.unit}", "o", grey, True),
     ]
     if summary.improved + summary.worse + summary.equal:
-        marks.append((f"mean {summary.mean:+.2f} {view.unit}", "", theme.text, False))
+        marks.append((f"mean {summary.mean:+.2f} {data.unit}", "", theme.text, False))
     if model.others:
         marks.append(("not selected", ".", theme.unselected, True))
     if model.cursor is not None:

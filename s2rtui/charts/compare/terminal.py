@@ -37,106 +37,106 @@ from s2rtui.charts.shared.map_terminal import (
 )
 
 
-def difference_glyphs(look: RenderOptions) -> str:
+def difference_glyphs(options: RenderOptions) -> str:
     """The glyphs of: the first is better, equal, the second is better."""
-    return "-=+" if ramp_for_values(look) is not None else "▼●▲"
+    return "-=+" if ramp_for_values(options) is not None else "▼●▲"
 
 
 def compare_layout(
-    view: CompareInput,
+    data: CompareInput,
     size: Size,
     viewport: Bounds | None = None,
-    look: RenderOptions | None = None,
+    options: RenderOptions | None = None,
     model: CompareModel | None = None,
 ) -> MapLayout:
     """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
-    look, model = look or RenderOptions(), model or compare_model(view)
-    area = viewport or default_view(view.bounds, view.truth, view.valid)
+    options, model = options or RenderOptions(), model or compare_model(data)
+    area = viewport or default_view(data.bounds, data.truth, data.valid)
 
     def legend(frame: MapFrame, width: int) -> list[LegendPart]:
-        return _legend(view, model, frame, width, look)
+        return _legend(data, model, frame, width, options)
 
-    return layout_of_area(area, view.y_down, size, legend)
+    return layout_of_area(area, data.y_down, size, legend)
 
 
 def compare_panels(
-    view: CompareInput,
+    data: CompareInput,
     size: Size,
-    look: RenderOptions | None = None,
+    options: RenderOptions | None = None,
     viewport: Bounds | None = None,
 ) -> tuple[Panel, ...]:
     """One panel "map", a plane of metres."""
-    return (map_panel(compare_layout(view, size, viewport, look)),)
+    return (map_panel(compare_layout(data, size, viewport, options)),)
 
 
 def draw_compare(
-    view: CompareInput,
+    data: CompareInput,
     size: Size,
-    look: RenderOptions | None = None,
+    options: RenderOptions | None = None,
     viewport: Bounds | None = None,
 ) -> Canvas:
     """The view in `size` (columns, rows): per cell the mean difference of the selected."""
-    look = look or RenderOptions()
-    model = compare_model(view)
-    layout = compare_layout(view, size, viewport, look, model)
-    frame, glyph, colour = layout.frame, look.glyphs.cursor, look.theme.cursor
+    options = options or RenderOptions()
+    model = compare_model(data)
+    layout = compare_layout(data, size, viewport, options, model)
+    frame, glyph, colour = layout.frame, options.glyphs.cursor, options.theme.cursor
 
     def draw_selected(chart: Canvas) -> None:
-        _cells(chart, view, model, frame, look)
+        _cells(chart, data, model, frame, options)
         if model.cursor is not None:
-            draw_pose(chart, view.truth, None, model.cursor, frame, look, glyph, colour)
+            draw_pose(chart, data.truth, None, model.cursor, frame, options, glyph, colour)
 
-    return draw_point_map(view, model.chosen, layout, size, look, draw_selected)
+    return draw_point_map(data, model.selection, layout, size, options, draw_selected)
 
 
 def _cells(
     canvas: Canvas,
-    view: CompareInput,
+    data: CompareInput,
     model: CompareModel,
     frame: MapFrame,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """A sign per cell in the colour of its mean; bold beyond half of the scale."""
-    columns, rows, means = cell_means(view, model.chosen, frame)
-    put_glyphs(canvas, columns, rows, " ", look.theme.text)
-    canvas.char[rows, columns] = np.array(list(difference_glyphs(look)))[
-        better_run(means, view.equal) + 1
+    columns, rows, means = cell_means(data, model.selection, frame)
+    put_glyphs(canvas, columns, rows, " ", options.theme.text)
+    canvas.char[rows, columns] = np.array(list(difference_glyphs(options)))[
+        better_run(means, data.equal) + 1
     ]
-    canvas.fg[rows, columns] = legible(difference_colours(means, model.scale), look.theme)
+    canvas.fg[rows, columns] = legible(difference_colours(means, model.scale), options.theme)
     canvas.bold[rows, columns] = np.abs(means) > model.scale / 2
 
 
 def _legend(
-    view: CompareInput, model: CompareModel, frame: MapFrame, width: int, look: RenderOptions
+    data: CompareInput, model: CompareModel, frame: MapFrame, width: int, options: RenderOptions
 ) -> list[LegendPart]:
-    first, second = (_name(name, look) for name in view.names)
+    first, second = (_name(name, options) for name in data.names)
     bar = colour_bar(
-        f"{view.side} error, {first} - {second}",
-        view.unit,
+        f"{data.side} error, {first} - {second}",
+        data.unit,
         (-model.scale, model.scale),
-        look,
+        options,
         12 if width >= 50 else 8,
         colours=lambda shares: difference_colours(2 * shares - 1, 1.0),
-        ramp=difference_glyphs(look) if ramp_for_values(look) is not None else None,
+        ramp=difference_glyphs(options) if ramp_for_values(options) is not None else None,
         room=width,
     )
-    counts = _counts(view, model, (first, second), look)
+    counts = _counts(data, model, (first, second), options)
     if counts.width > width:
-        counts = _counts(view, model, None, look)
-    return [counts, bar, *map_legend(frame, width, model.others, view.clip is not None, look)]
+        counts = _counts(data, model, None, options)
+    return [counts, bar, *map_legend(frame, width, model.others, data.clip is not None, options)]
 
 
 def _counts(
-    view: CompareInput,
+    data: CompareInput,
     model: CompareModel,
     names: tuple[str, str] | None,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> LegendPart:
     """Who is better how often, and the mean difference with its sign; names only with room."""
-    theme, summary = look.theme, model.summary
+    theme, summary = options.theme, model.summary
     ends = legible(difference_colours([-1.0, 0.0, 1.0], 1.0), theme)
     blue, grey, orange = ((int(r), int(g), int(b)) for r, g, b in ends)
-    lower, same, upper = tuple(difference_glyphs(look))
+    lower, same, upper = tuple(difference_glyphs(options))
     pieces: list[tuple[str, Rgb]] = []
     for glyph, colour, number, told in (
         (upper, orange, summary.improved, f" better in {names[1]}" if names else ""),
@@ -145,17 +145,17 @@ def _counts(
             same,
             grey,
             summary.equal,
-            f" within {short_number(view.equal)} {view.unit}" if names else "",
+            f" within {short_number(data.equal)} {data.unit}" if names else "",
         ),
     ):
         pieces += [(f"{glyph} ", colour), (f"{number}{told}  ", theme.text)]
     if summary.improved + summary.worse + summary.equal:
-        pieces.append((f"mean {summary.mean:+.2f} {view.unit}", theme.muted))
+        pieces.append((f"mean {summary.mean:+.2f} {data.unit}", theme.muted))
     return text_part(pieces)
 
 
-def _name(name: str, look: RenderOptions) -> str:
+def _name(name: str, options: RenderOptions) -> str:
     """A run's name, short enough for a legend."""
-    if look.ascii:
+    if options.ascii:
         name = name.encode("ascii", "replace").decode()
-    return name if len(name) <= 16 else name[:15] + look.glyphs.ellipsis
+    return name if len(name) <= 16 else name[:15] + options.glyphs.ellipsis

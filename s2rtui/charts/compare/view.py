@@ -33,10 +33,10 @@ class CompareView(View):
     key = "9"
     pane: Pane = "centre"
     description = "two runs compared on the selection"
-    feeds = ("floor plan",)
-    paper = (2100, 900)
+    loads = ("floor plan",)
+    figure_size = (2100, 900)
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         other = run_differences.other_run(scene.state)
         if other is None:
             return "there is only one run"
@@ -53,7 +53,7 @@ class CompareView(View):
             room_names=state.room_names, mark=scene.mark(self.name),
         )  # fmt: skip
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state, other = scene.state, run_differences.other_run(scene.state)
         if other is None:
             return ()
@@ -61,28 +61,28 @@ class CompareView(View):
             return other, "loading"
         return state.generation, identity_key(self.input(scene, other)), state.viewport
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        canvas = Canvas(*size, theme=look.theme)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        canvas = Canvas(*size, theme=options.theme)
         other = run_differences.other_run(scene.state)
         if other is None:
-            canvas.text(0, 0, "nothing to compare with", look.theme.muted)
+            canvas.text(0, 0, "nothing to compare with", options.theme.muted)
             return canvas
         if not pending_target.is_ready(scene.store, other):
-            canvas.text(0, 0, f"loading run {other}", look.theme.muted)
+            canvas.text(0, 0, f"loading run {other}", options.theme.muted)
             return canvas
         notes = run_differences.differences(scene.store, scene.state.run, other)
         for row, note in enumerate(notes[: max(0, canvas.height - 3)]):
-            canvas.text(0, row, note[: canvas.width], look.theme.truth)
+            canvas.text(0, row, note[: canvas.width], options.theme.truth)
         top = self._top(scene, size)
         height = canvas.height - top
         maps = height // 2 if self._both(size) else 0
         if maps:
             half = (canvas.width - 2) // 2
             for x, one in zip((0, half + 2), self.maps(scene, other), strict=True):
-                drawn = draw_value_map(one, (half, maps), look, scene.state.viewport)
+                drawn = draw_value_map(one, (half, maps), options, scene.state.viewport)
                 canvas.paste(drawn, x, top)
         view = self.input(scene, other)
-        shown = draw_compare(view, (canvas.width, height - maps), look, scene.state.viewport)
+        shown = draw_compare(view, (canvas.width, height - maps), options, scene.state.viewport)
         canvas.paste(shown, 0, top + maps)
         return canvas
 
@@ -114,7 +114,7 @@ class CompareView(View):
         )
         return first, second
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         other = run_differences.other_run(scene.state)
         if other is None:
             return "There is only one run."
@@ -138,26 +138,26 @@ class CompareView(View):
             subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
         )  # fmt: skip
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         other = run_differences.other_run(scene.state)
         if other is None or not pending_target.is_ready(scene.store, other):
             return ()
         top = self._top(scene, size)
         maps = (size[1] - top) // 2 if self._both(size) else 0
         inner = (size[0], size[1] - top - maps)
-        panels = compare_panels(self.input(scene, other), inner, look, scene.state.viewport)
+        panels = compare_panels(self.input(scene, other), inner, options, scene.state.viewport)
         return [run_differences.lowered(panel, top + maps) for panel in panels]
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         return known_point(true_positions(scene.store), scene.state.cursor)
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         points = true_positions(scene.store)
         nearest = nearest_iid(points, scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area_expression(panel, mark, "box", "lasso")
 
     def numbers(self, scene: Scene) -> Table:
@@ -174,6 +174,9 @@ class CompareView(View):
             if members.any() or code is None:
                 rows.append((name, *_summary(view.first[members], view.second[members])))
         return names, rows
+
+
+VIEW = CompareView()
 
 
 def _summary(first: Floats, second: Floats) -> tuple[object, ...]:

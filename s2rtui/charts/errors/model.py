@@ -45,7 +45,7 @@ class SideErrors:
     beyond: valid instances past the last edge. cursor: the error of the cursor's instance.
     """
 
-    lit: Counts
+    highlighted: Counts
     total: Counts
     median: float
     beyond: int
@@ -70,24 +70,24 @@ class ErrorsModel:
         return float(self.edges[-1])
 
 
-def errors_model(view: ErrorsInput, number: int) -> ErrorsModel:
+def errors_model(data: ErrorsInput, number: int) -> ErrorsModel:
     """Both sides over one range: 0 to `upper`, by default the 99th percentile of both."""
-    upper = view.upper
+    upper = data.upper
     if upper is None:
-        upper = _upper(ArrayKey(view.sim), ArrayKey(view.real))
+        upper = _upper(ArrayKey(data.sim), ArrayKey(data.real))
     upper = upper if upper > 0 else 1.0
     count = max(1, number)
-    keys = (ArrayKey(view.sim), ArrayKey(view.real))
-    parts = _counts(keys, upper, count, ArrayKey(view.selected), ArrayKey(view.valid))
+    keys = (ArrayKey(data.sim), ArrayKey(data.real))
+    parts = _counts(keys, upper, count, ArrayKey(data.selected), ArrayKey(data.valid))
     sim, real = (
         SideErrors(
-            lit,
+            highlighted,
             total,
             middle,
-            _beyond(ArrayKey(side), upper, ArrayKey(view.valid)),
-            _cursor(side, view),
+            _beyond(ArrayKey(side), upper, ArrayKey(data.valid)),
+            _cursor(side, data),
         )
-        for side, (lit, total, middle) in zip((view.sim, view.real), parts, strict=True)
+        for side, (highlighted, total, middle) in zip((data.sim, data.real), parts, strict=True)
     )
     return ErrorsModel(np.linspace(0.0, upper, count + 1), sim, real)
 
@@ -97,22 +97,24 @@ def _counts(
     sides: tuple[ArrayKey, ...], upper: float, count: int, selected: ArrayKey, valid: ArrayKey
 ) -> list[tuple[Counts, Counts, float]]:
     """Counts of the selected and of all, and the selected's median, for each side."""
-    lit_mask, population = np.asarray(selected.array), np.asarray(valid.array)
+    highlighted_mask, population = np.asarray(selected.array), np.asarray(valid.array)
     columns = [_bins(side, upper, count * max(1, FINE // count)) for side in sides]
-    counted = joint_histogram.joint_counts(columns, selection_indices(lit_mask, population))
+    counted = joint_histogram.joint_counts(columns, selection_indices(highlighted_mask, population))
     return [
         (
-            lit.reshape(count, -1).sum(axis=1),
+            highlighted.reshape(count, -1).sum(axis=1),
             total.reshape(count, -1).sum(axis=1),
-            median_selected(np.asarray(side.array), column, lit, lit_mask, population),
+            median_selected(
+                np.asarray(side.array), column, highlighted, highlighted_mask, population
+            ),
         )
-        for side, column, (lit, total) in zip(sides, columns, counted, strict=True)
+        for side, column, (highlighted, total) in zip(sides, columns, counted, strict=True)
     ]
 
 
-def _cursor(errors: Floats, view: ErrorsInput) -> float | None:
-    cursor = view.cursor
-    if cursor is None or not (0 <= cursor < len(view.valid) and view.valid[cursor]):
+def _cursor(errors: Floats, data: ErrorsInput) -> float | None:
+    cursor = data.cursor
+    if cursor is None or not (0 <= cursor < len(data.valid) and data.valid[cursor]):
         return None
     error = float(errors[cursor])
     return error if math.isfinite(error) else None

@@ -34,7 +34,7 @@ BINS = 60
 
 
 def errors_figure(
-    view: ErrorsInput,
+    data: ErrorsInput,
     size: Pixels = (1600, 900),
     theme: Theme = LIGHT,
     title: str = "Errors in simulation and in reality",
@@ -42,7 +42,7 @@ def errors_figure(
 ) -> bytes:
     """A PNG of `size` pixels; each side has its own scale of counts."""
     page = make_page(size, theme)
-    model = errors_model(view, BINS)
+    model = errors_model(data, BINS)
     figure = new_figure(page)
     top = draw_heading(figure, page, title, subtitle)
     wide, _ = page.inches
@@ -50,16 +50,16 @@ def errors_figure(
     for index, (name, errors) in enumerate(zip(NAMES, (model.sim, model.real), strict=True)):
         bottom = 0.6 + (1 - index) * (height + 0.45)
         axes = figure.add_axes(page.box(0.75, bottom, wide - 1.0, height))
-        _side(axes, model, errors, name, view, page)
+        _side(axes, model, errors, name, data, page)
         if index:
-            axes.set_xlabel(_axis_name(view, model))
+            axes.set_xlabel(_axis_name(data, model))
         else:
             axes.tick_params(labelbottom=False)
     return figure_bytes(figure, page)
 
 
-def _axis_name(view: ErrorsInput, model: ErrorsModel) -> str:
-    name = f"{view.label} ({view.unit})" if view.unit else view.label
+def _axis_name(data: ErrorsInput, model: ErrorsModel) -> str:
+    name = f"{data.label} ({data.unit})" if data.unit else data.label
     if model.sim.beyond + model.real.beyond:
         name += f", last bar: {short_number(model.upper)} and more"
     return name
@@ -70,7 +70,7 @@ def _side(
     model: ErrorsModel,
     errors: SideErrors,
     name: str,
-    view: ErrorsInput,
+    data: ErrorsInput,
     page: Page,
 ) -> None:
     from matplotlib.ticker import MaxNLocator
@@ -78,16 +78,23 @@ def _side(
     theme = page.theme
     ink = theme.sim if name == "sim" else theme.real
     style_axes(axes, theme)
-    width = model.upper / len(errors.lit)
+    width = model.upper / len(errors.highlighted)
     left = np.asarray(model.edges[:-1]) + width / 2
     axes.bar(left, errors.total, width=width * 0.92, color=rgb_fractions(theme.faint), linewidth=0)
-    axes.bar(left, errors.lit, width=width * 0.92, color=rgb_fractions(ink), linewidth=0, zorder=3)
+    axes.bar(
+        left,
+        errors.highlighted,
+        width=width * 0.92,
+        color=rgb_fractions(ink),
+        linewidth=0,
+        zorder=3,
+    )
     axes.set_xlim(0, model.upper)
     axes.set_ylim(0, errors.peak * 1.08)
     axes.set_ylabel("instances")
     axes.yaxis.set_label_coords(-0.48 / (page.inches[0] - 1.0), 0.5)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
-    told = f"{name}   {int(errors.lit.sum())} of {int(errors.total.sum())}"
+    told = f"{name}   {int(errors.highlighted.sum())} of {int(errors.total.sum())}"
     label = axes.set_title(told, loc="left", fontsize=10, pad=6)
     label.set_color(rgb_fractions(ink))
     label.set_fontweight("bold")
@@ -96,7 +103,7 @@ def _side(
         axes.axvline(
             at, color=rgb_fractions(theme.text), linewidth=1.2, linestyle=(0, (3, 2)), zorder=4
         )
-        text = f"median {short_number(errors.median)} {view.unit}".rstrip()
+        text = f"median {short_number(errors.median)} {data.unit}".rstrip()
         note = axes.set_title(text, loc="right", fontsize=9, pad=6)
         note.set_color(rgb_fractions(theme.text))
     if errors.cursor is not None:

@@ -48,14 +48,14 @@ def errors_layout(size: Size) -> ErrorsLayout:
 
 
 def errors_panels(
-    view: ErrorsInput, size: Size, look: RenderOptions | None = None
+    data: ErrorsInput, size: Size, options: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """Ranges "sim" and "real": x is the error, y a count on the side's scale.
 
     The last column holds all errors beyond it, too.
     """
     layout = errors_layout(size)
-    model = errors_model(view, layout.width)
+    model = errors_model(data, layout.width)
     panels = []
     sides = (model.sim, model.real)
     for name, errors, (top, rows) in zip(NAMES, sides, layout.sides, strict=False):
@@ -74,14 +74,14 @@ def _to_cells(corner: tuple[int, int], scale: Point, x: float, y: float) -> Poin
     return corner[0] + x / scale[0], corner[1] - y / scale[1]
 
 
-def draw_errors(view: ErrorsInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_errors(data: ErrorsInput, size: Size, options: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows): two rows of bars over one axis."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
     layout = errors_layout((canvas.width, canvas.height))
-    model = errors_model(view, layout.width)
-    panels = errors_panels(view, (canvas.width, canvas.height), look)
-    theme, glyphs = look.theme, look.glyphs
+    model = errors_model(data, layout.width)
+    panels = errors_panels(data, (canvas.width, canvas.height), options)
+    theme, glyphs = options.theme, options.glyphs
     for panel, errors, glyph, colour in zip(
         panels,
         (model.sim, model.real),
@@ -89,22 +89,22 @@ def draw_errors(view: ErrorsInput, size: Size, look: RenderOptions | None = None
         (theme.sim, theme.real),
         strict=False,
     ):
-        mark = mark_on_panel(view.mark, panel.name)
-        _side(canvas, panel, errors, mark, colour, look)
+        mark = mark_on_panel(data.mark, panel.name)
+        _side(canvas, panel, errors, mark, colour, options)
         if layout.left:
-            _labels(canvas, panel, errors, f"{glyph} {panel.name}", colour, look)
+            _labels(canvas, panel, errors, f"{glyph} {panel.name}", colour, options)
     if layout.axis is not None:
-        _axis(canvas, layout, model, view, look)
+        _axis(canvas, layout, model, data, options)
     return canvas
 
 
 def _labels(
-    canvas: Canvas, panel: Panel, errors: SideErrors, name: str, colour: Rgb, look: RenderOptions
+    canvas: Canvas, panel: Panel, errors: SideErrors, name: str, colour: Rgb, options: RenderOptions
 ) -> None:
     canvas.text(0, panel.y, name, colour)
     lines = [f"median {short_number(errors.median, 2)}", _most(errors.peak)]
     for row, line in enumerate(lines[: panel.height - 1], start=1):
-        canvas.text(0, panel.y + row, line[: LABELS - 1], look.theme.muted)
+        canvas.text(0, panel.y + row, line[: LABELS - 1], options.theme.muted)
 
 
 def _most(count: int) -> str:
@@ -117,27 +117,29 @@ def _side(
     errors: SideErrors,
     mark: Mark | None,
     colour: Rgb,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """Bars, the pending brush, the median as a line and the cursor at the foot."""
-    theme, bottom = look.theme, panel.y + panel.height - 1
+    theme, bottom = options.theme, panel.y + panel.height - 1
     ends: list[int] = []
     if mark is not None:
         ends = [_column(panel, x) for x in mark_range(mark)]
         wide = ends[1] - ends[0] + 1
         canvas.fill(ends[0], panel.y, wide, panel.height, theme.highlight)
-    bars = (errors.lit / errors.peak, errors.total / errors.peak)
-    draw_vertical_bars(canvas, panel.x, panel.y, panel.height, bars, colour, look)
+    bars = (errors.highlighted / errors.peak, errors.total / errors.peak)
+    draw_vertical_bars(canvas, panel.x, panel.y, panel.height, bars, colour, options)
     if math.isfinite(errors.median):
         at = _column(panel, errors.median)
         for row in range(panel.y, bottom + 1):
-            put_over_bar(canvas, at, row, look.glyphs.baseline, theme.text)
-    for at, glyph in zip(ends, (look.glyphs.scale_left, look.glyphs.scale_right), strict=False):
+            put_over_bar(canvas, at, row, options.glyphs.baseline, theme.text)
+    for at, glyph in zip(
+        ends, (options.glyphs.scale_left, options.glyphs.scale_right), strict=False
+    ):
         for row in range(panel.y, bottom + 1):
             canvas.put(at, row, glyph, theme.truth, bold=True)
     if errors.cursor is not None:
         at = _column(panel, errors.cursor)
-        put_over_bar(canvas, at, bottom, look.glyphs.cursor, theme.cursor)
+        put_over_bar(canvas, at, bottom, options.glyphs.cursor, theme.cursor)
 
 
 def _column(panel: Panel, error: float) -> int:
@@ -150,13 +152,13 @@ def _axis(
     canvas: Canvas,
     layout: ErrorsLayout,
     model: ErrorsModel,
-    view: ErrorsInput,
-    look: RenderOptions,
+    data: ErrorsInput,
+    options: RenderOptions,
 ) -> None:
     upper, row, chart = model.upper, canvas.height - 1, layout.width
     count = max(1, chart // 8)
     width = tick_step(upper, count)
-    name = f"{view.label} {view.unit}".strip()
+    name = f"{data.label} {data.unit}".strip()
     beyond = model.sim.beyond + model.real.beyond
     if beyond and chart >= 60:
         name = f"{name}, last: {short_number(upper, 2)} and more"
@@ -168,6 +170,6 @@ def _axis(
         text = tick_text(tick, width) if width < 1e4 else short_number(tick)
         start = layout.left + min(chart - 1, int(tick / upper * chart))
         if start >= free and start + len(text) <= stop:
-            free = canvas.text(start, row, text, look.theme.muted) + 1
+            free = canvas.text(start, row, text, options.theme.muted) + 1
     if stop > layout.left:
-        canvas.text(canvas.width - len(name), row, name, look.theme.muted)
+        canvas.text(canvas.width - len(name), row, name, options.theme.muted)

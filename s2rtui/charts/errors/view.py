@@ -25,7 +25,7 @@ class ErrorsView(View):
     key = "7"
     description = "histogram of the position errors"
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         return "position error of the selection"
 
     def input(self, scene: Scene) -> ErrorsInput:
@@ -39,10 +39,10 @@ class ErrorsView(View):
     def numbers(self, scene: Scene) -> Table:
         model = errors_model(self.input(scene), BINS)
         ends = model.edges.tolist()
-        counts = (model.sim.lit.tolist(), model.real.lit.tolist())
+        counts = (model.sim.highlighted.tolist(), model.real.highlighted.tolist())
         return ("from", "to", "sim", "real"), list(zip(ends, ends[1:], *counts, strict=False))
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         view = self.input(scene)
         told = []
         for name, errors in (("sim", view.sim), ("real", view.real)):
@@ -57,25 +57,29 @@ class ErrorsView(View):
         title = f"{scene.state.run}: position errors in simulation and in reality"
         return paper.errors_figure(self.input(scene), size, theme, title, scene.caption)
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         return (identity_key(self.input(scene)),)
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return draw_errors(self.input(scene), size, look)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return draw_errors(self.input(scene), size, options)
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return errors_panels(self.input(scene), size, look)
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return errors_panels(self.input(scene), size, options)
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         if scene.state.cursor is None:
             return None
         error = float(getattr(self.input(scene), panel.name)[scene.state.cursor])
         return (error, 0.0) if math.isfinite(error) else None
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         field = f"{panel.name}.error"
         cell = cell_width(panel)
         low, high = sorted(point[0] for point in (mark.points[0], mark.points[-1]))
         if high > panel.to_data(panel.x + panel.width - 1, 0)[0]:
-            return f"{field} >= {number_text(max(0.0, round_to_cell(low, cell)))}"  # the last bar has no end
+            lowest = max(0.0, round_to_cell(low, cell))
+            return f"{field} >= {number_text(lowest)}"  # the last bar has no upper end
         return range_expression(panel, mark, field, 0.0)
+
+
+VIEW = ErrorsView()

@@ -64,17 +64,17 @@ class HistoryModel:
         return int(self.days[-1] - self.days[0]) + 1
 
 
-def history_model(view: HistoryInput, most_days: int) -> HistoryModel:
-    """The last `most_days` days up to the newest night. `view` must hold a night."""
-    newest = view.nights[-1].night
+def history_model(data: HistoryInput, most_days: int) -> HistoryModel:
+    """The last `most_days` days up to the newest night. `data` must hold a night."""
+    newest = data.nights[-1].night
     first = newest - datetime.timedelta(days=max(1, most_days) - 1)
-    nights = view.nights[bisect_left(view.nights, first, key=lambda night: night.night) :]
+    nights = data.nights[bisect_left(data.nights, first, key=lambda night: night.night) :]
     thresholds = np.array([night.threshold for night in nights])
     headline = _track(HEADLINE, [(night.gap, known_word(night.headline)) for night in nights])
     axes = [axis_of(nights, name) for name in axis_names(nights)]
     tracks = (headline, *axes)
     days = np.array([night.night.toordinal() for night in nights], dtype=np.intp)
-    older = len(view.nights) - len(nights)
+    older = len(data.nights) - len(nights)
     return HistoryModel(days, thresholds, tracks, _scale(tracks, thresholds), older)
 
 

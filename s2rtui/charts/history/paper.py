@@ -38,15 +38,15 @@ _LEFT, _BOTTOM, _BETWEEN = 0.7, 0.65, 0.32
 
 
 def history_figure(
-    view: HistoryInput,
+    data: HistoryInput,
     size: Pixels = (1600, 1000),
     theme: Theme = LIGHT,
     title: str = "The gap over time",
     subtitle: str = "",
 ) -> bytes:
-    """A file of `size` pixels; `view` must hold a night."""
+    """A file of `size` pixels; `data` must hold a night."""
     page = make_page(size, theme)
-    model = history_model(view, MOST_DAYS)
+    model = history_model(data, MOST_DAYS)
     figure = new_figure(page)
     top = draw_heading(figure, page, title, subtitle) - 0.25
     count = len(model.tracks)

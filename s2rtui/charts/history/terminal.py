@@ -50,9 +50,9 @@ class HistoryLayout:
         return self.left + (day - int(model.days[0])) * self.pitch + self.pitch // 2
 
 
-def status_glyph(word: Word, look: RenderOptions) -> str:
+def status_glyph(word: Word, options: RenderOptions) -> str:
     """The glyph of a word, so that colour is never needed."""
-    return _SIGNS[word][look.ascii]
+    return _SIGNS[word][options.ascii]
 
 
 def status_colour(word: Word, theme: Theme) -> Rgb:
@@ -113,34 +113,34 @@ class ChartRows:
         return self.top + min(self.count - 1, max(0, math.floor((1 - share) * self.count)))
 
 
-def draw_history(view: HistoryInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_history(data: HistoryInput, size: Size, options: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
-    if not view.nights:
-        canvas.text(0, 0, "no nights", look.theme.muted)
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
+    if not data.nights:
+        canvas.text(0, 0, "no nights", options.theme.muted)
         return canvas
-    model = history_model(view, chart_columns(canvas.width))
+    model = history_model(data, chart_columns(canvas.width))
     layout = history_layout(model, (canvas.width, canvas.height))
     for index, title, top, rows in layout.charts:
         track = model.tracks[index]
         if title < top:
-            _title(canvas, title, track, look)
+            _title(canvas, title, track, options)
         chart = ChartRows(model.scale, top, rows)
-        _threshold(canvas, model, layout, chart, look)
-        _nights(canvas, model, layout, track, chart, look)
+        _threshold(canvas, model, layout, chart, options)
+        _nights(canvas, model, layout, track, chart, options)
     if canvas.height >= 6:
-        _dates(canvas, model, layout, look)
-        _legend(canvas, model, layout, look)
+        _dates(canvas, model, layout, options)
+        _legend(canvas, model, layout, options)
     return canvas
 
 
-def _title(canvas: Canvas, row: int, track: Track, look: RenderOptions) -> None:
-    theme, word, gap = look.theme, track.words[-1], track.last
+def _title(canvas: Canvas, row: int, track: Track, options: RenderOptions) -> None:
+    theme, word, gap = options.theme, track.words[-1], track.last
     free = canvas.text(0, row, track.name, theme.text, bold=track.name == HEADLINE) + 2
     free = (
         canvas.text(
-            free, row, f"{status_glyph(word, look)} {word.lower()}", status_colour(word, theme)
+            free, row, f"{status_glyph(word, options)} {word.lower()}", status_colour(word, theme)
         )
         + 2
     )
@@ -158,15 +158,15 @@ def _threshold(
     model: HistoryModel,
     layout: HistoryLayout,
     chart: ChartRows,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """Its line, which steps where it was changed, and the scale at the left."""
-    theme = look.theme
+    theme = options.theme
     for day in range(int(model.days[0]), int(model.days[-1]) + 1):
         at = int(np.searchsorted(model.days, day, side="right")) - 1
         row = chart.line(float(model.thresholds[at]))
         start = layout.left + (day - int(model.days[0])) * layout.pitch
-        canvas.hline(start, start + layout.pitch - 1, row, look.glyphs.horizontal, theme.truth)
+        canvas.hline(start, start + layout.pitch - 1, row, options.glyphs.horizontal, theme.truth)
     if not layout.left:
         return
     limit = float(model.thresholds[-1])
@@ -182,27 +182,29 @@ def _nights(
     layout: HistoryLayout,
     track: Track,
     chart: ChartRows,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """Each night's interval as a line, its G as the glyph of its word."""
     for at, day in enumerate(model.days.tolist()):
         gap = float(track.value[at])
         if math.isnan(gap):
             continue
-        column, colour = layout.column(day, model), status_colour(track.words[at], look.theme)
+        column, colour = layout.column(day, model), status_colour(track.words[at], options.theme)
         limit = float(model.thresholds[at])
         ends = [
             chart.of(gap if math.isnan(end) else end, limit)
             for end in (float(track.low[at]), float(track.high[at]))
         ]
-        canvas.vline(column, ends[1], ends[0], look.glyphs.vertical, colour)
+        canvas.vline(column, ends[1], ends[0], options.glyphs.vertical, colour)
         row = chart.of(gap, limit)
-        canvas.put(column, row, status_glyph(track.words[at], look), colour, bold=True)
+        canvas.put(column, row, status_glyph(track.words[at], options), colour, bold=True)
 
 
-def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: RenderOptions) -> None:
+def _dates(
+    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, options: RenderOptions
+) -> None:
     """Dates under the nights, the newest always, others where there is room."""
-    row, theme = canvas.height - 2, look.theme
+    row, theme = canvas.height - 2, options.theme
     free = canvas.width
     for day in reversed(model.days.tolist()):
         date = datetime.date.fromordinal(day)
@@ -215,18 +217,21 @@ def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: Ren
 
 
 def _legend(
-    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: RenderOptions
+    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, options: RenderOptions
 ) -> None:
-    theme, row, free = look.theme, canvas.height - 1, 0
+    theme, row, free = options.theme, canvas.height - 1, 0
     words: tuple[Word, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
     for word in words:
         free = (
             canvas.text(
-                free, row, f"{status_glyph(word, look)} {word.lower()}", status_colour(word, theme)
+                free,
+                row,
+                f"{status_glyph(word, options)} {word.lower()}",
+                status_colour(word, theme),
             )
             + 2
         )
-    free = canvas.text(free, row, f"{look.glyphs.horizontal * 2} threshold", theme.truth) + 2
+    free = canvas.text(free, row, f"{options.glyphs.horizontal * 2} threshold", theme.truth) + 2
     hidden = [model.tracks[index].name for index in layout.hidden]
     notes = [f"no room for {', '.join(hidden)}"] if hidden else []
     notes += [f"{model.older} older"] if model.older else []

@@ -25,10 +25,10 @@ class HistoryView(View):
     key = "G"
     pane: Pane = "centre"
     description = "the gap over time, night by night"
-    feeds = ("history",)
-    paper = (1600, 1100)
+    loads = ("history",)
+    figure_size = (1600, 1100)
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         nights = self.input(scene).nights
         if not nights:
             return "the gap, night by night"
@@ -42,18 +42,18 @@ class HistoryView(View):
             return model.HistoryInput(())
         return model.HistoryInput(_nights(found, scene.state.run, scene.store.dataset.name))
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         failed = scene.resources.failed.get("history")
         return scene.resources.history, scene.state.run, scene.state.history, failed
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         view = self.input(scene)
         if view.nights:
-            return terminal.draw_history(view, size, look)
-        canvas = Canvas(*size, theme=look.theme)
+            return terminal.draw_history(view, size, options)
+        canvas = Canvas(*size, theme=options.theme)
         lines = [part for line in self._missing(scene) for part in wrap(line, canvas.width)]
         for row, line in enumerate(lines):
-            canvas.text(0, row, line, look.theme.muted if row else look.theme.text)
+            canvas.text(0, row, line, options.theme.muted if row else options.theme.text)
         return canvas
 
     def _missing(self, scene: Scene) -> tuple[str, ...]:
@@ -78,7 +78,7 @@ class HistoryView(View):
         rows = [row for night in self.input(scene).nights for row in _rows(night)]
         return _COLUMNS, rows
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         nights = self.input(scene).nights
         if not nights:
             return f"{'; '.join(self._missing(scene)).capitalize()}."
@@ -98,7 +98,10 @@ class HistoryView(View):
         if not view.nights:
             raise RequestError(f"--view history: {'; '.join(self._missing(scene))}")
         title = f"{scene.state.run}: the gap over time"
-        return paper.history_figure(view, size, theme, title, self.words(scene))
+        return paper.history_figure(view, size, theme, title, self.summary(scene))
+
+
+VIEW = HistoryView()
 
 
 @lru_cache(4)

@@ -36,7 +36,7 @@ SIDE = 2.9
 
 
 def instance_figure(
-    view: InstanceInput,
+    data: InstanceInput,
     size: Size = (1600, 1200),
     theme: Theme = LIGHT,
     run: str = "",
@@ -44,33 +44,33 @@ def instance_figure(
 ) -> bytes:
     """A PNG of `size` pixels; the heading names the run, the instance and the heat."""
     page = make_page(size, theme)
-    model = instance_model(view)
+    model = instance_model(data)
     figure = new_figure(page)
-    name = f"{run}: instance {view.iid}" if run else f"Instance {view.iid}"
+    name = f"{run}: instance {data.iid}" if run else f"Instance {data.iid}"
     top = draw_heading(figure, page, title or name, model.heat_name and f"heat: {model.heat_name}")
     kinds = ["rgb"]
-    if view.sim.depth is not None or view.real.depth is not None:
+    if data.sim.depth is not None or data.real.depth is not None:
         kinds.append("depth")
     wide, _ = page.inches
     side = SIDE if wide > 6 else 0.0
     gap = 0.12
-    aspect = view.sim.rgb.shape[1] / max(1, view.sim.rgb.shape[0])
+    aspect = data.sim.rgb.shape[1] / max(1, data.sim.rgb.shape[0])
     high = max(0.2, (top - 0.3 - 0.25 - gap * (len(kinds) - 1)) / len(kinds))
     high = min(high, max(0.2, (wide - side - 0.65 - gap) / 2 / aspect))
     across = high * aspect
     for row, what in enumerate(kinds):
         bottom = top - 0.25 - (row + 1) * high - row * gap
-        for column, (role, shown) in enumerate((("sim", view.sim), ("real", view.real))):
+        for column, (role, shown) in enumerate((("sim", data.sim), ("real", data.real))):
             box = (0.42 + column * (across + gap), bottom, across, high)
             label = (shown.title or role) if row == 0 else ""
-            _picture(figure, page, box, what, shown, view, model)
+            _picture(figure, page, box, what, shown, data, model)
             if label:
                 _caption(figure, page, box, label, theme.sim if column == 0 else theme.real)
         _row_name(figure, page, bottom + high / 2, "image" if what == "rgb" else what)
     if side:
         left = 0.42 + 2 * across + gap + 0.35
-        _scales(figure, page, view, model, left, top - 0.25, min(2.1, high * 0.62))
-        _numbers(figure, page, view, model, left, top - 0.25 - min(2.1, high * 0.62) - 0.75)
+        _scales(figure, page, data, model, left, top - 0.25, min(2.1, high * 0.62))
+        _numbers(figure, page, data, model, left, top - 0.25 - min(2.1, high * 0.62) - 0.75)
     return figure_bytes(figure, page)
 
 
@@ -80,7 +80,7 @@ def _picture(
     box: tuple[float, float, float, float],
     what: str,
     side: SideView,
-    view: InstanceInput,
+    data: InstanceInput,
     model: InstanceModel,
 ) -> None:
     axes = figure.add_axes(page.box(*box))
@@ -91,7 +91,7 @@ def _picture(
         )
         return
     rows, columns = side.rgb.shape[:2]
-    pixels = panel_pixels(side, what, model, view, (rows, columns))
+    pixels = panel_pixels(side, what, model, data, (rows, columns))
     axes.imshow(pixels, interpolation="antialiased", aspect="auto")
 
 
@@ -126,7 +126,7 @@ def _row_name(figure: Figure, page: Page, middle: float, text: str) -> None:
 def _scales(
     figure: Figure,
     page: Page,
-    view: InstanceInput,
+    data: InstanceInput,
     model: InstanceModel,
     left: float,
     top: float,
@@ -135,10 +135,10 @@ def _scales(
     """The colour bars side by side."""
 
     def heat(shares: NDArray[np.float64]) -> Pixels:
-        return diverging(2 * shares - 1, (236, 236, 236)) if view.signed else turbo(shares)
+        return diverging(2 * shares - 1, (236, 236, 236)) if data.signed else turbo(shares)
 
     if model.heat_range is not None:
-        name = f"heat ({view.unit})" if view.unit else "heat"
+        name = f"heat ({data.unit})" if data.unit else "heat"
         box = page.box(left, top - high - 0.2, 0.16, high)
         draw_colour_bar(figure, page, box, model.heat_range, name, heat)
         left += 1.3
@@ -154,7 +154,7 @@ def _scales(
 
 
 def _numbers(
-    figure: Figure, page: Page, view: InstanceInput, model: InstanceModel, left: float, top: float
+    figure: Figure, page: Page, data: InstanceInput, model: InstanceModel, left: float, top: float
 ) -> None:
     """Poses and errors as a small table, then the notes."""
     wide, high = page.inches
@@ -186,7 +186,7 @@ def _numbers(
         for x, text in zip(columns[1:], (line.cells[3], turn), strict=True):
             put(left + x, top, text, theme.text, ha="right")
     top -= 0.16
-    for name, value in view.notes:
+    for name, value in data.notes:
         for part in textwrap.wrap(f"{name}  {value}", room, subsequent_indent="    "):
             top -= 0.22
             put(left, top, part, theme.muted)

@@ -17,11 +17,11 @@ class InstanceView(View):
     name = "instance"
     key = "3"
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
-    feeds = ("pictures",)
-    one = True
-    paper = (1600, 1200)
+    loads = ("pictures",)
+    single_instance = True
+    figure_size = (1600, 1200)
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         """What the pictures are of comes first; the title may be cut at its end."""
         state, resources = scene.state, scene.resources
         if state.cursor is None:
@@ -35,7 +35,7 @@ class InstanceView(View):
             return present
         return f"{present} ({wanted}: {failed})" if failed else f"{present} (loading {wanted})"
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         shown = scene.resources.pictures
         remark = scene.remark(shown.iid) if shown else ""
         return shown, scene.state.cursor is None, remark
@@ -56,7 +56,7 @@ class InstanceView(View):
         notes = [*shown.notes, ("remark", scene.remark(shown.iid))]
         return names, rows + [(name, *[None] * 5, told) for name, told in notes if told]
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         shown = scene.resources.pictures
         if shown is None:
             return "No instance."
@@ -80,10 +80,13 @@ class InstanceView(View):
             raise RequestError(f"--view instance: {told}")
         return paper.instance_figure(shown, size, theme, scene.state.run)
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         if scene.resources.pictures is None or scene.state.cursor is None:
-            return Canvas(*size, theme=look.theme)
+            return Canvas(*size, theme=options.theme)
         shown = scene.resources.pictures
         if remark := scene.remark(shown.iid):
             shown = replace(shown, notes=(("remark", remark), *shown.notes))
-        return instance_terminal.draw_instance(shown, size, look)
+        return instance_terminal.draw_instance(shown, size, options)
+
+
+VIEW = InstanceView()

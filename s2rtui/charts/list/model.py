@@ -36,9 +36,9 @@ class ListInput:
     descending: bool = True
 
 
-def cursor_row(view: ListInput) -> int | None:
+def cursor_row(data: ListInput) -> int | None:
     """The cursor's place in the list; None where it is not in it."""
-    found = np.flatnonzero(view.rows == view.cursor) if view.cursor is not None else view.rows[:0]
+    found = np.flatnonzero(data.rows == data.cursor) if data.cursor is not None else data.rows[:0]
     return int(found[0]) if found.size else None
 
 

@@ -24,7 +24,7 @@ ROW, LETTER, GAP, LEFT, FOOT = 0.215, 0.078, 0.22, 0.3, 0.45
 
 
 def list_figure(
-    view: ListInput,
+    data: ListInput,
     size: Pixels = (1600, 1200),
     theme: Theme = LIGHT,
     title: str = "List",
@@ -34,29 +34,29 @@ def list_figure(
     page = make_page(size, theme)
     figure = new_figure(page)
     top = draw_heading(figure, page, title, subtitle) - 0.1
-    count = max(1, min(len(view.rows), int((top - FOOT) / ROW) - 1))
-    rows = view.rows[:count].tolist()
-    columns = _columns(view, rows, page)
+    count = max(1, min(len(data.rows), int((top - FOOT) / ROW) - 1))
+    rows = data.rows[:count].tolist()
+    columns = _columns(data, rows, page)
     _line(figure, page, top - ROW + 0.02, theme.muted, 0.9)
     for column, start, end in columns:
         ink = theme.text if column.sorts else theme.muted
-        name = column.title + (" ▼" if view.descending else " ▲") * column.sorts
+        name = column.title + (" ▼" if data.descending else " ▲") * column.sorts
         _put(figure, page, (column, start, end), top - ROW / 2, name, ink, column.sorts)
     for index, iid in enumerate(rows):
         y = top - ROW * (index + 1.5)
-        if iid == view.cursor:
+        if iid == data.cursor:
             _ground(figure, page, y)
         for column, start, end in columns:
             _put(figure, page, (column, start, end), y, column.text(iid), theme.text, False)
-    _note(figure, page, _left_out(len(view.rows) - len(rows), len(view.columns) - len(columns)))
+    _note(figure, page, _left_out(len(data.rows) - len(rows), len(data.columns) - len(columns)))
     return figure_bytes(figure, page)
 
 
-def _columns(view: ListInput, rows: list[int], page: Page) -> list[tuple[ListColumn, float, float]]:
+def _columns(data: ListInput, rows: list[int], page: Page) -> list[tuple[ListColumn, float, float]]:
     """Those that fit, with their left and right ends in inches."""
     found: list[tuple[ListColumn, float, float]] = []
     x = LEFT
-    for column in view.columns:
+    for column in data.columns:
         texts = [len(column.text(iid)) for iid in rows]
         letters = max([len(column.title) + 2 * column.sorts, *texts])
         end = x + LETTER * min(letters, 3 * column.width)

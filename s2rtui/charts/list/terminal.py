@@ -30,7 +30,7 @@ class ListLayout:
         return self.first + index if 0 <= index < self.shown else None
 
 
-def list_layout(view: ListInput, size: Size) -> ListLayout:
+def list_layout(data: ListInput, size: Size) -> ListLayout:
     """Where columns and rows stand in `size` (columns, rows), in cells from the upper left corner.
 
     Columns from the left while they fit, the first one always; the cursor's row is in view.
@@ -38,49 +38,49 @@ def list_layout(view: ListInput, size: Size) -> ListLayout:
     width, height = size
     starts: list[int] = []
     x = 2
-    for column in view.columns:
+    for column in data.columns:
         if starts and x + column.width > width:
             break
         starts.append(x)
         x += column.width + 2
     top = 1 if height > 1 else 0
     space = max(1, height - top)
-    at = cursor_row(view)
-    first = 0 if at is None else min(max(0, at - space // 2), max(0, view.rows.size - space))
-    return ListLayout(tuple(starts), first, min(space, view.rows.size - first), top)
+    at = cursor_row(data)
+    first = 0 if at is None else min(max(0, at - space // 2), max(0, data.rows.size - space))
+    return ListLayout(tuple(starts), first, min(space, data.rows.size - first), top)
 
 
-def draw_list(view: ListInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_list(data: ListInput, size: Size, options: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
-    theme = look.theme
-    layout = list_layout(view, (canvas.width, canvas.height))
-    if not view.rows.size:
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
+    theme = options.theme
+    layout = list_layout(data, (canvas.width, canvas.height))
+    if not data.rows.size:
         canvas.text(0, 0, "nothing is selected", theme.muted)
         return canvas
     if layout.top:
-        for start, column in zip(layout.starts, view.columns, strict=False):
-            title = column.title + (_arrow(view, look) if column.sorts else "")
+        for start, column in zip(layout.starts, data.columns, strict=False):
+            title = column.title + (_arrow(data, options) if column.sorts else "")
             ink = theme.text if column.sorts else theme.muted
             _cell(canvas, start, 0, column, title, ink, column.sorts)
     for line in range(layout.shown):
-        iid = int(view.rows[layout.first + line])
-        y, here = layout.top + line, iid == view.cursor
+        iid = int(data.rows[layout.first + line])
+        y, here = layout.top + line, iid == data.cursor
         if here:
             canvas.fill(0, y, canvas.width, 1, theme.highlight)
-            canvas.put(0, y, look.glyphs.pointer, theme.text, bold=True)
-        for start, column in zip(layout.starts, view.columns, strict=False):
+            canvas.put(0, y, options.glyphs.pointer, theme.text, bold=True)
+        for start, column in zip(layout.starts, data.columns, strict=False):
             text = column.text(iid)
-            if look.ascii:
+            if options.ascii:
                 text = text.encode("ascii", "replace").decode()
             _cell(canvas, start, y, column, text, theme.text, here)
     return canvas
 
 
-def _arrow(view: ListInput, look: RenderOptions) -> str:
-    down, up = ("v", "^") if look.ascii else ("▼", "▲")
-    return down if view.descending else up
+def _arrow(data: ListInput, options: RenderOptions) -> str:
+    down, up = ("v", "^") if options.ascii else ("▼", "▲")
+    return down if data.descending else up
 
 
 def _cell(
@@ -101,10 +101,10 @@ def _cell(
 
 
 def list_panels(
-    view: ListInput, size: Size, look: RenderOptions | None = None
+    data: ListInput, size: Size, options: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """One panel whose data are the row's index in the list."""
-    layout = list_layout(view, size)
+    layout = list_layout(data, size)
     if not layout.shown:
         return ()
 

@@ -23,9 +23,9 @@ class ListView(View):
     key = "8"
     pane: Pane = "centre"
     description = "the selection as a list"
-    paper = (1600, 1200)
+    figure_size = (1600, 1200)
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         return f"{scene.state.count}, by {scene.state.sort}: . next column, comma reverses"
 
     def input(self, scene: Scene) -> ListInput:
@@ -52,7 +52,7 @@ class ListView(View):
         rows = [[column.value(iid) for column in columns] for iid in iids]
         return [column.name for column in columns], rows
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         sort = scene.state.sort
         rows = instance_list.order(scene.store, scene.state, scene.notes)[:_IN_WORDS].tolist()
         text = _column(scene, sort, True).shown.text
@@ -66,30 +66,33 @@ class ListView(View):
         told = f"{scene.caption}  ·  metres and degrees"
         return paper.list_figure(self.input(scene), size, theme, title, told)
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state = scene.state
         rows = ArrayKey(instance_list.order(scene.store, state, scene.notes))
         shown = state.generation, state.run, state.sort, state.descending, state.cursor
         return rows, *shown, scene.notes.remarks
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return draw_list(self.input(scene), size, look)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return draw_list(self.input(scene), size, options)
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return list_panels(self.input(scene), size, look)
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return list_panels(self.input(scene), size, options)
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         rows = instance_list.order(scene.store, scene.state, scene.notes)
         found = np.flatnonzero(rows == scene.state.cursor)
         return (0.0, float(found[0])) if found.size else (0.0, 0.0)
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         rows = instance_list.order(scene.store, scene.state, scene.notes)
         if 0 <= round(point[1]) < rows.size:
             session.put_cursor(int(rows[round(point[1])]))
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         rows = instance_list.order(scene.store, scene.state, scene.notes)
         ends = sorted(round(point[1]) for point in (mark.points[0], mark.points[-1]))
-        chosen = rows[max(0, ends[0]) : ends[1] + 1]
-        return f"ids({', '.join(str(iid) for iid in np.sort(chosen))})"
+        selection = rows[max(0, ends[0]) : ends[1] + 1]
+        return f"ids({', '.join(str(iid) for iid in np.sort(selection))})"
+
+
+VIEW = ListView()

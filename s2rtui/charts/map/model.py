@@ -43,15 +43,15 @@ class ErrorGlyphs:
 
 
 def error_glyphs(
-    view: MapInput, model: MapModel, frame: MapFrame, footprint: tuple[int, int]
+    data: MapInput, model: MapModel, frame: MapFrame, footprint: tuple[int, int]
 ) -> ErrorGlyphs:
     """The glyphs of what is selected in the frame, each with `footprint` cells of its own.
 
     Up to `SINGLES` instances stand at their truth, those too near to each other together at
     their mean; more of them are taken together by blocks of footprint size, at the middle.
     """
-    arrays = _Arrays(ArrayKey(view.truth), ArrayKey(view.sim), ArrayKey(view.real))
-    return _glyphs(arrays, full_scale(view), model.chosen, frame, footprint)
+    arrays = _Arrays(ArrayKey(data.truth), ArrayKey(data.sim), ArrayKey(data.real))
+    return _glyphs(arrays, full_scale(data), model.selection, frame, footprint)
 
 
 class _Arrays(NamedTuple):
@@ -64,20 +64,20 @@ class _Arrays(NamedTuple):
 def _glyphs(
     arrays: _Arrays,
     full: float,
-    chosen: SelectionIndices,
+    selection: SelectionIndices,
     frame: MapFrame,
     footprint: tuple[int, int],
 ) -> ErrorGlyphs:
-    ids = selected_in_frame(np.asarray(arrays.truth.array), chosen, frame, SINGLES)
+    ids = selected_in_frame(np.asarray(arrays.truth.array), selection, frame, SINGLES)
     if ids is None:
-        return _blocks(arrays, full, chosen, frame, footprint)
+        return _blocks(arrays, full, selection, frame, footprint)
     return _clusters(arrays, full, ids, frame, footprint)
 
 
-def full_scale(view: MapInput) -> float:
+def full_scale(data: MapInput) -> float:
     """The error that a full arc stands for: the 99th percentile of both sides' valid ones."""
     return _full_scale(
-        ArrayKey(view.truth), ArrayKey(view.sim), ArrayKey(view.real), ArrayKey(view.valid)
+        ArrayKey(data.truth), ArrayKey(data.sim), ArrayKey(data.real), ArrayKey(data.valid)
     )
 
 
@@ -131,7 +131,7 @@ def _clusters(
 def _blocks(
     arrays: _Arrays,
     full: float,
-    chosen: SelectionIndices,
+    selection: SelectionIndices,
     frame: MapFrame,
     footprint: tuple[int, int],
 ) -> ErrorGlyphs:
@@ -139,12 +139,14 @@ def _blocks(
     wide, high = footprint
     across = -(-frame.width // wide)
     column = _block_codes(arrays, frame, footprint)
-    counts, _ = count_selected(column, chosen)
+    counts, _ = count_selected(column, selection)
     held = np.flatnonzero(counts)
     middles = np.stack([held % across * wide + wide / 2, held // across * high + high / 2], axis=1)
 
     def mean(side: ArrayKey) -> Vectors:
-        parts = [sum_selected(column, part, chosen)[held] for part in _errors(arrays.truth, side)]
+        parts = [
+            sum_selected(column, part, selection)[held] for part in _errors(arrays.truth, side)
+        ]
         return np.stack(parts, axis=1) / counts[held, None]
 
     return ErrorGlyphs(middles, counts[held], mean(arrays.sim), mean(arrays.real), full)
@@ -180,16 +182,16 @@ LINES_UP_TO = 24
 
 
 def iids_with_error_lines(
-    view: MapInput, model: MapModel, frame: MapFrame | None = None, limit: int = LINES_UP_TO
+    data: MapInput, model: MapModel, frame: MapFrame | None = None, limit: int = LINES_UP_TO
 ) -> NDArray[np.intp]:
     """Iids whose error lines are drawn: the selected, or those in the frame, up to a limit.
 
     The cursor's is always one of them.
     """
     ids = np.empty(0, dtype=np.intp)
-    if model.lit <= limit:
-        ids = model.chosen.members
+    if model.highlighted <= limit:
+        ids = model.selection.members
     elif frame is not None:
-        near = selected_in_frame(np.asarray(view.truth), model.chosen, frame, limit)
+        near = selected_in_frame(np.asarray(data.truth), model.selection, frame, limit)
         ids = ids if near is None else near
     return ids if model.cursor is None else np.unique(np.append(ids, model.cursor))

@@ -55,7 +55,7 @@ WHAT = {"full": "predicted and true positions", "glyph": "direction and size of 
 
 
 def map_figure(
-    view: MapInput,
+    data: MapInput,
     size: Pixels = (1600, 1200),
     theme: Theme = LIGHT,
     run: str = "",
@@ -65,68 +65,68 @@ def map_figure(
 ) -> bytes:
     """A PNG of `size` pixels; the heading names the run and what is shown."""
     page = make_page(size, theme)
-    model = map_model(view)
-    area = viewport or default_view(view.bounds, view.truth, view.valid)
-    sheet = map_sheet(view.ground, area, page, title or _title(view, run), subtitle)
-    draw_unselected(sheet.axes, view.truth, model.chosen, sheet.spots)
-    if view.mode == "full":
-        draw_predictions(sheet.axes, view, model, sheet.spots)
-    elif view.mode == "glyph":
-        draw_wedges(sheet, view, model)
+    model = map_model(data)
+    area = viewport or default_view(data.bounds, data.truth, data.valid)
+    sheet = map_sheet(data.ground, area, page, title or _title(data, run), subtitle)
+    draw_unselected(sheet.axes, data.truth, model.selection, sheet.spots)
+    if data.mode == "full":
+        draw_predictions(sheet.axes, data, model, sheet.spots)
+    elif data.mode == "glyph":
+        draw_wedges(sheet, data, model)
     else:
-        draw_values(sheet.axes, view, model, sheet.spots)
+        draw_values(sheet.axes, data, model, sheet.spots)
     if (cursor := model.cursor) is not None:
-        draw_pose(sheet.axes, view.truth, view.headings, cursor, theme.cursor, area)
-        if view.mode == "full":
-            _draw_cursor_predictions(sheet.axes, view, cursor, theme, area)
+        draw_pose(sheet.axes, data.truth, data.headings, cursor, theme.cursor, area)
+        if data.mode == "full":
+            _draw_cursor_predictions(sheet.axes, data, cursor, theme, area)
     if sheet.side:
-        _side(sheet, view, model, sheet.side)
+        _side(sheet, data, model, sheet.side)
     return figure_bytes(sheet.figure, page)
 
 
-def _title(view: MapInput, run: str) -> str:
-    what = WHAT.get(view.mode, view.value_label)
-    what = f"{what} and {view.heat_label}" if view.heat is not None else what
+def _title(data: MapInput, run: str) -> str:
+    what = WHAT.get(data.mode, data.value_label)
+    what = f"{what} and {data.heat_label}" if data.heat is not None else what
     return f"{run}: {what}" if run else what[:1].upper() + what[1:]
 
 
-def _side(sheet: MapSheet, view: MapInput, model: MapModel, corner: tuple[float, float]) -> None:
+def _side(sheet: MapSheet, data: MapInput, model: MapModel, corner: tuple[float, float]) -> None:
     """Colour bars and legend, one under the other from `corner` (inches) downwards."""
     left, top = corner
     page = sheet.page
     high = min(2.0, (top - 0.6) * 0.33)
     gap = 0.32
     line = 0.17
-    if view.mode == "colour":
-        label = f"{view.value_label} ({view.value_unit})" if view.value_unit else view.value_label
+    if data.mode == "colour":
+        label = f"{data.value_label} ({data.value_unit})" if data.value_unit else data.value_label
         box = page.box(left, top - gap - high, 0.16, high)
         draw_colour_bar(sheet.figure, page, box, model.value_range, label, turbo)
         top -= high + gap + 0.25
     if model.heat_range is not None:
-        label = f"{view.heat_label} ({view.heat_unit})" if view.heat_unit else view.heat_label
+        label = f"{data.heat_label} ({data.heat_unit})" if data.heat_unit else data.heat_label
         label = wrapped_label(label)
         gap += line * label.count("\n")
         box = page.box(left, top - gap - high, 0.16, high)
         draw_colour_bar(sheet.figure, page, box, model.heat_range, label, turbo)
         top -= high + gap + 0.25
-    marker_legend(sheet, _marks(view, model, page.theme), (left, top))
+    marker_legend(sheet, _marks(data, model, page.theme), (left, top))
 
 
-def _marks(view: MapInput, model: MapModel, theme: Theme) -> list[tuple[str, str, Rgb, bool]]:
+def _marks(data: MapInput, model: MapModel, theme: Theme) -> list[tuple[str, str, Rgb, bool]]:
     marks: list[tuple[str, str, Rgb, bool]] = []
-    if view.mode == "full":
+    if data.mode == "full":
         marks = [
             ("sim prediction", "D", theme.sim, True),
             ("real prediction", "D", theme.real, False),
             ("ground truth", "o", theme.truth, True),
         ]
-    elif view.mode == "glyph":
-        marks = wedge_legend(view, model, theme)
+    elif data.mode == "glyph":
+        marks = wedge_legend(data, model, theme)
     if model.others:
         marks.append(("not selected", ".", theme.unselected, True))
     if model.cursor is not None:
         marks.append((f"instance {model.cursor}", "o", theme.cursor, False))
-    if view.clip is not None:
+    if data.clip is not None:
         marks.append(("dimmed: not seen", "s", theme.faint, False))
     return marks
 
@@ -135,15 +135,15 @@ PAPER_LINES_UP_TO = 200
 """Paper is finer than a terminal: this many instances get their error lines."""
 
 
-def draw_predictions(axes: Axes, view: MapInput, model: MapModel, spots: Spots) -> None:
+def draw_predictions(axes: Axes, data: MapInput, model: MapModel, spots: Spots) -> None:
     """Sim, real and truth of the lit ones, joined by lines where they are few."""
-    ids, theme = model.chosen.members, spots.theme
+    ids, theme = model.selection.members, spots.theme
     edge = rgb_fractions(theme.background)
-    _error_lines(axes, view, iids_with_error_lines(view, model, limit=PAPER_LINES_UP_TO), theme)
+    _error_lines(axes, data, iids_with_error_lines(data, model, limit=PAPER_LINES_UP_TO), theme)
     shrink = 0.2 if len(ids) > MANY else 1.0
     sim, real, truth = (
         np.asarray(side, dtype=np.float64)[spots.kept(side, ids)]
-        for side in (view.sim, view.real, view.truth)
+        for side in (data.sim, data.real, data.truth)
     )
     axes.scatter(
         sim[:, 0],
@@ -176,12 +176,12 @@ def draw_predictions(axes: Axes, view: MapInput, model: MapModel, spots: Spots) 
     )
 
 
-def _error_lines(axes: Axes, view: MapInput, ids: np.ndarray, theme: Theme) -> None:
+def _error_lines(axes: Axes, data: MapInput, ids: np.ndarray, theme: Theme) -> None:
     from matplotlib.collections import LineCollection
 
-    truth = np.asarray(view.truth, dtype=np.float64)[ids]
+    truth = np.asarray(data.truth, dtype=np.float64)[ids]
     alpha = 0.55 if len(ids) <= 40 else 0.3
-    for side, colour in ((view.sim, theme.sim), (view.real, theme.real)):
+    for side, colour in ((data.sim, theme.sim), (data.real, theme.real)):
         ends = np.asarray(side, dtype=np.float64)[ids]
         lines = np.stack([truth, ends], axis=1)
         lines = lines[np.isfinite(lines).all(axis=(1, 2))]
@@ -193,12 +193,12 @@ def _error_lines(axes: Axes, view: MapInput, ids: np.ndarray, theme: Theme) -> N
 
 
 def _draw_cursor_predictions(
-    axes: Axes, view: MapInput, iid: int, theme: Theme, area: Bounds
+    axes: Axes, data: MapInput, iid: int, theme: Theme, area: Bounds
 ) -> None:
     """Both predicted poses of the cursor's instance, joined to its true position."""
-    _error_lines(axes, view, np.array([iid]), theme)
-    draw_pose(axes, view.sim, view.sim_headings, iid, theme.sim, area)
-    draw_pose(axes, view.real, view.real_headings, iid, theme.real, area)
+    _error_lines(axes, data, np.array([iid]), theme)
+    draw_pose(axes, data.sim, data.sim_headings, iid, theme.sim, area)
+    draw_pose(axes, data.real, data.real_headings, iid, theme.real, area)
 
 
 CELL = 6.0
@@ -215,20 +215,20 @@ RADIUS, THICK = 11.0, 4.5
 Span = tuple[float, float]
 
 
-def draw_wedges(sheet: MapSheet, view: MapInput, model: MapModel) -> None:
+def draw_wedges(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
     """Sim and real wedges, overlapping parts in a colour of their own."""
     from matplotlib.patches import Wedge
 
     theme, axes = sheet.page.theme, sheet.axes
-    ids = model.chosen.members
-    truth = np.asarray(view.truth, dtype=np.float64)[sheet.spots.kept(view.truth, ids)]
+    ids = model.selection.members
+    truth = np.asarray(data.truth, dtype=np.float64)[sheet.spots.kept(data.truth, ids)]
     frame = sheet.grid(CELL)
-    found = error_glyphs(view, model, frame, FOOTPRINT)
+    found = error_glyphs(data, model, frame, FOOTPRINT)
     size, alpha = (1, 0.25) if found.crowded else (4, 1.0)
     gold = rgb_fractions(theme.truth)
     axes.scatter(truth[:, 0], truth[:, 1], s=size, color=gold, alpha=alpha, linewidths=0, zorder=4)
     metres = sheet.area.width / sheet.inches[0] / 72
-    centres = found.centres * (frame.pitch, 2 * frame.pitch * (1 if view.y_down else -1))
+    centres = found.centres * (frame.pitch, 2 * frame.pitch * (1 if data.y_down else -1))
     centres += (frame.x0, frame.y0)
     sim, real = (_spans(found, part) for part in (found.sim, found.real))
     for centre, size, first, second in zip(
@@ -301,9 +301,9 @@ def _shared(first: Span | None, second: Span | None) -> Span | None:
     return (low, high) if high > low else None
 
 
-def wedge_legend(view: MapInput, model: MapModel, theme: Theme) -> list[tuple[str, str, Rgb, bool]]:
+def wedge_legend(data: MapInput, model: MapModel, theme: Theme) -> list[tuple[str, str, Rgb, bool]]:
     """What the wedges' colours, widths and numbers mean."""
-    full = f"{LARGEST:g}° wide = {short_number(full_scale(view), 2)} m"
+    full = f"{LARGEST:g}° wide = {short_number(full_scale(data), 2)} m"
     marks = [
         ("sim error", "s", theme.sim, True),
         ("real error", "s", theme.real, True),
@@ -311,6 +311,6 @@ def wedge_legend(view: MapInput, model: MapModel, theme: Theme) -> list[tuple[st
         (full, "", theme.text, False),
         ("ground truth", "o", theme.truth, True),
     ]
-    if model.lit > 1:
+    if model.highlighted > 1:
         marks.append(("number: mean of n", "", theme.text, False))
     return marks

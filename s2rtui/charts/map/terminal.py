@@ -60,51 +60,51 @@ Grid = NDArray[np.bool_]
 
 
 def map_layout(
-    view: MapInput,
+    data: MapInput,
     size: Size,
     viewport: Bounds | None = None,
-    look: RenderOptions | None = None,
+    options: RenderOptions | None = None,
     model: MapModel | None = None,
 ) -> MapLayout:
     """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
-    look, model = look or RenderOptions(), model or map_model(view)
+    options, model = options or RenderOptions(), model or map_model(data)
     notes: list[LegendPart] = []
-    if view.mode == "full" and model.lit > LINES_UP_TO:
-        notes = [text_part(((f"lines up to {LINES_UP_TO} in view", look.theme.muted),))]
-    legend = LEGENDS[view.mode]
-    return layout_of_points(view, model, size, viewport, look, legend, notes)
+    if data.mode == "full" and model.highlighted > LINES_UP_TO:
+        notes = [text_part(((f"lines up to {LINES_UP_TO} in view", options.theme.muted),))]
+    legend = LEGENDS[data.mode]
+    return layout_of_points(data, model, size, viewport, options, legend, notes)
 
 
 def map_panels(
-    view: MapInput, size: Size, look: RenderOptions | None = None, viewport: Bounds | None = None
+    data: MapInput, size: Size, options: RenderOptions | None = None, viewport: Bounds | None = None
 ) -> tuple[Panel, ...]:
     """One panel "map", a plane of metres."""
-    return (map_panel(map_layout(view, size, viewport, look)),)
+    return (map_panel(map_layout(data, size, viewport, options)),)
 
 
 def draw_map(
-    view: MapInput, size: Size, look: RenderOptions | None = None, viewport: Bounds | None = None
+    data: MapInput, size: Size, options: RenderOptions | None = None, viewport: Bounds | None = None
 ) -> Canvas:
     """The view in `size` (columns, rows) through `viewport`, a world rectangle."""
-    look = look or RenderOptions()
-    model = map_model(view)
-    layout = map_layout(view, size, viewport, look, model)
+    options = options or RenderOptions()
+    model = map_model(data)
+    layout = map_layout(data, size, viewport, options, model)
 
     def draw_selected(chart: Canvas) -> None:
-        DRAWINGS[view.mode](chart, view, model, layout.frame, look)
-        draw_live(chart, view.live, layout.frame, look)
-        if view.mode == "full" and model.cursor is not None:
-            draw_cursor_predictions(chart, view, model.cursor, layout.frame, look)
-        draw_cursor(chart, view, model.cursor, layout.frame, look)
+        DRAWINGS[data.mode](chart, data, model, layout.frame, options)
+        draw_live(chart, data.live, layout.frame, options)
+        if data.mode == "full" and model.cursor is not None:
+            draw_cursor_predictions(chart, data, model.cursor, layout.frame, options)
+        draw_cursor(chart, data, model.cursor, layout.frame, options)
 
-    return draw_point_map(view, model.chosen, layout, size, look, draw_selected)
+    return draw_point_map(data, model.selection, layout, size, options, draw_selected)
 
 
 def full_legend(
-    view: MapInput, model: MapModel, look: RenderOptions, width: int
+    data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
     """The glyphs of predictions and truth."""
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     marks = (
         (f"{glyphs.sim} ", theme.sim),
         ("sim  ", theme.muted),
@@ -117,85 +117,87 @@ def full_legend(
 
 
 def draw_predictions(
-    canvas: Canvas, view: MapInput, model: MapModel, frame: MapFrame, look: RenderOptions
+    canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame, options: RenderOptions
 ) -> None:
     """Sim, real and truth of the selected; lines join them where they are few."""
-    theme, glyphs = look.theme, look.glyphs
-    _lines(canvas, view, iids_with_error_lines(view, model, frame), frame, look)
+    theme, glyphs = options.theme, options.glyphs
+    _lines(canvas, data, iids_with_error_lines(data, model, frame), frame, options)
     for points, glyph, colour in (
-        (view.sim, glyphs.sim, theme.sim),
-        (view.real, glyphs.real, theme.real),
-        (view.truth, glyphs.truth, theme.truth),
+        (data.sim, glyphs.sim, theme.sim),
+        (data.real, glyphs.real, theme.real),
+        (data.truth, glyphs.truth, theme.truth),
     ):
-        rows, columns = np.nonzero(selected_cells(points, model.chosen, frame))
+        rows, columns = np.nonzero(selected_cells(points, model.selection, frame))
         put_glyphs(canvas, columns, rows, glyph, colour)
 
 
 def _lines(
-    canvas: Canvas, view: MapInput, ids: Places, frame: MapFrame, look: RenderOptions
+    canvas: Canvas, data: MapInput, ids: Places, frame: MapFrame, options: RenderOptions
 ) -> None:
     """From the truth to both predictions, in braille or in full stops."""
-    starts = frame.to_cells(np.asarray(view.truth)[ids])
-    for side, colour in ((view.sim, look.theme.sim), (view.real, look.theme.real)):
+    starts = frame.to_cells(np.asarray(data.truth)[ids])
+    for side, colour in ((data.sim, options.theme.sim), (data.real, options.theme.real)):
         grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
         ends = frame.to_cells(np.asarray(side)[ids])
         for start, end in zip(starts, ends, strict=True):
             if np.isfinite(start).all() and np.isfinite(end).all():
                 columns, rows = segment_dots(start[0], start[1], end[0], end[1])
                 grid |= dot_grid(columns, rows, canvas.width, canvas.height)
-        draw_dots(canvas, grid, colour, look, ".")
+        draw_dots(canvas, grid, colour, options, ".")
 
 
 def draw_cursor_predictions(
-    canvas: Canvas, view: MapInput, cursor: int, frame: MapFrame, look: RenderOptions
+    canvas: Canvas, data: MapInput, cursor: int, frame: MapFrame, options: RenderOptions
 ) -> None:
     """Both predicted poses of the cursor's instance."""
-    theme, glyphs = look.theme, look.glyphs
-    draw_pose(canvas, view.sim, view.sim_headings, cursor, frame, look, glyphs.sim, theme.sim)
-    draw_pose(canvas, view.real, view.real_headings, cursor, frame, look, glyphs.real, theme.real)
+    theme, glyphs = options.theme, options.glyphs
+    draw_pose(canvas, data.sim, data.sim_headings, cursor, frame, options, glyphs.sim, theme.sim)
+    draw_pose(
+        canvas, data.real, data.real_headings, cursor, frame, options, glyphs.real, theme.real
+    )
 
 
 def draw_live(
-    canvas: Canvas, live: Sequence[LivePose], frame: MapFrame, look: RenderOptions
+    canvas: Canvas, live: Sequence[LivePose], frame: MapFrame, options: RenderOptions
 ) -> None:
     """Predictions that are not stored, with their headings."""
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     for pose in live:
         glyph, colour = (glyphs.sim, theme.sim) if pose.side == "sim" else (glyphs.real, theme.real)
         points, headings = np.array([[pose.x, pose.y]]), np.array([pose.heading])
-        draw_pose(canvas, points, headings, 0, frame, look, glyph, colour)
+        draw_pose(canvas, points, headings, 0, frame, options, glyph, colour)
 
 
 def draw_error_glyphs(
-    canvas: Canvas, view: MapInput, model: MapModel, frame: MapFrame, look: RenderOptions
+    canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame, options: RenderOptions
 ) -> None:
     """Arcs in braille; arrows with letters and sizes where colours or braille lack."""
-    footprint = ARC_FOOTPRINT if look.pictures else ARROW_FOOTPRINT
-    found = error_glyphs(view, model, frame, footprint)
-    rows, columns = np.nonzero(selected_cells(view.truth, model.chosen, frame))
-    gold = look.theme.truth
+    footprint = ARC_FOOTPRINT if options.supports_images else ARROW_FOOTPRINT
+    found = error_glyphs(data, model, frame, footprint)
+    rows, columns = np.nonzero(selected_cells(data.truth, model.selection, frame))
+    gold = options.theme.truth
     if found.crowded:
-        red, green, blue = mix(np.array(look.theme.background), np.array(gold), 0.55).tolist()
+        red, green, blue = mix(np.array(options.theme.background), np.array(gold), 0.55).tolist()
         put_glyphs(
-            canvas, columns, rows, "." if look.ascii else "·", (red, green, blue), bold=False
+            canvas, columns, rows, "." if options.ascii else "·", (red, green, blue), bold=False
         )
     else:
-        put_glyphs(canvas, columns, rows, look.glyphs.truth, gold, bold=False)
-    draw = _arcs if look.pictures else _arrows
-    draw(canvas, found, view.y_down, look)
-    _middles(canvas, found, look)
+        put_glyphs(canvas, columns, rows, options.glyphs.truth, gold, bold=False)
+    draw = _arcs if options.supports_images else _arrows
+    draw(canvas, found, data.y_down, options)
+    _middles(canvas, found, options)
 
 
-def _middles(canvas: Canvas, found: ErrorGlyphs, look: RenderOptions) -> None:
+def _middles(canvas: Canvas, found: ErrorGlyphs, options: RenderOptions) -> None:
     """The truth of one instance, or how many are taken together."""
     for (column, row), size in zip(found.centres.tolist(), found.counts.tolist(), strict=True):
-        glyph = look.glyphs.truth if size == 1 else str(size) if size < 10 else "+"
-        canvas.put(int(column), int(row), glyph, look.theme.truth, bold=True)
+        glyph = options.glyphs.truth if size == 1 else str(size) if size < 10 else "+"
+        canvas.put(int(column), int(row), glyph, options.theme.truth, bold=True)
 
 
-def _arcs(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: RenderOptions) -> None:
+def _arcs(canvas: Canvas, found: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
     sim, real = (_ring(canvas, found, part, y_down) for part in (found.sim, found.real))
-    theme = look.theme
+    theme = options.theme
     counts = [
         part.reshape(canvas.height, 4, canvas.width, 2).sum(axis=(1, 3))
         for part in (sim, real, sim & real)
@@ -205,7 +207,7 @@ def _arcs(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: RenderOptions)
     colours[counts[1] > counts[0]] = theme.real
     colours[counts[2] > 0] = theme.both
     draw_braille(canvas, 0, 0, sim | real, colours)
-    _tips(canvas, found, y_down, look)
+    _tips(canvas, found, y_down, options)
 
 
 def _ring(canvas: Canvas, found: ErrorGlyphs, vectors: NDArray[np.float64], y_down: bool) -> Grid:
@@ -220,9 +222,9 @@ def _ring(canvas: Canvas, found: ErrorGlyphs, vectors: NDArray[np.float64], y_do
     return dot_grid(columns[known], rows[known], canvas.width, canvas.height)
 
 
-def _tips(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: RenderOptions) -> None:
+def _tips(canvas: Canvas, found: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
     """The middle of each arc as the side's glyph, one for both where they meet."""
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     places = [_tip_cells(found, part, y_down) for part in (found.sim, found.real)]
     for sim, real in zip(*(part.tolist() for part in places), strict=True):
         if sim == real:
@@ -239,9 +241,9 @@ def _tip_cells(found: ErrorGlyphs, vectors: NDArray[np.float64], y_down: bool) -
     return np.where(np.isfinite(step), np.floor(middle + step), -1).astype(np.intp)
 
 
-def _arrows(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: RenderOptions) -> None:
+def _arrows(canvas: Canvas, found: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
     """Beside the point an arrow in the error's direction, then the side's letter and the size."""
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     sim, real = (_octants(part, y_down) for part in (found.sim, found.real))
     sizes = [_digits(part, found.full) for part in (found.sim, found.real)]
     middles = np.floor(found.centres).astype(int).tolist()
@@ -249,11 +251,20 @@ def _arrows(canvas: Canvas, found: ErrorGlyphs, y_down: bool, look: RenderOption
         texts = [side[index] for side in sizes]
         if sim[index] == real[index]:
             label = glyphs.both + "".join(texts)
-            _arrow(canvas, column, row, sim[index], None, label, theme.both, look)
+            _arrow(canvas, column, row, sim[index], None, label, theme.both, options)
             continue
-        _arrow(canvas, column, row, sim[index], real[index], glyphs.sim + texts[0], theme.sim, look)
         _arrow(
-            canvas, column, row, real[index], sim[index], glyphs.real + texts[1], theme.real, look
+            canvas, column, row, sim[index], real[index], glyphs.sim + texts[0], theme.sim, options
+        )
+        _arrow(
+            canvas,
+            column,
+            row,
+            real[index],
+            sim[index],
+            glyphs.real + texts[1],
+            theme.real,
+            options,
         )
 
 
@@ -265,7 +276,7 @@ def _arrow(
     other: int | None,
     label: str,
     colour: Rgb,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """One arrow; above and below the point its label avoids the other arrow's side."""
     if octant < 0:
@@ -274,7 +285,7 @@ def _arrow(
     leftwards = across < 0
     if across == 0 and other is not None and other >= 0:
         leftwards = OCTANTS[other] == (1, down)
-    canvas.put(column + across, row + down, look.glyphs.arrows[octant], colour, bold=True)
+    canvas.put(column + across, row + down, options.glyphs.arrows[octant], colour, bold=True)
     start = column + across + (-len(label) if leftwards else 1)
     canvas.text(start, row + down, label, colour, bold=True)
 
@@ -294,12 +305,12 @@ def _digits(vectors: NDArray[np.float64], full: float) -> list[str]:
 
 
 def glyph_legend(
-    view: MapInput, model: MapModel, look: RenderOptions, width: int
+    data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
     """What the arcs or arrows mean."""
-    theme, glyphs = look.theme, look.glyphs
-    full = f"{short_number(full_scale(view), 2)} m"
-    scale = f"{LARGEST:g}{glyphs.degree} = {full}" if look.pictures else f"9 = {full}"
+    theme, glyphs = options.theme, options.glyphs
+    full = f"{short_number(full_scale(data), 2)} m"
+    scale = f"{LARGEST:g}{glyphs.degree} = {full}" if options.supports_images else f"9 = {full}"
     marks = (
         (f"{glyphs.sim} ", theme.sim),
         ("sim  ", theme.muted),
@@ -309,7 +320,7 @@ def glyph_legend(
         (f"both  {scale}", theme.muted),
     )
     parts = [text_part(marks)]
-    if model.lit > 1:
+    if model.highlighted > 1:
         parts.append(text_part((("2..9 + ", theme.truth), ("mean of so many", theme.muted))))
     return parts
 

@@ -39,10 +39,10 @@ class MapView(View):
     pane: Pane = "centre"
     description = "geo-map: truth, predictions and heat on the floor plan"
     aliases = ("geomap",)
-    feeds = ("floor plan", "heat on the map", "what was seen")
-    paper = (1600, 1200)
+    loads = ("floor plan", "heat on the map", "what was seen")
+    figure_size = (1600, 1200)
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         state, told = scene.state, _TOLD[scene.state.map_mode]
         if state.clip:
             saw = f"what the selection saw{share_told(state)}"
@@ -72,11 +72,11 @@ class MapView(View):
             return view
         return replace(view, live=_live_poses(shown))
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         return identity_key(self.input(scene)), scene.state.viewport
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return terminal.draw_map(self.input(scene), size, look, scene.state.viewport)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return terminal.draw_map(self.input(scene), size, options, scene.state.viewport)
 
     def numbers(self, scene: Scene) -> Table:
         truth, run = scene.store.instances, scene.store.run_columns(scene.state.run)
@@ -85,11 +85,11 @@ class MapView(View):
                    np.degrees(run.real.heading), run.shift)  # fmt: skip
         names = ("iid", "x", "y", "heading", "sim x", "sim y", "sim heading", "real x", "real y",
                  "real heading", "shift")  # fmt: skip
-        chosen = np.flatnonzero(scene.state.selected)
-        picked = [column[chosen].tolist() for column in columns]
-        return names, list(zip(chosen.tolist(), *picked, strict=True))
+        selection = np.flatnonzero(scene.state.selected)
+        picked = [column[selection].tolist() for column in columns]
+        return names, list(zip(selection.tolist(), *picked, strict=True))
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         state, truth = scene.state, scene.store.instances
         shift = scene.store.run_columns(state.run).shift[state.selected]
         shift = shift[np.isfinite(shift)]
@@ -112,20 +112,23 @@ class MapView(View):
         title += f"; heat: {view.heat_label}" if view.heat is not None else ""
         return paper.map_figure(view, size, theme, state.run, scene.caption, title, state.viewport)
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return terminal.map_panels(self.input(scene), size, look, scene.state.viewport)
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return terminal.map_panels(self.input(scene), size, options, scene.state.viewport)
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         return known_point(true_positions(scene.store), scene.state.cursor)
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         points = true_positions(scene.store)
         nearest = nearest_iid(points, scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area_expression(panel, mark, "box", "lasso")
+
+
+VIEW = MapView()
 
 
 def _live_poses(shown: InstanceInput) -> tuple[LivePose, ...]:

@@ -117,23 +117,23 @@ def draw_dial(
     cursor: float | None,
     mark: Mark | None,
     colour: Rgb,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """Bars of the selected in `colour`, of all valid in grey behind them; `cursor` in degrees."""
-    chart = Canvas(panel.width, panel.height, look.theme)
+    chart = Canvas(panel.width, panel.height, options.theme)
     if mark is not None:
-        _ground(chart, dial, mark, look)
+        _ground(chart, dial, mark, options)
     size = (panel.width, panel.height)
-    lit, grey = bars
-    blocks = bar_dots(dial, *size, lit, fine=2)
+    highlighted, grey = bars
+    blocks = bar_dots(dial, *size, highlighted, fine=2)
     dots = bar_dots(dial, *size, grey)
-    if look.ascii:
-        _characters(chart, dial, _cells(blocks, 2), _cells(dots, 4), colour, look)
+    if options.ascii:
+        _characters(chart, dial, _cells(blocks, 2), _cells(dots, 4), colour, options)
     else:
-        _dots_and_blocks(chart, dial, blocks, dots, colour, look)
-    _needle(chart, dial, cursor, look)
+        _dots_and_blocks(chart, dial, blocks, dots, colour, options)
+    _needle(chart, dial, cursor, options)
     canvas.paste(chart, panel.x, panel.y)
-    _rim(canvas, panel, cursor, mark, look)
+    _rim(canvas, panel, cursor, mark, options)
 
 
 def _cells(dots: Dots, fine: int) -> Dots:
@@ -143,13 +143,13 @@ def _cells(dots: Dots, fine: int) -> Dots:
 
 
 def _dots_and_blocks(
-    chart: Canvas, dial: Dial, lit: Dots, grey: Dots, colour: Rgb, look: RenderOptions
+    chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, colour: Rgb, options: RenderOptions
 ) -> None:
     """The selected as quarters of cells, solid; ring and all others as braille dots."""
-    theme = look.theme
+    theme = options.theme
     ring = ring_dots(dial, chart.width, chart.height)
     draw_braille(chart, 0, 0, grey | ring, np.array(theme.unselected, dtype=np.uint8))
-    parts = lit.reshape(chart.height, 2, chart.width, 2)
+    parts = highlighted.reshape(chart.height, 2, chart.width, 2)
     quarters = (parts * QUARTER[None, :, None, :]).sum(axis=(1, 3))
     held = quarters > 0
     chart.char[held] = QUADRANTS[quarters[held]]
@@ -157,52 +157,52 @@ def _dots_and_blocks(
 
 
 def _characters(
-    chart: Canvas, dial: Dial, lit: Dots, grey: Dots, colour: Rgb, look: RenderOptions
+    chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, colour: Rgb, options: RenderOptions
 ) -> None:
     """Cells of ring, grey and selected bars as characters."""
     ring = _cells(ring_dots(dial, chart.width, chart.height), 4)
     for cells, glyph, ink in (
-        (ring, "o", look.theme.muted),
-        (grey, ".", look.theme.unselected),
-        (lit, "#", colour),
+        (ring, "o", options.theme.muted),
+        (grey, ".", options.theme.unselected),
+        (highlighted, "#", colour),
     ):
         chart.char[cells] = glyph
         chart.fg[cells] = ink
 
 
-def _needle(chart: Canvas, dial: Dial, cursor: float | None, look: RenderOptions) -> None:
+def _needle(chart: Canvas, dial: Dial, cursor: float | None, options: RenderOptions) -> None:
     """From the centre to the ring, the way the cursor's instance looks."""
     if cursor is None:
         return
-    if look.ascii:
-        arrow = heading_arrow(np.radians(cursor), dial.y_down, look.glyphs)[0]
-        chart.put(int(dial.x), int(dial.y), arrow, look.theme.cursor, bold=True)
+    if options.ascii:
+        arrow = heading_arrow(np.radians(cursor), dial.y_down, options.glyphs)[0]
+        chart.put(int(dial.x), int(dial.y), arrow, options.theme.cursor, bold=True)
         return
     end = dial.to_cells(cursor, 0.0)
     dots = dot_grid(*segment_dots(dial.x, dial.y, *end), chart.width, chart.height)
-    draw_braille(chart, 0, 0, dots, np.array(look.theme.cursor, dtype=np.uint8))
+    draw_braille(chart, 0, 0, dots, np.array(options.theme.cursor, dtype=np.uint8))
 
 
-def _ground(chart: Canvas, dial: Dial, mark: Mark, look: RenderOptions) -> None:
+def _ground(chart: Canvas, dial: Dial, mark: Mark, options: RenderOptions) -> None:
     """The sector of a pending brush."""
     middle, half = mark_arc(mark)
     across = np.arange(chart.width) + 0.5 - dial.x
     down = 2 * (np.arange(chart.height) + 0.5 - dial.y)
     turn = np.degrees(np.arctan2((down if dial.y_down else -down)[:, None], across[None]))
     apart = np.abs((turn - middle + 180) % 360 - 180)
-    chart.bg[apart <= half] = look.theme.highlight
+    chart.bg[apart <= half] = options.theme.highlight
 
 
 def _rim(
-    canvas: Canvas, panel: Panel, cursor: float | None, mark: Mark | None, look: RenderOptions
+    canvas: Canvas, panel: Panel, cursor: float | None, mark: Mark | None, options: RenderOptions
 ) -> None:
     """The ends of a pending brush and the cursor's heading, at the rim."""
     if mark is not None:
         middle, half = mark_arc(mark)
         for degrees in (middle - half, middle + half):
-            _at_rim(canvas, panel, degrees, "+", look.theme.truth)
+            _at_rim(canvas, panel, degrees, "+", options.theme.truth)
     if cursor is not None:
-        _at_rim(canvas, panel, cursor, look.glyphs.cursor, look.theme.cursor)
+        _at_rim(canvas, panel, cursor, options.glyphs.cursor, options.theme.cursor)
 
 
 def _at_rim(canvas: Canvas, panel: Panel, degrees: float, glyph: str, colour: Rgb) -> None:

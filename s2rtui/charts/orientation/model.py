@@ -48,7 +48,7 @@ class Headings:
     NaN where none is selected. cursor: degrees, or None.
     """
 
-    lit: Counts
+    highlighted: Counts
     total: Counts
     mean: float
     resultant: float
@@ -69,28 +69,28 @@ class OrientationModel:
 
     def lengths(self, panel: Headings) -> tuple[Lengths, Lengths]:
         """Bars 0 .. 1 of the selected and of all."""
-        return panel.lit / self.peak, panel.total / self.whole
+        return panel.highlighted / self.peak, panel.total / self.whole
 
 
-def orientation_model(view: OrientationInput, count: int = BINS) -> OrientationModel:
+def orientation_model(data: OrientationInput, count: int = BINS) -> OrientationModel:
     """Counts in `count` bins (a divisor of 72) and means of the three headings."""
-    sides = (view.sim, view.truth, view.real)
+    sides = (data.sim, data.truth, data.real)
     keys = tuple(ArrayKey(side) for side in sides)
-    counted = _counts(keys, ArrayKey(view.selected), ArrayKey(view.valid))
+    counted = _counts(keys, ArrayKey(data.selected), ArrayKey(data.valid))
     panels = tuple(
         Headings(
-            lit.reshape(count, -1).sum(axis=1),
+            highlighted.reshape(count, -1).sum(axis=1),
             total.reshape(count, -1).sum(axis=1),
             math.degrees(np.angle(vector)),
             abs(vector),
-            _cursor(side, view),
+            _cursor(side, data),
         )
-        for side, (lit, total, vector) in zip(sides, counted, strict=True)
+        for side, (highlighted, total, vector) in zip(sides, counted, strict=True)
     )
-    chosen = sum(int(panel.lit.sum()) for panel in panels)
-    share = chosen / sum(int(panel.total.sum()) for panel in panels) if chosen else 1.0
+    selection = sum(int(panel.highlighted.sum()) for panel in panels)
+    share = selection / sum(int(panel.total.sum()) for panel in panels) if selection else 1.0
     longest = max(float(panel.total.max()) * share for panel in panels)
-    longest = max(1, math.ceil(longest), *(int(panel.lit.max()) for panel in panels))
+    longest = max(1, math.ceil(longest), *(int(panel.highlighted.max()) for panel in panels))
     return OrientationModel(panels, longest, longest / share)
 
 
@@ -118,18 +118,18 @@ def _counts(
     sides: tuple[ArrayKey, ...], selected: ArrayKey, valid: ArrayKey
 ) -> list[tuple[Counts, Counts, complex]]:
     """Counts of the selected and of all in 72 bins, and the selected's mean unit vector."""
-    chosen = selection_indices(np.asarray(selected.array), np.asarray(valid.array))
-    counted = joint_histogram.joint_counts([_bins(side) for side in sides], chosen)
+    selection = selection_indices(np.asarray(selected.array), np.asarray(valid.array))
+    counted = joint_histogram.joint_counts([_bins(side) for side in sides], selection)
     return [
-        (lit, total, _mean(np.asarray(side.array), lit, chosen))
-        for side, (lit, total) in zip(sides, counted, strict=True)
+        (highlighted, total, _mean(np.asarray(side.array), highlighted, selection))
+        for side, (highlighted, total) in zip(sides, counted, strict=True)
     ]
 
 
-def _cursor(column: Floats, view: OrientationInput) -> float | None:
+def _cursor(column: Floats, data: OrientationInput) -> float | None:
     """Degrees of the cursor's instance, where it is valid and known."""
-    cursor = view.cursor
-    if cursor is None or not (0 <= cursor < len(view.valid) and view.valid[cursor]):
+    cursor = data.cursor
+    if cursor is None or not (0 <= cursor < len(data.valid) and data.valid[cursor]):
         return None
     heading = float(column[cursor])
     return wrap_degrees(math.degrees(heading)) if math.isfinite(heading) else None
@@ -147,12 +147,12 @@ def _all_units(column: ArrayKey) -> NDArray[np.complex128]:
     return np.asarray(np.exp(1j * np.asarray(column.array)))
 
 
-def _mean(column: Floats, lit: Counts, chosen: SelectionIndices) -> complex:
+def _mean(column: Floats, highlighted: Counts, selection: SelectionIndices) -> complex:
     """The mean unit vector of the selected."""
-    number = int(lit.sum())
+    number = int(highlighted.sum())
     if number == 0:
         return complex(math.nan, math.nan)
     if number <= EXACTLY_UP_TO:
-        own = _units(column, chosen.members)
+        own = _units(column, selection.members)
         return complex(own[np.isfinite(own)].mean())
-    return complex((lit * _directions(ArrayKey(column))).sum() / number)
+    return complex((highlighted * _directions(ArrayKey(column))).sum() / number)

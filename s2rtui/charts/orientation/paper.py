@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def orientation_figure(
-    view: OrientationInput,
+    data: OrientationInput,
     size: Pixels = (1600, 680),
     theme: Theme = LIGHT,
     title: str = "Headings in simulation, in truth and in reality",
@@ -45,7 +45,7 @@ def orientation_figure(
 ) -> bytes:
     """A PNG of `size` pixels: bars of the selected, grey bars of all shrunk by their share."""
     page = make_page(size, theme)
-    model = orientation_model(view)
+    model = orientation_model(data)
     figure = new_figure(page)
     top = draw_heading(figure, page, title, subtitle)
     wide, high = page.inches
@@ -59,7 +59,7 @@ def orientation_figure(
         foot = FOOT + (height - across) / 2 + (2 - index) * (height + 0.75) * stacked
         box = page.box(middle - across / 2, foot, across, across)
         axes = figure.add_axes(box, projection="polar")
-        _dial(axes, model, panel, view.y_down, inks[index], page)
+        _dial(axes, model, panel, data.y_down, inks[index], page)
         _words(figure, page, (middle, foot + across + 0.45), name, inks[index], bold=True)
         _words(figure, page, (middle, foot - 0.38), _mean(panel), theme.muted, bold=False)
     if page.inches[1] > 2:
@@ -83,12 +83,17 @@ def _dial(
     axes.set_rorigin(-peak * RING / (1 - RING))
     axes.set_rlim(0, peak)
     middles = np.radians((np.arange(BINS) + 0.5) * 360 / BINS - 180)
-    lit, grey = model.lengths(panel)
+    highlighted, grey = model.lengths(panel)
     width = 2 * np.pi / BINS
     pale = rgb_fractions(theme.faint)
     axes.bar(middles, grey * peak, width=width, color=pale, linewidth=0, zorder=2)
     axes.bar(
-        middles, lit * peak, width=width * 0.86, color=rgb_fractions(ink), linewidth=0, zorder=3
+        middles,
+        highlighted * peak,
+        width=width * 0.86,
+        color=rgb_fractions(ink),
+        linewidth=0,
+        zorder=3,
     )
     axes.set_xticks(np.radians([0, 90, 180, 270]))
     axes.set_xticklabels(["0°", "90°", "±180°", "−90°"])

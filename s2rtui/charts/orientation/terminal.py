@@ -51,7 +51,7 @@ class OrientationLayout:
 
 
 def orientation_layout(
-    view: OrientationInput, size: Size, look: RenderOptions | None = None
+    data: OrientationInput, size: Size, options: RenderOptions | None = None
 ) -> OrientationLayout:
     """Dials in a row or a column, whichever are larger; strips where both are too small."""
     width, height = max(1, size[0]), max(1, size[1])
@@ -59,14 +59,14 @@ def orientation_layout(
     stacked = _rim(*column)[0] > _rim(*row)[0]
     room, rows = column if stacked else row
     rim, header, footer, margin = _rim(room, rows)
-    smallest = 2 * SMALLEST if look is not None and look.ascii else SMALLEST
+    smallest = 2 * SMALLEST if options is not None and options.ascii else SMALLEST
     if rim < smallest:
         return _strips(width, height)
     inner = min(rows - header - footer, math.ceil(rim + 2 * margin[1]))
     top = header + (rows - header - footer - inner) // 2
     corners = [(0, index * rows) if stacked else (index * (room + 1), 0) for index in range(3)]
     places = tuple((x, y + top, room, inner) for x, y in corners)
-    dial = dial_of(0, 0, room, inner, view.y_down, margin)
+    dial = dial_of(0, 0, room, inner, data.y_down, margin)
     return OrientationLayout(places, dial, BINS, room, header, footer, margin[1] > 0)
 
 
@@ -89,10 +89,10 @@ def _strips(width: int, height: int) -> OrientationLayout:
 
 
 def orientation_panels(
-    view: OrientationInput, size: Size, look: RenderOptions | None = None
+    data: OrientationInput, size: Size, options: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """Turns "sim", "truth" and "real": degrees in [-180, 180), and how far out (0 .. 1)."""
-    layout = orientation_layout(view, size, look)
+    layout = orientation_layout(data, size, options)
     dial = layout.dial
     panels = []
     for name, place in zip(NAMES, layout.places, strict=False):
@@ -127,36 +127,36 @@ def _on_strip(place: Place) -> tuple[Way, Way]:
 
 
 def draw_orientation(
-    view: OrientationInput, size: Size, look: RenderOptions | None = None
+    data: OrientationInput, size: Size, options: RenderOptions | None = None
 ) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
     size = (canvas.width, canvas.height)
-    layout = orientation_layout(view, size, look)
-    model = orientation_model(view, layout.count)
-    panels = orientation_panels(view, size, look)
+    layout = orientation_layout(data, size, options)
+    model = orientation_model(data, layout.count)
+    panels = orientation_panels(data, size, options)
     for panel, headings in zip(panels, model.panels, strict=False):
-        bars, cursor, name = model.lengths(headings), headings.cursor, _name(panel.name, look)
-        mark = mark_on_panel(view.mark, panel.name)
+        bars, cursor, name = model.lengths(headings), headings.cursor, _name(panel.name, options)
+        mark = mark_on_panel(data.mark, panel.name)
         if layout.dial is None:
-            draw_strip(canvas, panel, bars, cursor, mark, name[1], look)
-            _beside(canvas, panel, layout, headings, name, look)
+            draw_strip(canvas, panel, bars, cursor, mark, name[1], options)
+            _beside(canvas, panel, layout, headings, name, options)
         else:
-            draw_dial(canvas, panel, layout.dial, bars, cursor, mark, name[1], look)
-            _around(canvas, panel, layout, headings, _scale(model, layout.room - 8), name, look)
+            draw_dial(canvas, panel, layout.dial, bars, cursor, mark, name[1], options)
+            _around(canvas, panel, layout, headings, _scale(model, layout.room - 8), name, options)
     if layout.dial is None and layout.footer:
-        draw_strip_axis(canvas, panels[0], _scale(model, layout.room - 1), look)
+        draw_strip_axis(canvas, panels[0], _scale(model, layout.room - 1), options)
     return canvas
 
 
 def _scale(model: OrientationModel, room: int) -> str:
     """What the longest bar stands for: of the selected, and of all where that differs."""
-    lit, whole = short_number(model.peak, 2), short_number(model.whole, 2)
-    options = [f"max {lit}", lit]
-    if lit != whole:
-        options.insert(0, f"max {lit} (all {whole})")
-    return next((text for text in options if len(text) <= room), "")
+    highlighted, whole = short_number(model.peak, 2), short_number(model.whole, 2)
+    texts = [f"max {highlighted}", highlighted]
+    if highlighted != whole:
+        texts.insert(0, f"max {highlighted} (all {whole})")
+    return next((text for text in texts if len(text) <= room), "")
 
 
 def _beside(
@@ -165,18 +165,20 @@ def _beside(
     layout: OrientationLayout,
     headings: Headings,
     name: tuple[str, Rgb],
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """Name and mean at the left of a strip."""
     if layout.room:
         canvas.text(0, panel.y, *name)
         if panel.height > 1:
-            canvas.text(0, panel.y + 1, _mean(headings, layout.room - 1, look), look.theme.muted)
+            canvas.text(
+                0, panel.y + 1, _mean(headings, layout.room - 1, options), options.theme.muted
+            )
 
 
-def _name(panel: str, look: RenderOptions) -> tuple[str, Rgb]:
+def _name(panel: str, options: RenderOptions) -> tuple[str, Rgb]:
     """Glyph and name with their colour."""
-    glyphs, theme = look.glyphs, look.theme
+    glyphs, theme = options.glyphs, options.theme
     kinds: dict[str, tuple[str, Rgb]] = {
         "sim": (glyphs.sim, theme.sim),
         "truth": (glyphs.truth, theme.truth),
@@ -193,15 +195,15 @@ def _around(
     headings: Headings,
     scale: str,
     name: tuple[str, Rgb],
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """Name and scale above a dial, the mean below it, degrees round it."""
-    theme, room = look.theme, layout.room
+    theme, room = options.theme, layout.room
     if layout.header:
         canvas.text(panel.x, panel.y - 1, *name)
         canvas.text(panel.x + room, panel.y - 1, scale, theme.muted, align="right")
     if layout.footer:
-        text = _mean(headings, room, look)
+        text = _mean(headings, room, options)
         start = panel.x + (room - len(text)) // 2
         canvas.text(start, panel.y + panel.height, text, theme.muted)
     if layout.labels:
@@ -220,14 +222,14 @@ def _around(
             canvas.text(start, at, text, theme.muted)
 
 
-def _mean(headings: Headings, room: int, look: RenderOptions) -> str:
+def _mean(headings: Headings, room: int, options: RenderOptions) -> str:
     """The mean direction and the resultant length in at most `room` cells."""
     if not np.isfinite(headings.mean):
         return "none"[:room]
-    degree = _degrees(headings.mean, look.glyphs)
+    degree = _degrees(headings.mean, options.glyphs)
     length = f"R {headings.resultant:.2f}"
-    options = (f"mean {degree} {length}", f"{degree} {length}", degree)
-    return next((text for text in options if len(text) <= room), "")
+    texts = (f"mean {degree} {length}", f"{degree} {length}", degree)
+    return next((text for text in texts if len(text) <= room), "")
 
 
 def _degrees(mean: float, glyphs: Glyphs) -> str:
@@ -241,7 +243,7 @@ def draw_strip(
     cursor: float | None,
     mark: Mark | None,
     colour: Rgb,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """Upright bars; the cursor (degrees) and the ends of the pending brush on the last row."""
     bottom = panel.y + panel.height - 1
@@ -251,25 +253,25 @@ def draw_strip(
         turn = (np.arange(panel.width) + 0.5) / panel.width * 360 - 180
         held = np.abs((turn - middle + 180) % 360 - 180) <= half
         rows, columns = slice(panel.y, bottom + 1), panel.x + np.flatnonzero(held)
-        canvas.bg[rows, columns] = look.theme.highlight
+        canvas.bg[rows, columns] = options.theme.highlight
         ends = (middle - half, middle + half)
     each = panel.width // len(np.asarray(bars[0]))
-    lit, grey = (np.repeat(part, each) for part in bars)
-    draw_vertical_bars(canvas, panel.x, panel.y, panel.height, (lit, grey), colour, look)
+    highlighted, grey = (np.repeat(part, each) for part in bars)
+    draw_vertical_bars(canvas, panel.x, panel.y, panel.height, (highlighted, grey), colour, options)
     for degrees in ends:
-        canvas.put(_column(panel, degrees), bottom, "+", look.theme.truth, bold=True)
+        canvas.put(_column(panel, degrees), bottom, "+", options.theme.truth, bold=True)
     if cursor is not None:
         at = _column(panel, cursor)
-        put_over_bar(canvas, at, bottom, look.glyphs.cursor, look.theme.cursor)
+        put_over_bar(canvas, at, bottom, options.glyphs.cursor, options.theme.cursor)
 
 
 def _column(panel: Panel, degrees: float) -> int:
     return min(int(panel.to_cells(degrees, 0.0)[0]), panel.x + panel.width - 1)
 
 
-def draw_strip_axis(canvas: Canvas, panel: Panel, scale: str, look: RenderOptions) -> None:
+def draw_strip_axis(canvas: Canvas, panel: Panel, scale: str, options: RenderOptions) -> None:
     """Cardinal degrees on the last row, the scale's number at the left."""
-    row, theme, free = canvas.height - 1, look.theme, panel.x
+    row, theme, free = canvas.height - 1, options.theme, panel.x
     if len(scale) < panel.x:
         canvas.text(0, row, scale, theme.muted)
     for degrees in (-180, -90, 0, 90):

@@ -21,9 +21,9 @@ class OrientationView(View):
     name = "orientation"
     key = "5"
     description = "headings in bins of 5 degrees: sim, truth, real"
-    paper = (1600, 720)
+    figure_size = (1600, 720)
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         return "headings: sim, truth, real"
 
     def input(self, scene: Scene) -> OrientationInput:
@@ -36,13 +36,13 @@ class OrientationView(View):
 
     def numbers(self, scene: Scene) -> Table:
         model = orientation_model(self.input(scene))
-        counts = [panel.lit.tolist() for panel in model.panels]
+        counts = [panel.highlighted.tolist() for panel in model.panels]
         step = 360 // len(counts[0])
         starts = [-180 + step * index for index in range(len(counts[0]))]
         rows = list(zip(starts, [s + step for s in starts], *counts, strict=True))
         return ("from", "to", "sim", "truth", "real"), rows
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         panels = orientation_model(self.input(scene)).panels
         told = [
             f"{name} {panel.mean:.0f} degrees (R {panel.resultant:.2f})"
@@ -57,20 +57,23 @@ class OrientationView(View):
         title = f"{scene.state.run}: headings in simulation, in truth and in reality"
         return paper.orientation_figure(self.input(scene), size, theme, title, scene.caption)
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         return (identity_key(self.input(scene)),)
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return draw_orientation(self.input(scene), size, look)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return draw_orientation(self.input(scene), size, options)
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return orientation_panels(self.input(scene), size, look)
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return orientation_panels(self.input(scene), size, options)
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         if scene.state.cursor is None:
             return None
         heading = float(getattr(self.input(scene), panel.name)[scene.state.cursor])
         return (math.degrees(heading), 1.0) if math.isfinite(heading) else None
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return heading_expression(mark, _FIELDS[panel.name])
+
+
+VIEW = OrientationView()

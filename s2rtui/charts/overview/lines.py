@@ -37,28 +37,32 @@ Counts = NDArray[np.intp]
 class LineDensity:
     """Lines per braille dot, (4 rows, 2 columns per cell of the chart): selected, and others."""
 
-    lit: Density
+    highlighted: Density
     others: Density
 
 
 def line_density(lines: OverviewLines, axis: Interval, layout: OverviewLayout) -> LineDensity:
     """Segments between neighbouring runs in view, or bars on their rows where those adjoin."""
-    chosen = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
+    selection = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
     shown = lines.values[layout.first : layout.first + layout.shown]
     columns = tuple(ArrayKey(column) for column in shown)
     draw = _segments if layout.step > 1 and layout.shown > 1 else _bars
-    return draw(columns, axis, layout.chart_width, layout.step, chosen)
+    return draw(columns, axis, layout.chart_width, layout.step, selection)
 
 
 @cached_by_identity(4)
 def _segments(
-    columns: tuple[ArrayKey, ...], axis: Interval, width: int, step: int, chosen: SelectionIndices
+    columns: tuple[ArrayKey, ...],
+    axis: Interval,
+    width: int,
+    step: int,
+    selection: SelectionIndices,
 ) -> LineDensity:
     """From the middle of one run's row to the middle of the next one's."""
-    size = bin_count(width, len(chosen.base))
+    size = bin_count(width, len(selection.base))
     parts: tuple[list[Density], list[Density]] = ([], [])
     for first, second in pairwise(columns):
-        for part, table in zip(parts, _tables(first, second, axis, size, chosen), strict=True):
+        for part, table in zip(parts, _tables(first, second, axis, size, selection), strict=True):
             held = table[:size, :size].ravel()
             bands = int(held.sum()) > BANDS
             part.append(_spans(width, step, size, bands).density(held))
@@ -68,12 +72,21 @@ def _segments(
 
 @cached_by_identity(4)
 def _bars(
-    columns: tuple[ArrayKey, ...], axis: Interval, width: int, step: int, chosen: SelectionIndices
+    columns: tuple[ArrayKey, ...],
+    axis: Interval,
+    width: int,
+    step: int,
+    selection: SelectionIndices,
 ) -> LineDensity:
     """On each run's row a bar of up to four dots per column of dots."""
-    size = bin_count(width, len(chosen.base))
-    counted = joint_histogram.joint_counts(_bar_bins(columns, axis, size), chosen)
-    both = np.stack([*(lit for lit, _ in counted), *(total - lit for lit, total in counted)])
+    size = bin_count(width, len(selection.base))
+    counted = joint_histogram.joint_counts(_bar_bins(columns, axis, size), selection)
+    both = np.stack(
+        [
+            *(highlighted for highlighted, _ in counted),
+            *(total - highlighted for highlighted, total in counted),
+        ]
+    )
     dots = _per_dot(both, width).reshape(2, len(columns), 2 * width)
     up = np.arange(4, 0, -1)[:, None]
     grids = (_heights(dots)[:, :, None] >= up) * dots[:, :, None]
@@ -99,21 +112,21 @@ def pair_counts(lines: OverviewLines, axis: Interval, size: int) -> list[tuple[C
 
     Each (size, size), size up to 254; bin i covers i .. i + 1 of `size` parts of the axis.
     """
-    chosen = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
+    selection = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
     found = []
     for first, second in pairwise(lines.values):
-        lit, others = _tables(ArrayKey(first), ArrayKey(second), axis, size, chosen)
-        found.append((lit[:size, :size], others[:size, :size]))
+        highlighted, others = _tables(ArrayKey(first), ArrayKey(second), axis, size, selection)
+        found.append((highlighted[:size, :size], others[:size, :size]))
     return found
 
 
 def _tables(
-    first: ArrayKey, second: ArrayKey, axis: Interval, size: int, chosen: SelectionIndices
+    first: ArrayKey, second: ArrayKey, axis: Interval, size: int, selection: SelectionIndices
 ) -> tuple[Counts, Counts]:
     """Counts per pair of bins, (size + 1, size + 1), the last ones none: selected, and others."""
-    lit, total = count_selected(_pairs(first, second, axis, size), chosen)
+    highlighted, total = count_selected(_pairs(first, second, axis, size), selection)
     shape = (size + 1, size + 1)
-    return lit.reshape(shape), (total - lit).reshape(shape)
+    return highlighted.reshape(shape), (total - highlighted).reshape(shape)
 
 
 def _per_dot(counts: Counts, width: int) -> Density:
@@ -234,17 +247,17 @@ def draw_lines(
     lines: OverviewLines,
     axis: Interval,
     layout: OverviewLayout,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """All lines behind the marks, then the cursor's own."""
     density = line_density(lines, axis, layout)
-    chart = Canvas(layout.chart_width, layout.height, look.theme)
+    chart = Canvas(layout.chart_width, layout.height, options.theme)
     chart.bg[:] = canvas.bg[_place(layout)]
-    colour = look.theme.sim if lines.side == "sim" else look.theme.real
-    _layer(chart, density.others, look.theme.unselected, OTHER_RAMP, look, faint=True)
-    _layer(chart, density.lit, colour, LIT_RAMP, look, faint=False)
+    colour = options.theme.sim if lines.side == "sim" else options.theme.real
+    _layer(chart, density.others, options.theme.unselected, OTHER_RAMP, options, faint=True)
+    _layer(chart, density.highlighted, colour, LIT_RAMP, options, faint=False)
     if layout.step > 1 and lines.cursor is not None:
-        _draw_cursor_line(chart, lines, axis, layout, look)
+        _draw_cursor_line(chart, lines, axis, layout, options)
     canvas.paste(chart, layout.chart, layout.top)
 
 
@@ -254,7 +267,7 @@ def _place(layout: OverviewLayout) -> tuple[slice, slice]:
 
 
 def _layer(
-    canvas: Canvas, density: Density, colour: Rgb, ramp: str, look: RenderOptions, faint: bool
+    canvas: Canvas, density: Density, colour: Rgb, ramp: str, options: RenderOptions, faint: bool
 ) -> None:
     """Dots where lines are; brighter where they are dense, fewer where they are not."""
     peak = float(density.max(initial=0.0))
@@ -263,7 +276,7 @@ def _layer(
     shares = levels(density, peak)
     cells = shares.reshape(canvas.height, 4, canvas.width, 2)
     per_cell = cells.max(axis=(1, 3))
-    if look.ascii:
+    if options.ascii:
         steps = np.minimum(np.ceil(per_cell * len(ramp)), len(ramp)).astype(np.intp)
         rows, columns = np.nonzero(steps)
         canvas.char[rows, columns] = np.array(list(ramp))[steps[rows, columns] - 1]
@@ -272,16 +285,16 @@ def _layer(
     strength = np.clip(np.log10(peak) - 1.5, 0, 1)
     dither = np.tile(DITHER, (canvas.height, canvas.width))
     dots = (density > 0) & (shares > 0.7 * strength * dither)
-    if faint and look.mode is ColourMode.NONE:
+    if faint and options.mode is ColourMode.NONE:
         dots &= (np.indices(dots.shape).sum(axis=0) % 2).astype(np.bool_)
-    draw_braille(canvas, 0, 0, dots, _shades(per_cell, colour, faint, look))
+    draw_braille(canvas, 0, 0, dots, _shades(per_cell, colour, faint, options))
 
 
-def _shades(shares: Density, colour: Rgb, faint: bool, look: RenderOptions) -> Pixels:
+def _shades(shares: Density, colour: Rgb, faint: bool, options: RenderOptions) -> Pixels:
     """A colour per cell, from near the background to the colour itself."""
     low, high = (0.35, 0.75) if faint else (0.6, 1.0)
     share = low + (high - low) * shares
-    return mix(np.array(look.theme.background), np.array(colour), share)
+    return mix(np.array(options.theme.background), np.array(colour), share)
 
 
 def _draw_cursor_line(
@@ -289,7 +302,7 @@ def _draw_cursor_line(
     lines: OverviewLines,
     axis: Interval,
     layout: OverviewLayout,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """The cursor's line over all others, broken where it has no accuracy."""
     grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
@@ -301,12 +314,12 @@ def _draw_cursor_line(
         if start is not None and stop is not None:
             columns, rows = segment_dots(*start, *stop)
             grid |= dot_grid(columns, rows, canvas.width, canvas.height)
-    if not look.ascii:
-        draw_braille(canvas, 0, 0, grid, np.array(look.theme.cursor, dtype=np.uint8))
+    if not options.ascii:
+        draw_braille(canvas, 0, 0, grid, np.array(options.theme.cursor, dtype=np.uint8))
         return
     held = grid.reshape(canvas.height, 4, canvas.width, 2).any(axis=(1, 3))
     for row, column in np.argwhere(held).tolist():
-        canvas.put(column, row, look.glyphs.cursor, look.theme.cursor, bold=True)
+        canvas.put(column, row, options.glyphs.cursor, options.theme.cursor, bold=True)
 
 
 def _cell_of_accuracy(

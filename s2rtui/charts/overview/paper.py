@@ -292,10 +292,10 @@ def draw_lines(axes: Axes, lines: OverviewLines, axis: Interval, theme: Theme) -
     size = COARSE if len(lines.valid) > MANY else FINE
     found = pair_counts(lines, axis, size)
     colour = theme.sim if lines.side == "sim" else theme.real
-    lit = int(np.count_nonzero(np.asarray(lines.selected) & lines.valid))
+    highlighted = int(np.count_nonzero(np.asarray(lines.selected) & lines.valid))
     for part, ink, order, strength in (
         (1, theme.unselected, 1.0, 0.45),
-        (0, colour, 1.2, 0.75 * min(1.0, max(0.3, math.sqrt(CLEAR / max(lit, 1))))),
+        (0, colour, 1.2, 0.75 * min(1.0, max(0.3, math.sqrt(CLEAR / max(highlighted, 1))))),
     ):
         peak = max((float(pair[part].max()) for pair in found), default=0.0)
         for row, pair in enumerate(found):

@@ -27,7 +27,7 @@ def draw_overview(
     baseline: float | None,
     selected: int | None,
     size: Size,
-    look: RenderOptions | None = None,
+    options: RenderOptions | None = None,
     lines: OverviewLines | None = None,
     mark: Mark | None = None,
 ) -> Canvas:
@@ -35,42 +35,42 @@ def draw_overview(
 
     With `lines` each instance is drawn as a line across the runs, and the axis holds them, too.
     """
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
     if not rows:
-        canvas.text(0, 0, "no run has been computed", look.theme.muted)
+        canvas.text(0, 0, "no run has been computed", options.theme.muted)
         return canvas
     model = overview_model(rows, baseline, lines)
     layout = overview_layout(model.rows, selected, (canvas.width, canvas.height), lines)
     if layout.top:
-        _header(canvas, layout, lines, look)
+        _header(canvas, layout, lines, options)
     if selected is not None and layout.first <= selected < layout.first + layout.shown:
         y = layout.row_of(selected)
-        canvas.fill(0, y, canvas.width, 1, look.theme.highlight)
-        canvas.put(0, y, look.glyphs.pointer, look.theme.text, bold=True)
+        canvas.fill(0, y, canvas.width, 1, options.theme.highlight)
+        canvas.put(0, y, options.glyphs.pointer, options.theme.text, bold=True)
     if lines is not None and layout.chart_width:
-        draw_lines(canvas, lines, model.axis, layout, look)
+        draw_lines(canvas, lines, model.axis, layout, options)
     own = cursor_accuracies(lines) if lines is not None else []
     for index in range(layout.first, layout.first + layout.shown):
-        _line(canvas, model, index, layout, look, index == selected)
+        _line(canvas, model, index, layout, options, index == selected)
         if lines is not None:
-            _own(canvas, model, index, own[index], layout, look)
+            _own(canvas, model, index, own[index], layout, options)
     if lines is not None and layout.chart_width and model.baseline is not None:
-        _baseline(canvas, layout.column(model.baseline, model.axis), layout, look)
+        _baseline(canvas, layout.column(model.baseline, model.axis), layout, options)
     if layout.axis_rows:
-        _axis(canvas, layout.top + layout.height, model, layout, look)
+        _axis(canvas, layout.top + layout.height, model, layout, options)
     if mark is not None:
-        _mark(canvas, rows, baseline, selected, lines, mark, look)
+        _mark(canvas, rows, baseline, selected, lines, mark, options)
     return canvas
 
 
 def _header(
-    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, look: RenderOptions
+    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, options: RenderOptions
 ) -> None:
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     canvas.text(2, 0, set_cell_size("run", min(layout.name, 3)), theme.muted)
     if layout.chart_width:
-        _chart_header(canvas, layout, lines, look)
+        _chart_header(canvas, layout, lines, options)
     if layout.numbers < canvas.width:
         canvas.text(layout.numbers + 5, 0, f"{glyphs.sim} sim", theme.sim, align="right")
         canvas.text(layout.numbers + 12, 0, f"{glyphs.real} real", theme.real, align="right")
@@ -81,10 +81,10 @@ def _header(
 
 
 def _chart_header(
-    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, look: RenderOptions
+    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, options: RenderOptions
 ) -> None:
     """Accuracy and baseline; where lines are drawn, of which side they are."""
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     free, stop = layout.chart, layout.chart + layout.chart_width
     pieces: list[tuple[str, Rgb]] = [("accuracy %", theme.muted)]
     if layout.chart_width < 24 or (lines is not None and layout.chart_width < 36):
@@ -104,18 +104,18 @@ def _line(
     model: OverviewModel,
     index: int,
     layout: OverviewLayout,
-    look: RenderOptions,
+    options: RenderOptions,
     bold: bool,
 ) -> None:
-    row, theme, y = model.rows[index], look.theme, layout.row_of(index)
+    row, theme, y = model.rows[index], options.theme, layout.row_of(index)
     name = row.run
     if cell_len(name) > layout.name:
-        name = set_cell_size(name, max(0, layout.name - 1)) + look.glyphs.ellipsis
-    if look.ascii:
+        name = set_cell_size(name, max(0, layout.name - 1)) + options.glyphs.ellipsis
+    if options.ascii:
         name = name.encode("ascii", "replace").decode()
     canvas.text(2, y, name if layout.name else "", theme.text, bold=bold)
     if layout.chart_width:
-        _marks(canvas, y, model, row, layout, look)
+        _marks(canvas, y, model, row, layout, options)
     if layout.numbers < canvas.width:
         for value, right, colour in (
             (row.sim_accuracy, 5, theme.sim),
@@ -132,9 +132,9 @@ def _marks(
     model: OverviewModel,
     row: OverviewRow,
     layout: OverviewLayout,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     sides = (
         (row.sim_accuracy, row.sim_interval, theme.sim, glyphs.sim),
         (row.real_accuracy, row.real_interval, theme.real, glyphs.real),
@@ -170,27 +170,27 @@ def _own(
     index: int,
     value: float | None,
     layout: OverviewLayout,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """The cursor's accuracy in one run: its glyph beside the marks (no note), and the number."""
     if value is None:
         return
-    y, theme = layout.row_of(index), look.theme
+    y, theme = layout.row_of(index), options.theme
     row = model.rows[index]
     is_noted = row.sim_accuracy is None and row.real_accuracy is None
     if layout.chart_width and not is_noted:
         at = layout.column(value, model.axis)
-        if canvas.char[y, at] not in (look.glyphs.sim, look.glyphs.real, look.glyphs.both):
-            canvas.put(at, y, look.glyphs.cursor, theme.cursor, bold=True)
+        if canvas.char[y, at] not in (options.glyphs.sim, options.glyphs.real, options.glyphs.both):
+            canvas.put(at, y, options.glyphs.cursor, theme.cursor, bold=True)
     if layout.own:
         canvas.text(canvas.width, y, f"{100 * value:.1f}", theme.cursor, align="right")
 
 
-def _baseline(canvas: Canvas, column: int, layout: OverviewLayout, look: RenderOptions) -> None:
+def _baseline(canvas: Canvas, column: int, layout: OverviewLayout, options: RenderOptions) -> None:
     """The baseline between the runs, where no line runs."""
     for y in range(layout.top, layout.top + layout.height):
         if (y - layout.top) % layout.step and canvas.char[y, column] == " ":
-            canvas.put(column, y, look.glyphs.baseline, look.theme.truth)
+            canvas.put(column, y, options.glyphs.baseline, options.theme.truth)
 
 
 def _mark(
@@ -200,7 +200,7 @@ def _mark(
     selected: int | None,
     lines: OverviewLines | None,
     mark: Mark,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """A range on a run's axis: highlighted ground between bold ends."""
     panels = overview_panels(rows, baseline, selected, (canvas.width, canvas.height), lines)
@@ -208,16 +208,16 @@ def _mark(
     if panel is None:
         return
     low, high = (int(panel.to_cells(end, 0.0)[0]) for end in mark_range(mark))
-    canvas.fill(low, panel.y, high - low + 1, panel.height, look.theme.highlight)
+    canvas.fill(low, panel.y, high - low + 1, panel.height, options.theme.highlight)
     for y in range(panel.y, panel.y + panel.height):
-        canvas.put(low, y, look.glyphs.scale_left, look.theme.truth, bold=True)
-        canvas.put(high, y, look.glyphs.scale_right, look.theme.truth, bold=True)
+        canvas.put(low, y, options.glyphs.scale_left, options.theme.truth, bold=True)
+        canvas.put(high, y, options.glyphs.scale_right, options.theme.truth, bold=True)
 
 
 def _axis(
-    canvas: Canvas, y: int, model: OverviewModel, layout: OverviewLayout, look: RenderOptions
+    canvas: Canvas, y: int, model: OverviewModel, layout: OverviewLayout, options: RenderOptions
 ) -> None:
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     low, high = (100 * end for end in model.axis)
     end = layout.chart + layout.chart_width - 1
     canvas.hline(layout.chart, end, y, glyphs.horizontal, theme.faint)

@@ -25,9 +25,9 @@ class OverviewView(View):
     key = "1"
     pane: Pane = "overview"
     description = "runs: accuracy in simulation and in reality"
-    feeds = ("rows", "lines")
+    loads = ("rows", "lines")
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         lines = scene.resources.lines
         told = f", each instance in {lines.side} a line" if lines else ""
         if failed := scene.resources.failed.get("rows" if not scene.resources.rows else "lines"):
@@ -53,13 +53,13 @@ class OverviewView(View):
         selected = next((i for i, row in enumerate(rows) if row.run == scene.state.run), None)
         return rows, scene.resources.baseline, selected
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         lines = identity_key(self.lines(scene))
         return *self._arguments(scene), lines, scene.mark(self.name)
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         lines, mark = self.lines(scene), scene.mark(self.name)
-        return terminal.draw_overview(*self._arguments(scene), size, look, lines, mark)
+        return terminal.draw_overview(*self._arguments(scene), size, options, lines, mark)
 
     def numbers(self, scene: Scene) -> Table:
         names = ("run", "sim accuracy", "sim low", "sim high", "real accuracy", "real low",
@@ -71,7 +71,7 @@ class OverviewView(View):
         ]  # fmt: skip
         return names, rows
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         told = [
             f"{row.run}: sim {_percent(row.sim_accuracy, row.sim_interval)}, "
             f"real {_percent(row.real_accuracy, row.real_interval)}, {row.n} instances"
@@ -92,24 +92,27 @@ class OverviewView(View):
     def height(self, scene: Scene, width: int) -> int:
         return ROWS_PER_RUN * len(scene.state.runs) + 1
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         return layout.overview_panels(*self._arguments(scene), size, self.lines(scene))
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         lines, cursor = scene.resources.lines, scene.state.cursor
         if lines is None or cursor is None or panel.name not in lines.values:
             return None
         value = float(lines.values[panel.name][cursor])
         return (value, 0.0) if math.isfinite(value) else None
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         if panel.name in session.state.runs:
             session.put_run(panel.name)
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         side = scene.resources.lines.side if scene.resources.lines else scene.state.side
         run = "" if panel.name == scene.state.run else f"run({string(panel.name)})."
         return range_expression(panel, mark, f"{run}{side}.accuracy", 0.0, 1.0)
+
+
+VIEW = OverviewView()
 
 
 def _caption(scene: Scene, lines: OverviewLines | None) -> str:

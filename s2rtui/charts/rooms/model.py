@@ -46,28 +46,28 @@ class RoomsModel:
     """
 
     names: tuple[str, ...]
-    lit: Counts
+    highlighted: Counts
     total: Counts
     peak: int
     cursor: tuple[int | None, int | None, int | None]
 
 
-def rooms_model(view: RoomsInput) -> RoomsModel:
+def rooms_model(data: RoomsInput) -> RoomsModel:
     """Counts of all three columns over one scale."""
-    number = len(view.room_names)
-    sides = (view.sim, view.truth, view.real)
-    keys = (ArrayKey(view.sim), ArrayKey(view.truth), ArrayKey(view.real))
-    lit, total = _counts(keys, number, ArrayKey(view.selected), ArrayKey(view.valid))
-    names = (*view.room_names, NO_ROOM)
+    number = len(data.room_names)
+    sides = (data.sim, data.truth, data.real)
+    keys = (ArrayKey(data.sim), ArrayKey(data.truth), ArrayKey(data.real))
+    highlighted, total = _counts(keys, number, ArrayKey(data.selected), ArrayKey(data.valid))
+    names = (*data.room_names, NO_ROOM)
     if not total[:, -1].any():
-        names, lit, total = names[:-1], lit[:, :-1], total[:, :-1]
-    cursor = view.cursor
+        names, highlighted, total = names[:-1], highlighted[:, :-1], total[:, :-1]
+    cursor = data.cursor
     at: list[int | None] = [None, None, None]
-    if cursor is not None and 0 <= cursor < len(view.valid) and view.valid[cursor]:
+    if cursor is not None and 0 <= cursor < len(data.valid) and data.valid[cursor]:
         rooms = [int(side[cursor]) for side in sides]
         at = [room if 0 <= room < number else number for room in rooms]
     peak = max(1, int(total.max(initial=0)))
-    return RoomsModel(names, lit, total, peak, (at[0], at[1], at[2]))
+    return RoomsModel(names, highlighted, total, peak, (at[0], at[1], at[2]))
 
 
 @cached_by_identity(4)
@@ -75,9 +75,11 @@ def _counts(
     columns: tuple[ArrayKey, ...], number: int, selected: ArrayKey, valid: ArrayKey
 ) -> tuple[Counts, Counts]:
     """(3, number + 1) each, the last for no room."""
-    chosen = selection_indices(np.asarray(selected.array), np.asarray(valid.array))
-    counted = joint_histogram.joint_counts([_bins(column, number) for column in columns], chosen)
-    return np.stack([lit for lit, _ in counted]), np.stack([total for _, total in counted])
+    selection = selection_indices(np.asarray(selected.array), np.asarray(valid.array))
+    counted = joint_histogram.joint_counts([_bins(column, number) for column in columns], selection)
+    return np.stack([highlighted for highlighted, _ in counted]), np.stack(
+        [total for _, total in counted]
+    )
 
 
 @cached_by_identity(32)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def rooms_figure(
-    view: RoomsInput,
+    data: RoomsInput,
     size: Pixels = (1600, 900),
     theme: Theme = LIGHT,
     title: str = "Rooms in simulation, in truth and in reality",
@@ -32,7 +32,7 @@ def rooms_figure(
 ) -> bytes:
     """A PNG of `size` pixels: bars of the selected on grey ones of all, with their counts."""
     page = make_page(size, theme)
-    model = rooms_model(view)
+    model = rooms_model(data)
     figure = new_figure(page)
     top = draw_heading(figure, page, title, subtitle)
     wide, _ = page.inches
@@ -64,9 +64,9 @@ def _column(
     theme, count = page.theme, len(model.names)
     style_axes(axes, theme)
     rows = np.arange(count)
-    lit, total = model.lit[index], model.total[index]
+    highlighted, total = model.highlighted[index], model.total[index]
     axes.barh(rows, total, height=0.72, color=rgb_fractions(theme.faint), linewidth=0, zorder=2)
-    axes.barh(rows, lit, height=0.72, color=rgb_fractions(ink), linewidth=0, zorder=3)
+    axes.barh(rows, highlighted, height=0.72, color=rgb_fractions(ink), linewidth=0, zorder=3)
     axes.set_ylim(max(count, 1) - 0.5, -0.5)
     axes.set_xlim(0, model.peak * 1.28)
     axes.set_xlabel("instances: selected / all" if index == 1 else "")
@@ -78,10 +78,10 @@ def _column(
         axes.tick_params(axis="y", length=0, pad=9, labelcolor=rgb_fractions(theme.text))
     points = min(8.0, 72 * height / max(count, 1) * 0.7)
     for row in rows.tolist():
-        text = f"{lit[row]}/{total[row]}"
+        text = f"{highlighted[row]}/{total[row]}"
         spot = (float(total[row]) + 0.015 * model.peak, row)
         label = axes.text(*spot, text, va="center", fontsize=max(points, 1.0), zorder=4)
-        label.set_color(rgb_fractions(theme.text if lit[row] else theme.muted))
+        label.set_color(rgb_fractions(theme.text if highlighted[row] else theme.muted))
     own = model.cursor[index]
     if own is not None:
         at = -0.025 * model.peak

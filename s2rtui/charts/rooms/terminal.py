@@ -48,9 +48,9 @@ class RoomsLayout:
         return max(1, self.columns[0][1] - self.gutter - self.numbers)
 
 
-def rooms_layout(view: RoomsInput, size: Size, model: RoomsModel | None = None) -> RoomsLayout:
+def rooms_layout(data: RoomsInput, size: Size, model: RoomsModel | None = None) -> RoomsLayout:
     """Room for each part; the window follows the pending brush or else the cursor's true room."""
-    model = model or rooms_model(view)
+    model = model or rooms_model(data)
     width, height = max(1, size[0]), max(1, size[1])
     longest = max((cell_len(name) for name in model.names), default=0)
     name = min(longest, WIDEST, width // 4) if width >= 16 else 0
@@ -70,23 +70,23 @@ def rooms_layout(view: RoomsInput, size: Size, model: RoomsModel | None = None) 
     count = len(model.names)
     each = min(THICKEST, max(1, rows // max(1, count)))
     shown = min(count, rows // each)
-    first = min(max(0, _focus(view, model) - shown // 2), count - shown)
+    first = min(max(0, _focus(data, model) - shown // 2), count - shown)
     return RoomsLayout(name, columns, gutter, numbers, whole, top, each, first, shown)
 
 
-def _focus(view: RoomsInput, model: RoomsModel) -> int:
-    if view.mark is not None and view.mark.points:
-        return round(view.mark.points[-1][1])
+def _focus(data: RoomsInput, model: RoomsModel) -> int:
+    if data.mark is not None and data.mark.points:
+        return round(data.mark.points[-1][1])
     return model.cursor[1] or 0
 
 
 def _numbers(model: RoomsModel, whole: bool) -> list[str]:
-    pairs = zip(model.lit.ravel().tolist(), model.total.ravel().tolist(), strict=True)
-    return [_number(lit, total, whole) for lit, total in pairs]
+    pairs = zip(model.highlighted.ravel().tolist(), model.total.ravel().tolist(), strict=True)
+    return [_number(highlighted, total, whole) for highlighted, total in pairs]
 
 
-def _number(lit: int, total: int, whole: bool) -> str:
-    return f"{_brief(lit)}/{_brief(total)}" if whole else _brief(lit)
+def _number(highlighted: int, total: int, whole: bool) -> str:
+    return f"{_brief(highlighted)}/{_brief(total)}" if whole else _brief(highlighted)
 
 
 def _brief(count: int) -> str:
@@ -95,14 +95,14 @@ def _brief(count: int) -> str:
 
 
 def rooms_panels(
-    view: RoomsInput, size: Size, look: RenderOptions | None = None
+    data: RoomsInput, size: Size, options: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """Steps "sim", "truth" and "real": y is the room's index, x a count on the bars' scale.
 
     An index of len(room_names) stands for no room.
     """
-    model = rooms_model(view)
-    layout = rooms_layout(view, size, model)
+    model = rooms_model(data)
+    layout = rooms_layout(data, size, model)
     if not layout.shown:
         return ()
     per_cell = model.peak / layout.bar
@@ -132,26 +132,26 @@ def _to_cells(layout: RoomsLayout, left: int, per_cell: float, x: float, y: floa
     return left + x / per_cell, row + max(1, layout.each - 1) / 2
 
 
-def draw_rooms(view: RoomsInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_rooms(data: RoomsInput, size: Size, options: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
-    model = rooms_model(view)
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
+    model = rooms_model(data)
     if not model.names:
-        canvas.text(0, 0, "no rooms", look.theme.muted)
+        canvas.text(0, 0, "no rooms", options.theme.muted)
         return canvas
-    layout = rooms_layout(view, (canvas.width, canvas.height), model)
-    _names(canvas, model, layout, look)
-    panels = rooms_panels(view, (canvas.width, canvas.height), look)
-    colours = (look.theme.sim, look.theme.truth, look.theme.real)
+    layout = rooms_layout(data, (canvas.width, canvas.height), model)
+    _names(canvas, model, layout, options)
+    panels = rooms_panels(data, (canvas.width, canvas.height), options)
+    colours = (options.theme.sim, options.theme.truth, options.theme.real)
     for index, (panel, colour) in enumerate(zip(panels, colours, strict=False)):
-        mark = mark_on_panel(view.mark, panel.name)
-        _column(canvas, panel, index, model, layout, mark, colour, look)
+        mark = mark_on_panel(data.mark, panel.name)
+        _column(canvas, panel, index, model, layout, mark, colour, options)
     return canvas
 
 
-def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, look: RenderOptions) -> None:
-    theme, glyphs = look.theme, look.glyphs
+def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, options: RenderOptions) -> None:
+    theme, glyphs = options.theme, options.glyphs
     if layout.top:
         heads = (
             (f"{glyphs.sim} sim", theme.sim),
@@ -164,8 +164,8 @@ def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, look: RenderO
         if layout.shown < len(model.names):
             last = layout.first + layout.shown
             window, count = f"{layout.first + 1}-{last}", len(model.names)
-            options = (f"{window} of {count}", f"{window}/{count}", window)
-            told = next((text for text in options if len(text) <= layout.name), "")
+            texts = (f"{window} of {count}", f"{window}/{count}", window)
+            told = next((text for text in texts if len(text) <= layout.name), "")
             canvas.text(0, 0, told, theme.muted)
     if not layout.name:
         return
@@ -174,7 +174,7 @@ def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, look: RenderO
         name = model.names[index]
         if cell_len(name) > layout.name:
             name = set_cell_size(name, layout.name - 1) + glyphs.ellipsis
-        if look.ascii:
+        if options.ascii:
             name = name.encode("ascii", "replace").decode()
         own = index == model.cursor[1]
         row = layout.top + place * layout.each + (layout.each - 1) // 2
@@ -189,10 +189,10 @@ def _column(
     layout: RoomsLayout,
     mark: Mark | None,
     colour: Rgb,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """Bars with their counts; the pending brush and the cursor's room in the gutter."""
-    theme, each = look.theme, layout.each
+    theme, each = options.theme, layout.each
     thick = max(1, each - 1)
     low, high = (-1, -2) if mark is None else mark_rows(mark)
     shown = slice(layout.first, layout.first + layout.shown)
@@ -200,12 +200,12 @@ def _column(
         row = panel.y + (room - layout.first) * each
         canvas.fill(panel.x, row, panel.width, thick, theme.highlight)
     inked = np.arange(layout.shown * each) % each < thick
-    lit, grey = (
+    highlighted, grey = (
         np.where(inked, np.repeat(part[index, shown] / model.peak, each), 0.0)
-        for part in (model.lit, model.total)
+        for part in (model.highlighted, model.total)
     )
     draw_horizontal_bars(
-        canvas, panel.x + layout.gutter, panel.y, layout.bar, (lit, grey), colour, look
+        canvas, panel.x + layout.gutter, panel.y, layout.bar, (highlighted, grey), colour, options
     )
     for room in range(shown.start, shown.stop):
         middle, held = (
@@ -213,13 +213,13 @@ def _column(
             low <= room <= high,
         )
         if layout.numbers:
-            own, whole = int(model.lit[index, room]), int(model.total[index, room])
+            own, whole = int(model.highlighted[index, room]), int(model.total[index, room])
             text = _number(own, whole, layout.whole)
             ink, end = theme.text if own else theme.muted, panel.x + panel.width
             canvas.text(end, middle, text, ink, bold=held, align="right")
         if held:
-            canvas.put(panel.x, middle, look.glyphs.pointer, theme.truth, bold=True)
+            canvas.put(panel.x, middle, options.glyphs.pointer, theme.truth, bold=True)
         if room == model.cursor[index]:
             beside = held and layout.gutter == 1
             at = panel.x + (1 if beside else max(0, layout.gutter - 1))
-            put_over_bar(canvas, at, middle, look.glyphs.cursor, theme.cursor)
+            put_over_bar(canvas, at, middle, options.glyphs.cursor, theme.cursor)

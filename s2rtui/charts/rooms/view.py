@@ -22,7 +22,7 @@ class RoomsView(View):
     key = "6"
     description = "rooms: predicted in sim, true, predicted in reality"
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         return "rooms: sim, truth, real"
 
     def input(self, scene: Scene) -> RoomsInput:
@@ -35,11 +35,13 @@ class RoomsView(View):
 
     def numbers(self, scene: Scene) -> Table:
         model = rooms_model(self.input(scene))
-        rows = list(zip(model.names, *model.lit.tolist(), *model.total.tolist(), strict=True))
+        rows = list(
+            zip(model.names, *model.highlighted.tolist(), *model.total.tolist(), strict=True)
+        )
         names = ("room", "sim", "truth", "real", "sim of all", "truth of all", "real of all")
         return names, rows
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         _, rows = self.numbers(scene)
         told = [f"{row[0]} {row[1]}, {row[2]}, {row[3]}" for row in rows if any(row[1:4])]
         return f"Instances per room in sim, truth and real: {'; '.join(told) or 'none'}."
@@ -50,24 +52,27 @@ class RoomsView(View):
         title = f"{scene.state.run}: rooms in simulation, in truth and in reality"
         return paper.rooms_figure(self.input(scene), size, theme, title, scene.caption)
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         return (identity_key(self.input(scene)),)
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return draw_rooms(self.input(scene), size, look)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return draw_rooms(self.input(scene), size, options)
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return rooms_panels(self.input(scene), size, look)
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return rooms_panels(self.input(scene), size, options)
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         if scene.state.cursor is None:
             return None
         code = int(getattr(self.input(scene), panel.name)[scene.state.cursor])
         return (0.0, float(code)) if code >= 0 else None
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         mark = Mark(panel.name, (point, point))
-        session.choose(self.meaning(scene, panel, mark))
+        session.choose(self.to_expression(scene, panel, mark))
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return names_expression(mark, _FIELDS[panel.name], scene.store.instances.room_names)
+
+
+VIEW = RoomsView()

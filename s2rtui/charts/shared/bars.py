@@ -18,22 +18,24 @@ SOLID = 0.55
 
 
 def draw_vertical_bars(
-    canvas: Canvas, x: int, y: int, rows: int, bars: Bars, colour: Rgb, look: RenderOptions
+    canvas: Canvas, x: int, y: int, rows: int, bars: Bars, colour: Rgb, options: RenderOptions
 ) -> None:
     """A bar per column upwards from the last of `rows`."""
-    lit, grey = (_steps(part, rows) for part in bars)
+    highlighted, grey = (_steps(part, rows) for part in bars)
     level = 8 * (rows - 1 - np.arange(rows))[:, None]
-    _stamp(canvas, x, y, lit[None] - level, grey[None] - level, UP, level == 0, colour, look)
+    _stamp(
+        canvas, x, y, highlighted[None] - level, grey[None] - level, UP, level == 0, colour, options
+    )
 
 
 def draw_horizontal_bars(
-    canvas: Canvas, x: int, y: int, columns: int, bars: Bars, colour: Rgb, look: RenderOptions
+    canvas: Canvas, x: int, y: int, columns: int, bars: Bars, colour: Rgb, options: RenderOptions
 ) -> None:
     """A bar per row to the right from `x`, within `columns`."""
-    lit, grey = (_steps(part, columns) for part in bars)
+    highlighted, grey = (_steps(part, columns) for part in bars)
     level = 8 * np.arange(columns)[None]
-    lit, grey = lit[:, None] - level, grey[:, None] - level
-    _stamp(canvas, x, y, lit, grey, RIGHT, level == 0, colour, look)
+    highlighted, grey = highlighted[:, None] - level, grey[:, None] - level
+    _stamp(canvas, x, y, highlighted, grey, RIGHT, level == 0, colour, options)
 
 
 def put_over_bar(canvas: Canvas, x: int, y: int, glyph: str, colour: Rgb) -> None:
@@ -53,24 +55,24 @@ def _stamp(
     canvas: Canvas,
     x: int,
     y: int,
-    lit: NDArray[np.intp],
+    highlighted: NDArray[np.intp],
     grey: NDArray[np.intp],
     glyphs: NDArray[np.str_],
     foot: NDArray[np.bool_],
     colour: Rgb,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
-    """Cells of which `lit` eighths are lit and up to `grey` eighths grey, clipped to the canvas."""
-    into = (slice(y, y + lit.shape[0]), slice(x, x + lit.shape[1]))
+    """Cells of which `highlighted` eighths are lit and up to `grey` eighths grey, clipped to the canvas."""
+    into = (slice(y, y + highlighted.shape[0]), slice(x, x + highlighted.shape[1]))
     room = canvas.char[into].shape
-    grey_ink = mix(look.theme.background, look.theme.unselected, SOLID)
-    part, full = (np.clip(steps[: room[0], : room[1]], 0, 8) for steps in (lit, grey))
+    grey_ink = mix(options.theme.background, options.theme.unselected, SOLID)
+    part, full = (np.clip(steps[: room[0], : room[1]], 0, 8) for steps in (highlighted, grey))
     full = np.maximum(part, full)
     drawn, some = full > 0, part > 0
-    if look.ascii:
-        lower = np.broadcast_to(foot, lit.shape)[: room[0], : room[1]]
+    if options.ascii:
+        lower = np.broadcast_to(foot, highlighted.shape)[: room[0], : room[1]]
         inked = np.where(some & ((2 * part >= full) | lower), "#", ".")
-    elif look.mode is ColourMode.NONE:
+    elif options.mode is ColourMode.NONE:
         inked = np.where(some, glyphs[part], "░")
     else:
         inked = np.where(some, glyphs[part], glyphs[full])

@@ -87,34 +87,34 @@ class InstanceModel:
 HEADINGS = ("x m", "y m", "deg", "err m", "deg")
 
 
-def instance_model(view: InstanceInput) -> InstanceModel:
+def instance_model(data: InstanceInput) -> InstanceModel:
     """Common scales of both sides, so that their colours can be compared."""
-    name = " ".join(part for part in (view.kind, view.mode) if part)
-    return InstanceModel(_heat_range(view), _depth_range(view), name, _poses(view))
+    name = " ".join(part for part in (data.kind, data.mode) if part)
+    return InstanceModel(_heat_range(data), _depth_range(data), name, _poses(data))
 
 
-def _heat_range(view: InstanceInput) -> Interval | None:
-    maps = [side.heat.ravel() for side in (view.sim, view.real) if side.heat is not None]
+def _heat_range(data: InstanceInput) -> Interval | None:
+    maps = [side.heat.ravel() for side in (data.sim, data.real) if side.heat is not None]
     values = np.concatenate(maps).astype(np.float64) if maps else np.zeros(0)
     values = values[np.isfinite(values)]
     if not values.size:
         return None
-    if view.heat_range is not None:
-        low, high = view.heat_range
-    elif view.signed:
+    if data.heat_range is not None:
+        low, high = data.heat_range
+    elif data.signed:
         low, high = -float(np.abs(values).max()), float(np.abs(values).max())
     else:
         low, high = min(0.0, float(values.min())), float(values.max())
-    if view.signed:
+    if data.signed:
         bound = non_empty(0.0, max(abs(low), abs(high)))[1]
         return (-bound, bound)
     return non_empty(low, high)
 
 
-def _depth_range(view: InstanceInput) -> Interval | None:
-    if view.depth_range is not None:
-        return view.depth_range
-    maps = [side.depth.ravel() for side in (view.sim, view.real) if side.depth is not None]
+def _depth_range(data: InstanceInput) -> Interval | None:
+    if data.depth_range is not None:
+        return data.depth_range
+    maps = [side.depth.ravel() for side in (data.sim, data.real) if side.depth is not None]
     if not maps:
         return None
     return (0.0, percentile_range(np.concatenate(maps), 1, 99)[1])
@@ -126,13 +126,13 @@ def _number(value: float, places: int) -> str:
     return f"{round(value, places) + 0.0:.{places}f}"
 
 
-def _poses(view: InstanceInput) -> tuple[PoseLine, ...]:
+def _poses(data: InstanceInput) -> tuple[PoseLine, ...]:
     lines = []
-    if view.truth is not None:
-        x, y, heading = view.truth
+    if data.truth is not None:
+        x, y, heading = data.truth
         texts = (_number(x, 2), _number(y, 2), _number(math.degrees(heading), 1), "", "")
         lines.append(PoseLine("truth", texts))
-    for role, side in (("sim", view.sim), ("real", view.real)):
+    for role, side in (("sim", data.sim), ("real", data.real)):
         if (pose := side.pose) is not None:
             numbers = (
                 (pose.x, 2),
@@ -164,7 +164,7 @@ def panel_pixels(
     side: SideView,
     what: str,
     model: InstanceModel,
-    view: InstanceInput,
+    data: InstanceInput,
     shape: tuple[int, int],
     shades: int | None = None,
 ) -> Pixels:
@@ -181,8 +181,8 @@ def panel_pixels(
         metres = resample(side.depth, height, width)
         pixels = depth_tint((metres - low) / (high - low), shades)
         pixels[~np.isfinite(metres)] = NO_DEPTH
-    if side.heat is None or model.heat_range is None or view.over not in (what, "both"):
+    if side.heat is None or model.heat_range is None or data.over not in (what, "both"):
         return pixels
     heat = resample(np.asarray(side.heat, dtype=np.float32), height, width)
-    colours, opacity = heat_colours(heat, model.heat_range, view.signed)
+    colours, opacity = heat_colours(heat, model.heat_range, data.signed)
     return mix(pixels, colours, opacity)

@@ -53,20 +53,20 @@ class InstanceLayout:
 
 
 def instance_layout(
-    view: InstanceInput, size: Size, look: RenderOptions | None = None
+    data: InstanceInput, size: Size, options: RenderOptions | None = None
 ) -> InstanceLayout:
     """Room for the pictures first as large as their shape allows; bars and table below them."""
-    look = look or RenderOptions()
+    options = options or RenderOptions()
     width, height = max(1, size[0]), max(1, size[1])
-    model = instance_model(view)
-    kinds = _kinds(view, model, look)
-    bars = [tuple(row) for row in fit_rows(_bars(view, model, look, width), width)]
-    table = 1 + len(model.poses) + len(view.notes)
+    model = instance_model(data)
+    kinds = _kinds(data, model, options)
+    bars = [tuple(row) for row in fit_rows(_bars(data, model, options, width), width)]
+    table = 1 + len(model.poses) + len(data.notes)
     title = 1 if height >= 4 else 0
     plans: tuple[tuple[list[str], list[tuple[LegendPart, ...]], int], ...] = (
         (kinds, bars, table),
-        (kinds, bars[:1], table - len(view.notes)),
-        (kinds[:1], bars[:1], table - len(view.notes)),
+        (kinds, bars[:1], table - len(data.notes)),
+        (kinds[:1], bars[:1], table - len(data.notes)),
         (kinds[:1], [], 0),
     )
     for what, rows, lines in plans:
@@ -75,22 +75,22 @@ def instance_layout(
             break
     else:
         what, rows, lines, space = kinds[:1], [], 0, max(1, height - title)
-    panels, used = _arrange(what, _shape(view), width, space, title)
+    panels, used = _arrange(what, _shape(data), width, space, title)
     return InstanceLayout(panels, tuple(rows), used, used + len(rows) if lines else None)
 
 
-def _kinds(view: InstanceInput, model: InstanceModel, look: RenderOptions) -> list[str]:
-    kinds = ["rgb"] if view.sim.rgb.size or view.real.rgb.size else []
-    if model.heat_range is not None and not look.pictures:
+def _kinds(data: InstanceInput, model: InstanceModel, options: RenderOptions) -> list[str]:
+    kinds = ["rgb"] if data.sim.rgb.size or data.real.rgb.size else []
+    if model.heat_range is not None and not options.supports_images:
         kinds.append("heat")
-    if view.sim.depth is not None or view.real.depth is not None:
+    if data.sim.depth is not None or data.real.depth is not None:
         kinds.append("depth")
     return kinds
 
 
-def _shape(view: InstanceInput) -> tuple[int, int]:
+def _shape(data: InstanceInput) -> tuple[int, int]:
     """Rows and columns of the pictures."""
-    rows, columns = (view.sim if view.sim.rgb.size else view.real).rgb.shape[:2]
+    rows, columns = (data.sim if data.sim.rgb.size else data.real).rgb.shape[:2]
     return max(1, rows), max(1, columns)
 
 
@@ -121,46 +121,46 @@ def _arrange(
     return tuple(panels), top + rows * high
 
 
-def draw_instance(view: InstanceInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_instance(data: InstanceInput, size: Size, options: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
-    model = instance_model(view)
-    layout = instance_layout(view, (canvas.width, canvas.height), look)
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
+    model = instance_model(data)
+    layout = instance_layout(data, (canvas.width, canvas.height), options)
     for panel in layout.panels:
-        _panel(canvas, panel, view, model, look)
-    _titles(canvas, layout, view, look)
+        _panel(canvas, panel, data, model, options)
+    _titles(canvas, layout, data, options)
     draw_rows(canvas, 0, layout.bars_y, layout.bars)
     if layout.table_y is not None:
-        _table(canvas, layout.table_y, view, model, look)
+        _table(canvas, layout.table_y, data, model, options)
     return canvas
 
 
 def _panel(
     canvas: Canvas,
     panel: ImagePanel,
-    view: InstanceInput,
+    data: InstanceInput,
     model: InstanceModel,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
-    side = view.sim if panel.side == "sim" else view.real
+    side = data.sim if panel.side == "sim" else data.real
     if panel.what == "heat":
-        _heat_glyphs(canvas, panel, side, view, model)
+        _heat_glyphs(canvas, panel, side, data, model)
     elif side.rgb.size if panel.what == "rgb" else side.depth is not None:
-        plain = view if look.pictures else _without_heat(view)
+        plain = data if options.supports_images else _without_heat(data)
         pixels = partial(panel_pixels, side, panel.what, model, plain)
-        draw_picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)), look)
-        if look.fine:
+        draw_picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)), options)
+        if options.supports_shading:
             of = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
             true = partial(pixels, shades=DEPTH_SHADES)
-            follows = panel.what, *of, view.over, view.signed
-            canvas.plates.append(_plate(panel, side, true, identity_key(follows)))
+            follows = panel.what, *of, data.over, data.signed
+            canvas.images.append(_plate(panel, side, true, identity_key(follows)))
     else:
         canvas.text(
             panel.x,
             panel.y + panel.height // 2,
             "no image" if panel.what == "rgb" else "no depth",
-            look.theme.muted,
+            options.theme.muted,
         )
 
 
@@ -172,72 +172,72 @@ def _plate(
     return InlineImage(panel.x, panel.y, panel.width, panel.height, shape, pixels, of)
 
 
-def _without_heat(view: InstanceInput) -> InstanceInput:
-    strip = (SideView(side.rgb, side.depth) for side in (view.sim, view.real))
+def _without_heat(data: InstanceInput) -> InstanceInput:
+    strip = (SideView(side.rgb, side.depth) for side in (data.sim, data.real))
     sim, real = strip
-    return InstanceInput(view.iid, sim, real)
+    return InstanceInput(data.iid, sim, real)
 
 
 def _heat_glyphs(
-    canvas: Canvas, panel: ImagePanel, side: SideView, view: InstanceInput, model: InstanceModel
+    canvas: Canvas, panel: ImagePanel, side: SideView, data: InstanceInput, model: InstanceModel
 ) -> None:
     """The heat in digits (and letters below zero), where no colour can lie on a picture."""
     if side.heat is None or model.heat_range is None:
         return
     heat = resample(np.asarray(side.heat, dtype=np.float32), panel.height, panel.width)
     low, high = model.heat_range
-    colours, _ = heat_colours(heat, model.heat_range, view.signed)
-    ramp = SIGNED_RAMP if view.signed else HEAT_RAMP
+    colours, _ = heat_colours(heat, model.heat_range, data.signed)
+    ramp = SIGNED_RAMP if data.signed else HEAT_RAMP
     draw_shades(
         canvas, panel.x, panel.y, (heat - low) / (high - low), ramp, legible(colours, canvas.theme)
     )
 
 
 def _titles(
-    canvas: Canvas, layout: InstanceLayout, view: InstanceInput, look: RenderOptions
+    canvas: Canvas, layout: InstanceLayout, data: InstanceInput, options: RenderOptions
 ) -> None:
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     for panel in layout.panels:
         if panel.y != 1:
             continue
-        side = view.sim if panel.side == "sim" else view.real
+        side = data.sim if panel.side == "sim" else data.real
         glyph, colour = (
             (glyphs.sim, theme.sim) if panel.side == "sim" else (glyphs.real, theme.real)
         )
         title = side.title or panel.side
-        title = title.encode("ascii", "replace").decode() if look.ascii else title
+        title = title.encode("ascii", "replace").decode() if options.ascii else title
         text = f"{glyph} {title}" if panel.what == "rgb" else f"{glyph} {panel.what}"
         canvas.text(panel.x, 0, text[: panel.width], colour, bold=True)
 
 
 def _bars(
-    view: InstanceInput, model: InstanceModel, look: RenderOptions, width: int
+    data: InstanceInput, model: InstanceModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
     parts = []
     length = 12 if width >= 44 else 8
     if model.heat_range is not None:
 
         def spread(shares: NDArray[np.float64]) -> Pixels:
-            return diverging(2 * shares - 1, (236, 236, 236)) if view.signed else turbo(shares)
+            return diverging(2 * shares - 1, (236, 236, 236)) if data.signed else turbo(shares)
 
-        ramp = None if look.pictures else (SIGNED_RAMP if view.signed else HEAT_RAMP)
+        ramp = None if options.supports_images else (SIGNED_RAMP if data.signed else HEAT_RAMP)
         name = model.heat_name or "heat"
         parts.append(
-            colour_bar(name, view.unit, model.heat_range, look, length + 4, spread, ramp, width)
+            colour_bar(name, data.unit, model.heat_range, options, length + 4, spread, ramp, width)
         )
     if model.depth_range is not None:
-        shades = look.glyphs.shades[::-1]
-        ramp = None if look.pictures else (shades if look.theme.dark else shades[::-1])
+        shades = options.glyphs.shades[::-1]
+        ramp = None if options.supports_images else (shades if options.theme.dark else shades[::-1])
         parts.append(
-            colour_bar("depth", "m", model.depth_range, look, length, depth_tint, ramp, width)
+            colour_bar("depth", "m", model.depth_range, options, length, depth_tint, ramp, width)
         )
     return parts
 
 
 def _table(
-    canvas: Canvas, y: int, view: InstanceInput, model: InstanceModel, look: RenderOptions
+    canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel, options: RenderOptions
 ) -> None:
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     roles = {
         "truth": (glyphs.truth, theme.truth),
         "sim": (glyphs.sim, theme.sim),
@@ -245,7 +245,7 @@ def _table(
     }
     label = 8 if canvas.width >= 42 else 2
     column = min(8, max(6, (canvas.width - label) // 5))
-    canvas.text(0, y, f"#{view.iid}"[: label + column - 4], theme.muted)
+    canvas.text(0, y, f"#{data.iid}"[: label + column - 4], theme.muted)
     for index, heading in enumerate(HEADINGS):
         canvas.text(label + (index + 1) * column, y, heading, theme.muted, align="right")
     for row, line in enumerate(model.poses, start=y + 1):
@@ -256,7 +256,7 @@ def _table(
             ink = colour if strong else theme.text
             at = label + (index + 1) * column
             canvas.text(at, row, text, ink, bold=strong, align="right")
-    for row, (name, value) in enumerate(view.notes, start=y + 1 + len(model.poses)):
+    for row, (name, value) in enumerate(data.notes, start=y + 1 + len(model.poses)):
         text = f"{name} {value}"
-        text = text.encode("ascii", "replace").decode() if look.ascii else text
+        text = text.encode("ascii", "replace").decode() if options.ascii else text
         canvas.text(0, row, text, theme.muted)

@@ -41,7 +41,7 @@ def colour_bar(
     label: str,
     unit: str,
     scale: Interval,
-    look: RenderOptions,
+    options: RenderOptions,
     length: int = 12,
     colours: Scale = turbo,
     ramp: str | None = None,
@@ -69,12 +69,12 @@ def colour_bar(
         length = max(1, min(length, room - cell_len(before) - cell_len(after)))
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
-        x = canvas.text(x, y, before, look.theme.muted)
+        x = canvas.text(x, y, before, options.theme.muted)
         shades = colours(np.linspace(0, 1, max(2, length)))
-        plain = look.pictures and ramp is None
+        plain = options.supports_images and ramp is None
         if not plain:
-            shades = legible(shades, look.theme)
-        glyphs = ramp or look.glyphs.shades
+            shades = legible(shades, options.theme)
+        glyphs = ramp or options.glyphs.shades
         for place in range(length):
             red, green, blue = (int(part) for part in shades[place])
             if plain:
@@ -82,25 +82,25 @@ def colour_bar(
             else:
                 glyph = glyphs[min(len(glyphs) - 1, place * len(glyphs) // length)]
                 canvas.put(x + place, y, glyph, (red, green, blue))
-        canvas.text(x + length, y, after, look.theme.muted)
+        canvas.text(x + length, y, after, options.theme.muted)
 
     return LegendPart(cell_len(before) + length + cell_len(after), draw)
 
 
 @lru_cache(64)
-def scale_bar(metres_per_cell: float, room: int, look: RenderOptions) -> LegendPart:
+def scale_bar(metres_per_cell: float, room: int, options: RenderOptions) -> LegendPart:
     """A bar of a round length in metres, at most `room` cells long."""
     length = tick_step(metres_per_cell * room, 1)
     if length > metres_per_cell * room * (1 + 1e-9):
         length = tick_step(metres_per_cell * room / 2.5, 1)
     cells = max(2, round(length / metres_per_cell))
-    glyphs, label = look.glyphs, f" {short_number(length)} m"
+    glyphs, label = options.glyphs, f" {short_number(length)} m"
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
-        canvas.hline(x, x + cells - 1, y, glyphs.horizontal, look.theme.text)
-        canvas.put(x, y, glyphs.scale_left, look.theme.text)
-        canvas.put(x + cells - 1, y, glyphs.scale_right, look.theme.text)
-        canvas.text(x + cells, y, label, look.theme.muted)
+        canvas.hline(x, x + cells - 1, y, glyphs.horizontal, options.theme.text)
+        canvas.put(x, y, glyphs.scale_left, options.theme.text)
+        canvas.put(x + cells - 1, y, glyphs.scale_right, options.theme.text)
+        canvas.text(x + cells, y, label, options.theme.muted)
 
     return LegendPart(cells + len(label), draw)
 
@@ -131,6 +131,6 @@ def draw_rows(
             at += part.width + gap
 
 
-def ramp_for_values(look: RenderOptions) -> str | None:
+def ramp_for_values(options: RenderOptions) -> str | None:
     """The glyphs that stand for values where colours lack or only ASCII is allowed."""
-    return DIGITS if look.ascii or look.mode is ColourMode.NONE else None
+    return DIGITS if options.ascii or options.mode is ColourMode.NONE else None

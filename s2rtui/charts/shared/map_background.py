@@ -51,36 +51,38 @@ class MapBackground:
 
 
 def draw_background(
-    canvas: Canvas, ground: MapBackground, frame: MapFrame, look: RenderOptions
+    canvas: Canvas, ground: MapBackground, frame: MapFrame, options: RenderOptions
 ) -> None:
     """Half blocks; where those lack light glyphs for the floor and dense ones for heat.
 
     What was not seen is dimmed, or has no glyphs. Rooms have dotted outlines.
     """
     if ground.floor_plan is not None or ground.heat is not None:
-        if look.fine:
-            draw_half_blocks(canvas, 0, 0, background_layer(ground, frame, look.theme))
+        if options.supports_shading:
+            draw_half_blocks(canvas, 0, 0, background_layer(ground, frame, options.theme))
         else:
-            _glyphs(canvas, ground, frame, look)
-    _outlines(canvas, ground.rooms, frame, look)
+            _glyphs(canvas, ground, frame, options)
+    _outlines(canvas, ground.rooms, frame, options)
 
 
-def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame, look: RenderOptions) -> None:
+def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame, options: RenderOptions) -> None:
     seen = seen_layer(ground, frame)
     hidden = None if seen is None else _paired(seen) < 0.5
     floor = floor_layer(ground, frame)
     if floor is not None:
         floor = _paired(floor)
-        bright = luma(floor) if look.theme.dark else 1 - luma(floor)
-        colours = mix(np.array(look.theme.background), np.nan_to_num(floor), 0.6)
+        bright = luma(floor) if options.theme.dark else 1 - luma(floor)
+        colours = mix(np.array(options.theme.background), np.nan_to_num(floor), 0.6)
         levels = bright if hidden is None else np.where(hidden, np.nan, bright)
-        draw_shades(canvas, 0, 0, levels, FLOOR_RAMPS[look.ascii], colours)
+        draw_shades(canvas, 0, 0, levels, FLOOR_RAMPS[options.ascii], colours)
     heat = heat_layer(ground, frame)
     if heat is not None:
         levels = _paired(heat)
         shown = levels > FAINT if hidden is None else (levels > FAINT) & ~hidden
-        colours = legible(turbo(levels), look.theme)
-        draw_shades(canvas, 0, 0, np.where(shown, levels, np.nan), HEAT_RAMPS[look.ascii], colours)
+        colours = legible(turbo(levels), options.theme)
+        draw_shades(
+            canvas, 0, 0, np.where(shown, levels, np.nan), HEAT_RAMPS[options.ascii], colours
+        )
 
 
 def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -92,7 +94,9 @@ def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: RenderOptions) -> None:
+def _outlines(
+    canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, options: RenderOptions
+) -> None:
     """Every third dot along the edges; in ASCII the corners alone."""
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     for room in rooms:
@@ -103,17 +107,17 @@ def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: Rend
             ((x0, y0), (x0, y1)),
             ((x1, y0), (x1, y1)),
         ):
-            if look.ascii:
-                canvas.put(int(np.floor(u0)), int(np.floor(v0)), "'", look.theme.muted)
-                canvas.put(int(np.floor(u1)), int(np.floor(v1)), "'", look.theme.muted)
+            if options.ascii:
+                canvas.put(int(np.floor(u0)), int(np.floor(v0)), "'", options.theme.muted)
+                canvas.put(int(np.floor(u1)), int(np.floor(v1)), "'", options.theme.muted)
                 continue
             columns, rows = segment_dots(u0, v0, u1, v1)
             dots |= dot_grid(columns[::3], rows[::3], canvas.width, canvas.height)
-    draw_braille(canvas, 0, 0, dots, np.array(look.theme.muted, dtype=np.uint8))
+    draw_braille(canvas, 0, 0, dots, np.array(options.theme.muted, dtype=np.uint8))
 
 
 def draw_room_names(
-    canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, look: RenderOptions
+    canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, options: RenderOptions
 ) -> None:
     """Each name once, in the middle of its room, where it fits."""
     named: set[str] = set()
@@ -121,7 +125,7 @@ def draw_room_names(
         if room.room in named:
             continue
         named.add(room.room)
-        name = room.room.encode("ascii", "replace").decode() if look.ascii else room.room
+        name = room.room.encode("ascii", "replace").decode() if options.ascii else room.room
         corners = frame.to_cells([[room.x0, room.y0], [room.x1, room.y1]])
         (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
         if cell_len(name) > x1 - x0 or y1 - y0 < 1:
@@ -130,7 +134,7 @@ def draw_room_names(
         if 0 <= row < canvas.height and 0 <= column <= canvas.width - cell_len(name):
             columns = np.arange(column, column + cell_len(name))
             prepare(canvas, columns, np.full_like(columns, row))
-            canvas.text(column, row, name, look.theme.muted)
+            canvas.text(column, row, name, options.theme.muted)
 
 
 @lru_cache(maxsize=4)

@@ -88,28 +88,28 @@ class MapInput:
 class MapModel:
     """lit: how many are selected and valid; others: valid but not selected. cursor: valid."""
 
-    chosen: SelectionIndices
-    lit: int
+    selection: SelectionIndices
+    highlighted: int
     others: int
     cursor: int | None
     value_range: Interval
     heat_range: Interval | None
 
 
-def map_model(view: MapInput) -> MapModel:
+def map_model(data: MapInput) -> MapModel:
     """What is drawn, and the scales."""
-    valid: Bools = np.asarray(view.valid, dtype=np.bool_)
-    chosen = selection_indices(np.asarray(view.selected, dtype=np.bool_), valid)
-    lit, others = selection_sizes(chosen)
-    scale = view.value_range or value_range(view.values, valid)
-    cursor = valid_cursor(view.cursor, valid)
-    return MapModel(chosen, lit, others, cursor, scale, heat_scale(view.ground))
+    valid: Bools = np.asarray(data.valid, dtype=np.bool_)
+    selection = selection_indices(np.asarray(data.selected, dtype=np.bool_), valid)
+    highlighted, others = selection_sizes(selection)
+    scale = data.value_range or value_range(data.values, valid)
+    cursor = valid_cursor(data.cursor, valid)
+    return MapModel(selection, highlighted, others, cursor, scale, heat_scale(data.ground))
 
 
-def selection_sizes(chosen: SelectionIndices) -> tuple[int, int]:
+def selection_sizes(selection: SelectionIndices) -> tuple[int, int]:
     """How many of the base are selected, and how many are not."""
-    few, base = len(chosen.few), int(np.count_nonzero(chosen.base))
-    return (base - few, few) if chosen.inverted else (few, base - few)
+    few, base = len(selection.indices), int(np.count_nonzero(selection.base))
+    return (base - few, few) if selection.inverted else (few, base - few)
 
 
 def valid_cursor(cursor: int | None, valid: Bools) -> int | None:
@@ -129,22 +129,22 @@ def _value_range(values: ArrayKey, valid: ArrayKey) -> Interval:
     return percentile_range(np.asarray(values.array)[np.asarray(valid.array)])
 
 
-def sorted_by_value(view: MapInput, model: MapModel) -> tuple[NDArray[np.intp], Floats]:
+def sorted_by_value(data: MapInput, model: MapModel) -> tuple[NDArray[np.intp], Floats]:
     """The selected iids, the largest value last (drawn on top), and their places on the scale."""
-    ids = model.chosen.members
-    shares = scale_fraction(np.asarray(view.values)[ids], model.value_range)
+    ids = model.selection.members
+    shares = scale_fraction(np.asarray(data.values)[ids], model.value_range)
     ordered = np.argsort(np.nan_to_num(shares, nan=-1.0), kind="stable")
     return ids[ordered], shares[ordered]
 
 
 def selected_in_frame(
-    truth: Floats, chosen: SelectionIndices, frame: MapFrame, limit: int
+    truth: Floats, selection: SelectionIndices, frame: MapFrame, limit: int
 ) -> NDArray[np.intp] | None:
     """The selected iids that lie in the frame; None where they are more than `limit`."""
     places = point_cells(truth, frame)
-    if int(count_selected(places, chosen)[0].sum()) > limit:
+    if int(count_selected(places, selection)[0].sum()) > limit:
         return None
-    ids = chosen.members
+    ids = selection.members
     return ids[places.codes[ids] < places.count]
 
 

@@ -95,9 +95,9 @@ def map_panel(layout: MapLayout) -> Panel:
     return Panel("map", "plane", *place, to_data, to_cells)
 
 
-def draw_axes(canvas: Canvas, layout: MapLayout, look: RenderOptions) -> None:
+def draw_axes(canvas: Canvas, layout: MapLayout, options: RenderOptions) -> None:
     """Ticks in metres along the left and the lower edge."""
-    theme, frame = look.theme, layout.frame
+    theme, frame = options.theme, layout.frame
     extent, bottom = frame.extent, layout.height
     count = max(2, layout.width // 12)
     width = tick_step(extent.width, count)
@@ -120,14 +120,14 @@ def draw_axes(canvas: Canvas, layout: MapLayout, look: RenderOptions) -> None:
 
 
 def draw_dots(
-    canvas: Canvas, grid: NDArray[np.bool_], colour: Rgb, look: RenderOptions, glyph: str = ""
+    canvas: Canvas, grid: NDArray[np.bool_], colour: Rgb, options: RenderOptions, glyph: str = ""
 ) -> None:
     """Braille dots (4 rows, 2 columns per cell); in ASCII one glyph, by default a faint one."""
-    if not look.ascii:
+    if not options.ascii:
         draw_braille(canvas, 0, 0, grid, np.array(colour, dtype=np.uint8))
         return
     rows, columns = np.nonzero(braille_bits(grid))
-    put_glyphs(canvas, columns, rows, glyph or look.glyphs.unselected, colour, bold=False)
+    put_glyphs(canvas, columns, rows, glyph or options.glyphs.unselected, colour, bold=False)
 
 
 def put_glyphs(
@@ -141,18 +141,18 @@ def put_glyphs(
 
 
 def draw_values(
-    canvas: Canvas, view: MapInput, model: MapModel, frame: MapFrame, look: RenderOptions
+    canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame, options: RenderOptions
 ) -> None:
     """The selected coloured by value, the largest of a cell on top; digits where colours lack."""
-    top = highest_levels(view.truth, view.values, model.value_range, model.chosen, frame)
+    top = highest_levels(data.truth, data.values, model.value_range, model.selection, frame)
     rows, columns = np.nonzero(top >= 0)
     shares = level_shares(top[rows, columns])
     known = np.isfinite(shares)
-    put_glyphs(canvas, columns, rows, look.glyphs.selected, look.theme.text)
-    if (digits := ramp_for_values(look)) is not None:
+    put_glyphs(canvas, columns, rows, options.glyphs.selected, options.theme.text)
+    if (digits := ramp_for_values(options)) is not None:
         steps = np.clip(np.nan_to_num(shares) * len(digits), 0, len(digits) - 1).astype(np.intp)
         canvas.char[rows, columns] = np.where(known, np.array(list(digits))[steps], "?")
-    canvas.fg[rows[known], columns[known]] = legible(turbo(shares[known]), look.theme)
+    canvas.fg[rows[known], columns[known]] = legible(turbo(shares[known]), options.theme)
 
 
 def draw_pose(
@@ -161,7 +161,7 @@ def draw_pose(
     headings: Floats | None,
     iid: int,
     frame: MapFrame,
-    look: RenderOptions,
+    options: RenderOptions,
     glyph: str,
     colour: Rgb,
 ) -> None:
@@ -175,18 +175,18 @@ def draw_pose(
     one = np.array([column]), np.array([row])
     put_glyphs(canvas, *one, glyph, colour)
     if headings is not None and np.isfinite(headings[iid]):
-        arrow, across, down = heading_arrow(float(headings[iid]), frame.y_down, look.glyphs)
+        arrow, across, down = heading_arrow(float(headings[iid]), frame.y_down, options.glyphs)
         column, row = column + across, row + down
         if 0 <= column < canvas.width and 0 <= row < canvas.height:
             put_glyphs(canvas, np.array([column]), np.array([row]), arrow, colour)
 
 
 def layout_of_points(
-    view: MapInput,
+    data: MapInput,
     model: MapModel,
     size: Size,
     viewport: Bounds | None,
-    look: RenderOptions,
+    options: RenderOptions,
     mode_legend: ModeLegend | None = None,
     notes: Sequence[LegendPart] = (),
 ) -> MapLayout:
@@ -197,26 +197,26 @@ def layout_of_points(
     explain = mode_legend or value_legend
 
     def legend(frame: MapFrame, width: int) -> list[LegendPart]:
-        parts = explain(view, model, look, width)
+        parts = explain(data, model, options, width)
         if model.heat_range is not None:
-            ramp = None if look.fine else HEAT_RAMPS[look.ascii]
+            ramp = None if options.supports_shading else HEAT_RAMPS[options.ascii]
             length = 12 if width >= 50 else 8
-            heat = view.heat_label, view.heat_unit, model.heat_range
-            parts.append(colour_bar(*heat, look, length, ramp=ramp, room=width))
-        return parts + map_legend(frame, width, model.others, view.clip is not None, look, notes)
+            heat = data.heat_label, data.heat_unit, model.heat_range
+            parts.append(colour_bar(*heat, options, length, ramp=ramp, room=width))
+        return parts + map_legend(frame, width, model.others, data.clip is not None, options, notes)
 
-    area = viewport or default_view(view.bounds, view.truth, view.valid)
-    return layout_of_area(area, view.y_down, size, legend)
+    area = viewport or default_view(data.bounds, data.truth, data.valid)
+    return layout_of_area(area, data.y_down, size, legend)
 
 
 def value_legend(
-    view: MapInput, model: MapModel, look: RenderOptions, width: int
+    data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
     """The colour bar of the points' values."""
-    ramp, length = ramp_for_values(look), 12 if width >= 50 else 8
-    values = view.value_label, view.value_unit, model.value_range
-    clipped = view.value_range is None
-    return [colour_bar(*values, look, length, ramp=ramp, room=width, clipped=clipped)]
+    ramp, length = ramp_for_values(options), 12 if width >= 50 else 8
+    values = data.value_label, data.value_unit, model.value_range
+    clipped = data.value_range is None
+    return [colour_bar(*values, options, length, ramp=ramp, room=width, clipped=clipped)]
 
 
 def map_legend(
@@ -224,64 +224,64 @@ def map_legend(
     width: int,
     others: int,
     clipped: bool,
-    look: RenderOptions,
+    options: RenderOptions,
     notes: Sequence[LegendPart] = (),
 ) -> list[LegendPart]:
     """Legend parts of every map: scale bar, unselected points, notes, dimmed floor."""
-    theme = look.theme
-    parts = [scale_bar(frame.pitch, max(4, width // 6), look)]
+    theme = options.theme
+    parts = [scale_bar(frame.pitch, max(4, width // 6), options)]
     if others:
-        grey = "⠿" if not look.ascii else look.glyphs.unselected
+        grey = "⠿" if not options.ascii else options.glyphs.unselected
         parts.append(text_part(((f"{grey} ", theme.unselected), ("not selected", theme.muted))))
     parts += notes
     if clipped:
-        how = "dim" if look.fine else "blank"
+        how = "dim" if options.supports_shading else "blank"
         parts.append(text_part(((f"{how}: not seen", theme.muted),)))
     return parts
 
 
 def draw_point_map(
-    view: PointMap,
-    chosen: SelectionIndices,
+    data: PointMap,
+    selection: SelectionIndices,
     layout: MapLayout,
     size: Size,
-    look: RenderOptions,
+    options: RenderOptions,
     draw_selected: Callable[[Canvas], None],
 ) -> Canvas:
     """A map in `size` (columns, rows): floor, unselected points and rooms, then the selected."""
-    canvas = Canvas(*size, theme=look.theme)
-    chart = Canvas(layout.width, layout.height, look.theme)
-    draw_background(chart, view.ground, layout.frame, look)
-    dots = unselected_dots(view.truth, chosen, layout.frame)
-    draw_dots(chart, dots, look.theme.unselected, look)
-    draw_room_names(chart, view.ground.rooms, layout.frame, look)
+    canvas = Canvas(*size, theme=options.theme)
+    chart = Canvas(layout.width, layout.height, options.theme)
+    draw_background(chart, data.ground, layout.frame, options)
+    dots = unselected_dots(data.truth, selection, layout.frame)
+    draw_dots(chart, dots, options.theme.unselected, options)
+    draw_room_names(chart, data.ground.rooms, layout.frame, options)
     draw_selected(chart)
     canvas.paste(chart, layout.x, layout.y)
     if layout.axes:
-        draw_axes(canvas, layout, look)
+        draw_axes(canvas, layout, options)
     draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
-    draw_mark(canvas, map_panel(layout), view.mark, look)
+    draw_mark(canvas, map_panel(layout), data.mark, options)
     return canvas
 
 
 def draw_value_map(
-    view: MapInput, size: Size, look: RenderOptions, viewport: Bounds | None
+    data: MapInput, size: Size, options: RenderOptions, viewport: Bounds | None
 ) -> Canvas:
     """A map in `size` whose selected points are coloured by their values."""
-    model = map_model(view)
-    layout = layout_of_points(view, model, size, viewport, look)
+    model = map_model(data)
+    layout = layout_of_points(data, model, size, viewport, options)
 
     def draw_selected(chart: Canvas) -> None:
-        draw_values(chart, view, model, layout.frame, look)
-        draw_cursor(chart, view, model.cursor, layout.frame, look)
+        draw_values(chart, data, model, layout.frame, options)
+        draw_cursor(chart, data, model.cursor, layout.frame, options)
 
-    return draw_point_map(view, model.chosen, layout, size, look, draw_selected)
+    return draw_point_map(data, model.selection, layout, size, options, draw_selected)
 
 
 def draw_cursor(
-    canvas: Canvas, view: MapInput, cursor: int | None, frame: MapFrame, look: RenderOptions
+    canvas: Canvas, data: MapInput, cursor: int | None, frame: MapFrame, options: RenderOptions
 ) -> None:
     """The true pose of the cursor's instance."""
     if cursor is not None:
-        glyph, colour = look.glyphs.cursor, look.theme.cursor
-        draw_pose(canvas, view.truth, view.headings, cursor, frame, look, glyph, colour)
+        glyph, colour = options.glyphs.cursor, options.theme.cursor
+        draw_pose(canvas, data.truth, data.headings, cursor, frame, options, glyph, colour)

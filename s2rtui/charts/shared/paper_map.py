@@ -292,28 +292,28 @@ def _scale(axes: Axes, area: Bounds, y_down: bool, theme: Theme) -> None:
     label.set_path_effects(halo_text)
 
 
-def draw_unselected(axes: Axes, truth: Floats, chosen: SelectionIndices, spots: Spots) -> None:
+def draw_unselected(axes: Axes, truth: Floats, selection: SelectionIndices, spots: Spots) -> None:
     """Unselected poses, small and grey."""
-    others = chosen.few if chosen.inverted else _outside(chosen)
+    others = selection.indices if selection.inverted else _outside(selection)
     grey = np.asarray(truth, dtype=np.float64)[spots.kept(truth, others)]
     ink = rgb_fractions(spots.theme.unselected)
     axes.scatter(grey[:, 0], grey[:, 1], s=5, color=ink, linewidths=0, zorder=3)
 
 
-def _outside(chosen: SelectionIndices) -> NDArray[np.intp]:
-    inside = chosen.base.copy()
-    inside[chosen.few] = False
+def _outside(selection: SelectionIndices) -> NDArray[np.intp]:
+    inside = selection.base.copy()
+    inside[selection.indices] = False
     return np.flatnonzero(inside)
 
 
-def draw_values(axes: Axes, view: MapInput, model: MapModel, spots: Spots) -> None:
+def draw_values(axes: Axes, data: MapInput, model: MapModel, spots: Spots) -> None:
     """The lit ones coloured by value, the largest on top."""
-    ids, shares = sorted_by_value(view, model)
-    held = spots.last(view.truth, ids)
-    lit, shares = np.asarray(view.truth, dtype=np.float64)[ids[held]], shares[held]
+    ids, shares = sorted_by_value(data, model)
+    held = spots.last(data.truth, ids)
+    highlighted, shares = np.asarray(data.truth, dtype=np.float64)[ids[held]], shares[held]
     ink = turbo(shares) / 255.0
     ink[~np.isfinite(shares)] = rgb_fractions(spots.theme.muted)
-    draw_dots(axes, lit, ink, spots)
+    draw_dots(axes, highlighted, ink, spots)
 
 
 def draw_dots(axes: Axes, points: Floats, ink: NDArray[np.float64], spots: Spots) -> None:

@@ -58,52 +58,62 @@ def _dots(points: ArrayKey, frame: MapFrame) -> Bins:
     return Bins(codes, size)
 
 
-def selected_cells(points: Floats, chosen: SelectionIndices, frame: MapFrame) -> NDArray[np.bool_]:
+def selected_cells(
+    points: Floats, selection: SelectionIndices, frame: MapFrame
+) -> NDArray[np.bool_]:
     """(rows, columns), read-only: where a selected point lies."""
-    return _lit_cells(ArrayKey(points), chosen, frame)
+    return _lit_cells(ArrayKey(points), selection, frame)
 
 
-def unselected_dots(points: Floats, chosen: SelectionIndices, frame: MapFrame) -> NDArray[np.bool_]:
+def unselected_dots(
+    points: Floats, selection: SelectionIndices, frame: MapFrame
+) -> NDArray[np.bool_]:
     """(4 rows, 2 columns), read-only: where a point of the base lies that is not selected."""
-    return _other_dots(ArrayKey(points), chosen, frame)
+    return _other_dots(ArrayKey(points), selection, frame)
 
 
 def highest_levels(
-    points: Floats, values: Floats, scale: Interval, chosen: SelectionIndices, frame: MapFrame
+    points: Floats, values: Floats, scale: Interval, selection: SelectionIndices, frame: MapFrame
 ) -> NDArray[np.intp]:
     """(rows, columns), read-only: the largest value of the selected in each cell.
 
     -1 where none lies, 0 where no value is known, else 1 .. LEVELS.
     """
-    return _top_levels(ArrayKey(points), ArrayKey(values), scale, chosen, frame)
+    return _top_levels(ArrayKey(points), ArrayKey(values), scale, selection, frame)
 
 
 @cached_by_identity(6)
-def _lit_cells(points: ArrayKey, chosen: SelectionIndices, frame: MapFrame) -> NDArray[np.bool_]:
-    lit = (count_selected(_cells(points, frame), chosen)[0] > 0).reshape(
+def _lit_cells(points: ArrayKey, selection: SelectionIndices, frame: MapFrame) -> NDArray[np.bool_]:
+    highlighted = (count_selected(_cells(points, frame), selection)[0] > 0).reshape(
         frame.height // 2, frame.width
     )
-    lit.setflags(write=False)
-    return lit
+    highlighted.setflags(write=False)
+    return highlighted
 
 
 @cached_by_identity(4)
-def _other_dots(points: ArrayKey, chosen: SelectionIndices, frame: MapFrame) -> NDArray[np.bool_]:
-    lit, total = count_selected(_dots(points, frame), chosen)
-    others = (total > lit).reshape(frame.height // 2 * 4, frame.width * 2)
+def _other_dots(
+    points: ArrayKey, selection: SelectionIndices, frame: MapFrame
+) -> NDArray[np.bool_]:
+    highlighted, total = count_selected(_dots(points, frame), selection)
+    others = (total > highlighted).reshape(frame.height // 2 * 4, frame.width * 2)
     others.setflags(write=False)
     return others
 
 
 @cached_by_identity(4)
 def _top_levels(
-    points: ArrayKey, values: ArrayKey, scale: Interval, chosen: SelectionIndices, frame: MapFrame
+    points: ArrayKey,
+    values: ArrayKey,
+    scale: Interval,
+    selection: SelectionIndices,
+    frame: MapFrame,
 ) -> NDArray[np.intp]:
     found = _tinted(points, values, scale, frame)
-    lit, _ = count_selected(found.codes, chosen)
+    highlighted, _ = count_selected(found.codes, selection)
     top = np.full(frame.height // 2 * frame.width, -1, dtype=np.intp)
     if len(found.cell):
-        shown = np.where(lit > 0, found.level, np.int8(-1))
+        shown = np.where(highlighted > 0, found.level, np.int8(-1))
         top[found.cell] = np.maximum.reduceat(shown, found.start)
     top.setflags(write=False)
     return top.reshape(-1, frame.width)

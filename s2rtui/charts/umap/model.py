@@ -80,41 +80,41 @@ class UmapModel:
     cursor: int | None
 
 
-def umap_model(view: UmapInput, frame: MapFrame) -> UmapModel:
+def umap_model(data: UmapInput, frame: MapFrame) -> UmapModel:
     """What lies in each cell of `frame` (an even number of pixels high)."""
-    values = umap_values(view)
-    scale = value_range(view)
-    chosen = selection_indices(view.selected, view.valid)
+    values = umap_values(data)
+    scale = value_range(data)
+    selection = selection_indices(data.selected, data.valid)
     sim, real = (
-        _layer(ArrayKey(points), ArrayKey(values), scale, frame, chosen)
-        for points in (view.sim, view.real)
+        _layer(ArrayKey(points), ArrayKey(values), scale, frame, selection)
+        for points in (data.sim, data.real)
     )
-    cursor = view.cursor
-    if cursor is not None and not (0 <= cursor < len(view.valid) and view.valid[cursor]):
+    cursor = data.cursor
+    if cursor is not None and not (0 <= cursor < len(data.valid) and data.valid[cursor]):
         cursor = None
     return UmapModel(frame, scale, sim, real, cursor)
 
 
-def umap_frame(view: UmapInput, columns: int, rows: int) -> MapFrame:
+def umap_frame(data: UmapInput, columns: int, rows: int) -> MapFrame:
     """The window of `columns` x `rows` cells that shows every point of both sides."""
-    return fit_frame(extent(view), columns, 2 * rows, y_down=False)
+    return fit_frame(extent(data), columns, 2 * rows, y_down=False)
 
 
-def extent(view: UmapInput) -> Bounds:
+def extent(data: UmapInput) -> Bounds:
     """The box of all points of both sides with a small margin; the unit square without any."""
-    return _extent(ArrayKey(view.sim), ArrayKey(view.real))
+    return _extent(ArrayKey(data.sim), ArrayKey(data.real))
 
 
-def umap_values(view: UmapInput) -> Floats:
+def umap_values(data: UmapInput) -> Floats:
     """(N,) what colours the points: given, or the distance to the counterpart."""
     return (
-        _distance(ArrayKey(view.sim), ArrayKey(view.real)) if view.values is None else view.values
+        _distance(ArrayKey(data.sim), ArrayKey(data.real)) if data.values is None else data.values
     )
 
 
-def value_range(view: UmapInput) -> Interval:
+def value_range(data: UmapInput) -> Interval:
     """The scale of the values: of all instances, so that it stays as trajectories come and go."""
-    return view.value_range or _percentiles(ArrayKey(umap_values(view)))
+    return data.value_range or _percentiles(ArrayKey(umap_values(data)))
 
 
 def level_shares() -> NDArray[np.float64]:
@@ -166,16 +166,20 @@ def _cells(points: ArrayKey, frame: MapFrame, levels: ArrayKey) -> Bins:
 
 
 def _layer(
-    points: ArrayKey, values: ArrayKey, scale: Interval, frame: MapFrame, chosen: SelectionIndices
+    points: ArrayKey,
+    values: ArrayKey,
+    scale: Interval,
+    frame: MapFrame,
+    selection: SelectionIndices,
 ) -> UmapLayer:
     rows, columns, depth = frame.height // 2, frame.width, LEVELS + 1
     coloured = _cells(points, frame, ArrayKey(_levels(values, scale).codes))
-    lit, total = count_selected(coloured, chosen)
-    table = lit.reshape(rows, columns, depth)
+    highlighted, total = count_selected(coloured, selection)
+    table = highlighted.reshape(rows, columns, depth)
     level = _mean_level(table)
-    held = _population(points, frame, ArrayKey(chosen.base)).reshape(rows, 4, columns, 2)
+    held = _population(points, frame, ArrayKey(selection.base)).reshape(rows, 4, columns, 2)
     grey = (held & (level < 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
-    return UmapLayer(level, grey, int(lit.sum()), int(total.sum()))
+    return UmapLayer(level, grey, int(highlighted.sum()), int(total.sum()))
 
 
 def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:

@@ -42,7 +42,7 @@ TALLEST = 1.25
 
 
 def umap_figure(
-    view: UmapInput,
+    data: UmapInput,
     size: Pixels = (1600, 800),
     theme: Theme = LIGHT,
     title: str = "Embeddings in simulation and in reality",
@@ -57,29 +57,29 @@ def umap_figure(
     width, height = (wide - 0.65 - side - 0.35) / 2, top - 0.55 - 0.35
     foot = 0.55 + max(0.0, height - TALLEST * width)
     height = min(height, TALLEST * width)
-    model = umap_model(view, umap_frame(view, max(1, int(width * 60)), max(1, int(height * 30))))
+    model = umap_model(data, umap_frame(data, max(1, int(width * 60)), max(1, int(height * 30))))
     for index, name in enumerate(("sim", "real")):
         box = page.box(0.65 + index * (width + 0.35), foot, width, height)
         axes = figure.add_axes(box)
-        _panel(axes, view, model, name, page, (width, height))
+        _panel(axes, data, model, name, page, (width, height))
         if index:
             axes.tick_params(labelleft=False)
         else:
             axes.set_ylabel("v")
     if side > 1:
-        _side(figure, page, view, model, (wide - side + 0.25, foot + height))
+        _side(figure, page, data, model, (wide - side + 0.25, foot + height))
     return figure_bytes(figure, page)
 
 
 def _side(
-    figure: Figure, page: Page, view: UmapInput, model: UmapModel, corner: tuple[float, float]
+    figure: Figure, page: Page, data: UmapInput, model: UmapModel, corner: tuple[float, float]
 ) -> None:
     """The colour bar, and under it what the other marks mean, from `corner` (inches) downwards."""
     from matplotlib.lines import Line2D
 
     left, top = corner
     high = min(2.0, top * 0.45)
-    label = f"{view.value_label} ({view.value_unit})" if view.value_unit else view.value_label
+    label = f"{data.value_label} ({data.value_unit})" if data.value_unit else data.value_label
     box = page.box(left, top - high - 0.15, 0.16, high)
     draw_colour_bar(figure, page, box, model.value_range, label, turbo)
     marks = []
@@ -103,7 +103,7 @@ def _side(
 
 def _panel(
     axes: Axes,
-    view: UmapInput,
+    data: UmapInput,
     model: UmapModel,
     name: str,
     page: Page,
@@ -124,29 +124,29 @@ def _panel(
     label = axes.set_title(told, loc="left", fontsize=10, pad=6)
     label.set_color(rgb_fractions(theme.sim if sim else theme.real))
     label.set_fontweight("bold")
-    points = np.asarray(view.sim if sim else view.real, dtype=np.float64)
+    points = np.asarray(data.sim if sim else data.real, dtype=np.float64)
     if layer.total > POINTS_UP_TO:
         _cells(axes, model, name, theme)
     else:
-        _points(axes, view, points, model, theme)
+        _points(axes, data, points, model, theme)
     if model.cursor is not None and np.isfinite(points[model.cursor]).all():
         x, y = points[model.cursor]
         ink = rgb_fractions(theme.cursor)
         axes.scatter([x], [y], s=80, facecolors="none", edgecolors=[ink], linewidths=1.6, zorder=6)
 
 
-def _points(axes: Axes, view: UmapInput, points: Floats, model: UmapModel, theme: Theme) -> None:
+def _points(axes: Axes, data: UmapInput, points: Floats, model: UmapModel, theme: Theme) -> None:
     """Unselected points small and grey, the selected by value, the largest on top."""
-    lit = selection_indices(view.selected, view.valid).members
-    others = np.asarray(view.valid, dtype=np.bool_).copy()
-    others[lit] = False
+    highlighted = selection_indices(data.selected, data.valid).members
+    others = np.asarray(data.valid, dtype=np.bool_).copy()
+    others[highlighted] = False
     grey = points[others]
     axes.scatter(
         grey[:, 0], grey[:, 1], s=6, color=rgb_fractions(theme.unselected), linewidths=0, zorder=2
     )
-    shares = scale_fraction(umap_values(view), model.value_range)[lit]
+    shares = scale_fraction(umap_values(data), model.value_range)[highlighted]
     order = np.argsort(np.nan_to_num(shares, nan=-1.0), kind="stable")
-    shares, own = shares[order], points[lit[order]]
+    shares, own = shares[order], points[highlighted[order]]
     ink = turbo(shares) / 255.0
     ink[~np.isfinite(shares)] = rgb_fractions(theme.muted)
     edge = [rgb_fractions(theme.background)]
@@ -161,9 +161,9 @@ def _cells(axes: Axes, model: UmapModel, name: str, theme: Theme) -> None:
     grey = layer.grey.reshape(rows, 4, columns, 2).any(axis=(1, 3))
     picture[grey] = (*rgb_fractions(theme.unselected), 0.6)
     inks = np.vstack([np.array([theme.muted]), turbo(level_shares())]) / 255.0
-    lit = layer.level >= 0
-    picture[lit, :3] = inks[layer.level[lit]]
-    picture[lit, 3] = 1.0
+    highlighted = layer.level >= 0
+    picture[highlighted, :3] = inks[layer.level[highlighted]]
+    picture[highlighted, 3] = 1.0
     axes.imshow(
         picture,
         extent=(area.x0, area.x1, area.y0, area.y1),

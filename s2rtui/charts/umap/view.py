@@ -23,9 +23,9 @@ class UmapView(View):
     name = "umap"
     key = "4"
     description = "embeddings in the plane (UMAP), sim and real"
-    paper = (1600, 800)
+    figure_size = (1600, 800)
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         return "embeddings, coloured by the distance to the counterpart"
 
     def input(self, scene: Scene) -> UmapInput:
@@ -33,20 +33,20 @@ class UmapView(View):
 
     def numbers(self, scene: Scene) -> Table:
         view = self.input(scene)
-        chosen = np.flatnonzero(scene.state.selected)
-        sim, real = view.sim[chosen], view.real[chosen]
+        selection = np.flatnonzero(scene.state.selected)
+        sim, real = view.sim[selection], view.real[selection]
         distance = np.hypot(*(real - sim).T)
         names = ("iid", "sim u", "sim v", "real u", "real v", "distance")
-        columns = (chosen, sim[:, 0], sim[:, 1], real[:, 0], real[:, 1], distance)
+        columns = (selection, sim[:, 0], sim[:, 1], real[:, 0], real[:, 1], distance)
         return names, list(zip(*(column.tolist() for column in columns), strict=True))
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         return (identity_key(self.input(scene)),)
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return terminal.draw_umap(self.input(scene), size, look)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return terminal.draw_umap(self.input(scene), size, options)
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         _, rows = self.numbers(scene)
         distances = np.array([row[-1] for row in rows], dtype=np.float64)
         distances = distances[np.isfinite(distances)]
@@ -63,20 +63,23 @@ class UmapView(View):
         title = f"{scene.state.run}: embeddings in simulation and in reality (UMAP)"
         return paper.umap_figure(self.input(scene), size, theme, title, scene.caption)
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return terminal.umap_panels(self.input(scene), size, look)
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return terminal.umap_panels(self.input(scene), size, options)
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         return known_point(self._points(scene, panel), scene.state.cursor)
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         nearest = nearest_iid(self._points(scene, panel), scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area_expression(panel, mark, f"umap.{panel.name}", f"umap.{panel.name}.lasso")
 
     def _points(self, scene: Scene, panel: Panel) -> Floats:
         view = self.input(scene)
         return view.sim if panel.name == "sim" else view.real
+
+
+VIEW = UmapView()

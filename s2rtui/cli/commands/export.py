@@ -52,7 +52,7 @@ def execute(options: argparse.Namespace) -> int:
 
         view = STORED[options.view]
         with staged(options.store, wanted, view) as scene, figure_format(form[1:]):
-            picture = view.figure(scene, size or view.paper, theme)
+            picture = view.figure(scene, size or view.figure_size, theme)
     rows.write_file(options.out, picture)
     return 0
 

@@ -33,7 +33,7 @@ def figure(
     with figure_format(type_size=_WIDE_TYPE if wide else _HALF_TYPE):
         drawn = [_uri(Image.open(BytesIO(view.figure(scene, size, theme)))) for theme in themes]
     return ReportImage(
-        drawn[0], size, view.words(scene), dark=drawn[1] if dark else "", wide=wide is not None,
+        drawn[0], size, view.summary(scene), dark=drawn[1] if dark else "", wide=wide is not None,
         numbers=numbers,
     )  # fmt: skip
 

@@ -105,7 +105,7 @@ class KittyImageManager:
         """
         spans: dict[int, list[Span]] = {}
         places, lacking = set(), []
-        for index, plate in enumerate(canvas.plates):
+        for index, plate in enumerate(canvas.images):
             if max(plate.width, plate.height) > len(kitty_protocol.NUMBERS):
                 continue
             wanted = self._wanted((view, index), plate)
