@@ -1,8 +1,8 @@
-"""Columns binned once, selections counted in a moment.
+"""Counts, sums and medians of selections per bin, fast enough for every key press.
 
-A plot turns each column into small codes, one per instance, and keeps them for as long as column
-and frame stay; a selection is then counted by one `bincount` over the smaller of the selected and
-the unselected, the larger one following by subtraction from the totals.
+A column is turned once into bin codes, one per instance, which are cached as long as the column
+lives. A selection is then counted by one `bincount` over the smaller of the selected and the
+unselected instances; the other one follows by subtraction from the totals.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ Sums = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SelectionIndices:
-    """A selection within its base population, as the shorter list.
+    """A selection within a base population, stored as the shorter list of iids.
 
-    `indices` are the iids of the selected, or (`inverted`) of the base's others. `base` (N,) bool.
+    `indices` are the selected iids, or, if `inverted`, the unselected ones. `base`: (N,) bool.
     """
 
     base: Bools
@@ -53,12 +53,12 @@ class Bins:
 
 
 def selection_indices(selected: Bools, base: Bools) -> SelectionIndices:
-    """The selection as lists; the same arrays give the same object."""
-    return _choose(ArrayKey(selected), ArrayKey(base))
+    """Convert masks (N,) to indices; the same arrays give the same object."""
+    return _selection_indices(ArrayKey(selected), ArrayKey(base))
 
 
 @cached_by_identity(8)
-def _choose(selected: ArrayKey, base: ArrayKey) -> SelectionIndices:
+def _selection_indices(selected: ArrayKey, base: ArrayKey) -> SelectionIndices:
     inside, population = _bools(selected), _bools(base)
     highlighted = inside & population
     total = int(np.count_nonzero(population))
@@ -67,12 +67,12 @@ def _choose(selected: ArrayKey, base: ArrayKey) -> SelectionIndices:
     return SelectionIndices(population, np.flatnonzero(population & ~highlighted), True)
 
 
-def _bools(same: ArrayKey) -> Bools:
-    return np.asarray(same.array, dtype=np.bool_)
+def _bools(key: ArrayKey) -> Bools:
+    return np.asarray(key.array, dtype=np.bool_)
 
 
 def bin_values(places: NDArray[np.floating], count: int) -> Bins:
-    """Bins of places given in units of bins; NaN and what lies outside 0 .. count is in none."""
+    """Bin positions (N,) given in units of bins; NaN and values outside 0 .. count get no bin."""
     places = np.asarray(places)
     with np.errstate(invalid="ignore"):
         inside = (places >= 0) & (places < count)
@@ -81,7 +81,7 @@ def bin_values(places: NDArray[np.floating], count: int) -> Bins:
 
 
 def joint_bins(first: Bins, second: Bins) -> Bins:
-    """Bins of both: code = first * second.count + second; none where one of them is none."""
+    """Combine two columns: code = first * second.count + second, no bin where either has none."""
     count = first.count * second.count
     wide = first.codes.astype(np.uint32) * np.uint32(second.count) + second.codes
     outside = (first.codes == first.count) | (second.codes == second.count)
@@ -90,14 +90,14 @@ def joint_bins(first: Bins, second: Bins) -> Bins:
 
 
 def count_selected(column: Bins, selection: SelectionIndices) -> tuple[Counts, Counts]:
-    """Counts per bin, (count,) each: the selected, and the whole base population."""
+    """Count per bin, (count,) each: the selected, and the whole base population."""
     total = _totals(ArrayKey(column.codes), column.count, ArrayKey(selection.base))
     part = _count(take(column.codes, selection.indices), column.count)
     return (total - part if selection.inverted else part), total
 
 
 def take(column: NDArray[Any], iids: NDArray[np.intp]) -> NDArray[Any]:
-    """column[iids] for iids that exist; not to check them again halves the time."""
+    """column[iids] without bounds checks, which takes half the time."""
     return column.take(iids, axis=0, mode="clip")
 
 
@@ -113,7 +113,7 @@ def _count(codes: NDArray[np.generic], size: int) -> Counts:
 
 
 def sum_selected(column: Bins, weights: NDArray[np.floating], selection: SelectionIndices) -> Sums:
-    """Sums per bin, (count,), of `weights` (N,) over the selected; all of a bin's are finite."""
+    """Sum `weights` (N,) of the selected per bin, (count,); they must be finite in every bin."""
     part = _weighted_counts(column, weights, selection.indices)
     if not selection.inverted:
         return part
@@ -138,7 +138,7 @@ def _weighted_counts(
 
 
 def total_selected(weights: NDArray[np.floating], selection: SelectionIndices) -> float:
-    """The sum of what is finite of `weights` (N,) over the selected."""
+    """The sum of the finite `weights` (N,) of the selected."""
     part = float(take(_finite(ArrayKey(weights)), selection.indices).sum())
     return (
         _base_total(ArrayKey(weights), ArrayKey(selection.base)) - part
@@ -154,13 +154,13 @@ def _base_total(weights: ArrayKey, base: ArrayKey) -> float:
 
 @cached_by_identity(4)
 def _finite(weights: ArrayKey) -> Sums:
-    """The weights, 0 for what is not finite."""
+    """The weights with 0 in place of NaN and infinities."""
     column = np.asarray(weights.array, dtype=np.float64)
     return np.where(np.isfinite(column), column, 0.0)
 
 
 def occupied_bins(column: Bins) -> tuple[Bins, NDArray[np.intp]]:
-    """The bins that hold anything, renumbered, and the old number of each."""
+    """Renumber the bins that are not empty; also returns the old number of each."""
     numbers = np.flatnonzero(_count(column.codes, column.count))
     places = np.full(column.count + 1, len(numbers), dtype=np.uint32)
     places[numbers] = np.arange(len(numbers), dtype=np.uint32)
@@ -171,10 +171,10 @@ def occupied_bins(column: Bins) -> tuple[Bins, NDArray[np.intp]]:
 def median_selected(
     values: Floats, column: Bins, highlighted: Counts, selected: Bools, valid: Bools
 ) -> float:
-    """The median of the selected and valid, NaN where none is.
+    """The median of the selected valid values (N,), NaN without any.
 
-    `column` are bins that grow with the values, `highlighted` their counts of the selected; only the
-    instances of the bin that holds the median are looked at.
+    `column` holds bins that increase with the values, `highlighted` the selected per bin: only the
+    instances in the bin of the median are examined.
     """
     number = int(highlighted.sum())
     if not number:
@@ -191,7 +191,7 @@ def median_selected(
 
 @cached_by_identity(16)
 def _sorted(values: ArrayKey, codes: ArrayKey, count: int) -> tuple[NDArray[np.int32], Counts]:
-    """All iids by value, those of no bin last; and where each bin starts."""
+    """All iids sorted by value, those without a bin last; and the start of each bin."""
     sizes = np.bincount(np.asarray(codes.array), minlength=count + 1)
     return _by_value(values), np.concatenate([[0], np.cumsum(sizes)])
 

@@ -172,7 +172,7 @@ class S2RApp(Brushes, Papers, Savings):
         if self._drawn_once:
             asked = self.feeding.ask(self.session.store, state)
             if asked.anew:
-                self.resources = self.resources.asked(asked.anew, asked.emptied)
+                self.resources = self.resources.with_requested(asked.anew, asked.emptied)
         self.query_one(Panes).place(self._wanted_places())
         self.drawing.all()
 

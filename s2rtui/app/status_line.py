@@ -73,7 +73,7 @@ def message(state: State, resources: Resources) -> str:
     """What is told at the foot: the last step's words, else what goes on, else what is new."""
     text = state.message or resources.saving
     if not state.is_error:
-        text = resources.told_of(text)
+        text = resources.with_progress(text)
     if not text and state.newest != state.generation:
         return f"generation {state.newest} is there: g moves on to it"
     return text

@@ -26,14 +26,14 @@ from s2rtui.session.provenance import (
 )
 from s2rtui.user_data.notebook import Notes
 
-Grid = NDArray[np.float32]
+FloorGrid = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
 class OverviewRow:
-    """One run: mean accuracies 0 .. 1 with their 95 % intervals; None or NaN: nothing is left.
+    """The mean accuracies of one run, 0 .. 1, with 95 % intervals; None or NaN where unknown.
 
-    `n` counts the instances behind the numbers; `note` is shown in their place or beside them.
+    `n` counts the instances behind the numbers; `note` is shown beside them or in their place.
     """
 
     run: str
@@ -55,11 +55,11 @@ class RunAccuracies:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resources:
-    """What workers have brought so far; a view shows what is there, under its own name.
+    """The results of background loading, each with its source where it may be out of date.
 
-    `grid` is the heat on the map, `seen` (rows, cols) what the selection has seen, `live` the
-    instance as it is being adjusted; what each is of stands beside it. `history` holds the nights
-    of the gap. `progress` and `failed` are by feed: the share that is done, and why nothing came.
+    `floor_heat` is the heat on the map and `seen_floor` the part of the floor that the selection
+    has seen, (rows, cols) each; `live` is the instance that is being adjusted. `progress` (0 .. 1)
+    and `failed` (messages) are by the name of the loader.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -67,60 +67,62 @@ class Resources:
     baseline: float = math.nan
     floor_plan: NDArray[np.uint8] | None = None
     pictures: InstanceInput | None = None
-    pictures_of: InstanceProvenance | None = None
-    grid: Grid | None = None
-    grid_of: HeatProvenance | None = None
-    seen: Grid | None = None
-    seen_of: tuple[object, ...] | None = None
+    pictures_source: InstanceProvenance | None = None
+    floor_heat: FloorGrid | None = None
+    floor_heat_source: HeatProvenance | None = None
+    seen_floor: FloorGrid | None = None
+    seen_floor_source: tuple[object, ...] | None = None
     live: InstanceInput | None = None
-    live_of: InstanceProvenance | None = None
-    live_grid: Grid | None = None
+    live_source: InstanceProvenance | None = None
+    live_floor_heat: FloorGrid | None = None
     history: History | None = None
     progress: Mapping[str, float] = field(default_factory=dict)
     failed: Mapping[str, str] = field(default_factory=dict)
     saving: str = ""
 
-    def heat_on_map(self, state: State) -> Grid | None:
-        """What lies on the floor: the heat asked for, or that of the image being adjusted."""
+    def heat_on_map(self, state: State) -> FloorGrid | None:
+        """The heat that belongs on the map; while adjusting, that of the adjusted images."""
         if state.adjusting and state.overlay == "instance":
-            return self.live_grid if self.live_of == about(state) else None
-        return self.grid if self.grid_of and self.grid_of.name == heat_of(state).name else None
+            return self.live_floor_heat if self.live_source == about(state) else None
+        source = self.floor_heat_source
+        return self.floor_heat if source and source.name == heat_of(state).name else None
 
     def heat_note(self, state: State) -> str:
-        """Whose heat lies on the map, where that is not the present instance's or selection's."""
+        """Names the source of the heat on the map where it is not the current one."""
         if state.adjusting and state.overlay == "instance":
             return ""
-        return self.grid_of.told(state) if self.grid_of else ""
+        return self.floor_heat_source.told(state) if self.floor_heat_source else ""
 
-    def seen_on_map(self, state: State) -> Grid | None:
-        """The floor that the present selection has seen."""
-        return self.seen if state.clip and self.seen_of == seen_of(state) else None
+    def seen_on_map(self, state: State) -> FloorGrid | None:
+        """The floor that the current selection has seen."""
+        current = self.seen_floor_source == seen_of(state)
+        return self.seen_floor if state.clip and current else None
 
     def adjusted(self, state: State) -> InstanceInput | None:
-        """The instance that is being adjusted, as the present run's model sees it."""
-        of = self.live_of
-        return self.live if of and of.source == (state.generation, state.run) else None
+        """The adjusted instance, if it comes from the current run."""
+        source = self.live_source
+        return self.live if source and source.source == (state.generation, state.run) else None
 
-    def asked(self, feeds: Set[str], emptied: Mapping[str, Any]) -> Resources:
-        """Without what is told of feeds that are asked anew, and of the emptied fields."""
-        progress = {feed: told for feed, told in self.progress.items() if feed not in feeds}
-        failed = {feed: told for feed, told in self.failed.items() if feed not in feeds}
-        return replace(self, **emptied, progress=progress, failed=failed)
+    def with_requested(self, loaders: Set[str], cleared: Mapping[str, Any]) -> Resources:
+        """A copy after new requests: no progress or failure of these loaders, fields cleared."""
+        progress = {name: share for name, share in self.progress.items() if name not in loaders}
+        failed = {name: error for name, error in self.failed.items() if name not in loaders}
+        return replace(self, **cleared, progress=progress, failed=failed)
 
-    def fed(self, feed: str, fields: Mapping[str, Any], error: str) -> Resources:
-        """With what a feed has brought, or why it could not."""
-        made = self.asked({feed}, fields)
-        return replace(made, failed={**made.failed, feed: error}) if error else made
+    def with_loaded(self, loader: str, fields: Mapping[str, Any], error: str) -> Resources:
+        """A copy with the result of a loader, or with the reason why it failed."""
+        loaded = self.with_requested({loader}, fields)
+        return replace(loaded, failed={**loaded.failed, loader: error}) if error else loaded
 
-    def told_of(self, words: str) -> str:
-        """Words and how far each feed is."""
-        shares = ", ".join(f"{feed} {share:.0%}" for feed, share in self.progress.items())
-        return f"{words}  {shares}".strip()
+    def with_progress(self, message: str) -> str:
+        """A message followed by the progress of every loader."""
+        shares = ", ".join(f"{loader} {share:.0%}" for loader, share in self.progress.items())
+        return f"{message}  {shares}".strip()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """All that a view draws from."""
+    """Everything that views draw from."""
 
     store: Store
     state: State
@@ -134,11 +136,11 @@ class Scene:
 
     @property
     def caption(self) -> str:
-        """What a figure's title leaves open: the data set, how many of how many, the expression."""
+        """The subtitle of a figure: data set, number of instances, expression."""
         counted = f"{self.state.count} instances"
         return "  ·  ".join((self.store.dataset.name, counted, self.state.expression))
 
     def mark(self, view: str) -> Mark | None:
-        """The mark that is being drawn in a view."""
+        """The brush mark that is being drawn in a view."""
         brush = self.state.brush
         return brush.mark if brush is not None and brush.view == view else None

@@ -66,7 +66,7 @@ def fed(session: Session, *views: View, cursor: bool = True) -> Scene:
     for feed in LOADERS:
         if feed.name in needed and feed.wants(store, state) is not None:
             fields |= feed.read(store, state, _UncancelledContext())
-    if state.overlay != "off" and "grid" in fields and fields["grid"] is None:
+    if state.overlay != "off" and "floor_heat" in fields and fields["floor_heat"] is None:
         told = f"run {state.run} has no such map; --on selection gathers one"
         raise RequestError(f"--heat {state.heat.label if state.heat else ''}: {told}")
     return Scene(store, state, Resources(**fields), session.notes)

@@ -78,9 +78,11 @@ class Bench:
                 heat = state.heat if state.heat and state.heat.kind in kinds else None
                 ready = heat is not None and any(key[0] == heat.kind for key in result.heat)
                 shown = live_input(store, state, result, heat if ready else None)
-                fields = {"live": shown, "live_of": about(state), "live_grid": None}
+                fields = {"live": shown, "live_source": about(state), "live_floor_heat": None}
                 if ready and heat is not None:
-                    fields["live_grid"] = model.floor_grid(result, heat.kind, heat.side, heat.mode)
+                    fields["live_floor_heat"] = model.floor_grid(
+                        result, heat.kind, heat.side, heat.mode
+                    )
                 caller.bring(fields)
             return fields
 

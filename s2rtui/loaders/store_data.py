@@ -107,7 +107,7 @@ def wants_pictures(store: Store, state: State) -> Key | None:
 def read_pictures(store: Store, state: State, caller: LoadContext) -> Fields:
     assert state.cursor is not None
     pictures = instance_input(store, state.run, state.cursor, state.heat)
-    return {"pictures": pictures, "pictures_of": about(state)}
+    return {"pictures": pictures, "pictures_source": about(state)}
 
 
 def wants_grid(store: Store, state: State) -> Key | None:
@@ -118,7 +118,7 @@ def wants_grid(store: Store, state: State) -> Key | None:
 
 def read_grid(store: Store, state: State, caller: LoadContext) -> Fields:
     grid = _grid(store, state, caller)
-    return {"grid": grid, "grid_of": None if grid is None else heat_of(state)}
+    return {"floor_heat": grid, "floor_heat_source": None if grid is None else heat_of(state)}
 
 
 def _grid(store: Store, state: State, caller: LoadContext) -> NDArray[np.float32] | None:
@@ -144,7 +144,7 @@ def wants_seen(store: Store, state: State) -> Key | None:
 def read_seen(store: Store, state: State, caller: LoadContext) -> Fields:
     iids = evenly(np.flatnonzero(state.selected), heatmaps.MOST_GATHERED)
     seen = heatmaps.seen(store, state.run, state.side, iids, caller.progress)
-    return {"seen": seen, "seen_of": seen_of(state)}
+    return {"seen_floor": seen, "seen_floor_source": seen_of(state)}
 
 
 def evenly(iids: NDArray[np.intp], most: int) -> NDArray[np.intp]:

@@ -142,7 +142,7 @@ async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
         adjust = Adjust(state.run, ((SLIDER.key, 1.0),), 0, (SLIDER,))
         shown = instance_input(session.store, state.run, state.cursor, None)
         grid = np.ones((4, 4), dtype=np.float32)
-        found = replace(app.resources, live=shown, live_of=about(state), live_grid=grid)
+        found = replace(app.resources, live=shown, live_source=about(state), live_floor_heat=grid)
         here = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")
 
         def scene(**changes: object):
@@ -206,11 +206,11 @@ async def test_a_slow_feed_starves_no_other(
         for _ in range(60):
             await pilot.press("n")
         for _ in range(500):
-            of = app.resources.pictures_of
+            of = app.resources.pictures_source
             if of is not None and of.iid == app.session.state.cursor:
                 break
             await asyncio.sleep(0.01)
-        assert app.resources.pictures_of.iid == app.session.state.cursor
+        assert app.resources.pictures_source.iid == app.session.state.cursor
         assert sum(begun) == 1
         go_on.set()
         await settle(app, pilot)

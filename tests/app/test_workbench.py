@@ -304,9 +304,9 @@ async def test_heat_of_the_selection_is_gathered(tiny_store: Path) -> None:
         state = app.session.state
         assert state.overlay == "selection"
         own = instance_grid(app.session.store, "vanilla", state.heat, 5)
-        np.testing.assert_array_equal(app.resources.grid, own)
+        np.testing.assert_array_equal(app.resources.floor_heat, own)
         await press(app, pilot, "C")
-        seen = app.resources.seen
+        seen = app.resources.seen_floor
         assert np.isfinite(seen).sum() >= np.isfinite(own).sum() > 0
 
 

@@ -156,6 +156,6 @@ def test_equal_arrows_become_one_with_both_sizes() -> None:
 def test_legend_tells_scale_and_means() -> None:
     text = "\n".join(draw_map(geomap_input(mode="glyph"), (120, 30)).lines())
     assert "180° = " in text
-    assert "mean of so many" in text
+    assert "mean of n instances" in text
     few = replace(geomap_input(mode="glyph"), selected=np.arange(60) == 5)
-    assert "mean of so many" not in "\n".join(draw_map(few, (120, 30)).lines())
+    assert "mean of n instances" not in "\n".join(draw_map(few, (120, 30)).lines())

@@ -114,10 +114,10 @@ def test_an_array_that_dies_waits_for_no_lock() -> None:
     """It may die in a thread that must not wait: the lock's owner may wait for that one."""
     arrays = [np.ones(3)]
     ArrayKey(arrays[0])
-    with same._MAKING:
+    with same._KEY_LOCK:
         dying = threading.Thread(target=arrays.clear, daemon=True)
         dying.start()
         dying.join(5)
         assert not dying.is_alive()
     ArrayKey(np.ones(3))
-    assert not same._GONE
+    assert not same._DELETED

@@ -94,7 +94,7 @@ def test_many_selected_draw_no_lines_but_the_cursors() -> None:
     view = geomap_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=8)
     model = map_model(view)
     assert iids_with_error_lines(view, model).tolist() == [8]
-    assert f"lines up to {LINES_UP_TO} in view" in "\n".join(draw_map(view, (100, 30)).lines())
+    assert f"error lines for up to {LINES_UP_TO}" in "\n".join(draw_map(view, (100, 30)).lines())
 
 
 def test_zooming_in_on_a_few_of_many_draws_their_lines() -> None:

@@ -1,4 +1,4 @@
-"""Adjusting live: sliders, and under them what the model sees and says with them."""
+"""The adjust view: sliders, and below them the adjusted images with their predictions."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class AdjustView(View):
             return f"run {adjust.run}: not adjusted"
         live = scene.resources.adjusted(state)
         if live is not None:
-            later = f" (loading {state.cursor})" if live.iid != state.cursor else ""
-            return f"run {adjust.run}, instance {live.iid}{later}"
+            loading = f" (loading {state.cursor})" if live.iid != state.cursor else ""
+            return f"run {adjust.run}, instance {live.iid}{loading}"
         return f"run {adjust.run}: loading the model"
 
     def lines(self, scene: Scene) -> tuple[SliderLine, ...]:
@@ -53,7 +53,7 @@ class AdjustView(View):
         canvas = Canvas(*size, theme=options.theme)
         adjust = scene.state.adjust
         if adjust is None or adjust.missing:
-            return _written(canvas, adjust.missing if adjust else "no instance to adjust", 0)
+            return _put_message(canvas, adjust.missing if adjust else "no instance to adjust", 0)
         lines = self.lines(scene)
         rows = self._rows(scene, canvas.height)
         canvas.paste(draw_sliders(lines, (canvas.width, rows), options), 0, 0)
@@ -63,7 +63,7 @@ class AdjustView(View):
             used += 1
         space = canvas.height - used - 1
         if failed := scene.resources.failed.get("live"):
-            return _written(canvas, failed, used + 1)
+            return _put_message(canvas, failed, used + 1)
         live = scene.resources.adjusted(scene.state)
         if live is not None and space > 0:
             canvas.paste(
@@ -72,7 +72,7 @@ class AdjustView(View):
         return canvas
 
     def _rows(self, scene: Scene, height: int) -> int:
-        """The sliders, as long as the pictures keep most of the room."""
+        """Number of rows of sliders, at most half of the height."""
         return max(1, min(len(self.lines(scene)), height // 2))
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
@@ -90,8 +90,8 @@ class AdjustView(View):
 VIEW = AdjustView()
 
 
-def _written(canvas: Canvas, text: str, top: int) -> Canvas:
-    """Words across the canvas, from a row on."""
+def _put_message(canvas: Canvas, text: str, top: int) -> Canvas:
+    """Write a wrapped text from row `top` on."""
     for row, line in enumerate(textwrap.wrap(text, max(8, canvas.width)), top):
         if row < canvas.height:
             canvas.text(0, row, line, canvas.theme.muted)

@@ -1,4 +1,4 @@
-"""Two runs on one selection: where the one errs less than the other, and who got worse."""
+"""The comparison of two runs on one selection: where each has the smaller errors."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class CompareView(View):
         other = run_differences.other_run(scene.state)
         if other is None:
             return "there is only one run"
-        return f"{scene.state.run} and {other}, {scene.state.side}: k another run, d side"
+        return f"{scene.state.side} errors of {scene.state.run} and {other} (k: other run, d: side)"
 
     def input(self, scene: Scene, other: str) -> CompareInput:
         store, state = scene.store, scene.state
@@ -78,9 +78,10 @@ class CompareView(View):
         maps = height // 2 if self._both(size) else 0
         if maps:
             half = (canvas.width - 2) // 2
-            for x, one in zip((0, half + 2), self.maps(scene, other), strict=True):
-                drawn = draw_value_map(one, (half, maps), options, scene.state.viewport)
-                canvas.paste(drawn, x, top)
+            for x, errors in zip((0, half + 2), self.maps(scene, other), strict=True):
+                canvas.paste(
+                    draw_value_map(errors, (half, maps), options, scene.state.viewport), x, top
+                )
         view = self.input(scene, other)
         shown = draw_compare(view, (canvas.width, height - maps), options, scene.state.viewport)
         canvas.paste(shown, 0, top + maps)
@@ -90,13 +91,13 @@ class CompareView(View):
         return size[0] >= _WIDE and size[1] >= _TALL
 
     def _top(self, scene: Scene, size: Size) -> int:
-        """Rows that the notes on cameras take."""
+        """Number of rows with notes on differing cameras."""
         other = run_differences.other_run(scene.state)
         notes = run_differences.differences(scene.store, scene.state.run, other) if other else []
         return min(len(notes), max(0, size[1] - 3))
 
     def maps(self, scene: Scene, other: str) -> tuple[MapInput, MapInput]:
-        """Both runs' maps, coloured by their errors on one scale."""
+        """The maps of both runs, coloured by their errors on a common scale."""
         store, state = scene.store, scene.state
         runs = (state.run, other)
         errors = [store.run_columns(run).side(state.side).error for run in runs]

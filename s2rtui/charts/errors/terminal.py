@@ -161,7 +161,7 @@ def _axis(
     name = f"{data.label} {data.unit}".strip()
     beyond = model.sim.beyond + model.real.beyond
     if beyond and chart >= 60:
-        name = f"{name}, last: {short_number(upper, 2)} and more"
+        name = f"{name}, last bar: {short_number(upper, 2)} and more"
     elif beyond and chart >= 30:
         name = f"{name}, last {short_number(upper, 2)}+"
     stop = canvas.width - len(name) - 1

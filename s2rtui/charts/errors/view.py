@@ -1,4 +1,4 @@
-"""Position errors of the selection, sim above real."""
+"""The histogram of the position errors, sim above real."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pixels, Table, View
 
 BINS = 20
-"""Of the flat table; the last one holds all that lies beyond."""
+"""Bins of the table of numbers; the last one includes all larger errors."""
 
 
 class ErrorsView(View):
@@ -44,12 +44,12 @@ class ErrorsView(View):
 
     def summary(self, scene: Scene) -> str:
         view = self.input(scene)
-        told = []
+        medians = []
         for name, errors in (("sim", view.sim), ("real", view.real)):
             known = errors[scene.state.selected & np.isfinite(errors)]
             if known.size:
-                told.append(f"{name} {np.median(known):.2f} m, at most {known.max():.2f} m")
-        return f"Median position error: {'; '.join(told) or 'none'}."
+                medians.append(f"{name} {np.median(known):.2f} m, at most {known.max():.2f} m")
+        return f"Median position error: {'; '.join(medians) or 'none'}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.errors import paper

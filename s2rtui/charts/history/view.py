@@ -1,4 +1,4 @@
-"""The gap over time: what every night measured, and whether the gate let it pass."""
+"""The history of the gap: the results of every night and the verdicts of the gate."""
 
 from __future__ import annotations
 
@@ -31,10 +31,11 @@ class HistoryView(View):
     def subtitle(self, scene: Scene) -> str:
         nights = self.input(scene).nights
         if not nights:
-            return "the gap, night by night"
+            return "the gap G, night by night"
         last = nights[-1]
         stale = ", evidence is stale" if last.stale else ""
-        return f"the gap of {last.run}, {_count(nights)} of {last.name}{stale}"
+        nights_of_run = f"{_count(nights)} of {last.name}{stale}"
+        return f"gap G of {last.run} (0: none, 100: declared bad), {nights_of_run}"
 
     def input(self, scene: Scene) -> model.HistoryInput:
         found = scene.resources.history
@@ -57,15 +58,15 @@ class HistoryView(View):
         return canvas
 
     def _missing(self, scene: Scene) -> tuple[str, ...]:
-        """Why there is nothing to draw, and what to do."""
+        """The lines that say why there is nothing to draw and what to do."""
         found, file = scene.resources.history, scene.state.history
         if failed := scene.resources.failed.get("history"):
             return ("the history cannot be read", failed)
         if file is not None and found is None:
-            return ("the history is not read yet",)
+            return ("the history is being loaded",)
         runs = found.shown_runs(scene.store.dataset.name) if found is not None else ()
         if runs:
-            return (f"no night of run {scene.state.run}", f"there are nights of {', '.join(runs)}")
+            return (f"no night of run {scene.state.run}", f"there are nights of: {', '.join(runs)}")
         if found is not None and found.nights:
             return ("no night of this data set", "name another history: --history FILE")
         return (
@@ -85,11 +86,11 @@ class HistoryView(View):
         last = nights[-1]
         passed = sum(night.outcome == "PASS" for night in nights)
         days = "1 day" if last.evidence_age == 1 else f"{last.evidence_age} days"
-        told = f"Night {last.night}: {last.outcome}"
+        text = f"Night {last.night}: {last.outcome}"
         if last.worst is not None:
             gap = " .. ".join(f"{end:.1f}" for end in (last.gap.low, last.gap.high))
-            told += f", G {last.gap.value:.1f} ({gap}), worst axis {last.worst}"
-        return f"{told}; {passed} of {len(nights)} nights passed; evidence is {days} old."
+            text += f", gap G {last.gap.value:.1f} ({gap}), worst axis {last.worst}"
+        return f"{text}; {passed} of {len(nights)} nights passed; evidence is {days} old."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.history import paper

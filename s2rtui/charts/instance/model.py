@@ -1,4 +1,4 @@
-"""From a state to the numbers that each view shows."""
+"""An instance of a store as the input of its drawing."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from s2rtui.session.model_input import ModelInput, seen
 from s2rtui.session.state import HeatChoice
 
 NEIGHBOURS = 5
-"""How many instances are told, and selected, as those that a model sees alike."""
+"""Number of most similar instances that are listed and selected."""
 
 
 def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) -> InstanceInput:
-    """Pictures, heat and numbers of one instance; reads frames and heatmaps."""
+    """Images, heat and numbers of one instance; reads frames and heatmaps."""
     truth = store.instances
     on_depth = heat is not None and ray_of(heat) == "depth"
     both = heat is not None and heat.mode == "rgbd"
     room = truth.room[iid]
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
     columns = store.run_columns(run)
+    shift = columns.shift[iid]
     sim, real = (seen(store, store.run(run), side, iid) for side in SIDES)
     return InstanceInput(
         iid=iid,
@@ -39,7 +40,7 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
         over="both" if both else "depth" if on_depth else "rgb",
         notes=(
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
-            ("gap", f"{columns.gap[iid]:+.2f} m, shift {columns.shift[iid]:.2f} m"),
+            ("gap", f"{columns.gap[iid]:+.2f} m (real - sim error), shift {shift:.2f} m"),
             ("ranks", _ranks(store, run, iid)),
             *_neighbours(store, run, iid),
             *sim.notes,
@@ -63,16 +64,16 @@ def _ranks(store: Store, run: str, iid: int) -> str:
 
 
 def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
-    """The instances that the run sees alike, on each side; nothing where embeddings lack."""
-    found = []
+    """The most similar instances by embedding on each side; nothing without embeddings."""
+    sides = []
     for side in SIDES:
         try:
             near, _ = similarity.neighbours(store, run, side, iid, NEIGHBOURS)
         except RequestError:
             return []
         listed = " ".join(str(other) for other in near if other != iid)
-        found.append(f"{side} {listed or 'none'}")
-    return [("alike", ", ".join(found))]
+        sides.append(f"{side} {listed or 'none'}")
+    return [("similar", ", ".join(sides))]
 
 
 def _side(

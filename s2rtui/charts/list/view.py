@@ -1,4 +1,4 @@
-"""The selection as a list, sorted by any of its columns."""
+"""The list of the selected instances, sorted by any column."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ListView(View):
     figure_size = (1600, 1200)
 
     def subtitle(self, scene: Scene) -> str:
-        return f"{scene.state.count}, by {scene.state.sort}: . next column, comma reverses"
+        return f"{scene.state.count}, sorted by {scene.state.sort} (.: next column, comma: reverse)"
 
     def input(self, scene: Scene) -> ListInput:
         state = scene.state
@@ -56,15 +56,15 @@ class ListView(View):
         sort = scene.state.sort
         rows = instance_list.order(scene.store, scene.state, scene.notes)[:_IN_WORDS].tolist()
         text = _column(scene, sort, True).shown.text
-        told = ", ".join(f"{iid} ({text(iid)})" for iid in rows)
-        return f"{scene.state.count} instances by {sort}: {told or 'none'}."
+        listed = ", ".join(f"{iid} ({text(iid)})" for iid in rows)
+        return f"{scene.state.count} instances by {sort}: {listed or 'none'}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.list import paper
 
         title = f"{scene.state.run}: instances by {scene.state.sort}"
-        told = f"{scene.caption}  ·  metres and degrees"
-        return paper.list_figure(self.input(scene), size, theme, title, told)
+        subtitle = f"{scene.caption}  ·  metres and degrees"
+        return paper.list_figure(self.input(scene), size, theme, title, subtitle)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state = scene.state

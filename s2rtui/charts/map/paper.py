@@ -127,7 +127,7 @@ def _marks(data: MapInput, model: MapModel, theme: Theme) -> list[tuple[str, str
     if model.cursor is not None:
         marks.append((f"instance {model.cursor}", "o", theme.cursor, False))
     if data.clip is not None:
-        marks.append(("dimmed: not seen", "s", theme.faint, False))
+        marks.append(("dimmed: not seen by the selection", "s", theme.faint, False))
     return marks
 
 

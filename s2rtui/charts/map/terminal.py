@@ -70,7 +70,7 @@ def map_layout(
     options, model = options or RenderOptions(), model or map_model(data)
     notes: list[LegendPart] = []
     if data.mode == "full" and model.highlighted > LINES_UP_TO:
-        notes = [text_part(((f"lines up to {LINES_UP_TO} in view", options.theme.muted),))]
+        notes = [text_part(((f"error lines for up to {LINES_UP_TO}", options.theme.muted),))]
     legend = LEGENDS[data.mode]
     return layout_of_points(data, model, size, viewport, options, legend, notes)
 
@@ -321,7 +321,7 @@ def glyph_legend(
     )
     parts = [text_part(marks)]
     if model.highlighted > 1:
-        parts.append(text_part((("2..9 + ", theme.truth), ("mean of so many", theme.muted))))
+        parts.append(text_part((("2..9 + ", theme.truth), ("mean of n instances", theme.muted))))
     return parts
 
 

@@ -1,4 +1,4 @@
-"""The geo-map: where the instances stand, and the heat on the floor."""
+"""The map: instances at their true positions, predictions and heat on the floor plan."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _TITLES = {
     "glyph": "direction and size of the errors",
     "full": "predicted and true positions",
 }
-_TOLD = {
-    "colour": "truth coloured by shift",
+_SUBTITLES = {
+    "colour": "truth coloured by shift, the distance between sim and real prediction",
     "glyph": "direction and size of both errors",
-    "full": "sim, truth, real",
+    "full": "predictions in sim and real, joined to the truth",
 }
 
 
@@ -37,24 +37,23 @@ class MapView(View):
     name = "map"
     key = "2"
     pane: Pane = "centre"
-    description = "geo-map: truth, predictions and heat on the floor plan"
+    description = "map: truth, predictions and heat on the floor plan"
     aliases = ("geomap",)
     loads = ("floor plan", "heat on the map", "what was seen")
     figure_size = (1600, 1200)
 
     def subtitle(self, scene: Scene) -> str:
-        state, told = scene.state, _TOLD[scene.state.map_mode]
+        state, text = scene.state, _SUBTITLES[scene.state.map_mode]
         if state.clip:
-            saw = f"what the selection saw{share_told(state)}"
+            seen = f"what the selection saw{share_told(state)}"
             failed = scene.resources.failed.get("what was seen")
             if scene.resources.seen_on_map(state) is not None:
-                told += f", {saw}"
+                text += f", {seen}"
             else:
-                told += f", {saw} is not known: {failed}" if failed else f", loading {saw}"
-        lacks = (
-            feed for feed in ("floor plan", "heat on the map") if feed in scene.resources.failed
-        )
-        return told + "".join(f", no {feed}: {scene.resources.failed[feed]}" for feed in lacks)
+                text += f", {seen} is unknown: {failed}" if failed else f", loading {seen}"
+        failed_loads = scene.resources.failed
+        missing = (name for name in ("floor plan", "heat on the map") if name in failed_loads)
+        return text + "".join(f", no {name}: {failed_loads[name]}" for name in missing)
 
     def input(self, scene: Scene) -> MapInput:
         state, resources = scene.state, scene.resources
@@ -67,10 +66,10 @@ class MapView(View):
             scene.mark(self.name),
             resources.heat_note(state),
         )
-        shown = resources.adjusted(state) if state.adjusting else None
-        if shown is None or shown.iid != state.cursor:
+        adjusted = resources.adjusted(state) if state.adjusting else None
+        if adjusted is None or adjusted.iid != state.cursor:
             return view
-        return replace(view, live=_live_poses(shown))
+        return replace(view, live=_live_poses(adjusted))
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         return identity_key(self.input(scene)), scene.state.viewport
@@ -96,13 +95,13 @@ class MapView(View):
         codes = truth.room[state.selected]
         counts = [(int((codes == code).sum()), name) for code, name in enumerate(truth.room_names)]
         rooms = ", ".join(f"{name} {n}" for n, name in sorted(counts, key=lambda r: -r[0]) if n)
-        told = f"Map of run {state.run}: {state.count} instances; {rooms or 'in no room'}."
+        text = f"Map of run {state.run}: {state.count} instances; {rooms or 'in no room'}."
         if shift.size:
-            told += (
+            text += (
                 f" Sim and real predictions lie {np.median(shift):.2f} m apart in the median, "
                 f"{shift.max():.2f} m at most."
             )
-        return told
+        return text
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.map import paper
@@ -131,9 +130,9 @@ class MapView(View):
 VIEW = MapView()
 
 
-def _live_poses(shown: InstanceInput) -> tuple[LivePose, ...]:
-    """The predictions of an instance that is being adjusted, for the map."""
-    sides: tuple[tuple[Side, SideView], ...] = (("sim", shown.sim), ("real", shown.real))
+def _live_poses(instance: InstanceInput) -> tuple[LivePose, ...]:
+    """The predicted poses of an instance that is being adjusted."""
+    sides: tuple[tuple[Side, SideView], ...] = (("sim", instance.sim), ("real", instance.real))
     return tuple(
         LivePose(name, side.pose.x, side.pose.y, side.pose.heading)
         for name, side in sides

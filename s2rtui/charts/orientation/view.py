@@ -1,4 +1,4 @@
-"""Headings of the selection: predicted in sim, true, predicted in reality."""
+"""The headings of the selection: predicted in sim, true, predicted in real."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class OrientationView(View):
     figure_size = (1600, 720)
 
     def subtitle(self, scene: Scene) -> str:
-        return "headings: sim, truth, real"
+        return "headings: sim, truth, real (R: resultant length, 1 = all alike)"
 
     def input(self, scene: Scene) -> OrientationInput:
         store, state = scene.store, scene.state
@@ -44,12 +44,12 @@ class OrientationView(View):
 
     def summary(self, scene: Scene) -> str:
         panels = orientation_model(self.input(scene)).panels
-        told = [
-            f"{name} {panel.mean:.0f} degrees (R {panel.resultant:.2f})"
+        means = [
+            f"{name} {panel.mean:.0f} degrees (resultant length {panel.resultant:.2f})"
             for name, panel in zip(_FIELDS, panels, strict=True)
             if math.isfinite(panel.mean)
         ]
-        return f"Mean headings: {', '.join(told) or 'none'}."
+        return f"Mean headings: {', '.join(means) or 'none'}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.orientation import paper

@@ -1,4 +1,4 @@
-"""The overview: a line per run, and every instance as a thin line across them."""
+"""The overview: the accuracies of every run, and of every instance as a line across the runs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session
 
 ROWS_PER_RUN = 3
-"""What a run would like: its marks, and the lines to the next one."""
+"""Preferred number of rows per run, the lines to the next run included."""
 
 
 class OverviewView(View):
@@ -29,13 +29,13 @@ class OverviewView(View):
 
     def subtitle(self, scene: Scene) -> str:
         lines = scene.resources.lines
-        told = f", each instance in {lines.side} a line" if lines else ""
+        text = f", one line per instance in {lines.side}" if lines else ""
         if failed := scene.resources.failed.get("rows" if not scene.resources.rows else "lines"):
-            told = f": {failed}"
-        return f"accuracy, sim and real{told}"
+            text = f": {failed}"
+        return f"accuracy, sim and real{text}"
 
     def lines(self, scene: Scene) -> OverviewLines | None:
-        """The instances across the runs, once a worker has brought them."""
+        """The instances as lines across the runs, once they are loaded."""
         lines, rows, state = scene.resources.lines, self._rows(scene), scene.state
         if lines is None or any(row.run not in lines.values for row in rows):
             return None
@@ -43,8 +43,8 @@ class OverviewView(View):
         return OverviewLines(values, state.selected, state.base, lines.side, state.cursor)
 
     def _rows(self, scene: Scene) -> tuple[OverviewRow, ...]:
-        """A row per run; until a worker has brought them, their names."""
-        note = "cannot be read" if "rows" in scene.resources.failed else "reading"
+        """A row per run; only names until the accuracies are loaded."""
+        note = "cannot be read" if "rows" in scene.resources.failed else "loading"
         empty = (OverviewRow(run, None, None, note=note) for run in scene.state.runs)
         return scene.resources.rows or tuple(empty)
 
@@ -72,13 +72,14 @@ class OverviewView(View):
         return names, rows
 
     def summary(self, scene: Scene) -> str:
-        told = [
+        runs = [
             f"{row.run}: sim {_percent(row.sim_accuracy, row.sim_interval)}, "
             f"real {_percent(row.real_accuracy, row.real_interval)}, {row.n} instances"
             for row in scene.resources.rows
         ]
         mean = _percent(scene.resources.baseline, None)
-        return f"Accuracy of {'; '.join(told) or 'no run'}. The mean position alone: {mean}."
+        accuracies = "; ".join(runs) or "no run"
+        return f"Accuracy of {accuracies}. Baseline (always the mean position): {mean}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.overview import paper
@@ -116,8 +117,8 @@ VIEW = OverviewView()
 
 
 def _caption(scene: Scene, lines: OverviewLines | None) -> str:
-    """What the figures are over, and which instances are lines."""
-    parts = [scene.store.dataset.name, "figures over the instances new to each model"]
+    """The subtitle of the figure: which instances the numbers and the lines stand for."""
+    parts = [scene.store.dataset.name, "accuracies over the instances that no model was trained on"]
     if lines is not None:
         parts.append(f"lines: {scene.state.expression} ({scene.state.count} instances)")
     return "  ·  ".join(parts)

@@ -1,4 +1,4 @@
-"""Rooms of the selection: where sim says that it is, where it is, where real says so."""
+"""The rooms of the selection: predicted in sim, true, predicted in real."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class RoomsView(View):
     description = "rooms: predicted in sim, true, predicted in reality"
 
     def subtitle(self, scene: Scene) -> str:
-        return "rooms: sim, truth, real"
+        return "instances per room: sim, truth, real"
 
     def input(self, scene: Scene) -> RoomsInput:
         store, state = scene.store, scene.state
@@ -43,8 +43,8 @@ class RoomsView(View):
 
     def summary(self, scene: Scene) -> str:
         _, rows = self.numbers(scene)
-        told = [f"{row[0]} {row[1]}, {row[2]}, {row[3]}" for row in rows if any(row[1:4])]
-        return f"Instances per room in sim, truth and real: {'; '.join(told) or 'none'}."
+        counts = [f"{row[0]} {row[1]}, {row[2]}, {row[3]}" for row in rows if any(row[1:4])]
+        return f"Instances per room in sim, truth and real: {'; '.join(counts) or 'none'}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.rooms import paper

@@ -1,4 +1,4 @@
-"""The embeddings in the plane: sim beside real, near points saw something alike."""
+"""The embeddings in the plane, sim beside real: near points look alike to the model."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class UmapView(View):
     figure_size = (1600, 800)
 
     def subtitle(self, scene: Scene) -> str:
-        return "embeddings, coloured by the distance to the counterpart"
+        return "embeddings, coloured by the distance between sim and real"
 
     def input(self, scene: Scene) -> UmapInput:
         return umap_input(scene.store, scene.state, scene.mark(self.name))
