@@ -1,4 +1,4 @@
-"""Where a view can be brushed: panels that turn cells into data and back, and the pending mark."""
+"""Brushing: panels convert between cells and data, marks are what the user has drawn on them."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from s2rtui.canvas.render_options import RenderOptions
 
 Point = tuple[float, float]
 Shape = Literal["plane", "range", "turn", "steps"]
-"""plane: x and y. range: x. turn: x, degrees that wrap. steps: whole y, 0 .. n - 1."""
+"""The coordinates that count: plane: x and y. range: x. turn: x, degrees. steps: integer y."""
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """A part of a view that can be brushed: its place in cells, and its data coordinates.
+    """A rectangle of cells in a view that can be brushed, with its data coordinates.
 
-    `to_data` takes a cell (column, row) of the view, its middle is at + 0.5; `to_cells` is its
-    inverse. `shape` says which of the coordinates count.
+    `to_data` converts a place in the view (column, row; the middle of a cell is at + 0.5),
+    `to_cells` is its inverse. `shape` says which of the coordinates count.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A brush that is being drawn: two opposite corners, or (`lasso`) a polygon, in data."""
+    """A brush mark in data coordinates: two opposite corners, or a polygon if `lasso`."""
 
     panel: str
     points: tuple[Point, ...]
@@ -56,7 +56,7 @@ def panel_at(panels: Sequence[Panel], column: int, row: int) -> Panel | None:
 
 
 def draw_mark(canvas: Canvas, panel: Panel, mark: Mark | None, options: RenderOptions) -> None:
-    """The outline of a mark on a plane, clipped to its panel."""
+    """Draw the outline of a mark on a plane, clipped to its panel."""
     if mark is None or mark.panel != panel.name or panel.shape != "plane" or not mark.points:
         return
     corners = [panel.to_cells(*point) for point in mark.points]
@@ -67,7 +67,7 @@ def draw_mark(canvas: Canvas, panel: Panel, mark: Mark | None, options: RenderOp
 
 
 def _frame(canvas: Canvas, panel: Panel, corners: list[Point], options: RenderOptions) -> None:
-    """A box in line glyphs, at least one cell."""
+    """A rectangle of line glyphs, at least one cell large."""
     columns = sorted(int(np.floor(column)) for column, _ in (corners[0], corners[-1]))
     rows = sorted(int(np.floor(row)) for _, row in (corners[0], corners[-1]))
     (left, right), (top, bottom) = columns, rows
@@ -86,7 +86,7 @@ def _frame(canvas: Canvas, panel: Panel, corners: list[Point], options: RenderOp
 
 
 def _outline(canvas: Canvas, panel: Panel, corners: list[Point], options: RenderOptions) -> None:
-    """A closed polygon: braille, or full stops where only ASCII is allowed."""
+    """A closed polygon in braille dots, in ASCII in full stops."""
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
         columns, rows = segment_dots(x0, y0, x1, y1)
@@ -104,26 +104,26 @@ def _outline(canvas: Canvas, panel: Panel, corners: list[Point], options: Render
 
 
 def mark_on_panel(mark: Mark | None, panel: str) -> Mark | None:
-    """The mark where it belongs to `panel` and holds a point."""
+    """The mark if it lies on `panel` and has a point, else None."""
     return mark if mark is not None and mark.panel == panel and mark.points else None
 
 
 def mark_range(mark: Mark) -> tuple[float, float]:
-    """The lower and the upper end of x."""
+    """The smaller and the larger x."""
     low, high = sorted((mark.points[0][0], mark.points[-1][0]))
     return low, high
 
 
 def mark_rows(mark: Mark) -> tuple[int, int]:
-    """The first and the last whole y, both included."""
+    """The smaller and the larger y as integers, both included."""
     low, high = sorted(round(y) for _, y in (mark.points[0], mark.points[-1]))
     return low, high
 
 
 def mark_arc(mark: Mark) -> tuple[float, float]:
-    """The middle and half the width in degrees, from the first end turning to the last.
+    """The centre and half width of an arc in degrees, from the first point to the last.
 
-    As the language's range of a heading; ends further apart than a turn mean all of it.
+    Like a range of headings in the selection language; 360 degrees or more mean the full circle.
     """
     start, stop = mark.points[0][0], mark.points[-1][0]
     width = min(stop - start, 360.0) if stop >= start else (stop - start) % 360
@@ -131,7 +131,7 @@ def mark_arc(mark: Mark) -> tuple[float, float]:
 
 
 def wrap_degrees(degrees: float) -> float:
-    """-180 up to, but without, 180."""
+    """Map an angle to [-180, 180)."""
     turned = math.fmod(degrees + 180, 360)
     turned = turned + 360 if turned < 0 else turned
     return turned - 180 if turned < 360 else -180.0

@@ -142,7 +142,7 @@ def draw_predictions(axes: Axes, data: MapInput, model: MapModel, spots: Spots) 
     _error_lines(axes, data, iids_with_error_lines(data, model, limit=PAPER_LINES_UP_TO), theme)
     shrink = 0.2 if len(ids) > MANY else 1.0
     sim, real, truth = (
-        np.asarray(side, dtype=np.float64)[spots.kept(side, ids)]
+        np.asarray(side, dtype=np.float64)[spots.thinned(side, ids)]
         for side in (data.sim, data.real, data.truth)
     )
     axes.scatter(
@@ -221,7 +221,7 @@ def draw_wedges(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
 
     theme, axes = sheet.page.theme, sheet.axes
     ids = model.selection.members
-    truth = np.asarray(data.truth, dtype=np.float64)[sheet.spots.kept(data.truth, ids)]
+    truth = np.asarray(data.truth, dtype=np.float64)[sheet.spots.thinned(data.truth, ids)]
     frame = sheet.grid(CELL)
     found = error_glyphs(data, model, frame, FOOTPRINT)
     size, alpha = (1, 0.25) if found.crowded else (4, 1.0)

@@ -1,4 +1,4 @@
-"""Bars of eighths of cells: upright over columns, or one bar to the right."""
+"""Bars in eighths of cells: vertical ones per column, horizontal ones per row."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from s2rtui.canvas.render_options import RenderOptions
 UP = np.array(list(" ▁▂▃▄▅▆▇█"))
 RIGHT = np.array(list(" ▏▎▍▌▋▊▉█"))
 Bars = tuple[ArrayLike, ArrayLike]
-"""Lengths 0 .. 1 of the lit bars, and of the grey ones behind them."""
+"""Lengths 0 .. 1 of the highlighted bars, and of the grey ones behind them."""
 SOLID = 0.55
-"""Grey areas are paler than grey dots, or they would outshine the lit ones."""
+"""Strength of grey areas: paler than grey dots, so that highlighted bars stand out."""
 
 
 def draw_vertical_bars(
     canvas: Canvas, x: int, y: int, rows: int, bars: Bars, colour: Rgb, options: RenderOptions
 ) -> None:
-    """A bar per column upwards from the last of `rows`."""
+    """Draw a bar per column, upwards from the last of `rows`."""
     highlighted, grey = (_steps(part, rows) for part in bars)
     level = 8 * (rows - 1 - np.arange(rows))[:, None]
     _stamp(
@@ -31,7 +31,7 @@ def draw_vertical_bars(
 def draw_horizontal_bars(
     canvas: Canvas, x: int, y: int, columns: int, bars: Bars, colour: Rgb, options: RenderOptions
 ) -> None:
-    """A bar per row to the right from `x`, within `columns`."""
+    """Draw a bar per row, from `x` to the right within `columns`."""
     highlighted, grey = (_steps(part, columns) for part in bars)
     level = 8 * np.arange(columns)[None]
     highlighted, grey = highlighted[:, None] - level, grey[:, None] - level
@@ -39,14 +39,14 @@ def draw_horizontal_bars(
 
 
 def put_over_bar(canvas: Canvas, x: int, y: int, glyph: str, colour: Rgb) -> None:
-    """A bold glyph; a solid bar stays as its ground."""
+    """Put a bold glyph; a solid bar under it becomes its background."""
     solid = 0 <= x < canvas.width and 0 <= y < canvas.height and canvas.char[y, x] == "█"
     red, green, blue = canvas.fg[y, x].tolist() if solid else (0, 0, 0)
     canvas.put(x, y, glyph, colour, (red, green, blue) if solid else None, bold=True)
 
 
 def _steps(lengths: ArrayLike, cells: int) -> NDArray[np.intp]:
-    """Lengths in eighths of a cell: at least one where anything is."""
+    """Lengths in eighths of a cell, at least one for any positive length."""
     steps = np.ceil(np.clip(lengths, 0, 1) * cells * 8 - 1e-9)
     return np.atleast_1d(np.maximum(steps, np.asarray(lengths) > 0)).astype(np.intp)
 
@@ -62,7 +62,7 @@ def _stamp(
     colour: Rgb,
     options: RenderOptions,
 ) -> None:
-    """Cells of which `highlighted` eighths are lit and up to `grey` eighths grey, clipped to the canvas."""
+    """Draw cells with `highlighted` coloured eighths and `grey` grey ones, clipped."""
     into = (slice(y, y + highlighted.shape[0]), slice(x, x + highlighted.shape[1]))
     room = canvas.char[into].shape
     grey_ink = mix(options.theme.background, options.theme.unselected, SOLID)

@@ -1,4 +1,4 @@
-"""An instance as numbers: scales, pictures with heat on them, and the table of poses."""
+"""The inputs and numbers of an instance's drawing: scales, images with heat, table of poses."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class InstanceInput:
 
 @dataclass(frozen=True, slots=True)
 class PoseLine:
-    """A line of the table: texts of x, y (m), heading (degrees) and, of predictions, errors."""
+    """A row of the table: x, y (m), heading (degrees); for predictions also their errors."""
 
     role: str
     cells: tuple[str, str, str, str, str]
@@ -73,9 +73,9 @@ class PoseLine:
 
 @dataclass(frozen=True, slots=True)
 class InstanceModel:
-    """The scales that both sides share, the heat's name, and the table.
+    """The scales of both sides, the heat's name, and the table.
 
-    `heat_range` is None where there is no heat; a signed one is symmetric about 0.
+    `heat_range` is None without heat; a signed one is symmetric about 0.
     """
 
     heat_range: Interval | None
@@ -88,7 +88,7 @@ HEADINGS = ("x m", "y m", "deg", "err m", "deg")
 
 
 def instance_model(data: InstanceInput) -> InstanceModel:
-    """Common scales of both sides, so that their colours can be compared."""
+    """Compute scales common to both sides, so that colours can be compared."""
     name = " ".join(part for part in (data.kind, data.mode) if part)
     return InstanceModel(_heat_range(data), _depth_range(data), name, _poses(data))
 
@@ -147,7 +147,7 @@ def _poses(data: InstanceInput) -> tuple[PoseLine, ...]:
 
 
 def heat_colours(heat: Floats, scale: Interval, signed: bool) -> tuple[Pixels, Floats]:
-    """Colours (h, w, 3) and opacity (h, w) of a heatmap: the stronger, the more opaque."""
+    """Colours (h, w, 3) and opacity (h, w) of a heatmap; strong heat is more opaque."""
     low, high = scale
     values = np.asarray(heat, dtype=np.float64)
     if signed:
@@ -168,14 +168,14 @@ def panel_pixels(
     shape: tuple[int, int],
     shades: int | None = None,
 ) -> Pixels:
-    """One picture (`what`: "rgb" or "depth") of shape (height, width), heat laid on it if asked.
+    """An image (`what`: "rgb" or "depth") of shape (height, width), with heat if it has any.
 
-    Depth has so many `shades`, see `depth_tint`.
+    `shades` limits the greys of depth, see `depth_tint`.
     """
     height, width = shape
     if what == "rgb" or side.depth is None or model.depth_range is None:
-        same = side.rgb.shape[:2] == shape
-        pixels = side.rgb if same else np.rint(resample(side.rgb, *shape)).astype(np.uint8)
+        unchanged = side.rgb.shape[:2] == shape
+        pixels = side.rgb if unchanged else np.rint(resample(side.rgb, *shape)).astype(np.uint8)
     else:
         low, high = model.depth_range
         metres = resample(side.depth, height, width)

@@ -1,4 +1,4 @@
-"""One instance: sim beside real, pictures with heat, and the numbers under them."""
+"""One instance in cells: images of sim and real with heat, and numbers below."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from s2rtui.charts.shared.instance_model import (
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, draw_rows, fit_rows
 
 SIGNED_RAMP = "ihgfedcba.123456789"
-"""Glyphs of a signed heat, from the most negative over 0 to the most positive."""
+"""Glyphs of signed heat, from the most negative through 0 to the most positive."""
 HEAT_RAMP = ".123456789"
 
 
 @dataclass(frozen=True, slots=True)
 class ImagePanel:
-    """A picture's place in cells: `what` is "rgb", "depth" or "heat"."""
+    """The place of an image in cells; `what` is "rgb", "depth" or "heat"."""
 
     what: str
     side: str
@@ -44,7 +44,7 @@ class ImagePanel:
 
 @dataclass(frozen=True, slots=True)
 class InstanceLayout:
-    """The pictures, the rows of colour bars from `bars_y`, the table from `table_y` (or None)."""
+    """Images, rows of colour bars from `bars_y`, the table from `table_y` (or None)."""
 
     panels: tuple[ImagePanel, ...]
     bars: tuple[tuple[LegendPart, ...], ...]
@@ -55,7 +55,7 @@ class InstanceLayout:
 def instance_layout(
     data: InstanceInput, size: Size, options: RenderOptions | None = None
 ) -> InstanceLayout:
-    """Room for the pictures first as large as their shape allows; bars and table below them."""
+    """Lay out images as large as possible, with colour bars and table below."""
     options = options or RenderOptions()
     width, height = max(1, size[0]), max(1, size[1])
     model = instance_model(data)
@@ -97,7 +97,7 @@ def _shape(data: InstanceInput) -> tuple[int, int]:
 def _arrange(
     kinds: list[str], shape: tuple[int, int], width: int, space: int, top: int
 ) -> tuple[tuple[ImagePanel, ...], int]:
-    """Pictures stacked in two columns or all in one row, whichever shows them larger."""
+    """Arrange images in two columns or in one row, whichever shows them larger."""
     if not kinds:
         return (), 0
     aspect = shape[1] / max(1, shape[0])
@@ -151,10 +151,10 @@ def _panel(
         pixels = partial(panel_pixels, side, panel.what, model, plain)
         draw_picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)), options)
         if options.supports_shading:
-            of = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
-            true = partial(pixels, shades=DEPTH_SHADES)
-            follows = panel.what, *of, data.over, data.signed
-            canvas.images.append(_plate(panel, side, true, identity_key(follows)))
+            sources = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
+            key = identity_key((panel.what, *sources, data.over, data.signed))
+            true_pixels = partial(pixels, shades=DEPTH_SHADES)
+            canvas.images.append(_inline_image(panel, side, true_pixels, key))
     else:
         canvas.text(
             panel.x,
@@ -164,12 +164,12 @@ def _panel(
         )
 
 
-def _plate(
-    panel: ImagePanel, side: SideView, pixels: Callable[[Size], Pixels], of: object
+def _inline_image(
+    panel: ImagePanel, side: SideView, pixels: Callable[[Size], Pixels], key: object
 ) -> InlineImage:
     image = side.rgb if panel.what == "rgb" or side.depth is None else side.depth
     shape = image.shape[0], image.shape[1]
-    return InlineImage(panel.x, panel.y, panel.width, panel.height, shape, pixels, of)
+    return InlineImage(panel.x, panel.y, panel.width, panel.height, shape, pixels, key)
 
 
 def _without_heat(data: InstanceInput) -> InstanceInput:
@@ -181,7 +181,7 @@ def _without_heat(data: InstanceInput) -> InstanceInput:
 def _heat_glyphs(
     canvas: Canvas, panel: ImagePanel, side: SideView, data: InstanceInput, model: InstanceModel
 ) -> None:
-    """The heat in digits (and letters below zero), where no colour can lie on a picture."""
+    """Draw heat in digits (and letters below zero) where images have no colours."""
     if side.heat is None or model.heat_range is None:
         return
     heat = resample(np.asarray(side.heat, dtype=np.float32), panel.height, panel.width)

@@ -1,4 +1,4 @@
-"""Colour bars, scale bars and legends, laid out in a line of cells."""
+"""Legends in cells: colour bars, scale bars and texts, arranged in rows."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Scale = Callable[[NDArray[np.float64]], Pixels]
 
 @dataclass(frozen=True, slots=True)
 class LegendPart:
-    """A piece of a legend: its width in cells and how to draw it at (x, y)."""
+    """A part of a legend: its width in cells, and a function that draws it at (x, y)."""
 
     width: int
     draw: Callable[[Canvas, int, int], None]
 
 
 def text_part(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
-    """Coloured pieces of text, one after the other."""
+    """A part of coloured texts, one after the other."""
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
         for text, colour in pieces:
@@ -48,24 +48,24 @@ def colour_bar(
     room: int | None = None,
     clipped: bool = False,
 ) -> LegendPart:
-    """`label low [bar] high unit`; the bar is of colours, or of `ramp` where colours lack.
+    """A part `label low [bar] high unit`; the bar is of colours, or of `ramp` without colours.
 
-    `clipped` ends are the 1st and the 99th percentile, told as `p1` and `p99`. Within `room` cells
-    the bar shrinks to no less than 4, then the label goes; to no less than 2, then these names go.
+    If `clipped`, the ends are marked `p1` and `p99`: the 1st and the 99th percentile. To fit into
+    `room` cells the bar shrinks first, then the label and at last these marks are left out.
     """
     small = 0.005 * max(abs(scale[0]), abs(scale[1]))
     low, high = (short_number(0.0 if abs(end) < small else end, 2) for end in scale)
     first, last = ("p1 ", "p99 ") if clipped else ("", "")
-    told = (
+    texts = (
         (f"{label} {first}{low} ".lstrip(), f" {last}{high} {unit}".rstrip()),
         (f"{first}{low} ", f" {last}{high} {unit}".rstrip()),
         (f"{low} ", f" {high} {unit}".rstrip()),
     )
-    before, after = told[0]
+    before, after = texts[0]
     if room is not None:
-        widths = (sum(map(cell_len, pair)) for pair in told)
-        least = zip(told, widths, (4, 2, 0), strict=True)
-        before, after = next((pair for pair, width, bar in least if width + bar <= room), told[-1])
+        widths = (sum(map(cell_len, pair)) for pair in texts)
+        least = zip(texts, widths, (4, 2, 0), strict=True)
+        before, after = next((pair for pair, width, bar in least if width + bar <= room), texts[-1])
         length = max(1, min(length, room - cell_len(before) - cell_len(after)))
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
@@ -89,7 +89,7 @@ def colour_bar(
 
 @lru_cache(64)
 def scale_bar(metres_per_cell: float, room: int, options: RenderOptions) -> LegendPart:
-    """A bar of a round length in metres, at most `room` cells long."""
+    """A scale bar of a round length in metres, at most `room` cells long."""
     length = tick_step(metres_per_cell * room, 1)
     if length > metres_per_cell * room * (1 + 1e-9):
         length = tick_step(metres_per_cell * room / 2.5, 1)
@@ -106,7 +106,7 @@ def scale_bar(metres_per_cell: float, room: int, options: RenderOptions) -> Lege
 
 
 def fit_rows(parts: Sequence[LegendPart], width: int, gap: int = 2) -> list[list[LegendPart]]:
-    """Parts to rows that fit `width`; a part that fits nowhere is left out."""
+    """Arrange parts in rows of at most `width` cells; parts that are wider are left out."""
     rows: list[list[LegendPart]] = []
     free = -1
     for part in parts:
@@ -123,7 +123,7 @@ def fit_rows(parts: Sequence[LegendPart], width: int, gap: int = 2) -> list[list
 def draw_rows(
     canvas: Canvas, x: int, y: int, rows: Sequence[Sequence[LegendPart]], gap: int = 2
 ) -> None:
-    """Rows of parts from (x, y) downwards."""
+    """Draw rows of parts from (x, y) downwards."""
     for offset, row in enumerate(rows):
         at = x
         for part in row:
@@ -132,5 +132,5 @@ def draw_rows(
 
 
 def ramp_for_values(options: RenderOptions) -> str | None:
-    """The glyphs that stand for values where colours lack or only ASCII is allowed."""
+    """The digits that show values without colours or in ASCII, None otherwise."""
     return DIGITS if options.ascii or options.mode is ColourMode.NONE else None

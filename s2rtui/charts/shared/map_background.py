@@ -1,4 +1,4 @@
-"""The ground of a map: floor plan, heat and clip, as a picture or as glyphs, and the rooms."""
+"""The background of a map: floor plan, heat, the part of the floor that was seen, rooms."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, 
 FLOOR_RAMPS = {True: "  ..::", False: "   ░░"}
 HEAT_RAMPS = {True: "-=+*#%", False: "▒▓█"}
 FAINT = 0.15
-"""Share of the heat's range under which glyphs leave it out."""
+"""Share of the heat's range below which no glyphs are drawn."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapBackground:
-    """What lies under the points of a map.
+    """What lies below the points of a map.
 
     floor_plan: (H, W, 3) uint8 over `bounds`, its first row drawn at the top. heat and clip:
-    (rows, cols) over `bounds`, row 0 at bounds.y0; heat is NaN where nothing is, and where clip
-    is False, 0 or NaN (no selected instance has seen it) the ground is dimmed.
+    (rows, cols) over `bounds`, row 0 at bounds.y0. heat is NaN where there is none. The floor is
+    dimmed where clip is False, 0 or NaN: no selected instance has seen it.
     """
 
     bounds: Bounds
@@ -53,9 +53,9 @@ class MapBackground:
 def draw_background(
     canvas: Canvas, ground: MapBackground, frame: MapFrame, options: RenderOptions
 ) -> None:
-    """Half blocks; where those lack light glyphs for the floor and dense ones for heat.
+    """Draw floor plan and heat in half blocks, or in light and dense glyphs without them.
 
-    What was not seen is dimmed, or has no glyphs. Rooms have dotted outlines.
+    Unseen floor is dimmed or left blank. Rooms get dotted outlines.
     """
     if ground.floor_plan is not None or ground.heat is not None:
         if options.supports_shading:
@@ -86,7 +86,7 @@ def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame, options: Ren
 
 
 def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(2h, w[, C]) to (h, w[, C]): the mean of two rows, NaN left out."""
+    """Average pairs of rows, (2h, w[, C]) to (h, w[, C]), without NaN."""
     pair = pixels[: pixels.shape[0] // 2 * 2].reshape(-1, 2, *pixels.shape[1:])
     good = np.isfinite(pair)
     count = good.sum(axis=1)
@@ -97,7 +97,7 @@ def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:
 def _outlines(
     canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, options: RenderOptions
 ) -> None:
-    """Every third dot along the edges; in ASCII the corners alone."""
+    """Dotted outlines of rooms; in ASCII only their corners."""
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     for room in rooms:
         (x0, y0), (x1, y1) = frame.to_cells([[room.x0, room.y0], [room.x1, room.y1]]).tolist()
@@ -119,7 +119,7 @@ def _outlines(
 def draw_room_names(
     canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, options: RenderOptions
 ) -> None:
-    """Each name once, in the middle of its room, where it fits."""
+    """Write each room's name once in its middle, where it fits."""
     named: set[str] = set()
     for room in rooms:
         if room.room in named:
@@ -139,7 +139,7 @@ def draw_room_names(
 
 @lru_cache(maxsize=4)
 def floor_plan_pixels(path: str) -> Pixels:
-    """The floor plan's picture, (H, W, 3); RequestError where it cannot be decoded."""
+    """The floor plan (H, W, 3). Raises RequestError where it cannot be decoded."""
     from PIL import Image
 
     content = floor_plan_bytes(Path(path))
@@ -154,13 +154,13 @@ Layer = NDArray[np.floating]
 
 
 DIMMED = 0.78
-"""How far what was not seen goes towards the background."""
+"""Opacity of the page colour over floor that was not seen."""
 
 
 def heat_scale(ground: MapBackground) -> Interval | None:
-    """The heat's range: the given one, or 0 (where nothing is negative) to the 99th percentile."""
-    found = _heat_scale(ArrayKey(ground.heat)) if ground.heat is not None else None
-    return ground.heat_range or found if found else None
+    """The heat's range: the fixed one, else 1st (or 0 if none is negative) to 99th percentile."""
+    scale = _heat_scale(ArrayKey(ground.heat)) if ground.heat is not None else None
+    return ground.heat_range or scale if scale else None
 
 
 @cached_by_identity(8)
@@ -173,9 +173,9 @@ def _heat_scale(heat: ArrayKey) -> Interval | None:
 
 
 def background_layer(ground: MapBackground, frame: MapFrame, theme: Theme) -> Pixels:
-    """(height, width, 3), read-only: the floor plan paled, heat on it, the unseen dimmed.
+    """(height, width, 3), read-only: pale floor plan, heat on it, unseen floor dimmed.
 
-    Kept for the last few frames: the arrays are taken as never changed in place.
+    Cached for the last few frames; arrays must not be changed in place.
     """
     arrays = ArrayKey(ground.floor_plan), ArrayKey(ground.heat), ArrayKey(ground.clip)
     return _ground(*arrays, ground.bounds, ground.y_down, heat_scale(ground), frame, theme)
@@ -223,14 +223,14 @@ def _floor(ground: MapBackground, frame: MapFrame, theme: Theme) -> Pixels:
 
 
 def floor_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
-    """The floor plan's colours (height, width, 3), NaN outside of it."""
+    """The floor plan's colours (height, width, 3), NaN outside its bounds."""
     if ground.floor_plan is None or _empty(ground.bounds):
         return None
     return _sampled(ArrayKey(ground.floor_plan), ground.bounds, frame, ground.y_down)
 
 
 def heat_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
-    """The heat as fractions of its scale (height, width), NaN where nothing is."""
+    """The heat as fractions of its range (height, width), NaN where there is none."""
     scale = heat_scale(ground)
     if scale is None or _empty(ground.bounds):
         return None
@@ -238,7 +238,7 @@ def heat_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
 
 
 def seen_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
-    """The share of each pixel (height, width) that was seen, 0 .. 1; None without a clip."""
+    """The share of each pixel (height, width) that was seen, 0 .. 1; None without clip."""
     if ground.clip is None or _empty(ground.bounds):
         return None
     return _seen(ArrayKey(ground.clip), ground.bounds, frame)
@@ -250,7 +250,7 @@ def _seen(clip: ArrayKey, bounds: Bounds, frame: MapFrame) -> Layer:
 
 
 def seen_cells(clip: NDArray[np.generic]) -> NDArray[np.float32]:
-    """A clip's cells as 1 where something was seen, else 0."""
+    """The cells of a clip: 1 where seen, else 0."""
     return (np.nan_to_num(np.asarray(clip, dtype=np.float32)) != 0).astype(np.float32)
 
 

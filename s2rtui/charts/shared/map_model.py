@@ -1,4 +1,4 @@
-"""The geo-map as numbers: what is lit, on which scales; shared by terminal and paper."""
+"""The inputs and numbers of maps: positions, values, scales, what is selected."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from s2rtui.session.state import HeatChoice, MapMode, State
 
 @dataclass(frozen=True, slots=True)
 class LivePose:
-    """A prediction that is not stored: metres, radians."""
+    """A predicted pose that is not in the store: metres, radians."""
 
     side: Side
     x: float
@@ -86,7 +86,11 @@ class MapInput:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapModel:
-    """lit: how many are selected and valid; others: valid but not selected. cursor: valid."""
+    """What a map draws, and its scales.
+
+    highlighted: number of selected valid instances; others: of unselected valid ones; cursor: a
+    valid iid or None.
+    """
 
     selection: SelectionIndices
     highlighted: int
@@ -97,7 +101,7 @@ class MapModel:
 
 
 def map_model(data: MapInput) -> MapModel:
-    """What is drawn, and the scales."""
+    """Select what is drawn and find the scales."""
     valid: Bools = np.asarray(data.valid, dtype=np.bool_)
     selection = selection_indices(np.asarray(data.selected, dtype=np.bool_), valid)
     highlighted, others = selection_sizes(selection)
@@ -107,20 +111,20 @@ def map_model(data: MapInput) -> MapModel:
 
 
 def selection_sizes(selection: SelectionIndices) -> tuple[int, int]:
-    """How many of the base are selected, and how many are not."""
+    """Numbers of selected and of unselected instances of the base population."""
     few, base = len(selection.indices), int(np.count_nonzero(selection.base))
     return (base - few, few) if selection.inverted else (few, base - few)
 
 
 def valid_cursor(cursor: int | None, valid: Bools) -> int | None:
-    """The cursor where it is a valid iid."""
+    """The cursor if it is a valid iid, else None."""
     if cursor is None or not 0 <= cursor < valid.size or not valid[cursor]:
         return None
     return cursor
 
 
 def value_range(values: Floats, valid: Bools) -> Interval:
-    """The scale of values (N,): the 1st .. 99th percentile of the valid."""
+    """The scale of values (N,): 1st to 99th percentile of the valid ones."""
     return _value_range(ArrayKey(values), ArrayKey(valid))
 
 
@@ -130,7 +134,7 @@ def _value_range(values: ArrayKey, valid: ArrayKey) -> Interval:
 
 
 def sorted_by_value(data: MapInput, model: MapModel) -> tuple[NDArray[np.intp], Floats]:
-    """The selected iids, the largest value last (drawn on top), and their places on the scale."""
+    """Selected iids by increasing value (the largest is drawn on top), with scale fractions."""
     ids = model.selection.members
     shares = scale_fraction(np.asarray(data.values)[ids], model.value_range)
     ordered = np.argsort(np.nan_to_num(shares, nan=-1.0), kind="stable")
@@ -140,7 +144,7 @@ def sorted_by_value(data: MapInput, model: MapModel) -> tuple[NDArray[np.intp], 
 def selected_in_frame(
     truth: Floats, selection: SelectionIndices, frame: MapFrame, limit: int
 ) -> NDArray[np.intp] | None:
-    """The selected iids that lie in the frame; None where they are more than `limit`."""
+    """The selected iids inside the frame; None if there are more than `limit`."""
     places = point_cells(truth, frame)
     if int(count_selected(places, selection)[0].sum()) > limit:
         return None
@@ -149,7 +153,7 @@ def selected_in_frame(
 
 
 def default_view(bounds: Bounds, truth: Floats, valid: Bools) -> Bounds:
-    """The bounds, or the box of the points where the bounds are empty."""
+    """The bounds, or the bounding box of the points where the bounds are empty."""
     if bounds.width > 0 and bounds.height > 0:
         return bounds
     points = np.asarray(truth, dtype=np.float64)[np.asarray(valid, dtype=np.bool_)]
@@ -169,10 +173,10 @@ def map_input(
     mark: Mark | None = None,
     heat_note: str = "",
 ) -> MapInput:
-    """The map of the state's run; `heat_note` says of whom the heat is."""
+    """The map of the state's run; `heat_note` names the source of outdated heat."""
     truth, columns = store.instances, store.run_columns(state.run)
     choice = state.heat
-    shown = heat is not None and choice is not None
+    has_heat = heat is not None and choice is not None
     return MapInput(
         truth=true_positions(store),
         sim=stacked_points(columns.sim.x, columns.sim.y),
@@ -188,9 +192,9 @@ def map_input(
         y_down=store.dataset.y_down,
         mode=state.map_mode,
         floor_plan=floor_plan,
-        heat=heat if shown else None,
-        heat_label=_heat_label(state, choice, heat_note) if shown and choice else "heat",
-        heat_unit=_heat_unit(store, state, choice) if shown and choice else "",
+        heat=heat if has_heat else None,
+        heat_label=_heat_label(state, choice, heat_note) if has_heat and choice else "heat",
+        heat_unit=_heat_unit(store, state, choice) if has_heat and choice else "",
         clip=seen,
         rooms=store.rooms,
         room_names=state.room_names,
@@ -199,9 +203,9 @@ def map_input(
 
 
 def _heat_label(state: State, choice: HeatChoice, note: str) -> str:
-    """The heat's name, its side and, where that is no mean, how it was gathered."""
-    gathered = state.overlay in ("selection", "run") and state.aggregate != "mean"
-    parts = [choice.label, choice.side, state.aggregate if gathered else "", note]
+    """Kind and side of the heat, the aggregate if it is not the mean, and the note."""
+    aggregated = state.overlay in ("selection", "run") and state.aggregate != "mean"
+    parts = [choice.label, choice.side, state.aggregate if aggregated else "", note]
     return ", ".join(part for part in parts if part)
 
 

@@ -1,4 +1,4 @@
-"""Where a map stands among its axes and legend, and how its cells become metres."""
+"""Maps in cells: layout, axes, legend, and the drawing that all maps share."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ from s2rtui.charts.shared.points import highest_levels, level_shares, unselected
 
 Places = NDArray[np.intp]
 Legend = Callable[[MapFrame, int], list[LegendPart]]
-"""The parts of a legend for a frame, each within a width."""
+"""Returns the parts of a legend for a frame, each within a width."""
 ModeLegend = Callable[[MapInput, MapModel, RenderOptions, int], list[LegendPart]]
 """The legend parts that explain the selected points of a map, within a width."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapLayout:
-    """The map's rectangle in cells, its frame in the world, and the legend's rows under it."""
+    """The map's rectangle in cells, its frame in metres, and the rows of the legend below."""
 
     x: int
     y: int
@@ -68,7 +68,7 @@ class PointMap(Protocol):
 
 
 def layout_of_area(area: Bounds, y_down: bool, size: Size, legend: Legend) -> MapLayout:
-    """The place of a map of `area`; larger views have axes and up to two rows of legend."""
+    """Lay out a map of `area`; larger views have axes and up to two rows of legend."""
     width, height = max(1, size[0]), max(1, size[1])
     axes = width >= 40 and height >= 12
     left, below = (4, 1) if axes else (0, 0)
@@ -81,7 +81,7 @@ def layout_of_area(area: Bounds, y_down: bool, size: Size, legend: Legend) -> Ma
 
 
 def map_panel(layout: MapLayout) -> Panel:
-    """The map as a plane of metres."""
+    """The panel of a map: a plane in metres."""
     frame = layout.frame
 
     def to_data(column: float, row: float) -> Point:
@@ -96,7 +96,7 @@ def map_panel(layout: MapLayout) -> Panel:
 
 
 def draw_axes(canvas: Canvas, layout: MapLayout, options: RenderOptions) -> None:
-    """Ticks in metres along the left and the lower edge."""
+    """Draw ticks in metres along the left and the lower edge."""
     theme, frame = options.theme, layout.frame
     extent, bottom = frame.extent, layout.height
     count = max(2, layout.width // 12)
@@ -122,7 +122,7 @@ def draw_axes(canvas: Canvas, layout: MapLayout, options: RenderOptions) -> None
 def draw_dots(
     canvas: Canvas, grid: NDArray[np.bool_], colour: Rgb, options: RenderOptions, glyph: str = ""
 ) -> None:
-    """Braille dots (4 rows, 2 columns per cell); in ASCII one glyph, by default a faint one."""
+    """Draw braille dots (4 rows, 2 columns per cell); in ASCII a glyph per cell."""
     if not options.ascii:
         draw_braille(canvas, 0, 0, grid, np.array(colour, dtype=np.uint8))
         return
@@ -133,7 +133,7 @@ def draw_dots(
 def put_glyphs(
     canvas: Canvas, columns: Places, rows: Places, glyph: str, colour: Rgb, bold: bool = True
 ) -> None:
-    """A glyph in each of some cells."""
+    """Put a glyph into each of some cells."""
     flatten_half_blocks(canvas, columns, rows)
     canvas.char[rows, columns] = glyph
     canvas.bold[rows, columns] = bold
@@ -143,7 +143,7 @@ def put_glyphs(
 def draw_values(
     canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame, options: RenderOptions
 ) -> None:
-    """The selected coloured by value, the largest of a cell on top; digits where colours lack."""
+    """Draw the selected points by the largest value per cell, in colours or digits."""
     top = highest_levels(data.truth, data.values, model.value_range, model.selection, frame)
     rows, columns = np.nonzero(top >= 0)
     shares = level_shares(top[rows, columns])
@@ -165,7 +165,7 @@ def draw_pose(
     glyph: str,
     colour: Rgb,
 ) -> None:
-    """A glyph at one of `points` (N, 2), with an arrow beside it where its heading is known."""
+    """Draw a glyph at one of `points` (N, 2), and an arrow where its heading is known."""
     place = frame.to_cells(np.asarray(points)[iid])[0]
     if not (np.isfinite(place).all() and (place >= 0).all()):
         return

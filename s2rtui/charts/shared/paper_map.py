@@ -1,4 +1,4 @@
-"""A map on paper before anything stands on it: heading, ground, rooms, axes, scale bar."""
+"""Maps on paper: background, rooms, axes, scale bar, legend, and points."""
 
 from __future__ import annotations
 
@@ -42,22 +42,22 @@ if TYPE_CHECKING:
     from matplotlib.patheffects import AbstractPathEffect
 
 SIDE = 1.75
-"""Inches at the right that colour bars and legend take."""
+"""Width of colour bars and legend at the right, inches."""
 LETTER = 0.07
-"""Inches that a letter of a room's name takes."""
+"""Width of a letter of a room's name, inches."""
 MANY = 5000
-"""More points than these are drawn smaller, and one per spot of half a point."""
+"""Above this number, points are drawn smaller, and one per spot of half a point."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spots:
-    """The page's grid of spots, so fine that one mark per spot shows all there is to see."""
+    """A grid so fine that one mark per spot looks the same as all of them."""
 
     frame: MapFrame
     theme: Theme
 
     def last(self, points: Floats, ids: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Places in `ids`, ascending: the last of each spot; all of them where they are few."""
+        """Indices into `ids`, ascending: the last one of each spot; all if they are few."""
         if len(ids) <= MANY:
             return np.arange(len(ids))
         places = point_dots(np.asarray(points), self.frame)
@@ -66,14 +66,14 @@ class Spots:
         held = np.sort(len(ids) - 1 - first)
         return held[places.codes[ids[held]] < places.count]
 
-    def kept(self, points: Floats, ids: NDArray[np.intp]) -> NDArray[np.intp]:
-        """One of `ids` per spot."""
+    def thinned(self, points: Floats, ids: NDArray[np.intp]) -> NDArray[np.intp]:
+        """`ids` reduced to one per spot."""
         return ids[self.last(points, ids)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapSheet:
-    """inches: the map's size. side: the upper left corner, in inches, of the room at the right."""
+    """A map on a figure. inches: its size; side: upper left corner of the legend, inches."""
 
     figure: Figure
     page: Page
@@ -84,7 +84,7 @@ class MapSheet:
     side: tuple[float, float] | None
 
     def grid(self, points: float) -> MapFrame:
-        """A frame whose cells are `points` wide and twice as high on paper."""
+        """A frame whose cells are `points` (1/72 inch) wide and twice as high."""
         wide, high = (max(1, int(length * 72 / points)) for length in self.inches)
         return fit_frame(self.area, wide, high + high % 2, self.spots.frame.y_down)
 
@@ -92,7 +92,7 @@ class MapSheet:
 def map_sheet(
     ground: MapBackground, area: Bounds, page: Page, title: str, subtitle: str
 ) -> MapSheet:
-    """The map as large as the page allows."""
+    """A new figure with a map as large as the page allows."""
     figure = new_figure(page)
     top = draw_heading(figure, page, title, subtitle)
     wide, _ = page.inches
@@ -113,7 +113,7 @@ def map_panel(
     box: Box,
     side: tuple[float, float] | None = None,
 ) -> MapSheet:
-    """The map in a rectangle of the area's shape: left, bottom, width, height in inches."""
+    """Draw a map in a rectangle of the area's shape: left, bottom, width, height in inches."""
     inches = box[2], box[3]
     axes = figure.add_axes(page.box(*box))
     _picture(axes, ground, page, inches[0])
@@ -161,7 +161,7 @@ def marker_legend(
 
 
 def _picture(axes: Axes, ground: MapBackground, page: Page, inches: float) -> None:
-    """Floor plan, paled towards the page, the heat on it, and the unseen dimmed."""
+    """Pale floor plan with heat; unseen floor dimmed."""
     theme, bounds = page.theme, ground.bounds
     if bounds.width <= 0 or bounds.height <= 0:
         return
@@ -207,10 +207,7 @@ def _axes(
 
 
 def _rooms(axes: Axes, ground: MapBackground, theme: Theme, scale: float) -> None:
-    """Dashed outlines; each name once, in the first rectangle of that name.
-
-    `scale` is in inches per metre.
-    """
+    """Dashed outlines of rooms, with each name once. `scale`: inches per metre."""
     from matplotlib.patches import Rectangle
 
     named: set[str] = set()
@@ -232,7 +229,7 @@ def _rooms(axes: Axes, ground: MapBackground, theme: Theme, scale: float) -> Non
 
 
 def _name(axes: Axes, room: Room, top: float, theme: Theme, scale: float) -> None:
-    """A room's name in its upper left corner, broken where the room is too narrow."""
+    """A room's name in its upper left corner, wrapped where the room is narrow."""
     from matplotlib import patheffects
 
     halo: list[AbstractPathEffect] = [
@@ -255,7 +252,7 @@ def _name(axes: Axes, room: Room, top: float, theme: Theme, scale: float) -> Non
 
 
 def _scale(axes: Axes, area: Bounds, y_down: bool, theme: Theme) -> None:
-    """A bar of round length in the lower left corner."""
+    """A scale bar of round length in the lower left corner."""
     from matplotlib import patheffects
 
     length = tick_step(area.width / 5, 1)
@@ -293,9 +290,9 @@ def _scale(axes: Axes, area: Bounds, y_down: bool, theme: Theme) -> None:
 
 
 def draw_unselected(axes: Axes, truth: Floats, selection: SelectionIndices, spots: Spots) -> None:
-    """Unselected poses, small and grey."""
+    """Draw unselected poses as small grey dots."""
     others = selection.indices if selection.inverted else _outside(selection)
-    grey = np.asarray(truth, dtype=np.float64)[spots.kept(truth, others)]
+    grey = np.asarray(truth, dtype=np.float64)[spots.thinned(truth, others)]
     ink = rgb_fractions(spots.theme.unselected)
     axes.scatter(grey[:, 0], grey[:, 1], s=5, color=ink, linewidths=0, zorder=3)
 
@@ -307,7 +304,7 @@ def _outside(selection: SelectionIndices) -> NDArray[np.intp]:
 
 
 def draw_values(axes: Axes, data: MapInput, model: MapModel, spots: Spots) -> None:
-    """The lit ones coloured by value, the largest on top."""
+    """Draw the selected points coloured by value, the largest on top."""
     ids, shares = sorted_by_value(data, model)
     held = spots.last(data.truth, ids)
     highlighted, shares = np.asarray(data.truth, dtype=np.float64)[ids[held]], shares[held]
@@ -317,7 +314,7 @@ def draw_values(axes: Axes, data: MapInput, model: MapModel, spots: Spots) -> No
 
 
 def draw_dots(axes: Axes, points: Floats, ink: NDArray[np.float64], spots: Spots) -> None:
-    """Dots with an edge in the page's colour; smaller where they are many."""
+    """Draw dots with an edge in the page's colour; smaller above `MANY`."""
     edge = rgb_fractions(spots.theme.background)
     many = len(points) > MANY
     size, width = (5, 0.0) if many else (26, 0.6)
@@ -329,7 +326,7 @@ def draw_dots(axes: Axes, points: Floats, ink: NDArray[np.float64], spots: Spots
 def draw_pose(
     axes: Axes, points: Floats, headings: Floats | None, iid: int, colour: Rgb, area: Bounds
 ) -> None:
-    """A ring at one of `points` (N, 2), with an arrow where its heading is known."""
+    """Draw a ring at one of `points` (N, 2), and an arrow where its heading is known."""
     x, y = (float(part) for part in np.asarray(points)[iid])
     if not np.isfinite([x, y]).all():
         return

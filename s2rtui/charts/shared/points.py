@@ -1,4 +1,4 @@
-"""Points of a map as codes of the cells and dots that they fall into, kept per frame."""
+"""Points in a plane: columns of coordinates, the nearest point, and the cells and dots they hit."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ LEVELS = 60
 
 
 def point_cells(points: Floats, frame: MapFrame) -> Bins:
-    """Cell of each point (N, 2), row by row; in no bin outside the frame."""
+    """The cell of each point (N, 2) as bins, row by row; no bin outside the frame."""
     return _cells(ArrayKey(points), frame)
 
 
 def point_dots(points: Floats, frame: MapFrame) -> Bins:
-    """Braille dot of each point (N, 2), row by row over (4 rows, 2 columns) per cell."""
+    """The braille dot of each point (N, 2) as bins, row by row, 4 x 2 dots per cell."""
     return _dots(ArrayKey(points), frame)
 
 
@@ -42,7 +42,7 @@ def _cells(points: ArrayKey, frame: MapFrame) -> Bins:
 
 @cached_by_identity(16)
 def _dots(points: ArrayKey, frame: MapFrame) -> Bins:
-    """In pieces that stay in the processor's caches."""
+    """Computed in pieces that fit into the processor's cache."""
     places = np.asarray(points.array)
     across, down = 2 * frame.width, frame.height // 2 * 4
     size, sign = across * down, 1 if frame.y_down else -1
@@ -61,23 +61,23 @@ def _dots(points: ArrayKey, frame: MapFrame) -> Bins:
 def selected_cells(
     points: Floats, selection: SelectionIndices, frame: MapFrame
 ) -> NDArray[np.bool_]:
-    """(rows, columns), read-only: where a selected point lies."""
+    """(rows, columns), read-only: cells with a selected point."""
     return _lit_cells(ArrayKey(points), selection, frame)
 
 
 def unselected_dots(
     points: Floats, selection: SelectionIndices, frame: MapFrame
 ) -> NDArray[np.bool_]:
-    """(4 rows, 2 columns), read-only: where a point of the base lies that is not selected."""
+    """(4 rows, 2 columns), read-only: braille dots with an unselected valid point."""
     return _other_dots(ArrayKey(points), selection, frame)
 
 
 def highest_levels(
     points: Floats, values: Floats, scale: Interval, selection: SelectionIndices, frame: MapFrame
 ) -> NDArray[np.intp]:
-    """(rows, columns), read-only: the largest value of the selected in each cell.
+    """(rows, columns), read-only: the largest value of the selected per cell, as a level.
 
-    -1 where none lies, 0 where no value is known, else 1 .. LEVELS.
+    1 .. LEVELS; 0 for no known value, -1 for no selected point.
     """
     return _top_levels(ArrayKey(points), ArrayKey(values), scale, selection, frame)
 
@@ -109,21 +109,21 @@ def _top_levels(
     selection: SelectionIndices,
     frame: MapFrame,
 ) -> NDArray[np.intp]:
-    found = _tinted(points, values, scale, frame)
-    highlighted, _ = count_selected(found.codes, selection)
+    levels = _cell_levels(points, values, scale, frame)
+    highlighted, _ = count_selected(levels.codes, selection)
     top = np.full(frame.height // 2 * frame.width, -1, dtype=np.intp)
-    if len(found.cell):
-        shown = np.where(highlighted > 0, found.level, np.int8(-1))
-        top[found.cell] = np.maximum.reduceat(shown, found.start)
+    if len(levels.cell):
+        shown = np.where(highlighted > 0, levels.level, np.int8(-1))
+        top[levels.cell] = np.maximum.reduceat(shown, levels.start)
     top.setflags(write=False)
     return top.reshape(-1, frame.width)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Tinted:
-    """A bin per cell and level that occur.
+class _CellLevels:
+    """One bin per pair of cell and level that occurs.
 
-    level: the bins' levels, int8. cell: the cells that hold any, `start` the first bin of each.
+    level: int8 level of each bin. cell: cells with points, `start`: the first bin of each.
     """
 
     codes: Bins
@@ -133,14 +133,16 @@ class _Tinted:
 
 
 @cached_by_identity(4)
-def _tinted(points: ArrayKey, values: ArrayKey, scale: Interval, frame: MapFrame) -> _Tinted:
+def _cell_levels(
+    points: ArrayKey, values: ArrayKey, scale: Interval, frame: MapFrame
+) -> _CellLevels:
     places = _cells(points, frame)
     steps = np.uint32(LEVELS + 1)
     wide = places.codes.astype(np.uint32) * steps + _levels(values, scale)
     np.minimum(wide, places.count * steps, out=wide)
     codes, numbers = occupied_bins(Bins(wide, places.count * int(steps)))
     cell, start = np.unique(numbers // (LEVELS + 1), return_index=True)
-    return _Tinted(codes, (numbers % (LEVELS + 1)).astype(np.int8), cell, start)
+    return _CellLevels(codes, (numbers % (LEVELS + 1)).astype(np.int8), cell, start)
 
 
 @cached_by_identity(8)
@@ -150,7 +152,7 @@ def _levels(values: ArrayKey, scale: Interval) -> NDArray[np.uint8]:
 
 
 def level_shares(levels: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Levels as places on the scale, 0 .. 1; NaN for the unknown."""
+    """Levels as fractions of the scale, 0 .. 1; NaN for unknown values."""
     return np.where(levels > 0, (levels - 1) / (LEVELS - 1), np.nan)
 
 
@@ -160,7 +162,7 @@ def true_positions(store: Store) -> NDArray[np.float64]:
 
 
 def stacked_points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 2); the same array for the same columns, so that plots can keep what they made of it."""
+    """Stack two columns to (N, 2); the same columns give the same array, so caches keep working."""
     return _stacked(ArrayKey(x), ArrayKey(y))
 
 
@@ -170,7 +172,7 @@ def _stacked(x: ArrayKey, y: ArrayKey) -> NDArray[np.float64]:
 
 
 def known_point(points: NDArray[np.floating[Any]], iid: int | None) -> tuple[float, float] | None:
-    """One of the points (N, 2), where it is known."""
+    """One of the points (N, 2), or None where it is unknown."""
     if iid is None or not np.isfinite(points[iid]).all():
         return None
     return float(points[iid, 0]), float(points[iid, 1])
@@ -179,7 +181,7 @@ def known_point(points: NDArray[np.floating[Any]], iid: int | None) -> tuple[flo
 def nearest_iid(
     points: NDArray[np.floating[Any]], base: NDArray[np.bool_], at: tuple[float, float]
 ) -> int | None:
-    """The iid of the base whose point (N, 2) is nearest."""
+    """The iid of the base population whose point (N, 2) is nearest to a place."""
     with np.errstate(invalid="ignore"):
         distance = np.square(points[:, 0] - at[0]) + np.square(points[:, 1] - at[1])
     distance = np.where(base & np.isfinite(distance), distance, np.inf)

@@ -132,7 +132,7 @@ class KittyImageManager:
 
     def _wanted(self, key: Key, plate: InlineImage) -> _Wanted:
         size = pixel_size(plate, cell_pixels(self._graphics.cell))
-        return _Wanted(key, plate, size, (plate.of, size, (plate.width, plate.height)))
+        return _Wanted(key, plate, size, (plate.content_key, size, (plate.width, plate.height)))
 
     def _number(self, wanted: _Wanted) -> int | None:
         """The number of a picture that hangs or is ready; another than before has a new one."""
