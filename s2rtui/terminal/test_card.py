@@ -1,4 +1,4 @@
-"""A test card: every kind of character and colour that the views use, each with what it is."""
+"""The test card of `s2r doctor`: samples of every kind of character and colour that views use."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from s2rtui.canvas.render_options import DIGITS, RenderOptions
 Rows = list[tuple[str, str]]
 LABEL = 22
 _NARROW = 60
-"""Columns below which a state stands under its name, not beside it."""
+"""Below this width a state is written below its name."""
 
 
 def card_height(rows: Rows, width: int) -> int:
-    """The rows of a card that is `width` columns wide."""
+    """The height of a card of `width` columns."""
     lines = sum(max(1, len(_wrapped(state, width))) for _, state in rows)
     narrow = width < _NARROW
     advice = max(len(_wrapped(text, width, 0)) for text in _ADVICE.values())
@@ -27,7 +27,7 @@ def card_height(rows: Rows, width: int) -> int:
 
 
 def draw_card(rows: Rows, size: Size, options: RenderOptions | None = None) -> Canvas:
-    """Lines of text, and under them samples of what is drawn, in `size` (columns, rows)."""
+    """Draw lines of text and samples below them in `size` (columns, rows)."""
     options = options or RenderOptions()
     canvas = Canvas(*size, theme=options.theme)
     theme, width = options.theme, canvas.width
@@ -52,7 +52,7 @@ def draw_card(rows: Rows, size: Size, options: RenderOptions | None = None) -> C
 
 
 def _wrapped(text: str, width: int, label: int | None = None) -> list[str]:
-    """A state in the lines that it takes beside its name, or under it."""
+    """A state wrapped to the room beside its name, or below it."""
     label = (2 if width < _NARROW else LABEL) if label is None else label
     return textwrap.wrap(text, max(8, width - label))
 
@@ -121,6 +121,6 @@ _SAMPLES: tuple[tuple[str, Callable[[Canvas, int, int, RenderOptions], None]], .
     ("arrows and lines", _lines),
 )
 _ADVICE = {
-    True: "boxes or question marks are gone with --ascii; a UTF-8 locale brings more",
+    True: "boxes or question marks disappear with --ascii; a UTF-8 locale shows more",
     False: "boxes or question marks instead of these: use --ascii; wrong colours: --colour 256",
 }

@@ -35,9 +35,9 @@ def test_a_track_per_axis_holds_what_the_nights_hold() -> None:
     assert task.value.tolist() == [7.0] * 4 + [27.0] * 3
     assert task.low.tolist() == [5.0] * 4 + [25.0] * 3
     assert headline.value.tolist() == [14.0] * 4 + [27.0] * 3
-    assert task.words == ("PASS",) * 4 + ("FAIL",) * 3
-    assert set(dynamics.words) == {"INCONCLUSIVE"}
-    assert set(visual.words) == {"PASS"}
+    assert task.statuses == ("PASS",) * 4 + ("FAIL",) * 3
+    assert set(dynamics.statuses) == {"INCONCLUSIVE"}
+    assert set(visual.statuses) == {"PASS"}
     assert np.diff(model.days).tolist() == [1] * 6
     assert (model.span, model.older) == (7, 0)
 
@@ -62,7 +62,7 @@ def test_each_night_stands_at_its_day_and_height(size: tuple[int, int]) -> None:
             column = layout.column(day, model)
             chart, limit = ChartRows(model.scale, top, rows), float(model.thresholds[at])
             row = chart.of(float(track.value[at]), limit)
-            assert canvas.char[row, column] == status_glyph(track.words[at], RenderOptions())
+            assert canvas.char[row, column] == status_glyph(track.statuses[at], RenderOptions())
             drawn = [y for y in range(top, top + rows) if canvas.char[y, column] not in " ─"]
             ends = [chart.of(float(end[at]), limit) for end in (track.high, track.low)]
             assert (drawn[0], drawn[-1]) == tuple(ends)
@@ -95,7 +95,7 @@ def test_what_was_not_judged_is_not_drawn() -> None:
     nights = (*gaps.week()[:6], gaps.night(7, {"task": math.nan, "visual": 4.0}))
     model = history_model(HistoryInput(nights), 90)
     tracks = {track.name: track for track in model.tracks}
-    assert tracks["task"].words[-1] == "SKIPPED"
+    assert tracks["task"].statuses[-1] == "SKIPPED"
     assert math.isnan(tracks["dynamics"].value[-1])
     text = "\n".join(draw_history(HistoryInput(nights), SIZE).lines())
     assert "task  · skipped  " in text
@@ -158,7 +158,7 @@ def test_a_wild_gap_leaves_the_others_on_their_side_of_the_threshold(size: tuple
             glyphs = canvas.char[top : top + rows, layout.column(day, model)]
             (row,) = (
                 top + y
-                for y in np.flatnonzero(glyphs == status_glyph(track.words[at], RenderOptions()))
+                for y in np.flatnonzero(glyphs == status_glyph(track.statuses[at], RenderOptions()))
             )
             value = float(track.value[at])
             assert (row < line, row > line) == (value > 10, value < 10), (value, row, line)

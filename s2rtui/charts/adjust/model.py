@@ -1,4 +1,4 @@
-"""An instance while it is being adjusted, in the form that views draw."""
+"""An instance that is being adjusted as the input of its drawing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def live_input(
     store: Store, state: State, result: LiveResult, heat: HeatChoice | None
 ) -> InstanceInput:
-    """Pictures and predictions of a live result, beside the errors that the run has stored."""
+    """Images and predictions of a live result, with the change of the stored errors."""
     truth, iid = store.instances, result.iid
     ray = None if heat is None else ray_of(heat)
     return InstanceInput(
@@ -49,7 +49,7 @@ def _side(result: LiveResult, side: Side, heat: HeatChoice | None) -> SideView:
 
 
 def _change(store: Store, state: State, result: LiveResult, side: Side) -> tuple[str, str]:
-    """How the error differs from that of the stored run."""
+    """The error of the stored run, the adjusted one, and their difference."""
     before = float(store.run_columns(state.run).side(side).error[result.iid])
     after = result.side(side).error
     if not (math.isfinite(before) and math.isfinite(after)):

@@ -1,4 +1,4 @@
-"""Sliders: a line per adjustment with its range, its neutral place and its value."""
+"""Sliders in cells: a line per adjustment with range, neutral value and value."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _TRACK = 8
 
 @dataclass(frozen=True, slots=True)
 class SliderLine:
-    """One slider: `side` gives its colour; `moved` whether it is off neutral."""
+    """A slider; its colour is that of `side`."""
 
     label: str
     side: str
@@ -35,13 +35,13 @@ class SliderLine:
         return self.value != self.neutral
 
     def share(self, value: float) -> float:
-        """Where a value lies on the range, 0 .. 1."""
+        """A value as a fraction of the range."""
         return (value - self.lowest) / max(self.highest - self.lowest, 1e-12)
 
 
 @dataclass(frozen=True, slots=True)
 class SliderLayout:
-    """The track's columns, with labels before and values after; the first line that is seen."""
+    """Columns of the tracks, and the first visible line with the number of lines."""
 
     track: int
     track_width: int
@@ -50,9 +50,7 @@ class SliderLayout:
 
 
 def slider_layout(lines: Sequence[SliderLine], size: Size) -> SliderLayout:
-    """The track takes what labels and values leave, which give way where it would be too short;
-    the active line stays in view.
-    """
+    """Lay out labels, tracks and values; the active line is always visible."""
     width, height = size
     label = _INDENT + max((len(line.label) for line in lines), default=0) + 1
     value = _FIGURES + max((len(line.unit) for line in lines), default=0) + 2
@@ -102,7 +100,7 @@ def _column(share: float, layout: SliderLayout) -> int:
 
 
 def slider_panels(lines: Sequence[SliderLine], size: Size) -> tuple[Panel, ...]:
-    """A panel per line, named by its index; its data are the slider's values."""
+    """A panel per visible slider, named by its index; x is the slider's value."""
     layout = slider_layout(lines, size)
     panels = []
     for row in range(layout.shown):

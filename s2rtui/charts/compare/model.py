@@ -1,4 +1,4 @@
-"""The difference of two runs as numbers: who errs less, by how much, in each cell of a map."""
+"""The numbers of the comparison: which run has smaller errors, by how much, and where."""
 
 from __future__ import annotations
 
@@ -68,10 +68,10 @@ class CompareInput:
 
 @dataclass(frozen=True, slots=True)
 class CompareSummary:
-    """From the first run to the second, over the selected with both errors.
+    """Numbers of selected instances by the change from the first run to the second.
 
-    improved: the second errs less by more than the margin; worse: it errs more; equal: neither.
-    mean: of first - second, NaN where nothing is known. unknown: selected, but one has no error.
+    improved: the second error is smaller by more than the margin; worse: larger; equal: neither;
+    unknown: an error is missing. mean: of first - second, NaN without known errors.
     """
 
     improved: int
@@ -83,7 +83,7 @@ class CompareSummary:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompareModel:
-    """others: valid but not selected. scale: the difference of full colour. cursor: valid."""
+    """What the comparison draws; fields as in `MapModel`. scale: difference of full colour."""
 
     selection: SelectionIndices
     highlighted: int
@@ -94,7 +94,7 @@ class CompareModel:
 
 
 def compare_model(data: CompareInput) -> CompareModel:
-    """The summary and the scale."""
+    """Compute the summary and the scale."""
     valid: Bools = np.asarray(data.valid, dtype=np.bool_)
     selection = selection_indices(np.asarray(data.selected, dtype=np.bool_), valid)
     highlighted, others = selection_sizes(selection)
@@ -126,7 +126,7 @@ def differences(data: CompareInput) -> Means:
 def cell_means(
     data: CompareInput, selection: SelectionIndices, frame: MapFrame
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
-    """Columns, rows and mean differences (k,) of the cells that hold a selected instance."""
+    """Columns, rows and mean differences (k,) of the cells with a selected instance."""
     return _cell_means(
         ArrayKey(data.truth), ArrayKey(data.first), ArrayKey(data.second), selection, frame
     )
@@ -171,7 +171,7 @@ def _known_cells(truth: ArrayKey, first: ArrayKey, second: ArrayKey, frame: MapF
 
 @cached_by_identity(8)
 def _scale(first: ArrayKey, second: ArrayKey, valid: ArrayKey, equal: float) -> float:
-    """The 99th percentile of how far the valid differ, more than the margin."""
+    """The 99th percentile of the absolute differences, at least twice the margin."""
     apart = np.abs(_differences(first, second)[np.asarray(valid.array)])
     apart = apart[np.isfinite(apart)]
     largest = float(np.percentile(apart, 99)) if apart.size else 1.0
@@ -179,7 +179,7 @@ def _scale(first: ArrayKey, second: ArrayKey, valid: ArrayKey, equal: float) -> 
 
 
 def sorted_by_difference(data: CompareInput, model: CompareModel) -> tuple[NDArray[np.intp], Means]:
-    """Selected iids with both errors, the largest difference last, and their differences."""
+    """Selected iids with both errors, by increasing absolute difference, and the differences."""
     ids = model.selection.members
     apart = differences(data)[ids]
     ids, apart = ids[np.isfinite(apart)], apart[np.isfinite(apart)]
@@ -188,6 +188,6 @@ def sorted_by_difference(data: CompareInput, model: CompareModel) -> tuple[NDArr
 
 
 def difference_colours(means: ArrayLike, scale: float) -> Pixels:
-    """Differences as colours: the stronger the further apart, blue below 0 and orange above."""
+    """Colours of differences: blue below 0, orange above, stronger for larger ones."""
     share = np.asarray(means, dtype=np.float64) / scale
     return diverging(np.sign(share) * np.sqrt(np.abs(share)))

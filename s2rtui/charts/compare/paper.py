@@ -1,4 +1,4 @@
-"""Two runs on paper: each one's errors on a map, on one scale, and beside them the difference."""
+"""The comparison on paper: a map of each run's errors, and a map of the difference."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ Maps = tuple[MapInput, MapInput]
 LEFT, FOOT, TITLE, GAP, BESIDE = 0.75, 0.6, 0.34, 0.3, 0.3
 """Inches at the left, at the foot, above each map, between maps, and before the legends."""
 KEYS = 1.3
-"""Inches that the keys below the scales take."""
+"""Height of the legend below the scales, inches."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """The three maps' rectangles and the legends' upper left corner, in inches.
+    """Rectangles of the three maps and the upper left corner of the legends, in inches.
 
-    `row`: all three side by side; else two above the difference, with the scales beside it.
+    row: all maps side by side, else the difference below the other two.
     """
 
     boxes: tuple[Box, Box, Box]
@@ -78,7 +78,7 @@ def compare_figure(
     notes: tuple[str, ...] = (),
     viewport: Bounds | None = None,
 ) -> bytes:
-    """A PNG of `size` pixels; both `maps` have one value range, `notes` stand under the title."""
+    """Draw the figure in `size` pixels; `maps` share a value range, `notes` follow the title."""
     page = make_page(size, theme)
     figure = new_figure(page)
     first, second = difference.names
@@ -90,29 +90,29 @@ def compare_figure(
     plan = _plan(page, area, top)
     inks = (theme.text, theme.text, theme.text)
     for data, name, box, ink in zip(maps, difference.names, plan.boxes, inks, strict=False):
-        told = name + _median(data) if box[2] > 1.8 else name
-        sheet = _panel(figure, page, data.ground, area, box, told, ink)
+        panel_title = name + _median(data) if box[2] > 1.8 else name
+        sheet = _panel(figure, page, data.ground, area, box, panel_title, ink)
         model = map_model(data)
         draw_unselected(sheet.axes, data.truth, model.selection, sheet.spots)
         draw_values(sheet.axes, data, model, sheet.spots)
         if model.cursor is not None:
             draw_pose(sheet.axes, data.truth, data.headings, model.cursor, theme.cursor, area)
-    found = compare_model(difference)
-    told = f"{first} − {second}"
-    sheet = _panel(figure, page, difference.ground, area, plan.boxes[2], told, theme.text)
-    draw_difference(sheet, difference, found)
+    compared = compare_model(difference)
+    panel_title = f"{first} − {second}"
+    sheet = _panel(figure, page, difference.ground, area, plan.boxes[2], panel_title, theme.text)
+    draw_difference(sheet, difference, compared)
     if page.inches[0] > 4.5:
         left, upper = plan.corner
         bars = (1 if not plan.row else 2, 0.52 if not plan.row else 1.04)
         high = min(1.3, max(0.3, (upper - bars[1] - KEYS - 0.25) / bars[0]))
         below = _error_scale(figure, page, maps[0], plan.corner, high)
         corner = (left, below) if plan.row else (left + 1.2, upper)
-        difference_legend(sheet, difference, found, corner, high, left)
+        difference_legend(sheet, difference, compared, corner, high, left)
     return figure_bytes(figure, page)
 
 
 def _plan(page: Page, area: Bounds, top: float) -> _Plan:
-    """Whichever arrangement gives the larger maps."""
+    """The arrangement that gives the larger maps."""
     wide, _ = page.inches
     side = SIDE + BESIDE if wide > 4.5 else 0.0
     in_row = _scale(area, (wide - LEFT - 0.15 - side - 2 * GAP, top - TITLE - FOOT), (3, 1))
@@ -133,7 +133,7 @@ def _plan(page: Page, area: Bounds, top: float) -> _Plan:
 
 
 def _scale(area: Bounds, room: tuple[float, float], count: tuple[int, int]) -> float:
-    """Inches per metre where so many maps share so many inches, across and down."""
+    """Inches per metre of `count` maps (across, down) in `room` inches."""
     across, down = (max(length, 0.3) / n for length, n in zip(room, count, strict=True))
     return min(across / area.width, down / area.height)
 
@@ -152,7 +152,7 @@ def _panel(
 
 
 def _median(data: MapInput) -> str:
-    """`   median 3.1 m`: of the selected."""
+    """The median error of the selected, as `   median 3.1 m`."""
     errors = np.asarray(data.values)[np.asarray(data.selected) & np.asarray(data.valid)]
     errors = errors[np.isfinite(errors)]
     return (
@@ -165,7 +165,7 @@ def _median(data: MapInput) -> str:
 def _error_scale(
     figure: Figure, page: Page, data: MapInput, corner: tuple[float, float], high: float
 ) -> float:
-    """The scale of both error maps; gives its lower end."""
+    """Draw the scale of both error maps; returns its lower end in inches."""
     left, top = corner
     span = map_model(data).value_range
     box = page.box(left, top - 0.52 - high, 0.16, high)
@@ -198,7 +198,7 @@ def difference_figure(
 
 
 def draw_difference(sheet: MapSheet, data: CompareInput, model: CompareModel) -> None:
-    """The unselected, the differences on top of them, the cursor."""
+    """Draw unselected points, differences and the cursor."""
     draw_unselected(sheet.axes, data.truth, model.selection, sheet.spots)
     _signs(sheet, data, model)
     if model.cursor is not None:
@@ -206,7 +206,7 @@ def draw_difference(sheet: MapSheet, data: CompareInput, model: CompareModel) ->
 
 
 def _signs(sheet: MapSheet, data: CompareInput, model: CompareModel) -> None:
-    """Triangles up where the second run is better, down where the first is, dots where equal."""
+    """Triangles up where the second run is better, down where the first is, else dots."""
     ids, apart = sorted_by_difference(data, model)
     held = sheet.spots.last(data.truth, ids)
     truth, apart = np.asarray(data.truth, dtype=np.float64)[ids[held]], apart[held]
@@ -241,9 +241,9 @@ def difference_legend(
     high: float = 0.0,
     keys: float | None = None,
 ) -> None:
-    """The scale, who is better how often, and the mean difference.
+    """Draw the scale, how often each run is better, and the mean difference.
 
-    `high`: the scale's inches (0: what the page allows), `keys`: where the keys begin at the left.
+    high: height of the scale in inches (0: as high as possible). keys: left end of the markers.
     """
     left, top = corner
     high = high or min(2.0, (top - 0.6) * 0.42)

@@ -38,7 +38,7 @@ from s2rtui.charts.shared.map_terminal import (
 
 
 def difference_glyphs(options: RenderOptions) -> str:
-    """The glyphs of: the first is better, equal, the second is better."""
+    """Three glyphs: the first run is better, equal, the second is better."""
     return "-=+" if ramp_for_values(options) is not None else "▼●▲"
 
 
@@ -75,7 +75,7 @@ def draw_compare(
     options: RenderOptions | None = None,
     viewport: Bounds | None = None,
 ) -> Canvas:
-    """The view in `size` (columns, rows): per cell the mean difference of the selected."""
+    """Draw the mean difference of the selected per cell in `size` (columns, rows)."""
     options = options or RenderOptions()
     model = compare_model(data)
     layout = compare_layout(data, size, viewport, options, model)
@@ -96,7 +96,7 @@ def _cells(
     frame: MapFrame,
     options: RenderOptions,
 ) -> None:
-    """A sign per cell in the colour of its mean; bold beyond half of the scale."""
+    """A glyph per cell in the colour of its mean; bold above half of the scale."""
     columns, rows, means = cell_means(data, model.selection, frame)
     put_glyphs(canvas, columns, rows, " ", options.theme.text)
     canvas.char[rows, columns] = np.array(list(difference_glyphs(options)))[
@@ -132,13 +132,13 @@ def _counts(
     names: tuple[str, str] | None,
     options: RenderOptions,
 ) -> LegendPart:
-    """Who is better how often, and the mean difference with its sign; names only with room."""
+    """How often each run is better, and the mean difference; with `names` if given."""
     theme, summary = options.theme, model.summary
     ends = legible(difference_colours([-1.0, 0.0, 1.0], 1.0), theme)
     blue, grey, orange = ((int(r), int(g), int(b)) for r, g, b in ends)
     lower, same, upper = tuple(difference_glyphs(options))
     pieces: list[tuple[str, Rgb]] = []
-    for glyph, colour, number, told in (
+    for glyph, colour, number, explanation in (
         (upper, orange, summary.improved, f" better in {names[1]}" if names else ""),
         (lower, blue, summary.worse, f" better in {names[0]}" if names else ""),
         (
@@ -148,14 +148,14 @@ def _counts(
             f" within {short_number(data.equal)} {data.unit}" if names else "",
         ),
     ):
-        pieces += [(f"{glyph} ", colour), (f"{number}{told}  ", theme.text)]
+        pieces += [(f"{glyph} ", colour), (f"{number}{explanation}  ", theme.text)]
     if summary.improved + summary.worse + summary.equal:
         pieces.append((f"mean {summary.mean:+.2f} {data.unit}", theme.muted))
     return text_part(pieces)
 
 
 def _name(name: str, options: RenderOptions) -> str:
-    """A run's name, short enough for a legend."""
+    """A run's name, cut to fit into a legend."""
     if options.ascii:
         name = name.encode("ascii", "replace").decode()
     return name if len(name) <= 16 else name[:15] + options.glyphs.ellipsis

@@ -119,12 +119,12 @@ class CompareView(View):
         other = run_differences.other_run(scene.state)
         if other is None:
             return "There is only one run."
-        found = compare_model(self.input(scene, other)).summary
-        mean = "n/a" if math.isnan(found.mean) else f"{found.mean:+.2f} m"
+        summary = compare_model(self.input(scene, other)).summary
+        mean = "n/a" if math.isnan(summary.mean) else f"{summary.mean:+.2f} m"
         return (
             f"{scene.state.side.capitalize()} errors of {scene.state.run} and {other}: {other} is "
-            f"better on {found.improved} instances, worse on {found.worse}, equal on "
-            f"{found.equal}; mean difference {mean}."
+            f"better on {summary.improved} instances, worse on {summary.worse}, equal on "
+            f"{summary.equal}; mean difference {mean}."
         )
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:

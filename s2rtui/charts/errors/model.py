@@ -1,4 +1,4 @@
-"""Errors as numbers: both sides counted in the same bins, with the medians of the selected."""
+"""The numbers of the errors view: histograms and medians of both sides in common bins."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from s2rtui.charts.shared.axis_scale import Floats
 
 NAMES = ("sim", "real")
 FINE = 250
-"""Bins that are counted, about so many, merged for the bars: the finer, the faster the median."""
+"""About this number of bins is counted and merged for the bars; fine bins give fast medians."""
 Counts = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ErrorsInput:
-    """Errors of both sides, (N,) each, in `unit`; `selected` and `valid` (N,) bool; cursor: an iid.
+    """Errors (N,) of both sides in `unit`; `selected` and `valid`: (N,) bool; cursor: an iid.
 
     `upper` is the right end of the axis (default: the 99th percentile of both sides).
     """
@@ -40,9 +40,9 @@ class ErrorsInput:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SideErrors:
-    """One side: (bins,) counts of the selected and of all valid, the selected's median (or NaN).
+    """One side: counts (bins,) of selected and of all valid instances, median of the selected.
 
-    beyond: valid instances past the last edge. cursor: the error of the cursor's instance.
+    beyond: number of valid errors above the last edge. cursor: the error of the cursor's instance.
     """
 
     highlighted: Counts
@@ -53,13 +53,13 @@ class SideErrors:
 
     @property
     def peak(self) -> int:
-        """What a bar of full height stands for: the largest count of this side."""
+        """The count of a bar of full height: the largest of this side."""
         return int(max(self.total.max(), 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ErrorsModel:
-    """edges: (bins + 1,), from 0. What lies beyond the last edge counts into the last bin."""
+    """Both histograms. edges: (bins + 1,), from 0; larger errors count in the last bin."""
 
     edges: NDArray[np.float64]
     sim: SideErrors
@@ -71,7 +71,7 @@ class ErrorsModel:
 
 
 def errors_model(data: ErrorsInput, number: int) -> ErrorsModel:
-    """Both sides over one range: 0 to `upper`, by default the 99th percentile of both."""
+    """Count both sides from 0 to `upper`, by default the 99th percentile of both."""
     upper = data.upper
     if upper is None:
         upper = _upper(ArrayKey(data.sim), ArrayKey(data.real))
@@ -96,7 +96,7 @@ def errors_model(data: ErrorsInput, number: int) -> ErrorsModel:
 def _counts(
     sides: tuple[ArrayKey, ...], upper: float, count: int, selected: ArrayKey, valid: ArrayKey
 ) -> list[tuple[Counts, Counts, float]]:
-    """Counts of the selected and of all, and the selected's median, for each side."""
+    """Per side: counts of the selected and of all, and the median of the selected."""
     highlighted_mask, population = np.asarray(selected.array), np.asarray(valid.array)
     columns = [_bins(side, upper, count * max(1, FINE // count)) for side in sides]
     counted = joint_histogram.joint_counts(columns, selection_indices(highlighted_mask, population))
@@ -122,7 +122,7 @@ def _cursor(errors: Floats, data: ErrorsInput) -> float | None:
 
 @cached_by_identity(16)
 def _upper(sim: ArrayKey, real: ArrayKey) -> float:
-    """The 99th percentile of all known errors, 1 without any."""
+    """The 99th percentile of all known errors; 1 without any."""
     both = np.concatenate([np.asarray(sim.array), np.asarray(real.array)])
     both = both[np.isfinite(both)]
     return float(np.percentile(both, 99)) if both.size else 1.0

@@ -1,4 +1,4 @@
-"""The errors on paper: sim above real over one axis, with the medians of the selected."""
+"""The errors on paper: histograms of sim and real on one axis, with medians."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def errors_figure(
     title: str = "Errors in simulation and in reality",
     subtitle: str = "",
 ) -> bytes:
-    """A PNG of `size` pixels; each side has its own scale of counts."""
+    """Draw the figure in `size` pixels; each side has its own scale of counts."""
     page = make_page(size, theme)
     model = errors_model(data, BINS)
     figure = new_figure(page)
@@ -94,8 +94,8 @@ def _side(
     axes.set_ylabel("instances")
     axes.yaxis.set_label_coords(-0.48 / (page.inches[0] - 1.0), 0.5)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
-    told = f"{name}   {int(errors.highlighted.sum())} of {int(errors.total.sum())}"
-    label = axes.set_title(told, loc="left", fontsize=10, pad=6)
+    title = f"{name}   {int(errors.highlighted.sum())} of {int(errors.total.sum())}"
+    label = axes.set_title(title, loc="left", fontsize=10, pad=6)
     label.set_color(rgb_fractions(ink))
     label.set_fontweight("bold")
     if math.isfinite(errors.median):

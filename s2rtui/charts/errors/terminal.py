@@ -1,4 +1,4 @@
-"""The error histogram: sim above real, the selected part lit, its median marked."""
+"""The errors in cells: histograms of sim and real, with the median of the selected."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, 
 from s2rtui.charts.shared.bars import draw_vertical_bars, put_over_bar
 
 LABELS = 12
-"""Columns at the left that names and numbers take."""
+"""Columns of names and numbers at the left."""
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorsLayout:
-    """The bars' first column and width; (first row, rows) of sim and of real; the axis' row."""
+    """First column and width of the bars; (first row, rows) per side; the row of the axis."""
 
     left: int
     width: int
@@ -37,7 +37,7 @@ class ErrorsLayout:
 
 
 def errors_layout(size: Size) -> ErrorsLayout:
-    """Both sides in equal heights over one axis; one row shows sim alone."""
+    """Lay out both sides in equal heights above one axis; a single row shows only sim."""
     width, height = max(1, size[0]), max(1, size[1])
     left = LABELS if width >= 24 else 0
     axis = height - 1 if height >= 5 else None
@@ -52,7 +52,7 @@ def errors_panels(
 ) -> tuple[Panel, ...]:
     """Ranges "sim" and "real": x is the error, y a count on the side's scale.
 
-    The last column holds all errors beyond it, too.
+    The last column includes all larger errors.
     """
     layout = errors_layout(size)
     model = errors_model(data, layout.width)
@@ -75,7 +75,7 @@ def _to_cells(corner: tuple[int, int], scale: Point, x: float, y: float) -> Poin
 
 
 def draw_errors(data: ErrorsInput, size: Size, options: RenderOptions | None = None) -> Canvas:
-    """The view in `size` (columns, rows): two rows of bars over one axis."""
+    """Draw both histograms in `size` (columns, rows)."""
     options = options or RenderOptions()
     canvas = Canvas(*size, theme=options.theme)
     layout = errors_layout((canvas.width, canvas.height))
@@ -119,7 +119,7 @@ def _side(
     colour: Rgb,
     options: RenderOptions,
 ) -> None:
-    """Bars, the pending brush, the median as a line and the cursor at the foot."""
+    """Bars, brush mark, the median as a line, and the cursor at the bottom."""
     theme, bottom = options.theme, panel.y + panel.height - 1
     ends: list[int] = []
     if mark is not None:
@@ -143,7 +143,7 @@ def _side(
 
 
 def _column(panel: Panel, error: float) -> int:
-    """The column of an error, the last one for what lies beyond it."""
+    """The column of an error, clipped to the last one."""
     column = int(np.floor(panel.to_cells(error, 0.0)[0] + 1e-9))
     return min(max(column, panel.x), panel.x + panel.width - 1)
 

@@ -1,4 +1,4 @@
-"""The gap over time on paper: a panel for the headline and one for every axis, on one scale."""
+"""The history on paper: a chart of the overall gap and one per axis, on one scale."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def history_figure(
     title: str = "The gap over time",
     subtitle: str = "",
 ) -> bytes:
-    """A file of `size` pixels; `data` must hold a night."""
+    """Draw the figure in `size` pixels; `data` must contain a night."""
     page = make_page(size, theme)
     model = history_model(data, MOST_DAYS)
     figure = new_figure(page)
@@ -73,11 +73,11 @@ def _panel(axes: Axes, model: HistoryModel, track: Track, page: Page) -> None:
     axes.plot(ends, limits, color=rgb_fractions(theme.truth), linewidth=1.1, linestyle=(0, (4, 3)),
               drawstyle="steps-mid")  # fmt: skip
     for at, day in enumerate(days):
-        colour = rgb_fractions(status_colour(track.words[at], theme))
+        colour = rgb_fractions(status_colour(track.statuses[at], theme))
         value, *bounds = np.clip([track.value[at], track.low[at], track.high[at]], low, high)
         if not math.isnan(value):
             axes.plot([day, day], bounds, color=colour, linewidth=1.6, solid_capstyle="butt")
-            axes.plot([day], [value], marker=_MARKERS[track.words[at]], markersize=5.5,
+            axes.plot([day], [value], marker=_MARKERS[track.statuses[at]], markersize=5.5,
                       color=colour)  # fmt: skip
     axes.set_ylabel("G")
     name = axes.set_title(track.name, loc="left", fontsize=9.5, pad=4)
@@ -86,7 +86,7 @@ def _panel(axes: Axes, model: HistoryModel, track: Track, page: Page) -> None:
 
 
 def _days(axes: Axes, model: HistoryModel, labelled: bool) -> None:
-    """About ten dates at whole days, the newest among them."""
+    """About ten dates, with the newest one."""
     step = -(-model.span // 10)
     ticks = list(range(int(model.days[-1]), int(model.days[0]) - 1, -step))
     dates = [f"{datetime.date.fromordinal(day):%Y-%m-%d}" for day in ticks]
@@ -94,6 +94,6 @@ def _days(axes: Axes, model: HistoryModel, labelled: bool) -> None:
 
 
 def _legend(axes: Axes, theme: Theme) -> None:
-    told = axes.set_title("● pass   ▲ fail   ■ inconclusive   - - threshold", loc="right",
+    key = axes.set_title("● pass   ▲ fail   ■ inconclusive   - - threshold", loc="right",
                           fontsize=8.5, pad=4)  # fmt: skip
-    told.set_color(rgb_fractions(theme.muted))
+    key.set_color(rgb_fractions(theme.muted))

@@ -1,4 +1,4 @@
-"""The gap over time: a row of charts over the nights, with intervals and the threshold."""
+"""The history in cells: charts of the gap over the nights, with intervals and threshold."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from s2rtui.charts.history.model import (
 from s2rtui.charts.shared.axis_scale import short_number
 
 LABELS = 5
-"""Columns at the left that numbers take."""
+"""Columns of numbers at the left."""
 _FEWEST_ROWS, _WIDEST = 4, 8
 _SIGNS: dict[Word, tuple[str, str]] = {
     "PASS": ("●", "o"),
@@ -34,9 +34,9 @@ _SIGNS: dict[Word, tuple[str, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class HistoryLayout:
-    """Columns of the charts and of a day; each chart's (title row, first row, rows) by track.
+    """First column and width of the charts, columns per day, and the rows of each chart.
 
-    `hidden` are the tracks that found no place.
+    charts: (track, title row, first row, rows). hidden: tracks without room.
     """
 
     left: int
@@ -46,28 +46,28 @@ class HistoryLayout:
     hidden: tuple[int, ...]
 
     def column(self, day: int, model: HistoryModel) -> int:
-        """Where a night stands."""
+        """The column of a night."""
         return self.left + (day - int(model.days[0])) * self.pitch + self.pitch // 2
 
 
 def status_glyph(word: Word, options: RenderOptions) -> str:
-    """The glyph of a word, so that colour is never needed."""
+    """The glyph of a status, readable without colours."""
     return _SIGNS[word][options.ascii]
 
 
 def status_colour(word: Word, theme: Theme) -> Rgb:
-    """The colour of a word."""
+    """The colour of a status."""
     return {"PASS": theme.sim, "FAIL": theme.real, "INCONCLUSIVE": theme.truth,
             "SKIPPED": theme.muted}[word]  # fmt: skip
 
 
 def chart_columns(width: int) -> int:
-    """The most days that `width` columns show."""
+    """The number of days that fit into `width` columns."""
     return max(1, width - (LABELS if width >= 24 else 0))
 
 
 def history_layout(model: HistoryModel, size: Size) -> HistoryLayout:
-    """The headline first, then as many axes as fit, the worst ones before others."""
+    """Lay out the headline and as many axes as fit, those with the largest gaps first."""
     width, height = max(1, size[0]), max(1, size[1])
     left = width - chart_columns(width)
     pitch = max(1, min(_WIDEST, (width - left) // max(1, model.span)))
@@ -88,20 +88,20 @@ def history_layout(model: HistoryModel, size: Size) -> HistoryLayout:
 
 @dataclass(frozen=True, slots=True)
 class ChartRows:
-    """The rows of a chart, `top` and the `count` under it, over a scale of G."""
+    """The rows of a chart: `count` rows from `top`, over a scale of G."""
 
     scale: tuple[float, float]
     top: int
     count: int
 
     def line(self, threshold: float) -> int:
-        """The threshold's row; where there are three, one lies above it and one under it."""
+        """The row of the threshold, with a row above and below it if there are three."""
         row = self._row(threshold)
         return row if self.count < 3 else min(max(row, self.top + 1), self.top + self.count - 2)
 
     def of(self, value: float, threshold: float) -> int:
-        """The row of a G, clipped to the chart: above the threshold's for what is over it, below it
-        for what is under it, as long as there are three.
+        """The row of a G, clipped to the chart, and on the right side of the threshold's row if
+        there are three rows.
         """
         row, line = self._row(value), self.line(threshold)
         if value == threshold or self.count < 3:
@@ -136,7 +136,7 @@ def draw_history(data: HistoryInput, size: Size, options: RenderOptions | None =
 
 
 def _title(canvas: Canvas, row: int, track: Track, options: RenderOptions) -> None:
-    theme, word, gap = options.theme, track.words[-1], track.last
+    theme, word, gap = options.theme, track.statuses[-1], track.last
     free = canvas.text(0, row, track.name, theme.text, bold=track.name == HEADLINE) + 2
     free = (
         canvas.text(
@@ -160,7 +160,7 @@ def _threshold(
     chart: ChartRows,
     options: RenderOptions,
 ) -> None:
-    """Its line, which steps where it was changed, and the scale at the left."""
+    """The line of the threshold, and the scale at the left."""
     theme = options.theme
     for day in range(int(model.days[0]), int(model.days[-1]) + 1):
         at = int(np.searchsorted(model.days, day, side="right")) - 1
@@ -184,12 +184,12 @@ def _nights(
     chart: ChartRows,
     options: RenderOptions,
 ) -> None:
-    """Each night's interval as a line, its G as the glyph of its word."""
+    """Each night's interval as a line, its G as the glyph of its status."""
     for at, day in enumerate(model.days.tolist()):
         gap = float(track.value[at])
         if math.isnan(gap):
             continue
-        column, colour = layout.column(day, model), status_colour(track.words[at], options.theme)
+        column, colour = layout.column(day, model), status_colour(track.statuses[at], options.theme)
         limit = float(model.thresholds[at])
         ends = [
             chart.of(gap if math.isnan(end) else end, limit)
@@ -197,13 +197,13 @@ def _nights(
         ]
         canvas.vline(column, ends[1], ends[0], options.glyphs.vertical, colour)
         row = chart.of(gap, limit)
-        canvas.put(column, row, status_glyph(track.words[at], options), colour, bold=True)
+        canvas.put(column, row, status_glyph(track.statuses[at], options), colour, bold=True)
 
 
 def _dates(
     canvas: Canvas, model: HistoryModel, layout: HistoryLayout, options: RenderOptions
 ) -> None:
-    """Dates under the nights, the newest always, others where there is room."""
+    """Dates below the nights: the newest always, others where there is room."""
     row, theme = canvas.height - 2, options.theme
     free = canvas.width
     for day in reversed(model.days.tolist()):
@@ -220,8 +220,8 @@ def _legend(
     canvas: Canvas, model: HistoryModel, layout: HistoryLayout, options: RenderOptions
 ) -> None:
     theme, row, free = options.theme, canvas.height - 1, 0
-    words: tuple[Word, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
-    for word in words:
+    statuses: tuple[Word, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
+    for word in statuses:
         free = (
             canvas.text(
                 free,

@@ -38,10 +38,10 @@ class HistoryView(View):
         return f"gap G of {last.run} (0: none, 100: declared bad), {nights_of_run}"
 
     def input(self, scene: Scene) -> model.HistoryInput:
-        found = scene.resources.history
-        if found is None:
+        loaded = scene.resources.history
+        if loaded is None:
             return model.HistoryInput(())
-        return model.HistoryInput(_nights(found, scene.state.run, scene.store.dataset.name))
+        return model.HistoryInput(_nights(loaded, scene.state.run, scene.store.dataset.name))
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         failed = scene.resources.failed.get("history")
@@ -59,15 +59,15 @@ class HistoryView(View):
 
     def _missing(self, scene: Scene) -> tuple[str, ...]:
         """The lines that say why there is nothing to draw and what to do."""
-        found, file = scene.resources.history, scene.state.history
+        loaded, file = scene.resources.history, scene.state.history
         if failed := scene.resources.failed.get("history"):
             return ("the history cannot be read", failed)
-        if file is not None and found is None:
+        if file is not None and loaded is None:
             return ("the history is being loaded",)
-        runs = found.shown_runs(scene.store.dataset.name) if found is not None else ()
+        runs = loaded.shown_runs(scene.store.dataset.name) if loaded is not None else ()
         if runs:
             return (f"no night of run {scene.state.run}", f"there are nights of: {', '.join(runs)}")
-        if found is not None and found.nights:
+        if loaded is not None and loaded.nights:
             return ("no night of this data set", "name another history: --history FILE")
         return (
             "no nights yet",
@@ -106,8 +106,8 @@ VIEW = HistoryView()
 
 
 @lru_cache(4)
-def _nights(found: History, run: str, dataset: str) -> tuple[Night, ...]:
-    return found.of_run(run, dataset)
+def _nights(loaded: History, run: str, dataset: str) -> tuple[Night, ...]:
+    return loaded.of_run(run, dataset)
 
 
 def _count(nights: Sequence[Night]) -> str:

@@ -1,4 +1,4 @@
-"""One instance on paper: sim beside real, heat over the image, depth, scales and numbers."""
+"""One instance on paper: images of sim and real with heat, depth, scales and numbers."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIDE = 2.9
-"""Inches at the right for scales and numbers."""
+"""Width of scales and numbers at the right, inches."""
 
 
 def instance_figure(
@@ -42,7 +42,7 @@ def instance_figure(
     run: str = "",
     title: str = "",
 ) -> bytes:
-    """A PNG of `size` pixels; the heading names the run, the instance and the heat."""
+    """Draw the figure in `size` pixels."""
     page = make_page(size, theme)
     model = instance_model(data)
     figure = new_figure(page)
@@ -132,7 +132,7 @@ def _scales(
     top: float,
     high: float,
 ) -> None:
-    """The colour bars side by side."""
+    """Draw the colour bars side by side."""
 
     def heat(shares: NDArray[np.float64]) -> Pixels:
         return diverging(2 * shares - 1, (236, 236, 236)) if data.signed else turbo(shares)
@@ -156,7 +156,7 @@ def _scales(
 def _numbers(
     figure: Figure, page: Page, data: InstanceInput, model: InstanceModel, left: float, top: float
 ) -> None:
-    """Poses and errors as a small table, then the notes."""
+    """Write poses and errors as a table, then the notes."""
     wide, high = page.inches
     theme = page.theme
     inks = {"truth": theme.truth, "sim": theme.sim, "real": theme.real}

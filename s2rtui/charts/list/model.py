@@ -17,7 +17,7 @@ Text = Callable[[int], str]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ListColumn:
-    """`text` gives the words of an iid; `width` in cells; numbers stand to the right."""
+    """A column: `text` formats the value of an iid; `width` in cells; `right` aligns right."""
 
     title: str
     text: Text
@@ -28,7 +28,7 @@ class ListColumn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ListInput:
-    """rows: (n,) iids in the list's order; `cursor` one of them; `descending` marks the order."""
+    """rows: (n,) iids in order; cursor: an iid; descending: the direction of the order."""
 
     rows: NDArray[np.intp]
     columns: tuple[ListColumn, ...]
@@ -37,9 +37,9 @@ class ListInput:
 
 
 def cursor_row(data: ListInput) -> int | None:
-    """The cursor's place in the list; None where it is not in it."""
-    found = np.flatnonzero(data.rows == data.cursor) if data.cursor is not None else data.rows[:0]
-    return int(found[0]) if found.size else None
+    """The cursor's index in the list, or None."""
+    places = np.flatnonzero(data.rows == data.cursor) if data.cursor is not None else data.rows[:0]
+    return int(places[0]) if places.size else None
 
 
 _UNITS = {"heading": "deg", "real.heading_error": "deg", "sim.heading_error": "deg"}
@@ -47,7 +47,7 @@ _UNITS = {"heading": "deg", "real.heading_error": "deg", "sim.heading_error": "d
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """A column by the language's name: how it is shown, and its value of an iid."""
+    """A column named as in the selection language, with its display and values."""
 
     name: str
     shown: ListColumn
@@ -73,18 +73,14 @@ def _numbers(scene: Scene, name: str, sorts: bool) -> _Column:
     title = name.replace("heading_error", "turn")
 
     def value(iid: int) -> float | None:
-        found = float(instance_list.column(scene.store, scene.state, name)[iid]) * scale
-        return found if math.isfinite(found) else None
+        number = float(instance_list.column(scene.store, scene.state, name)[iid]) * scale
+        return number if math.isfinite(number) else None
 
     def text(iid: int) -> str:
-        found = value(iid)
-        return (
-            "n/a"
-            if found is None
-            else f"{found:.0f}"
-            if name in instance_list.COUNTS
-            else f"{found:.2f}"
-        )
+        number = value(iid)
+        if number is None:
+            return "n/a"
+        return f"{number:.0f}" if name in instance_list.COUNTS else f"{number:.2f}"
 
     shown = ListColumn(title, text, max(8, len(title) + 1), sorts=sorts)
     return _Column(name, shown, value)

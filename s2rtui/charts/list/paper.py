@@ -1,4 +1,4 @@
-"""The list on paper: as many rows and columns as the page takes, and how many it leaves out."""
+"""The list on paper: the rows and columns that fit, and the number of those that do not."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def list_figure(
     title: str = "List",
     subtitle: str = "",
 ) -> bytes:
-    """A PNG of `size` pixels: the first rows in the list's order, the cursor's row set apart."""
+    """Draw the first rows in `size` pixels, with the cursor's row highlighted."""
     page = make_page(size, theme)
     figure = new_figure(page)
     top = draw_heading(figure, page, title, subtitle) - 0.1
@@ -53,18 +53,18 @@ def list_figure(
 
 
 def _columns(data: ListInput, rows: list[int], page: Page) -> list[tuple[ListColumn, float, float]]:
-    """Those that fit, with their left and right ends in inches."""
-    found: list[tuple[ListColumn, float, float]] = []
+    """The columns that fit, with their left and right ends in inches."""
+    columns: list[tuple[ListColumn, float, float]] = []
     x = LEFT
     for column in data.columns:
         texts = [len(column.text(iid)) for iid in rows]
         letters = max([len(column.title) + 2 * column.sorts, *texts])
         end = x + LETTER * min(letters, 3 * column.width)
-        if found and end > page.inches[0] - 0.15:
+        if columns and end > page.inches[0] - 0.15:
             break
-        found.append((column, x, end))
+        columns.append((column, x, end))
         x = end + GAP
-    return found
+    return columns
 
 
 def _left_out(rows: int, columns: int) -> str:

@@ -1,4 +1,4 @@
-"""A list of instances: a window of rows around the cursor, as many columns as fit."""
+"""The list in cells: rows around the cursor, and the columns that fit."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from s2rtui.charts.list.model import ListColumn, ListInput, cursor_row
 
 @dataclass(frozen=True, slots=True)
 class ListLayout:
-    """starts: the first cell of each column that fits; first: the index into `rows` of the line
-    `top`; shown: how many lines there are from there on.
+    """starts: the first cell of each visible column; first: the index of the row on line `top`;
+    shown: number of visible rows.
     """
 
     starts: tuple[int, ...]
@@ -25,16 +25,13 @@ class ListLayout:
     top: int
 
     def row_at(self, y: int) -> int | None:
-        """The index into `rows` that stands on line `y`."""
+        """The index of the row on line `y`, or None."""
         index = y - self.top
         return self.first + index if 0 <= index < self.shown else None
 
 
 def list_layout(data: ListInput, size: Size) -> ListLayout:
-    """Where columns and rows stand in `size` (columns, rows), in cells from the upper left corner.
-
-    Columns from the left while they fit, the first one always; the cursor's row is in view.
-    """
+    """Lay out the list in `size` (columns, rows); the cursor's row is always visible."""
     width, height = size
     starts: list[int] = []
     x = 2
@@ -103,7 +100,7 @@ def _cell(
 def list_panels(
     data: ListInput, size: Size, options: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
-    """One panel whose data are the row's index in the list."""
+    """One panel; y is the index of a row of the list."""
     layout = list_layout(data, size)
     if not layout.shown:
         return ()

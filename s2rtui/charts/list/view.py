@@ -80,8 +80,8 @@ class ListView(View):
 
     def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         rows = instance_list.order(scene.store, scene.state, scene.notes)
-        found = np.flatnonzero(rows == scene.state.cursor)
-        return (0.0, float(found[0])) if found.size else (0.0, 0.0)
+        places = np.flatnonzero(rows == scene.state.cursor)
+        return (0.0, float(places[0])) if places.size else (0.0, 0.0)
 
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         rows = instance_list.order(scene.store, scene.state, scene.notes)

@@ -1,4 +1,4 @@
-"""Error glyphs of a map as numbers: a point, and the mean error vector of both sides there."""
+"""The numbers of the map's marks: error glyphs and error lines."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from s2rtui.charts.shared.map_model import MapInput, MapModel, selected_in_frame
 from s2rtui.charts.shared.points import point_cells
 
 SINGLES = 200
-"""More selected instances in view than these are shown by blocks of cells."""
+"""Above this number of visible selected instances, glyphs stand for blocks of cells."""
 SMALLEST, LARGEST = 20.0, 180.0
-"""Degrees of an arc: of the smallest error, and of one of full scale."""
+"""Degrees of an arc of the smallest error, and of one of full scale."""
 Vectors = NDArray[np.float64]
 
 
@@ -38,17 +38,17 @@ class ErrorGlyphs:
 
     @property
     def crowded(self) -> bool:
-        """Whether blocks stand for their instances."""
+        """Whether glyphs stand for blocks of cells."""
         return int(self.counts.sum()) > SINGLES
 
 
 def error_glyphs(
     data: MapInput, model: MapModel, frame: MapFrame, footprint: tuple[int, int]
 ) -> ErrorGlyphs:
-    """The glyphs of what is selected in the frame, each with `footprint` cells of its own.
+    """The error glyphs of the selected instances in a frame, each on `footprint` cells.
 
-    Up to `SINGLES` instances stand at their truth, those too near to each other together at
-    their mean; more of them are taken together by blocks of footprint size, at the middle.
+    Up to `SINGLES` instances have a glyph at their true position, near ones a common glyph at
+    their mean; more are combined by blocks of footprint size.
     """
     arrays = _Arrays(ArrayKey(data.truth), ArrayKey(data.sim), ArrayKey(data.real))
     return _glyphs(arrays, full_scale(data), model.selection, frame, footprint)
@@ -75,7 +75,7 @@ def _glyphs(
 
 
 def full_scale(data: MapInput) -> float:
-    """The error that a full arc stands for: the 99th percentile of both sides' valid ones."""
+    """The error of an arc of full scale: the 99th percentile of the valid errors."""
     return _full_scale(
         ArrayKey(data.truth), ArrayKey(data.sim), ArrayKey(data.real), ArrayKey(data.valid)
     )
@@ -105,22 +105,22 @@ def _clusters(
     frame: MapFrame,
     footprint: tuple[int, int],
 ) -> ErrorGlyphs:
-    """One glyph per instance; what lies within a footprint of an earlier one joins that one."""
+    """One glyph per instance, combined with earlier ones within a footprint."""
     truth, *sides = (np.asarray(part.array, dtype=np.float64)[ids] for part in arrays)
     places = frame.to_cells(truth)
     group = np.full(len(ids), -1, dtype=np.intp)
-    found = 0
+    number = 0
     for index in range(len(ids)):
         if group[index] < 0:
             near = (np.abs(places - places[index]) < footprint).all(axis=1)
-            group[near & (group < 0)] = found
-            found += 1
-    counts = np.bincount(group, minlength=found)
+            group[near & (group < 0)] = number
+            number += 1
+    counts = np.bincount(group, minlength=number)
 
     def mean(vectors: Vectors) -> Vectors:
         known = np.isfinite(vectors).all(axis=1)
-        sizes = np.bincount(group[known], minlength=found)
-        axes = [np.bincount(group[known], part[known], minlength=found) for part in vectors.T]
+        sizes = np.bincount(group[known], minlength=number)
+        axes = [np.bincount(group[known], part[known], minlength=number) for part in vectors.T]
         with np.errstate(invalid="ignore"):
             return np.stack(axes, axis=1) / np.where(sizes > 0, sizes, np.nan)[:, None]
 
@@ -135,7 +135,7 @@ def _blocks(
     frame: MapFrame,
     footprint: tuple[int, int],
 ) -> ErrorGlyphs:
-    """One glyph in the middle of each block of cells that holds a selected instance."""
+    """One glyph in the middle of each block of cells with a selected instance."""
     wide, high = footprint
     across = -(-frame.width // wide)
     column = _block_codes(arrays, frame, footprint)
@@ -154,7 +154,7 @@ def _blocks(
 
 @cached_by_identity(4)
 def _block_codes(arrays: _Arrays, frame: MapFrame, footprint: tuple[int, int]) -> Bins:
-    """The block of each instance whose two errors are known."""
+    """The block of each instance with known errors, as bins."""
     wide, high = footprint
     across, down = -(-frame.width // wide), -(-(frame.height // 2) // high)
     rows, columns = np.divmod(np.arange(frame.height // 2 * frame.width), frame.width)
@@ -167,26 +167,26 @@ def _block_codes(arrays: _Arrays, frame: MapFrame, footprint: tuple[int, int]) -
 
 
 def arc_degrees(vectors: Vectors, full: float) -> Floats:
-    """How wide the arc of each error (k, 2) is; NaN where it is unknown."""
+    """The width of the arc of each error (k, 2) in degrees; NaN where unknown."""
     share = np.minimum(np.hypot(vectors[:, 0], vectors[:, 1]) / full, 1.0)
     return np.maximum(SMALLEST, LARGEST * share)
 
 
 def arc_turns(vectors: Vectors, y_down: bool) -> Floats:
-    """The direction of each error as drawn: radians clockwise on the screen from the right."""
+    """The direction of each error on the screen: radians clockwise from the right."""
     return np.arctan2(vectors[:, 1] * (1 if y_down else -1), vectors[:, 0])
 
 
 LINES_UP_TO = 24
-"""So many selected instances, all or in view, get their error lines drawn."""
+"""Up to this number of selected instances (visible or in all), error lines are drawn."""
 
 
 def iids_with_error_lines(
     data: MapInput, model: MapModel, frame: MapFrame | None = None, limit: int = LINES_UP_TO
 ) -> NDArray[np.intp]:
-    """Iids whose error lines are drawn: the selected, or those in the frame, up to a limit.
+    """Iids whose error lines are drawn: the selected ones, or those in the frame, up to `limit`.
 
-    The cursor's is always one of them.
+    The cursor's instance is always included.
     """
     ids = np.empty(0, dtype=np.intp)
     if model.highlighted <= limit:

@@ -1,4 +1,4 @@
-"""The geo-map on paper: floor plan, heat, poses, errors, with scales in metres."""
+"""The map on paper: values, predictions or error wedges on the floor plan."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def map_figure(
     title: str = "",
     viewport: Bounds | None = None,
 ) -> bytes:
-    """A PNG of `size` pixels; the heading names the run and what is shown."""
+    """Draw the figure in `size` pixels."""
     page = make_page(size, theme)
     model = map_model(data)
     area = viewport or default_view(data.bounds, data.truth, data.valid)
@@ -91,7 +91,7 @@ def _title(data: MapInput, run: str) -> str:
 
 
 def _side(sheet: MapSheet, data: MapInput, model: MapModel, corner: tuple[float, float]) -> None:
-    """Colour bars and legend, one under the other from `corner` (inches) downwards."""
+    """Draw colour bars and legend from `corner` (inches) downwards."""
     left, top = corner
     page = sheet.page
     high = min(2.0, (top - 0.6) * 0.33)
@@ -132,11 +132,11 @@ def _marks(data: MapInput, model: MapModel, theme: Theme) -> list[tuple[str, str
 
 
 PAPER_LINES_UP_TO = 200
-"""Paper is finer than a terminal: this many instances get their error lines."""
+"""Up to this number of selected instances, error lines are drawn on paper."""
 
 
 def draw_predictions(axes: Axes, data: MapInput, model: MapModel, spots: Spots) -> None:
-    """Sim, real and truth of the lit ones, joined by lines where they are few."""
+    """Draw predictions and truth of the selected, joined by lines where they are few."""
     ids, theme = model.selection.members, spots.theme
     edge = rgb_fractions(theme.background)
     _error_lines(axes, data, iids_with_error_lines(data, model, limit=PAPER_LINES_UP_TO), theme)
@@ -216,23 +216,23 @@ Span = tuple[float, float]
 
 
 def draw_wedges(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
-    """Sim and real wedges, overlapping parts in a colour of their own."""
+    """Draw errors as wedges of sim and real; their overlap has a third colour."""
     from matplotlib.patches import Wedge
 
     theme, axes = sheet.page.theme, sheet.axes
     ids = model.selection.members
     truth = np.asarray(data.truth, dtype=np.float64)[sheet.spots.thinned(data.truth, ids)]
     frame = sheet.grid(CELL)
-    found = error_glyphs(data, model, frame, FOOTPRINT)
-    size, alpha = (1, 0.25) if found.crowded else (4, 1.0)
+    glyph_set = error_glyphs(data, model, frame, FOOTPRINT)
+    size, alpha = (1, 0.25) if glyph_set.crowded else (4, 1.0)
     gold = rgb_fractions(theme.truth)
     axes.scatter(truth[:, 0], truth[:, 1], s=size, color=gold, alpha=alpha, linewidths=0, zorder=4)
     metres = sheet.area.width / sheet.inches[0] / 72
-    centres = found.centres * (frame.pitch, 2 * frame.pitch * (1 if data.y_down else -1))
+    centres = glyph_set.centres * (frame.pitch, 2 * frame.pitch * (1 if data.y_down else -1))
     centres += (frame.x0, frame.y0)
-    sim, real = (_spans(found, part) for part in (found.sim, found.real))
+    sim, real = (_spans(glyph_set, part) for part in (glyph_set.sim, glyph_set.real))
     for centre, size, first, second in zip(
-        centres.tolist(), found.counts.tolist(), sim, real, strict=True
+        centres.tolist(), glyph_set.counts.tolist(), sim, real, strict=True
     ):
         for span, colour, order in (
             (first, theme.sim, 5.0),
@@ -256,7 +256,7 @@ def draw_wedges(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
 
 
 def _middle(sheet: MapSheet, centre: tuple[float, float], size: int) -> None:
-    """A dot for one instance, else how many are taken together."""
+    """A dot for one instance, else the number of combined ones."""
     from matplotlib import patheffects
 
     theme = sheet.page.theme
@@ -282,10 +282,10 @@ def _middle(sheet: MapSheet, centre: tuple[float, float], size: int) -> None:
     label.set_path_effects(halo)
 
 
-def _spans(found: ErrorGlyphs, vectors: NDArray[np.float64]) -> list[Span | None]:
-    """First and last angle of each wedge in the map's own degrees; None where unknown."""
+def _spans(glyph_set: ErrorGlyphs, vectors: NDArray[np.float64]) -> list[Span | None]:
+    """First and last angle of each wedge in degrees of the map; None where unknown."""
     middles = np.degrees(arc_turns(vectors, True))
-    halves = np.asarray(arc_degrees(vectors, found.full)) / 2
+    halves = np.asarray(arc_degrees(vectors, glyph_set.full)) / 2
     return [
         None if math.isnan(middle) else (middle - half, middle + half)
         for middle, half in zip(middles.tolist(), halves.tolist(), strict=True)
@@ -293,7 +293,7 @@ def _spans(found: ErrorGlyphs, vectors: NDArray[np.float64]) -> list[Span | None
 
 
 def _shared(first: Span | None, second: Span | None) -> Span | None:
-    """Where two spans of at most half a turn overlap."""
+    """The overlap of two spans of at most 180 degrees."""
     if first is None or second is None:
         return None
     turn = 360 * round((sum(first) - sum(second)) / 720)
@@ -302,7 +302,7 @@ def _shared(first: Span | None, second: Span | None) -> Span | None:
 
 
 def wedge_legend(data: MapInput, model: MapModel, theme: Theme) -> list[tuple[str, str, Rgb, bool]]:
-    """What the wedges' colours, widths and numbers mean."""
+    """The legend of the wedges."""
     full = f"{LARGEST:g}° wide = {short_number(full_scale(data), 2)} m"
     marks = [
         ("sim error", "s", theme.sim, True),

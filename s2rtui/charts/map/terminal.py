@@ -1,4 +1,4 @@
-"""The geo-map: floor plan, heat, poses and errors from above, in cells."""
+"""The map in cells: values, predictions or error glyphs on the floor plan."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ from s2rtui.charts.shared.points import selected_cells
 ARC_FOOTPRINT = (7, 3)
 ARROW_FOOTPRINT = (9, 3)
 RADII = (3.0, 3.6, 4.2)
-"""Of the arcs, in braille dots: two dots thick."""
+"""Radii of the arcs in braille dots, which makes them two dots thick."""
 OCTANTS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
-"""Columns and rows of the eight arrows' places, as `Glyphs.arrows` run."""
+"""Columns and rows from the point to its arrow, in the order of `Glyphs.arrows`."""
 Grid = NDArray[np.bool_]
 
 
@@ -66,7 +66,7 @@ def map_layout(
     options: RenderOptions | None = None,
     model: MapModel | None = None,
 ) -> MapLayout:
-    """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
+    """Lay out the map in `size`; `viewport` is a rectangle in metres (default: the bounds)."""
     options, model = options or RenderOptions(), model or map_model(data)
     notes: list[LegendPart] = []
     if data.mode == "full" and model.highlighted > LINES_UP_TO:
@@ -85,7 +85,7 @@ def map_panels(
 def draw_map(
     data: MapInput, size: Size, options: RenderOptions | None = None, viewport: Bounds | None = None
 ) -> Canvas:
-    """The view in `size` (columns, rows) through `viewport`, a world rectangle."""
+    """Draw the map in `size` (columns, rows) through `viewport`, a rectangle in metres."""
     options = options or RenderOptions()
     model = map_model(data)
     layout = map_layout(data, size, viewport, options, model)
@@ -103,7 +103,7 @@ def draw_map(
 def full_legend(
     data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
-    """The glyphs of predictions and truth."""
+    """The legend of predictions and truth."""
     theme, glyphs = options.theme, options.glyphs
     marks = (
         (f"{glyphs.sim} ", theme.sim),
@@ -119,7 +119,7 @@ def full_legend(
 def draw_predictions(
     canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame, options: RenderOptions
 ) -> None:
-    """Sim, real and truth of the selected; lines join them where they are few."""
+    """Draw predictions and truth of the selected, joined by lines where they are few."""
     theme, glyphs = options.theme, options.glyphs
     _lines(canvas, data, iids_with_error_lines(data, model, frame), frame, options)
     for points, glyph, colour in (
@@ -134,7 +134,7 @@ def draw_predictions(
 def _lines(
     canvas: Canvas, data: MapInput, ids: Places, frame: MapFrame, options: RenderOptions
 ) -> None:
-    """From the truth to both predictions, in braille or in full stops."""
+    """Error lines from the truth to both predictions, in braille or in full stops."""
     starts = frame.to_cells(np.asarray(data.truth)[ids])
     for side, colour in ((data.sim, options.theme.sim), (data.real, options.theme.real)):
         grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
@@ -160,7 +160,7 @@ def draw_cursor_predictions(
 def draw_live(
     canvas: Canvas, live: Sequence[LivePose], frame: MapFrame, options: RenderOptions
 ) -> None:
-    """Predictions that are not stored, with their headings."""
+    """Draw predicted poses that are not in the store."""
     theme, glyphs = options.theme, options.glyphs
     for pose in live:
         glyph, colour = (glyphs.sim, theme.sim) if pose.side == "sim" else (glyphs.real, theme.real)
@@ -171,12 +171,12 @@ def draw_live(
 def draw_error_glyphs(
     canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame, options: RenderOptions
 ) -> None:
-    """Arcs in braille; arrows with letters and sizes where colours or braille lack."""
+    """Draw errors as arcs in braille, or as arrows with letters and sizes without colours."""
     footprint = ARC_FOOTPRINT if options.supports_images else ARROW_FOOTPRINT
-    found = error_glyphs(data, model, frame, footprint)
+    glyph_set = error_glyphs(data, model, frame, footprint)
     rows, columns = np.nonzero(selected_cells(data.truth, model.selection, frame))
     gold = options.theme.truth
-    if found.crowded:
+    if glyph_set.crowded:
         red, green, blue = mix(np.array(options.theme.background), np.array(gold), 0.55).tolist()
         put_glyphs(
             canvas, columns, rows, "." if options.ascii else "·", (red, green, blue), bold=False
@@ -184,19 +184,21 @@ def draw_error_glyphs(
     else:
         put_glyphs(canvas, columns, rows, options.glyphs.truth, gold, bold=False)
     draw = _arcs if options.supports_images else _arrows
-    draw(canvas, found, data.y_down, options)
-    _middles(canvas, found, options)
+    draw(canvas, glyph_set, data.y_down, options)
+    _middles(canvas, glyph_set, options)
 
 
-def _middles(canvas: Canvas, found: ErrorGlyphs, options: RenderOptions) -> None:
-    """The truth of one instance, or how many are taken together."""
-    for (column, row), size in zip(found.centres.tolist(), found.counts.tolist(), strict=True):
+def _middles(canvas: Canvas, glyph_set: ErrorGlyphs, options: RenderOptions) -> None:
+    """The true position of one instance, or the number of combined ones."""
+    for (column, row), size in zip(
+        glyph_set.centres.tolist(), glyph_set.counts.tolist(), strict=True
+    ):
         glyph = options.glyphs.truth if size == 1 else str(size) if size < 10 else "+"
         canvas.put(int(column), int(row), glyph, options.theme.truth, bold=True)
 
 
-def _arcs(canvas: Canvas, found: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
-    sim, real = (_ring(canvas, found, part, y_down) for part in (found.sim, found.real))
+def _arcs(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
+    sim, real = (_ring(canvas, glyph_set, part, y_down) for part in (glyph_set.sim, glyph_set.real))
     theme = options.theme
     counts = [
         part.reshape(canvas.height, 4, canvas.width, 2).sum(axis=(1, 3))
@@ -207,25 +209,27 @@ def _arcs(canvas: Canvas, found: ErrorGlyphs, y_down: bool, options: RenderOptio
     colours[counts[1] > counts[0]] = theme.real
     colours[counts[2] > 0] = theme.both
     draw_braille(canvas, 0, 0, sim | real, colours)
-    _tips(canvas, found, y_down, options)
+    _tips(canvas, glyph_set, y_down, options)
 
 
-def _ring(canvas: Canvas, found: ErrorGlyphs, vectors: NDArray[np.float64], y_down: bool) -> Grid:
+def _ring(
+    canvas: Canvas, glyph_set: ErrorGlyphs, vectors: NDArray[np.float64], y_down: bool
+) -> Grid:
     """The arcs of one side as braille dots (4 rows, 2 columns per cell)."""
-    half = np.radians(arc_degrees(vectors, found.full))[:, None] / 2
+    half = np.radians(arc_degrees(vectors, glyph_set.full))[:, None] / 2
     angles = arc_turns(vectors, y_down)[:, None] + half * np.linspace(-1, 1, 32)
     angles, radii = angles[..., None], np.array(RADII)
-    middle = np.floor(found.centres)[:, None, None] + 0.5
+    middle = np.floor(glyph_set.centres)[:, None, None] + 0.5
     columns = middle[..., 0] + radii / 2 * np.cos(angles)
     rows = middle[..., 1] + radii / 4 * np.sin(angles)
     known = np.isfinite(columns)
     return dot_grid(columns[known], rows[known], canvas.width, canvas.height)
 
 
-def _tips(canvas: Canvas, found: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
-    """The middle of each arc as the side's glyph, one for both where they meet."""
+def _tips(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
+    """The side's glyph in the middle of each arc, one for both where they coincide."""
     theme, glyphs = options.theme, options.glyphs
-    places = [_tip_cells(found, part, y_down) for part in (found.sim, found.real)]
+    places = [_tip_cells(glyph_set, part, y_down) for part in (glyph_set.sim, glyph_set.real)]
     for sim, real in zip(*(part.tolist() for part in places), strict=True):
         if sim == real:
             canvas.put(sim[0], sim[1], glyphs.both, theme.both, bold=True)
@@ -234,19 +238,21 @@ def _tips(canvas: Canvas, found: ErrorGlyphs, y_down: bool, options: RenderOptio
         canvas.put(real[0], real[1], glyphs.real, theme.real, bold=True)
 
 
-def _tip_cells(found: ErrorGlyphs, vectors: NDArray[np.float64], y_down: bool) -> NDArray[np.intp]:
+def _tip_cells(
+    glyph_set: ErrorGlyphs, vectors: NDArray[np.float64], y_down: bool
+) -> NDArray[np.intp]:
     turns = arc_turns(vectors, y_down)
-    middle = np.floor(found.centres) + 0.5
+    middle = np.floor(glyph_set.centres) + 0.5
     step = np.stack([np.cos(turns) * RADII[-1] / 2, np.sin(turns) * RADII[-1] / 4], axis=1)
     return np.where(np.isfinite(step), np.floor(middle + step), -1).astype(np.intp)
 
 
-def _arrows(canvas: Canvas, found: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
-    """Beside the point an arrow in the error's direction, then the side's letter and the size."""
+def _arrows(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
+    """An arrow in the error's direction, with the side's letter and the size of the error."""
     theme, glyphs = options.theme, options.glyphs
-    sim, real = (_octants(part, y_down) for part in (found.sim, found.real))
-    sizes = [_digits(part, found.full) for part in (found.sim, found.real)]
-    middles = np.floor(found.centres).astype(int).tolist()
+    sim, real = (_octants(part, y_down) for part in (glyph_set.sim, glyph_set.real))
+    sizes = [_digits(part, glyph_set.full) for part in (glyph_set.sim, glyph_set.real)]
+    middles = np.floor(glyph_set.centres).astype(int).tolist()
     for index, (column, row) in enumerate(middles):
         texts = [side[index] for side in sizes]
         if sim[index] == real[index]:
@@ -278,7 +284,7 @@ def _arrow(
     colour: Rgb,
     options: RenderOptions,
 ) -> None:
-    """One arrow; above and below the point its label avoids the other arrow's side."""
+    """One arrow; a label above or below the point avoids the other arrow."""
     if octant < 0:
         return
     across, down = OCTANTS[octant]
@@ -307,7 +313,7 @@ def _digits(vectors: NDArray[np.float64], full: float) -> list[str]:
 def glyph_legend(
     data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
-    """What the arcs or arrows mean."""
+    """The legend of arcs or arrows."""
     theme, glyphs = options.theme, options.glyphs
     full = f"{short_number(full_scale(data), 2)} m"
     scale = f"{LARGEST:g}{glyphs.degree} = {full}" if options.supports_images else f"9 = {full}"

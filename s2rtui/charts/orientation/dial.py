@@ -1,4 +1,4 @@
-"""Radial bars in braille dots: which dot belongs to which bin, and how far out it lies."""
+"""Dials: radial bars of headings, as braille dots and in cells."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ RING = 0.32
 
 @dataclass(frozen=True, slots=True)
 class Dial:
-    """A disc in cells: centre, and radii of ring and rim in columns (a row is two columns high).
+    """A disc in cells: centre, radii of ring and rim in columns (a row counts as two columns).
 
-    Headings in degrees run from the right, downwards if `y_down`.
+    Headings in degrees start at the right and go downwards if `y_down`.
     """
 
     x: float
@@ -34,14 +34,14 @@ class Dial:
     y_down: bool
 
     def to_data(self, column: float, row: float) -> Point:
-        """(degrees in [-180, 180), radius: 0 at the ring, 1 at the rim) of a place in cells."""
+        """Convert a place in cells to degrees in [-180, 180) and radius (ring: 0, rim: 1)."""
         across, down = column - self.x, 2 * (row - self.y)
         turn = float(np.degrees(np.arctan2(down if self.y_down else -down, across)))
         distance = float(np.hypot(across, down))
         return (turn if turn < 180 else -180.0), (distance - self.ring) / (self.rim - self.ring)
 
     def to_cells(self, degrees: float, radius: float) -> Point:
-        """The place in cells; the inverse of `to_data`."""
+        """Convert degrees and radius to a place in cells; the inverse of `to_data`."""
         distance = self.ring + radius * (self.rim - self.ring)
         turn = np.radians(degrees)
         down = distance * np.sin(turn) * (1 if self.y_down else -1)
@@ -55,13 +55,13 @@ def dial_of(x: float, y: float, width: int, height: int, y_down: bool, margin: P
 
 
 def ring_dots(dial: Dial, width: int, height: int) -> Dots:
-    """(4 height, 2 width) braille dots: the circle that the bars stand on."""
+    """Braille dots (4 height, 2 width) of the circle at which bars begin."""
     distance = 2 * _polar(dial, width, height, 4, 1)[1]
     return np.abs(distance - 2 * dial.ring) < 0.5
 
 
 def bar_dots(dial: Dial, width: int, height: int, lengths: ArrayLike, fine: int = 4) -> Dots:
-    """(fine height, 2 width) dots: bars of `lengths` 0 .. 1, one per bin, from -180 degrees on."""
+    """Dots (fine height, 2 width) of bars with `lengths` 0 .. 1, one per bin from -180 degrees."""
     lengths = np.clip(lengths, 0.0, 1.0)
     bin_of, share, rays, along = _bars(dial, width, height, fine, len(lengths))
     dots = (share > 0) & (share <= lengths[bin_of])
@@ -86,9 +86,9 @@ def _polar(
 def _bars(
     dial: Dial, width: int, height: int, fine: int, count: int
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
-    """Bin and share of each dot; and along each bin's middle, dots (-1 outside) and shares.
+    """Bin and radius of each dot; and the dots (-1: outside) and radii along each bin's middle.
 
-    The rays see to it that a bar thinner than a dot is drawn, too.
+    The dots along the middle make bars visible that are thinner than a dot.
     """
     bin_of, distance = _polar(dial, width, height, fine, count)
     share = (distance - dial.ring) / (dial.rim - dial.ring)
@@ -119,7 +119,7 @@ def draw_dial(
     colour: Rgb,
     options: RenderOptions,
 ) -> None:
-    """Bars of the selected in `colour`, of all valid in grey behind them; `cursor` in degrees."""
+    """Draw bars of the selected in `colour` on grey bars of all; `cursor` in degrees."""
     chart = Canvas(panel.width, panel.height, options.theme)
     if mark is not None:
         _ground(chart, dial, mark, options)
@@ -137,7 +137,7 @@ def draw_dial(
 
 
 def _cells(dots: Dots, fine: int) -> Dots:
-    """(fine h, 2w) to (h, w): cells with any dot."""
+    """Convert dots (fine h, 2w) to cells (h, w) that contain any."""
     rows, columns = dots.shape
     return np.asarray(dots.reshape(rows // fine, fine, columns // 2, 2).any(axis=(1, 3)))
 
@@ -145,7 +145,7 @@ def _cells(dots: Dots, fine: int) -> Dots:
 def _dots_and_blocks(
     chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, colour: Rgb, options: RenderOptions
 ) -> None:
-    """The selected as quarters of cells, solid; ring and all others as braille dots."""
+    """Selected bars in quarter blocks; ring and grey bars in braille dots."""
     theme = options.theme
     ring = ring_dots(dial, chart.width, chart.height)
     draw_braille(chart, 0, 0, grey | ring, np.array(theme.unselected, dtype=np.uint8))
@@ -159,7 +159,7 @@ def _dots_and_blocks(
 def _characters(
     chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, colour: Rgb, options: RenderOptions
 ) -> None:
-    """Cells of ring, grey and selected bars as characters."""
+    """Ring, grey bars and selected bars in ASCII characters."""
     ring = _cells(ring_dots(dial, chart.width, chart.height), 4)
     for cells, glyph, ink in (
         (ring, "o", options.theme.muted),
@@ -171,7 +171,7 @@ def _characters(
 
 
 def _needle(chart: Canvas, dial: Dial, cursor: float | None, options: RenderOptions) -> None:
-    """From the centre to the ring, the way the cursor's instance looks."""
+    """A line from the centre to the ring in the heading of the cursor's instance."""
     if cursor is None:
         return
     if options.ascii:
@@ -184,7 +184,7 @@ def _needle(chart: Canvas, dial: Dial, cursor: float | None, options: RenderOpti
 
 
 def _ground(chart: Canvas, dial: Dial, mark: Mark, options: RenderOptions) -> None:
-    """The sector of a pending brush."""
+    """The sector of a brush mark."""
     middle, half = mark_arc(mark)
     across = np.arange(chart.width) + 0.5 - dial.x
     down = 2 * (np.arange(chart.height) + 0.5 - dial.y)
@@ -196,7 +196,7 @@ def _ground(chart: Canvas, dial: Dial, mark: Mark, options: RenderOptions) -> No
 def _rim(
     canvas: Canvas, panel: Panel, cursor: float | None, mark: Mark | None, options: RenderOptions
 ) -> None:
-    """The ends of a pending brush and the cursor's heading, at the rim."""
+    """The ends of a brush mark and the cursor's heading at the rim."""
     if mark is not None:
         middle, half = mark_arc(mark)
         for degrees in (middle - half, middle + half):

@@ -1,4 +1,4 @@
-"""Headings as numbers: counts in bins of 5 degrees, their mean directions, one common scale."""
+"""The numbers of the orientation view: headings in bins of 5 degrees, circular means."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ BINS = 72
 WIDTH = 360 / BINS
 NAMES = ("sim", "truth", "real")
 EXACTLY_UP_TO = 20_000
-"""A mean direction of so many is taken over the instances, of more over the bins."""
+"""Up to this number, mean directions are exact; above it they are computed from bins."""
 Counts = NDArray[np.intp]
 Lengths = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrientationInput:
-    """Headings of prediction, truth and prediction, (N,) radians each, NaN for none.
+    """Headings predicted in sim, true, predicted in real, (N,) radians each, NaN for none.
 
     selected, valid: (N,) bool; cursor: an iid. `y_down`: 90 degrees points down on the screen.
     """
@@ -57,10 +57,10 @@ class Headings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrientationModel:
-    """The panels in the order of NAMES, and what their longest bar stands for.
+    """The panels in the order of NAMES, and the counts of a bar of full length.
 
-    peak: so many of the selected. whole: so many of all valid; grey bars show all, shrunk by the
-    share that is selected, so that they are what a selection blind to heading would give.
+    peak: of the selected. whole: of all valid instances. Grey bars show all instances, scaled by
+    the share that is selected: what a selection independent of the heading would give.
     """
 
     panels: tuple[Headings, ...]
@@ -103,7 +103,7 @@ def _bins(headings: ArrayKey) -> Bins:
 
 @cached_by_identity(16)
 def _directions(headings: ArrayKey) -> NDArray[np.complex128]:
-    """(72,) the mean unit vector of everything in each bin, to single precision."""
+    """(72,) the mean unit vector of all headings in each bin, in single precision."""
     column = np.asarray(headings.array, dtype=np.float32)
     codes = _bins(headings).codes
     known = np.where(codes < BINS, column, 0.0)
@@ -127,7 +127,7 @@ def _counts(
 
 
 def _cursor(column: Floats, data: OrientationInput) -> float | None:
-    """Degrees of the cursor's instance, where it is valid and known."""
+    """The heading of the cursor's instance in degrees, None where unknown."""
     cursor = data.cursor
     if cursor is None or not (0 <= cursor < len(data.valid) and data.valid[cursor]):
         return None
@@ -136,7 +136,7 @@ def _cursor(column: Floats, data: OrientationInput) -> float | None:
 
 
 def _units(column: Floats, iids: NDArray[np.intp]) -> NDArray[np.complex128]:
-    """Unit vectors of some headings, kept where those of all are few."""
+    """Unit vectors of some headings; those of all are cached where they are few."""
     if len(column) <= EXACTLY_UP_TO:
         return _all_units(ArrayKey(column))[iids]
     return np.asarray(np.exp(1j * column[iids]))
@@ -153,6 +153,6 @@ def _mean(column: Floats, highlighted: Counts, selection: SelectionIndices) -> c
     if number == 0:
         return complex(math.nan, math.nan)
     if number <= EXACTLY_UP_TO:
-        own = _units(column, selection.members)
-        return complex(own[np.isfinite(own)].mean())
+        directions = _units(column, selection.members)
+        return complex(directions[np.isfinite(directions)].mean())
     return complex((highlighted * _directions(ArrayKey(column))).sum() / number)

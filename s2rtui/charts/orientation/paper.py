@@ -1,4 +1,4 @@
-"""Headings on paper: three radial bar charts over one scale."""
+"""The headings on paper: three radial bar charts on one scale."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from s2rtui.charts.shared.paper import (
 FOOT = 0.9
 """Inches below the dials."""
 STACKED = 1.2
-"""On pages of at least this height over width the dials stand one below the other."""
+"""Above this ratio of height to width the dials are stacked."""
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,7 +43,7 @@ def orientation_figure(
     title: str = "Headings in simulation, in truth and in reality",
     subtitle: str = "",
 ) -> bytes:
-    """A PNG of `size` pixels: bars of the selected, grey bars of all shrunk by their share."""
+    """Draw the figure in `size` pixels: bars of the selected on scaled grey bars of all."""
     page = make_page(size, theme)
     model = orientation_model(data)
     figure = new_figure(page)
@@ -60,8 +60,8 @@ def orientation_figure(
         box = page.box(middle - across / 2, foot, across, across)
         axes = figure.add_axes(box, projection="polar")
         _dial(axes, model, panel, data.y_down, inks[index], page)
-        _words(figure, page, (middle, foot + across + 0.45), name, inks[index], bold=True)
-        _words(figure, page, (middle, foot - 0.38), _mean(panel), theme.muted, bold=False)
+        _centred_text(figure, page, (middle, foot + across + 0.45), name, inks[index], bold=True)
+        _centred_text(figure, page, (middle, foot - 0.38), _mean(panel), theme.muted, bold=False)
     if page.inches[1] > 2:
         _note(figure, page, model)
     return figure_bytes(figure, page)
@@ -121,14 +121,14 @@ def _mean(panel: Headings) -> str:
 
 
 def _note(figure: Figure, page: Page, model: OrientationModel) -> None:
-    """What the bars stand for, at the foot."""
-    text = f"bars: selected per 5°, rim = {model.peak}"
+    """The meaning of the bars, at the bottom."""
+    text = f"bars: selected instances per 5°, rim = {model.peak}"
     if model.whole > model.peak + 0.5:
-        text += f"; grey: all valid, rim = {model.whole:.0f}"
-    _words(figure, page, (page.inches[0] / 2, 0.22), text, page.theme.muted, bold=False)
+        text += f"; grey: all instances, rim = {model.whole:.0f}; R: resultant length"
+    _centred_text(figure, page, (page.inches[0] / 2, 0.22), text, page.theme.muted, bold=False)
 
 
-def _words(
+def _centred_text(
     figure: Figure,
     page: Page,
     place: tuple[float, float],

@@ -1,4 +1,4 @@
-"""Where instances look: radial bars of prediction, truth and prediction, or strips of them."""
+"""The headings in cells: three dials, or strips of bars where they are too small."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.bars import Bars, draw_vertical_bars, put_over_bar
 
 SMALLEST = 6.0
-"""Radius in columns from which a dial can be read; without braille dots twice that."""
+"""Smallest radius of a dial in columns; in ASCII twice that."""
 COARSER = (72, 36, 24, 18, 12, 9, 8, 6, 4, 3, 2, 1)
 LABEL = 8
-"""Columns at the left of a strip that names take."""
+"""Columns of names at the left of a strip."""
 Place = tuple[int, int, int, int]
 Way = Callable[[float, float], Point]
 
@@ -37,8 +37,8 @@ Way = Callable[[float, float], Point]
 class OrientationLayout:
     """Up to three rectangles (x, y, width, height) in cells for the bars, in the order of NAMES.
 
-    `dial`: the disc inside each, in its own cells; None: strips of `count` bins.
-    `room` is the width that each rectangle's header and footer have; `labels` stand round a dial.
+    dial: the disc in each rectangle, or None for strips of `count` bins. room: width of header and
+    footer of a rectangle. labels: whether degrees are written around the dial.
     """
 
     places: tuple[Place, ...]
@@ -53,7 +53,7 @@ class OrientationLayout:
 def orientation_layout(
     data: OrientationInput, size: Size, options: RenderOptions | None = None
 ) -> OrientationLayout:
-    """Dials in a row or a column, whichever are larger; strips where both are too small."""
+    """Lay out dials in a row or a column, whichever are larger; strips if both are too small."""
     width, height = max(1, size[0]), max(1, size[1])
     row, column = ((width - 2) // 3, height), (width, height // 3)
     stacked = _rim(*column)[0] > _rim(*row)[0]
@@ -71,7 +71,7 @@ def orientation_layout(
 
 
 def _rim(width: int, height: int) -> tuple[float, int, int, Point]:
-    """A dial's radius in columns, rows above and below, and the margin that its degrees take."""
+    """A dial's radius in columns, rows above and below it, and the margin for its degrees."""
     header, footer = (1, 1) if height >= 10 else (int(height >= 8), 0)
     rows = height - header - footer
     margin = (3.0 if width < 32 else 4.0, 1.0) if width >= 24 and rows >= 11 else (0.0, 0.0)
@@ -91,7 +91,7 @@ def _strips(width: int, height: int) -> OrientationLayout:
 def orientation_panels(
     data: OrientationInput, size: Size, options: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
-    """Turns "sim", "truth" and "real": degrees in [-180, 180), and how far out (0 .. 1)."""
+    """Panels "sim", "truth" and "real": degrees in [-180, 180), and the radius 0 .. 1."""
     layout = orientation_layout(data, size, options)
     dial = layout.dial
     panels = []
@@ -151,7 +151,7 @@ def draw_orientation(
 
 
 def _scale(model: OrientationModel, room: int) -> str:
-    """What the longest bar stands for: of the selected, and of all where that differs."""
+    """The count of the longest bar: of the selected, and of all where it differs."""
     highlighted, whole = short_number(model.peak, 2), short_number(model.whole, 2)
     texts = [f"max {highlighted}", highlighted]
     if highlighted != whole:
@@ -167,7 +167,7 @@ def _beside(
     name: tuple[str, Rgb],
     options: RenderOptions,
 ) -> None:
-    """Name and mean at the left of a strip."""
+    """Write name and mean at the left of a strip."""
     if layout.room:
         canvas.text(0, panel.y, *name)
         if panel.height > 1:
@@ -197,7 +197,7 @@ def _around(
     name: tuple[str, Rgb],
     options: RenderOptions,
 ) -> None:
-    """Name and scale above a dial, the mean below it, degrees round it."""
+    """Write name and scale above a dial, the mean below it, degrees around it."""
     theme, room = options.theme, layout.room
     if layout.header:
         canvas.text(panel.x, panel.y - 1, *name)
@@ -223,7 +223,7 @@ def _around(
 
 
 def _mean(headings: Headings, room: int, options: RenderOptions) -> str:
-    """The mean direction and the resultant length in at most `room` cells."""
+    """Mean direction and resultant length R in at most `room` cells."""
     if not np.isfinite(headings.mean):
         return "none"[:room]
     degree = _degrees(headings.mean, options.glyphs)
@@ -245,7 +245,7 @@ def draw_strip(
     colour: Rgb,
     options: RenderOptions,
 ) -> None:
-    """Upright bars; the cursor (degrees) and the ends of the pending brush on the last row."""
+    """Draw vertical bars; cursor (degrees) and ends of the brush mark on the last row."""
     bottom = panel.y + panel.height - 1
     ends: tuple[float, ...] = ()
     if mark is not None:
@@ -270,7 +270,7 @@ def _column(panel: Panel, degrees: float) -> int:
 
 
 def draw_strip_axis(canvas: Canvas, panel: Panel, scale: str, options: RenderOptions) -> None:
-    """Cardinal degrees on the last row, the scale's number at the left."""
+    """Draw degrees on the last row, the scale at the left."""
     row, theme, free = canvas.height - 1, options.theme, panel.x
     if len(scale) < panel.x:
         canvas.text(0, row, scale, theme.muted)

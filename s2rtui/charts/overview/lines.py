@@ -1,7 +1,7 @@
-"""Instances as lines across the runs, as numbers: how many lines cross each braille dot.
+"""Instances as lines across the runs of the overview: their density per braille dot, and drawing.
 
-Each column of accuracies is binned once per axis, neighbouring columns are joined to codes once;
-a selection is counted per pair of bins, and every pair of bins that occurs is one segment.
+Accuracies of each run are binned once per axis, and the bins of neighbouring runs joined. A
+selection is counted per pair of bins; every pair that occurs is drawn as one segment.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from s2rtui.charts.shared.axis_scale import Interval
 
 PIECE = 1 << 15
 MANY = 20_000
-"""More instances than these are binned coarsely on wide charts, too."""
+"""Above this number of instances, wide charts use coarse bins, too."""
 BANDS = 2_000
-"""More lines than these are bands as wide as their bins, so that no gaps show between bins."""
+"""Above this number of lines, segments are as wide as their bins, which leaves no gaps."""
 Density = NDArray[np.float64]
 Counts = NDArray[np.intp]
 
@@ -42,7 +42,7 @@ class LineDensity:
 
 
 def line_density(lines: OverviewLines, axis: Interval, layout: OverviewLayout) -> LineDensity:
-    """Segments between neighbouring runs in view, or bars on their rows where those adjoin."""
+    """Segments between neighbouring visible runs, or bars where their rows are adjacent."""
     selection = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
     shown = lines.values[layout.first : layout.first + layout.shown]
     columns = tuple(ArrayKey(column) for column in shown)
@@ -58,7 +58,7 @@ def _segments(
     step: int,
     selection: SelectionIndices,
 ) -> LineDensity:
-    """From the middle of one run's row to the middle of the next one's."""
+    """The density of segments from the middle of each run's row to the next one's."""
     size = bin_count(width, len(selection.base))
     parts: tuple[list[Density], list[Density]] = ([], [])
     for first, second in pairwise(columns):
@@ -78,7 +78,7 @@ def _bars(
     step: int,
     selection: SelectionIndices,
 ) -> LineDensity:
-    """On each run's row a bar of up to four dots per column of dots."""
+    """The density as bars on each run's row, up to four dots high."""
     size = bin_count(width, len(selection.base))
     counted = joint_histogram.joint_counts(_bar_bins(columns, axis, size), selection)
     both = np.stack(
@@ -94,7 +94,7 @@ def _bars(
 
 
 def _heights(dots: Density) -> Density:
-    """Counts (2 parts, runs, dots) as dots of height, 0 .. 4 for the largest sum of both parts."""
+    """Counts (2 parts, runs, dots) as heights 0 .. 4, 4 for the largest sum of both parts."""
     peak = int(dots.sum(axis=0).max())
     if peak > dots.size:
         return np.asarray(np.ceil(4 * levels(dots, peak)))
@@ -108,62 +108,62 @@ def _heights_up_to(peak: int) -> Density:
 
 
 def pair_counts(lines: OverviewLines, axis: Interval, size: int) -> list[tuple[Counts, Counts]]:
-    """Per pair of neighbouring runs how many go from bin to bin: selected, and others.
+    """Numbers of lines from bin to bin per pair of neighbouring runs: selected, and others.
 
-    Each (size, size), size up to 254; bin i covers i .. i + 1 of `size` parts of the axis.
+    Each (size, size), with size up to 254; bin i covers part i of `size` equal parts of the axis.
     """
     selection = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
-    found = []
+    pairs = []
     for first, second in pairwise(lines.values):
         highlighted, others = _tables(ArrayKey(first), ArrayKey(second), axis, size, selection)
-        found.append((highlighted[:size, :size], others[:size, :size]))
-    return found
+        pairs.append((highlighted[:size, :size], others[:size, :size]))
+    return pairs
 
 
 def _tables(
     first: ArrayKey, second: ArrayKey, axis: Interval, size: int, selection: SelectionIndices
 ) -> tuple[Counts, Counts]:
-    """Counts per pair of bins, (size + 1, size + 1), the last ones none: selected, and others."""
+    """Counts per pair of bins, (size + 1, size + 1): selected, and others; the last is no bin."""
     highlighted, total = count_selected(_pairs(first, second, axis, size), selection)
     shape = (size + 1, size + 1)
     return highlighted.reshape(shape), (total - highlighted).reshape(shape)
 
 
 def _per_dot(counts: Counts, width: int) -> Density:
-    """Counts per bin (runs, bins) to counts per column of dots, (runs, 2 width)."""
+    """Convert counts per bin (runs, bins) to counts per column of dots (runs, 2 width)."""
     dots, first = _dots(width, counts.shape[1])
-    found = np.zeros((len(counts), 2 * width))
-    found[:, dots] = np.add.reduceat(counts, first, axis=1)
-    return found
+    per_dot = np.zeros((len(counts), 2 * width))
+    per_dot[:, dots] = np.add.reduceat(counts, first, axis=1)
+    return per_dot
 
 
 @lru_cache(8)
 def _dots(width: int, size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The columns of dots that hold any of `size` bins, and the first bin of each."""
+    """The columns of dots that contain bins, and the first bin of each."""
     at = np.floor(_places(width, size)).astype(np.intp)
     dots, first = np.unique(at, return_index=True)
     return dots, first
 
 
 def levels(density: Density, peak: float) -> Density:
-    """Counts as 0 .. 1 on a logarithmic scale, steeper where they are many."""
+    """Convert counts to 0 .. 1 on a logarithmic scale, steeper for large peaks."""
     shares: Density = np.log1p(density) / np.log1p(max(peak, 1.0))
     return shares ** max(1.0, float(np.log10(max(peak, 1.0))) - 1)
 
 
 def bin_count(chart_width: int, instances: int) -> int:
-    """Bins of an accuracy axis: about one per dot where the chart is wide and lines are few."""
+    """Number of bins of an accuracy axis: more on wide charts with few lines."""
     return 64 if instances > MANY or chart_width < 80 else 128
 
 
 def _places(chart_width: int, size: int, within: float = 0.5) -> Density:
-    """Each bin in dots, (size,), as marks of the same accuracy stand; by default its middle."""
+    """The position of each bin in dots, (size,), by default of its middle."""
     return 2 * (0.5 + (np.arange(size) + within) / size * (chart_width - 1))
 
 
 @cached_by_identity(64)
 def _binned(values: ArrayKey, axis: Interval, size: int) -> NDArray[np.uint8]:
-    """Bins of the axis; what lies beyond an end is in the last one there, NaN in bin `size`."""
+    """Bins of the axis, clipped to its ends; NaN gets bin `size`."""
     column = np.asarray(values.array)
     codes = np.empty(len(column), dtype=np.uint8)
     scale = size / (axis[1] - axis[0])
@@ -181,16 +181,17 @@ def _bar_bins(columns: tuple[ArrayKey, ...], axis: Interval, size: int) -> list[
 
 @cached_by_identity(32)
 def _pairs(first: ArrayKey, second: ArrayKey, axis: Interval, size: int) -> Bins:
-    """Both bins: code = first * (size + 1) + second; the last bin of each is none."""
+    """Bins of two runs joined: code = first * (size + 1) + second; the last bin is none."""
     one, two = (_binned(part, axis, size) for part in (first, second))
     return Bins(one.astype(np.uint16) * np.uint16(size + 1) + two, (size + 1) ** 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Spans:
-    """For each pair of bins and row of dots where its segment begins, and the dot after it.
+    """The dots of the segment of each pair of bins, per row of dots.
 
-    begin, end: (pairs, rows) places in a grid of `rows` x (`width` + 1).
+    begin, end: (pairs, rows) flat indices of the first dot and of the dot after the last one, in a
+    grid of `rows` x (`width` + 1).
     """
 
     begin: NDArray[np.int32]
@@ -211,7 +212,7 @@ class _Spans:
 
 @lru_cache(4)
 def _spans(chart_width: int, step: int, size: int, bands: bool) -> _Spans:
-    """Segments from the middle of one run's row to the middle of the next one's."""
+    """The segments from the middle of one run's row to the middle of the next one's."""
     rows, width = 4 * step, 2 * chart_width
     left, right = (
         _edges(chart_width, rows, size, part) for part in ((0, 1) if bands else (0.5, 0.5))
@@ -225,7 +226,7 @@ def _spans(chart_width: int, step: int, size: int, bands: bool) -> _Spans:
 
 
 def _edges(chart_width: int, rows: int, size: int, within: float) -> NDArray[np.int32]:
-    """The dot of each segment at the upper end of every row and the lower end of the last."""
+    """The dot of each segment at the upper edge of every row and at the lower edge of the last."""
     places = _places(chart_width, size, within)
     along = np.arange(rows + 1) / rows
     start, stop = places[:, None, None], places[None, :, None]
@@ -249,7 +250,7 @@ def draw_lines(
     layout: OverviewLayout,
     options: RenderOptions,
 ) -> None:
-    """All lines behind the marks, then the cursor's own."""
+    """Draw all lines, then that of the cursor's instance."""
     density = line_density(lines, axis, layout)
     chart = Canvas(layout.chart_width, layout.height, options.theme)
     chart.bg[:] = canvas.bg[_place(layout)]
@@ -269,7 +270,7 @@ def _place(layout: OverviewLayout) -> tuple[slice, slice]:
 def _layer(
     canvas: Canvas, density: Density, colour: Rgb, ramp: str, options: RenderOptions, faint: bool
 ) -> None:
-    """Dots where lines are; brighter where they are dense, fewer where they are not."""
+    """Draw dots where lines are, the denser the brighter."""
     peak = float(density.max(initial=0.0))
     if peak <= 0:
         return
@@ -291,7 +292,7 @@ def _layer(
 
 
 def _shades(shares: Density, colour: Rgb, faint: bool, options: RenderOptions) -> Pixels:
-    """A colour per cell, from near the background to the colour itself."""
+    """A colour per cell, between the background and `colour`."""
     low, high = (0.35, 0.75) if faint else (0.6, 1.0)
     share = low + (high - low) * shares
     return mix(np.array(options.theme.background), np.array(colour), share)
@@ -304,7 +305,7 @@ def _draw_cursor_line(
     layout: OverviewLayout,
     options: RenderOptions,
 ) -> None:
-    """The cursor's line over all others, broken where it has no accuracy."""
+    """The line of the cursor's instance, interrupted where it has no accuracy."""
     grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     places = [
         _cell_of_accuracy(value, axis, layout, index)

@@ -1,4 +1,4 @@
-"""The overview as numbers: clean rows and the axis that holds them, with or without lines."""
+"""The numbers of the overview: accuracies of every run and the axis that shows them."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from s2rtui.charts.shared.axis_scale import Floats, Interval, finite_or_none, ti
 class OverviewLines:
     """Each instance as a line across the runs.
 
-    values: a column (N,) per run, in the rows' order, accuracies of `side` (NaN: none there).
-    selected, valid: (N,) bool; cursor: an iid, its own line is drawn on top with its numbers.
+    values: accuracies (N,) on `side` per run, in the order of the rows; NaN for none. selected,
+    valid: (N,) bool. cursor: an iid whose line is drawn on top with its numbers.
     """
 
     values: tuple[Floats, ...]
@@ -47,9 +47,9 @@ def overview_model(
     baseline: float | None = None,
     lines: OverviewLines | None = None,
 ) -> OverviewModel:
-    """The cleaned rows; the axis is rounded outwards and stays within what accuracies can be.
+    """Clean the rows and find the axis, rounded outwards within 0 .. 1.
 
-    With lines it also reaches from the 1st percentile of the valid of every run to 1.
+    With lines the axis includes the 1st percentile of the valid instances of every run, and 1.
     """
     if lines is None:
         return _model(tuple(rows), baseline, (), ArrayKey(None))
@@ -76,13 +76,13 @@ def _model(
         )
         for row in rows
     )
-    seen = [finite_or_none(baseline)]
+    numbers = [finite_or_none(baseline)]
     for row in clean:
-        seen += [row.sim_accuracy, row.real_accuracy]
-        seen += [*(row.sim_interval or ()), *(row.real_interval or ())]
+        numbers += [row.sim_accuracy, row.real_accuracy]
+        numbers += [*(row.sim_interval or ()), *(row.real_interval or ())]
     if valid.array is not None:
-        seen += [1.0, *_lowest(columns, valid.array)]
-    values = [value for value in seen if value is not None]
+        numbers += [1.0, *_lowest(columns, valid.array)]
+    values = [value for value in numbers if value is not None]
     low, high = (min(values), max(values)) if values else (0.0, 1.0)
     width = tick_step(max(high - low, 0.02), 4)
     low, high = math.floor(low / width + 1e-9) * width, math.ceil(high / width - 1e-9) * width
@@ -94,7 +94,7 @@ def _model(
 
 
 def _lowest(columns: tuple[ArrayKey, ...], valid: NDArray[np.generic]) -> list[float]:
-    """The 1st percentile of the valid of each column where any is known."""
+    """The 1st percentile of the valid known accuracies of each run."""
     members = np.asarray(valid, dtype=np.bool_)
     shown = (np.asarray(column.array)[members] for column in columns)
     known = (column[np.isfinite(column)] for column in shown)
@@ -111,9 +111,9 @@ def _interval(interval: Interval | None) -> Interval | None:
 def overview_rows(
     store: Store, runs: Sequence[str] | None = None
 ) -> tuple[list[OverviewRow], float]:
-    """A row per computed run (or per named one), and the baseline of the first one's instances.
+    """A row per computed run, or per run in `runs`, and the baseline of the first run.
 
-    Figures leave out what the model was trained on.
+    Accuracies leave out the instances that the model was trained on.
     """
     rows = []
     for name in runs or [name for name, run in store.runs.items() if run.key]:
@@ -133,7 +133,7 @@ def overview_rows(
 
 
 def cursor_accuracies(lines: OverviewLines) -> list[float | None]:
-    """The cursor's accuracy in every run, None where there is none."""
+    """The accuracy of the cursor's instance in every run, None where unknown."""
     if lines.cursor is None:
         return [None] * len(lines.values)
     iid = lines.cursor

@@ -1,4 +1,4 @@
-"""The overview on paper: a line per run with intervals, the gap, and the baseline."""
+"""The overview on paper: a row per run with intervals, gap and baseline, and instances as lines."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 NUMBERS = 2.75
-"""Inches at the right that the numbers take."""
+"""Width of the numbers at the right, inches."""
 
 
 def overview_figure(
@@ -54,7 +54,7 @@ def overview_figure(
     subtitle: str = "",
     lines: OverviewLines | None = None,
 ) -> bytes:
-    """A PNG of `size` pixels; `selected` (an index) is set apart by a ground and bold type.
+    """Draw the figure in `size` pixels; the row `selected` is highlighted.
 
     With `lines` every instance is a line across the runs, the selected in their side's colour.
     """
@@ -131,7 +131,7 @@ def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> No
 
 
 def _name(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> None:
-    """The run at the left and, where no accuracy is left, the note in their place."""
+    """The name of the run, and its note where it has no accuracy."""
     theme = page.theme
     name = row.run if len(row.run) <= 32 else row.run[:31] + "…"
     label = axes.annotate(
@@ -160,7 +160,7 @@ def _name(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> N
 
 
 def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None) -> None:
-    """The numbers at the right: sim, real, gap in percent, and n."""
+    """The columns of numbers at the right: sim, real, gap (percent) and n."""
     theme = page.theme
     spots = (46, 92, 138, 180)
     names = (("sim", theme.sim), ("real", theme.real), ("gap", theme.muted), ("n", theme.muted))
@@ -201,7 +201,7 @@ def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None)
 
 
 def _size(n: int) -> str:
-    """How many, in few characters."""
+    """A count in at most five characters."""
     if n >= 1_000_000:
         return f"{n / 1e6:.1f}M"
     return f"{n // 1000}k" if n >= 100_000 else str(n) if n else "–"
@@ -226,7 +226,7 @@ def _diamonds(theme: Theme) -> list[Line2D]:
 
 
 def _legend_size(wide: float, lines: OverviewLines | None) -> tuple[int, float]:
-    """How many keys stand side by side on a page of so many inches, and the inches of all lines."""
+    """The columns of the legend on a page `wide` inches wide, and its height in inches."""
     line_keys = 4 if lines is None else 7
     fit = 7 if wide > 8.5 else 4 if wide > (5 if lines is None else 6) else 3 if wide > 4 else 2
     across = min(fit, line_keys)
@@ -241,7 +241,7 @@ def _legend(
     place: tuple[float, int],
     lines: OverviewLines | None,
 ) -> None:
-    """Lines of their own; `place`: inches from the page's foot to their top, keys in a line."""
+    """Draw the legend; `place`: its top in inches above the page's foot, and its columns."""
     from matplotlib.lines import Line2D
 
     theme = page.theme
@@ -280,25 +280,25 @@ def _legend(
 
 
 CLEAR = 60
-"""So many selected lines stand in full strength; more are paler, down to a third."""
+"""Up to this number, selected lines are drawn in full strength; more are paler."""
 
 
 FINE, COARSE = 200, 100
-"""Bins of an accuracy axis: where lines can be told apart, and where they are a density."""
+"""Bins of an accuracy axis: for single lines, and for densities of many."""
 
 
 def draw_lines(axes: Axes, lines: OverviewLines, axis: Interval, theme: Theme) -> None:
-    """Others in grey, the selected in their side's colour, the cursor's own line on top."""
+    """Draw unselected lines in grey, selected ones in colour, the cursor's on top."""
     size = COARSE if len(lines.valid) > MANY else FINE
-    found = pair_counts(lines, axis, size)
+    pairs = pair_counts(lines, axis, size)
     colour = theme.sim if lines.side == "sim" else theme.real
     highlighted = int(np.count_nonzero(np.asarray(lines.selected) & lines.valid))
     for part, ink, order, strength in (
         (1, theme.unselected, 1.0, 0.45),
         (0, colour, 1.2, 0.75 * min(1.0, max(0.3, math.sqrt(CLEAR / max(highlighted, 1))))),
     ):
-        peak = max((float(pair[part].max()) for pair in found), default=0.0)
-        for row, pair in enumerate(found):
+        peak = max((float(pair[part].max()) for pair in pairs), default=0.0)
+        for row, pair in enumerate(pairs):
             _draw_segments(axes, pair[part], axis, row, (peak, strength), ink, order)
     if lines.cursor is not None:
         _draw_cursor_line(axes, lines, axis, theme)
@@ -313,7 +313,7 @@ def _draw_segments(
     ink: Rgb,
     order: float,
 ) -> None:
-    """From run `row` to the next one, the denser the stronger; `scale`: (peak, opacity there)."""
+    """Segments from run `row` to the next one; `scale`: (peak count, its opacity)."""
     from matplotlib.collections import LineCollection
 
     first, second = np.nonzero(counts)
@@ -335,13 +335,13 @@ def _draw_segments(
 
 
 def _draw_cursor_line(axes: Axes, lines: OverviewLines, axis: Interval, theme: Theme) -> None:
-    """A ring per run at the cursor's accuracy with its number, joined where known."""
+    """The cursor's line: a ring with a number per run, joined where known."""
     from matplotlib import patheffects
 
-    found = cursor_accuracies(lines)
-    kept = np.array([np.nan if value is None else value for value in found])
-    places = 100 * np.clip(kept, *axis)
-    rows = np.arange(len(kept))
+    accuracies = cursor_accuracies(lines)
+    known = np.array([np.nan if value is None else value for value in accuracies])
+    places = 100 * np.clip(known, *axis)
+    rows = np.arange(len(known))
     ink = rgb_fractions(theme.cursor)
     axes.plot(places, rows, color=ink, linewidth=1.4, zorder=3.5)
     axes.scatter(
@@ -355,7 +355,7 @@ def _draw_cursor_line(axes: Axes, lines: OverviewLines, axis: Interval, theme: T
     halo: list[AbstractPathEffect] = [
         patheffects.withStroke(linewidth=2, foreground=rgb_fractions(theme.background))
     ]
-    for place, row, value in zip(places.tolist(), rows.tolist(), found, strict=True):
+    for place, row, value in zip(places.tolist(), rows.tolist(), accuracies, strict=True):
         if value is not None:
             label = axes.annotate(
                 f"{100 * value:.1f}",
@@ -370,13 +370,13 @@ def _draw_cursor_line(axes: Axes, lines: OverviewLines, axis: Interval, theme: T
 
 
 def line_keys(lines: OverviewLines | None, theme: Theme) -> list[tuple[Rgb, str]]:
-    """Colours and names for the legend."""
+    """Colours and names of the lines for the legend."""
     if lines is None:
         return []
     colour = theme.sim if lines.side == "sim" else theme.real
-    found: list[tuple[Rgb, str]] = [(colour, f"an instance, {lines.side}")]
+    keys: list[tuple[Rgb, str]] = [(colour, f"an instance, {lines.side}")]
     if not np.array_equal(np.asarray(lines.selected) & lines.valid, lines.valid):
-        found.append((theme.unselected, "not selected"))
+        keys.append((theme.unselected, "not selected"))
     if lines.cursor is not None:
-        found.append((theme.cursor, f"instance {lines.cursor}"))
-    return found
+        keys.append((theme.cursor, f"instance {lines.cursor}"))
+    return keys

@@ -1,4 +1,4 @@
-"""The overview: a line per run, sim and real accuracy as marks with the gap between them."""
+"""The overview in cells: a row per run, marks for sim and real accuracy, instances as lines."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def draw_overview(
     lines: OverviewLines | None = None,
     mark: Mark | None = None,
 ) -> Canvas:
-    """The view in `size` (columns, rows); `selected` is an index into `rows`.
+    """Draw the overview in `size` (columns, rows); `selected` is an index into `rows`.
 
-    With `lines` each instance is drawn as a line across the runs, and the axis holds them, too.
+    With `lines` each instance is a line across the runs, and the axis includes them.
     """
     options = options or RenderOptions()
     canvas = Canvas(*size, theme=options.theme)
@@ -50,11 +50,11 @@ def draw_overview(
         canvas.put(0, y, options.glyphs.pointer, options.theme.text, bold=True)
     if lines is not None and layout.chart_width:
         draw_lines(canvas, lines, model.axis, layout, options)
-    own = cursor_accuracies(lines) if lines is not None else []
+    accuracies = cursor_accuracies(lines) if lines is not None else []
     for index in range(layout.first, layout.first + layout.shown):
         _line(canvas, model, index, layout, options, index == selected)
         if lines is not None:
-            _own(canvas, model, index, own[index], layout, options)
+            _draw_cursor_accuracy(canvas, model, index, accuracies[index], layout, options)
     if lines is not None and layout.chart_width and model.baseline is not None:
         _baseline(canvas, layout.column(model.baseline, model.axis), layout, options)
     if layout.axis_rows:
@@ -74,16 +74,16 @@ def _header(
     if layout.numbers < canvas.width:
         canvas.text(layout.numbers + 5, 0, f"{glyphs.sim} sim", theme.sim, align="right")
         canvas.text(layout.numbers + 12, 0, f"{glyphs.real} real", theme.real, align="right")
-    if layout.own and lines is not None:
+    if layout.cursor_numbers and lines is not None:
         name = f"{glyphs.cursor} {lines.cursor}"
-        fits = name if len(name) < layout.own else glyphs.cursor
+        fits = name if len(name) < layout.cursor_numbers else glyphs.cursor
         canvas.text(canvas.width, 0, fits, theme.cursor, align="right")
 
 
 def _chart_header(
     canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, options: RenderOptions
 ) -> None:
-    """Accuracy and baseline; where lines are drawn, of which side they are."""
+    """Names of accuracy, baseline, and the side of the lines."""
     theme, glyphs = options.theme, options.glyphs
     free, stop = layout.chart, layout.chart + layout.chart_width
     pieces: list[tuple[str, Rgb]] = [("accuracy %", theme.muted)]
@@ -164,7 +164,7 @@ def _marks(
         canvas.text(layout.chart, y, note[: layout.chart_width], theme.muted)
 
 
-def _own(
+def _draw_cursor_accuracy(
     canvas: Canvas,
     model: OverviewModel,
     index: int,
@@ -172,7 +172,7 @@ def _own(
     layout: OverviewLayout,
     options: RenderOptions,
 ) -> None:
-    """The cursor's accuracy in one run: its glyph beside the marks (no note), and the number."""
+    """The accuracy of the cursor's instance in one run, as a glyph and as a number."""
     if value is None:
         return
     y, theme = layout.row_of(index), options.theme
@@ -182,12 +182,12 @@ def _own(
         at = layout.column(value, model.axis)
         if canvas.char[y, at] not in (options.glyphs.sim, options.glyphs.real, options.glyphs.both):
             canvas.put(at, y, options.glyphs.cursor, theme.cursor, bold=True)
-    if layout.own:
+    if layout.cursor_numbers:
         canvas.text(canvas.width, y, f"{100 * value:.1f}", theme.cursor, align="right")
 
 
 def _baseline(canvas: Canvas, column: int, layout: OverviewLayout, options: RenderOptions) -> None:
-    """The baseline between the runs, where no line runs."""
+    """The baseline between the rows of runs, where no line is drawn."""
     for y in range(layout.top, layout.top + layout.height):
         if (y - layout.top) % layout.step and canvas.char[y, column] == " ":
             canvas.put(column, y, options.glyphs.baseline, options.theme.truth)
@@ -202,7 +202,7 @@ def _mark(
     mark: Mark,
     options: RenderOptions,
 ) -> None:
-    """A range on a run's axis: highlighted ground between bold ends."""
+    """A brushed range on a run's axis: highlighted background between bold ends."""
     panels = overview_panels(rows, baseline, selected, (canvas.width, canvas.height), lines)
     panel = next((panel for panel in panels if mark_on_panel(mark, panel.name)), None)
     if panel is None:

@@ -1,4 +1,4 @@
-"""Rooms as numbers: how many predictions and truths lie in each."""
+"""The numbers of the rooms view: predicted and true instances per room."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Codes = NDArray[np.integer]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoomsInput:
-    """The rooms of prediction, truth and prediction: (N,) indices into `room_names`, -1 for none.
+    """Rooms predicted in sim, true, predicted in real: (N,) indices of `room_names`, -1: none.
 
     selected, valid: (N,) bool; cursor: an iid.
     """
@@ -53,7 +53,7 @@ class RoomsModel:
 
 
 def rooms_model(data: RoomsInput) -> RoomsModel:
-    """Counts of all three columns over one scale."""
+    """Count all three columns."""
     number = len(data.room_names)
     sides = (data.sim, data.truth, data.real)
     keys = (ArrayKey(data.sim), ArrayKey(data.truth), ArrayKey(data.real))
@@ -74,7 +74,7 @@ def rooms_model(data: RoomsInput) -> RoomsModel:
 def _counts(
     columns: tuple[ArrayKey, ...], number: int, selected: ArrayKey, valid: ArrayKey
 ) -> tuple[Counts, Counts]:
-    """(3, number + 1) each, the last for no room."""
+    """Counts (3, number + 1) of selected and of all; the last column is "no room"."""
     selection = selection_indices(np.asarray(selected.array), np.asarray(valid.array))
     counted = joint_histogram.joint_counts([_bins(column, number) for column in columns], selection)
     return np.stack([highlighted for highlighted, _ in counted]), np.stack(
@@ -84,7 +84,7 @@ def _counts(
 
 @cached_by_identity(32)
 def _bins(rooms: ArrayKey, number: int) -> Bins:
-    """The room of each instance; what is in none has the last bin."""
+    """The room of each instance as bins; the last one is "no room"."""
     codes = np.asarray(rooms.array)
     inside = (codes >= 0) & (codes < number)
     kind = np.uint16 if number < (1 << 16) - 1 else np.uint32

@@ -1,4 +1,4 @@
-"""Rooms on paper: a row per room, bars of prediction, truth and prediction."""
+"""The rooms on paper: a row per room, bars for sim, truth and real."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def rooms_figure(
     title: str = "Rooms in simulation, in truth and in reality",
     subtitle: str = "",
 ) -> bytes:
-    """A PNG of `size` pixels: bars of the selected on grey ones of all, with their counts."""
+    """Draw the figure in `size` pixels: bars of the selected on grey bars of all."""
     page = make_page(size, theme)
     model = rooms_model(data)
     figure = new_figure(page)
@@ -82,10 +82,15 @@ def _column(
         spot = (float(total[row]) + 0.015 * model.peak, row)
         label = axes.text(*spot, text, va="center", fontsize=max(points, 1.0), zorder=4)
         label.set_color(rgb_fractions(theme.text if highlighted[row] else theme.muted))
-    own = model.cursor[index]
-    if own is not None:
+    cursor_row = model.cursor[index]
+    if cursor_row is not None:
         at = -0.025 * model.peak
         axes.plot(
-            [at], [own], marker=">", markersize=6, color=rgb_fractions(theme.cursor), zorder=5
+            [at],
+            [cursor_row],
+            marker=">",
+            markersize=6,
+            color=rgb_fractions(theme.cursor),
+            zorder=5,
         )
         axes.lines[-1].set_clip_on(False)

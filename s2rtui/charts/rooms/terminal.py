@@ -1,4 +1,4 @@
-"""Rooms of prediction, truth and prediction: a row per room, a bar per column."""
+"""The rooms in cells: a row per room, bars for sim, truth and real."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from s2rtui.charts.rooms.model import NAMES, RoomsInput, RoomsModel, rooms_model
 from s2rtui.charts.shared.bars import draw_horizontal_bars, put_over_bar
 
 WIDEST = 18
-"""Columns that a room's name takes at most."""
+"""Most columns of a room's name."""
 SHORTEST = 5
-"""Columns that a bar keeps before counts are written beside it."""
+"""Fewest columns of a bar that has counts beside it."""
 THICKEST = 3
-"""Rows that a room takes at most, the gap below its bar included."""
+"""Most rows per room, the gap below its bar included."""
 
 
 @dataclass(frozen=True, slots=True)
 class RoomsLayout:
-    """Where the parts stand, in cells.
+    """The layout in cells.
 
-    name: width of the names. columns: (x, width) of up to three columns: a gutter, the bar, and
-    `numbers` cells for the counts. top: the first room's row; `each` rows a room; `first` and
-    `shown`: the window of rooms.
+    name: width of the names. columns: (x, width) of up to three columns: `gutter`, bar, and
+    `numbers` cells for counts (with totals if `whole`). top: the row of the first room; each:
+    rows per room; first, shown: the visible rooms.
     """
 
     name: int
@@ -44,12 +44,12 @@ class RoomsLayout:
 
     @property
     def bar(self) -> int:
-        """Columns of the longest bar."""
+        """Width of the longest bar."""
         return max(1, self.columns[0][1] - self.gutter - self.numbers)
 
 
 def rooms_layout(data: RoomsInput, size: Size, model: RoomsModel | None = None) -> RoomsLayout:
-    """Room for each part; the window follows the pending brush or else the cursor's true room."""
+    """Lay out the parts; the window follows the brush mark or the cursor's true room."""
     model = model or rooms_model(data)
     width, height = max(1, size[0]), max(1, size[1])
     longest = max((cell_len(name) for name in model.names), default=0)
@@ -97,9 +97,9 @@ def _brief(count: int) -> str:
 def rooms_panels(
     data: RoomsInput, size: Size, options: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
-    """Steps "sim", "truth" and "real": y is the room's index, x a count on the bars' scale.
+    """Panels "sim", "truth" and "real": y is the index of a room, x a count.
 
-    An index of len(room_names) stands for no room.
+    The index len(room_names) stands for no room.
     """
     model = rooms_model(data)
     layout = rooms_layout(data, size, model)
@@ -165,8 +165,8 @@ def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, options: Rend
             last = layout.first + layout.shown
             window, count = f"{layout.first + 1}-{last}", len(model.names)
             texts = (f"{window} of {count}", f"{window}/{count}", window)
-            told = next((text for text in texts if len(text) <= layout.name), "")
-            canvas.text(0, 0, told, theme.muted)
+            shown_window = next((text for text in texts if len(text) <= layout.name), "")
+            canvas.text(0, 0, shown_window, theme.muted)
     if not layout.name:
         return
     for place in range(layout.shown):
@@ -176,9 +176,9 @@ def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, options: Rend
             name = set_cell_size(name, layout.name - 1) + glyphs.ellipsis
         if options.ascii:
             name = name.encode("ascii", "replace").decode()
-        own = index == model.cursor[1]
+        is_cursor = index == model.cursor[1]
         row = layout.top + place * layout.each + (layout.each - 1) // 2
-        canvas.text(0, row, name, theme.text if own else theme.muted, bold=own)
+        canvas.text(0, row, name, theme.text if is_cursor else theme.muted, bold=is_cursor)
 
 
 def _column(
@@ -191,7 +191,7 @@ def _column(
     colour: Rgb,
     options: RenderOptions,
 ) -> None:
-    """Bars with their counts; the pending brush and the cursor's room in the gutter."""
+    """Bars with counts; brush mark and cursor in the gutter."""
     theme, each = options.theme, layout.each
     thick = max(1, each - 1)
     low, high = (-1, -2) if mark is None else mark_rows(mark)
@@ -213,9 +213,9 @@ def _column(
             low <= room <= high,
         )
         if layout.numbers:
-            own, whole = int(model.highlighted[index, room]), int(model.total[index, room])
-            text = _number(own, whole, layout.whole)
-            ink, end = theme.text if own else theme.muted, panel.x + panel.width
+            selected, whole = int(model.highlighted[index, room]), int(model.total[index, room])
+            text = _number(selected, whole, layout.whole)
+            ink, end = theme.text if selected else theme.muted, panel.x + panel.width
             canvas.text(end, middle, text, ink, bold=held, align="right")
         if held:
             canvas.put(panel.x, middle, options.glyphs.pointer, theme.truth, bold=True)

@@ -1,4 +1,4 @@
-"""The UMAP view as numbers: a common frame, and what is lit and grey in each panel."""
+"""The numbers of the umap view: a frame for both sides, and the levels of its cells."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LEVELS = 20
 """Steps of the colour scale; level 0 stands for no value."""
 _WEIGHTS = np.stack([np.arange(LEVELS + 1) > 0, np.arange(LEVELS + 1) - 0.5], axis=1)
 _WEIGHTS[0] = 0
-"""What each level adds: to the number of known values, and to their sum in levels."""
+"""Contribution of each level to the number of known values and to their sum."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,10 +57,9 @@ class UmapInput:
 class UmapLayer:
     """One side in a frame of h x w cells.
 
-    level: (h, w) the mean of the selected in each cell as a level 1 .. LEVELS, 0 where none has a
-    value, -1 where none is (the largest would look the same wherever cells hold many). grey:
-    (4h, 2w) braille dots of the valid in all other cells. selected, total: how many instances lie
-    in the frame.
+    level: (h, w) mean value of the selected per cell as a level 1 .. LEVELS, 0 without a value, -1
+    without a selected instance. grey: (4h, 2w) braille dots of valid instances in all other cells.
+    selected, total: number of instances in the frame.
     """
 
     level: NDArray[np.int8]
@@ -81,7 +80,7 @@ class UmapModel:
 
 
 def umap_model(data: UmapInput, frame: MapFrame) -> UmapModel:
-    """What lies in each cell of `frame` (an even number of pixels high)."""
+    """Compute the levels of each cell of `frame` (an even number of pixels high)."""
     values = umap_values(data)
     scale = value_range(data)
     selection = selection_indices(data.selected, data.valid)
@@ -106,19 +105,19 @@ def extent(data: UmapInput) -> Bounds:
 
 
 def umap_values(data: UmapInput) -> Floats:
-    """(N,) what colours the points: given, or the distance to the counterpart."""
+    """The values (N,) that colour the points, by default the distance between sim and real."""
     return (
         _distance(ArrayKey(data.sim), ArrayKey(data.real)) if data.values is None else data.values
     )
 
 
 def value_range(data: UmapInput) -> Interval:
-    """The scale of the values: of all instances, so that it stays as trajectories come and go."""
+    """The scale of the values, from all instances: it does not depend on trajectories in view."""
     return data.value_range or _percentiles(ArrayKey(umap_values(data)))
 
 
 def level_shares() -> NDArray[np.float64]:
-    """(LEVELS,) the place of levels 1 .. LEVELS on the scale: the middle of each."""
+    """(LEVELS,) fractions of the scale of levels 1 .. LEVELS: the middle of each."""
     return (np.arange(LEVELS) + 0.5) / LEVELS
 
 
@@ -153,7 +152,7 @@ def _percentiles(values: ArrayKey) -> Interval:
 
 @cached_by_identity(16)
 def _levels(values: ArrayKey, scale: Interval) -> Bins:
-    """Level of each instance; all have one, 0 for no value."""
+    """The level of each instance as bins, 0 for no value."""
     steps = np.floor(scale_fraction(np.asarray(values.array), scale) * LEVELS)
     return bin_values(np.nan_to_num(np.minimum(steps, LEVELS - 1) + 1, nan=0.0), LEVELS + 1)
 
@@ -183,7 +182,7 @@ def _layer(
 
 
 def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
-    """Counts (h, w, LEVELS + 1) per level to the mean one: of the middles of the levels."""
+    """The mean level of counts per level (h, w, LEVELS + 1)."""
     known, total = (table @ _WEIGHTS).transpose(2, 0, 1)
     mean = np.floor(total / np.maximum(known, 1)) + 1
     empty = np.where(table[..., 0] > 0, 0, -1)
@@ -192,9 +191,13 @@ def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
 
 @cached_by_identity(16)
 def _population(points: ArrayKey, frame: MapFrame, base: ArrayKey) -> Bools:
-    """Which braille dots hold any valid instance."""
-    nobody = SelectionIndices(np.asarray(base.array), np.empty(0, dtype=np.intp), inverted=False)
-    return np.asarray(count_selected(point_dots(np.asarray(points.array), frame), nobody)[1] > 0)
+    """Braille dots with any valid instance."""
+    nothing_selected = SelectionIndices(
+        np.asarray(base.array), np.empty(0, dtype=np.intp), inverted=False
+    )
+    return np.asarray(
+        count_selected(point_dots(np.asarray(points.array), frame), nothing_selected)[1] > 0
+    )
 
 
 def umap_input(store: Store, state: State, mark: Mark | None = None) -> UmapInput:

@@ -1,4 +1,4 @@
-"""Two embeddings on paper: the same coordinates, the same scale of colours."""
+"""The embeddings on paper: sim and real with the same axes and colours."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 POINTS_UP_TO = 40_000
-"""More valid instances are drawn cell by cell, each in the colour of its mean."""
+"""Above this number of valid instances, cells are drawn in the colour of their mean."""
 SIDE = 1.4
 """Inches at the right that colour bar and legend take."""
 TALLEST = 1.25
@@ -48,7 +48,7 @@ def umap_figure(
     title: str = "Embeddings in simulation and in reality",
     subtitle: str = "",
 ) -> bytes:
-    """A PNG of `size` pixels: sim at the left, real at the right, the colour bar beside them."""
+    """Draw the figure in `size` pixels: sim, real and a colour bar."""
     page = make_page(size, theme)
     figure = new_figure(page)
     top = draw_heading(figure, page, title, subtitle)
@@ -94,10 +94,10 @@ def _side(
         dot.set_markerfacecolor(rgb_fractions(ink) if size < 5 else "none")
         dot.set_markeredgewidth(0 if size < 5 else 1.6)
         figure.add_artist(dot)
-        told = figure.text(
+        panel_title = figure.text(
             spot[0] + 0.17 / page.inches[0], spot[1], text, va="center", fontsize=8.5
         )
-        told.set_color(rgb_fractions(page.theme.text))
+        panel_title.set_color(rgb_fractions(page.theme.text))
         y -= 0.26
 
 
@@ -120,8 +120,8 @@ def _panel(
         spine.set_visible(True)
     sim = name == "sim"
     layer = model.sim if sim else model.real
-    told = f"{name}   {layer.selected} of {layer.total}" if layer.total else f"{name}   none"
-    label = axes.set_title(told, loc="left", fontsize=10, pad=6)
+    panel_title = f"{name}   {layer.selected} of {layer.total}" if layer.total else f"{name}   none"
+    label = axes.set_title(panel_title, loc="left", fontsize=10, pad=6)
     label.set_color(rgb_fractions(theme.sim if sim else theme.real))
     label.set_fontweight("bold")
     points = np.asarray(data.sim if sim else data.real, dtype=np.float64)
@@ -146,11 +146,19 @@ def _points(axes: Axes, data: UmapInput, points: Floats, model: UmapModel, theme
     )
     shares = scale_fraction(umap_values(data), model.value_range)[highlighted]
     order = np.argsort(np.nan_to_num(shares, nan=-1.0), kind="stable")
-    shares, own = shares[order], points[highlighted[order]]
+    shares, points_on_top = shares[order], points[highlighted[order]]
     ink = turbo(shares) / 255.0
     ink[~np.isfinite(shares)] = rgb_fractions(theme.muted)
     edge = [rgb_fractions(theme.background)]
-    axes.scatter(own[:, 0], own[:, 1], s=24, c=ink, edgecolors=edge, linewidths=0.5, zorder=4)
+    axes.scatter(
+        points_on_top[:, 0],
+        points_on_top[:, 1],
+        s=24,
+        c=ink,
+        edgecolors=edge,
+        linewidths=0.5,
+        zorder=4,
+    )
 
 
 def _cells(axes: Axes, model: UmapModel, name: str, theme: Theme) -> None:

@@ -1,4 +1,4 @@
-"""Two embeddings side by side in one frame: who lies where, and how far from its counterpart."""
+"""The embeddings in cells: sim and real side by side with the same axes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from s2rtui.charts.umap.model import (
 )
 
 AXES = 5
-"""Columns at the left of a panel that its ticks take."""
+"""Columns of ticks at the left of a panel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class UmapLayout:
 
 
 def umap_layout(data: UmapInput, size: Size) -> UmapLayout:
-    """Side by side, or one above the other where the view is higher than wide."""
+    """Lay out the panels side by side, or stacked where the view is higher than wide."""
     width, height = max(1, size[0]), max(1, size[1])
     stacked = 2 * height > width
     gap = 0 if stacked or width < 10 else 1
@@ -113,9 +113,9 @@ def draw_umap(data: UmapInput, size: Size, options: RenderOptions | None = None)
 
 
 def _points(chart: Canvas, layer: UmapLayer, options: RenderOptions) -> None:
-    """Unselected dots in grey; cells with selected ones in the colour or digit of their mean.
+    """Draw unselected points as grey dots, cells with selected ones as discs or digits.
 
-    A disc, not dots: the colour of single braille dots cannot be told apart.
+    Discs show the colour of the mean, which single braille dots would not.
     """
     theme = options.theme
     if options.ascii:
@@ -167,8 +167,8 @@ def _header(
     glyph, colour = (glyphs.sim, theme.sim) if sim else (glyphs.real, theme.real)
     parts = [text_part(((f"{glyph} {panel.name}", colour),))]
     if layer.total:
-        told = f"{layer.selected} of {layer.total}"
-        parts.append(text_part(((told, theme.muted),)))
+        counts = f"{layer.selected} of {layer.total}"
+        parts.append(text_part(((counts, theme.muted),)))
     else:
         parts.append(text_part((("no coordinates", theme.muted),)))
     free = layout.room
