@@ -1,4 +1,4 @@
-"""Small made-up views that every test of this room draws."""
+"""Small made-up inputs of every view."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def overview_lines(**changes: Any) -> OverviewLines:
     return OverviewLines(**(fields | changes))
 
 
-def geomap_input(**changes: Any) -> MapInput:
+def map_input(**changes: Any) -> MapInput:
     random = np.random.default_rng(7)
     along = np.linspace(0, 2 * np.pi, N, endpoint=False)
     truth = np.stack([10 + 7 * np.cos(along), 5 + 3 * np.sin(along)], axis=1)
@@ -69,8 +69,8 @@ def geomap_input(**changes: Any) -> MapInput:
     return MapInput(**(view | changes))
 
 
-def difference_input(**changes: Any) -> CompareInput:
-    view = geomap_input()
+def compare_input(**changes: Any) -> CompareInput:
+    view = map_input()
     random = np.random.default_rng(9)
     fields: dict[str, Any] = {
         "truth": view.truth,
@@ -114,7 +114,7 @@ def instance_input(**changes: Any) -> InstanceInput:
     return InstanceInput(**(view | changes))
 
 
-def histogram_input(**changes: Any) -> ErrorsInput:
+def errors_input(**changes: Any) -> ErrorsInput:
     random = np.random.default_rng(5)
     view: dict[str, Any] = {
         "sim": random.gamma(2, 0.2, N),

@@ -14,7 +14,7 @@ from s2rtui.analysis.binning import selection_indices
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.charts.compare.model import CompareInput, cell_means, compare_model
 from s2rtui.charts.compare.terminal import compare_layout, draw_compare
-from tests.charts.examples import BOUNDS, N, difference_input
+from tests.charts.examples import BOUNDS, N, compare_input
 
 SIZE = (80, 26)
 errors = arrays.arrays(np.float64, N, elements=st.floats(0, 4) | st.just(np.nan))
@@ -25,7 +25,7 @@ masks = arrays.arrays(np.bool_, N)
 def test_summary_counts_the_selected_by_who_is_better(
     first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
 ) -> None:
-    view = difference_input(first=first, second=second, selected=selected, valid=valid)
+    view = compare_input(first=first, second=second, selected=selected, valid=valid)
     summary = compare_model(view).summary
     apart = (first - second)[selected & valid]
     known = apart[np.isfinite(apart)]
@@ -40,7 +40,7 @@ def test_summary_counts_the_selected_by_who_is_better(
 def test_cells_hold_the_mean_of_their_selected(
     first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
 ) -> None:
-    view = difference_input(first=first, second=second, selected=selected, valid=valid)
+    view = compare_input(first=first, second=second, selected=selected, valid=valid)
     frame = compare_layout(view, (30, 8)).frame
     columns, rows, means = cell_means(view, selection_indices(selected, valid), frame)
     apart = first - second
@@ -117,7 +117,7 @@ def test_the_rest_is_grey_and_the_cursor_marked() -> None:
 def test_nothing_selected_and_nothing_known_still_draw() -> None:
     nothing = np.zeros(N, dtype=np.bool_)
     gone = np.full(N, np.nan)
-    draw_compare(difference_input(selected=nothing), SIZE)
-    summary = compare_model(difference_input(first=gone)).summary
+    draw_compare(compare_input(selected=nothing), SIZE)
+    summary = compare_model(compare_input(first=gone)).summary
     assert (summary.improved, summary.worse, summary.equal, summary.unknown) == (0, 0, 0, 15)
-    assert "mean" not in "\n".join(draw_compare(difference_input(first=gone), SIZE).lines())
+    assert "mean" not in "\n".join(draw_compare(compare_input(first=gone), SIZE).lines())

@@ -12,7 +12,7 @@ from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.map.model import SINGLES, arc_degrees, arc_turns, error_glyphs, full_scale
 from s2rtui.charts.map.terminal import draw_map, map_layout
 from s2rtui.charts.shared.map_model import MapInput, map_model
-from tests.charts.examples import BOUNDS, geomap_input
+from tests.charts.examples import BOUNDS, map_input
 
 SIZE = (80, 26)
 
@@ -154,8 +154,8 @@ def test_equal_arrows_become_one_with_both_sizes() -> None:
 
 
 def test_legend_tells_scale_and_means() -> None:
-    text = "\n".join(draw_map(geomap_input(mode="glyph"), (120, 30)).lines())
+    text = "\n".join(draw_map(map_input(mode="glyph"), (120, 30)).lines())
     assert "180° = " in text
     assert "mean of n instances" in text
-    few = replace(geomap_input(mode="glyph"), selected=np.arange(60) == 5)
+    few = replace(map_input(mode="glyph"), selected=np.arange(60) == 5)
     assert "mean of n instances" not in "\n".join(draw_map(few, (120, 30)).lines())

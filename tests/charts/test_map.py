@@ -13,7 +13,7 @@ from s2rtui.canvas.render_options import ASCII, UNICODE
 from s2rtui.charts.map.model import LINES_UP_TO, iids_with_error_lines
 from s2rtui.charts.map.terminal import draw_map, map_layout
 from s2rtui.charts.shared.map_model import map_model, sorted_by_value
-from tests.charts.examples import BOUNDS, geomap_input
+from tests.charts.examples import BOUNDS, map_input
 
 SIZE = (80, 26)
 
@@ -51,7 +51,7 @@ def test_sample_puts_image_rows_where_they_are_drawn() -> None:
 
 
 def test_model_sorts_by_value_and_leaves_out_the_invalid() -> None:
-    view = geomap_input(cursor=3)
+    view = map_input(cursor=3)
     model = map_model(view)
     assert sorted_by_value(view, model)[0].tolist() == list(range(45, 60))
     assert (model.highlighted, model.others) == (15, 44)
@@ -59,7 +59,7 @@ def test_model_sorts_by_value_and_leaves_out_the_invalid() -> None:
 
 
 def test_selected_points_are_turbo_and_the_others_grey() -> None:
-    view = geomap_input(floor_plan=None, heat=None, rooms=(), cursor=None)
+    view = map_input(floor_plan=None, heat=None, rooms=(), cursor=None)
     canvas = draw_map(view, SIZE)
     layout = map_layout(view, SIZE)
     column, row = np.floor(layout.frame.to_cells(view.truth)[59]).astype(int)
@@ -72,7 +72,7 @@ def test_selected_points_are_turbo_and_the_others_grey() -> None:
 
 
 def test_digits_stand_for_values_without_colours() -> None:
-    view = geomap_input(floor_plan=None, heat=None, rooms=(), cursor=None)
+    view = map_input(floor_plan=None, heat=None, rooms=(), cursor=None)
     options = RenderOptions(mode=ColourMode.NONE)
     canvas, layout = draw_map(view, SIZE, options), map_layout(view, SIZE, None, options)
     column, row = np.floor(layout.frame.to_cells(view.truth)[59]).astype(int)
@@ -82,7 +82,7 @@ def test_digits_stand_for_values_without_colours() -> None:
 def test_full_mode_shows_three_marks_and_the_cursor_with_lines() -> None:
     selected = np.zeros(60, dtype=np.bool_)
     selected[[10, 30]] = True
-    view = geomap_input(mode="full", selected=selected, cursor=30, heat=None, rooms=())
+    view = map_input(mode="full", selected=selected, cursor=30, heat=None, rooms=())
     text = "\n".join(draw_map(view, SIZE).lines()[:20])
     for glyph in (UNICODE.sim, UNICODE.real, UNICODE.truth, UNICODE.cursor):
         assert glyph in text
@@ -91,14 +91,14 @@ def test_full_mode_shows_three_marks_and_the_cursor_with_lines() -> None:
 
 
 def test_many_selected_draw_no_lines_but_the_cursors() -> None:
-    view = geomap_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=8)
+    view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=8)
     model = map_model(view)
     assert iids_with_error_lines(view, model).tolist() == [8]
     assert f"error lines for up to {LINES_UP_TO}" in "\n".join(draw_map(view, (100, 30)).lines())
 
 
 def test_zooming_in_on_a_few_of_many_draws_their_lines() -> None:
-    view = geomap_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=None)
+    view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=None)
     near = Bounds(16.0, 3.5, 18.0, 6.5)
     frame = map_layout(view, SIZE, near).frame
     cells = frame.to_cells(view.truth)
@@ -130,9 +130,9 @@ def test_arrows_are_eight_in_both_sets() -> None:
 
 
 def test_heat_is_turbo_where_it_is_and_absent_elsewhere() -> None:
-    plain = draw_map(geomap_input(heat=None, cursor=None), SIZE)
-    hot = draw_map(geomap_input(cursor=None), SIZE)
-    layout = map_layout(geomap_input(), SIZE)
+    plain = draw_map(map_input(heat=None, cursor=None), SIZE)
+    hot = draw_map(map_input(cursor=None), SIZE)
+    layout = map_layout(map_input(), SIZE)
     column, row = layout.frame.to_cells([[5.0, 3.0]])[0].astype(int)
     assert int(hot.bg[row, column + layout.x, 1]) > int(plain.bg[row, column + layout.x, 1]) + 60
     column, row = layout.frame.to_cells([[15.0, 5.0]])[0].astype(int)
@@ -140,7 +140,7 @@ def test_heat_is_turbo_where_it_is_and_absent_elsewhere() -> None:
 
 
 def test_floor_plan_lies_dim_under_the_map() -> None:
-    view = geomap_input(heat=None, cursor=None, rooms=())
+    view = map_input(heat=None, cursor=None, rooms=())
     canvas, layout = draw_map(view, SIZE), map_layout(view, SIZE)
     right = layout.frame.to_cells([[15.0, 5.0]])[0].astype(int)
     left = layout.frame.to_cells([[5.0, 5.0]])[0].astype(int)
@@ -150,7 +150,7 @@ def test_floor_plan_lies_dim_under_the_map() -> None:
 
 
 def test_legend_names_values_heat_and_scale() -> None:
-    text = "\n".join(draw_map(geomap_input(), (100, 30)).lines())
+    text = "\n".join(draw_map(map_input(), (100, 30)).lines())
     assert "shift" in text
     assert "heat" in text
     assert " m" in text
@@ -159,14 +159,14 @@ def test_legend_names_values_heat_and_scale() -> None:
 
 
 def test_viewport_changes_what_is_seen() -> None:
-    near = map_layout(geomap_input(), SIZE, Bounds(8, 4, 12, 6)).frame
-    assert near.pitch < map_layout(geomap_input(), SIZE).frame.pitch / 2
+    near = map_layout(map_input(), SIZE, Bounds(8, 4, 12, 6)).frame
+    assert near.pitch < map_layout(map_input(), SIZE).frame.pitch / 2
 
 
 def test_nothing_valid_and_nothing_known_still_draws() -> None:
     nothing = np.zeros(60, dtype=np.bool_)
     gone = np.full(60, np.nan)
     for mode in ("colour", "glyph", "full"):
-        view = geomap_input(valid=nothing, values=gone, mode=mode, heat=np.full((3, 3), np.nan))
+        view = map_input(valid=nothing, values=gone, mode=mode, heat=np.full((3, 3), np.nan))
         draw_map(view, SIZE)
-        draw_map(geomap_input(values=gone, mode=mode, truth=np.full((60, 2), np.nan)), SIZE)
+        draw_map(map_input(values=gone, mode=mode, truth=np.full((60, 2), np.nan)), SIZE)

@@ -15,7 +15,7 @@ from s2rtui.charts.errors.terminal import errors_panels
 from s2rtui.charts.orientation.terminal import orientation_panels
 from s2rtui.charts.rooms.terminal import rooms_panels
 from s2rtui.charts.umap.terminal import umap_panels
-from tests.charts.examples import histogram_input, orientation_input, rooms_input, umap_input
+from tests.charts.examples import errors_input, orientation_input, rooms_input, umap_input
 
 Surface = Callable[[tuple[int, int], RenderOptions], tuple[Panel, ...]]
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
@@ -39,8 +39,8 @@ VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
         "steps",
         ("sim", "truth", "real"),
     ),
-    "histogram": (
-        lambda size, options: errors_panels(histogram_input(), size, options),
+    "errors": (
+        lambda size, options: errors_panels(errors_input(), size, options),
         "range",
         ("sim", "real"),
     ),

@@ -24,10 +24,10 @@ from s2rtui.charts.umap.terminal import draw_umap
 from s2rtui.terminal.strips import to_strips
 from tests.charts.examples import (
     ROWS,
-    difference_input,
-    geomap_input,
-    histogram_input,
+    compare_input,
+    errors_input,
     instance_input,
+    map_input,
     orientation_input,
     overview_lines,
     rooms_input,
@@ -41,17 +41,17 @@ BOX = Mark("map", ((2.0, 2.0), (9.0, 5.0)))
 LASSO = Mark("map", ((2.0, 2.0), (9.0, 5.0), (4.0, 8.0)), lasso=True)
 VIEWS: dict[str, Draw] = {
     "overview": lambda size, options: draw_overview(ROWS, 0.72, 1, size, options),
-    "threads": lambda size, options: draw_overview(
+    "overview lines": lambda size, options: draw_overview(
         ROWS, 0.72, 1, size, options, overview_lines(), Mark("vanilla", ((0.6, 0.0), (0.8, 0.0)))
     ),
-    "map": lambda size, options: draw_map(geomap_input(), size, options),
-    "full map": lambda size, options: draw_map(geomap_input(mode="full"), size, options),
+    "map": lambda size, options: draw_map(map_input(), size, options),
+    "full map": lambda size, options: draw_map(map_input(mode="full"), size, options),
     "glyph map": lambda size, options: draw_map(
-        geomap_input(mode="glyph", clip=np.eye(5), mark=BOX), size, options
+        map_input(mode="glyph", clip=np.eye(5), mark=BOX), size, options
     ),
-    "difference": lambda size, options: draw_compare(difference_input(mark=LASSO), size, options),
+    "compare": lambda size, options: draw_compare(compare_input(mark=LASSO), size, options),
     "bare map": lambda size, options: draw_map(
-        geomap_input(floor_plan=None, heat=None, headings=None, cursor=None), size, options
+        map_input(floor_plan=None, heat=None, headings=None, cursor=None), size, options
     ),
     "instance": lambda size, options: draw_instance(instance_input(), size, options),
     "plain instance": lambda size, options: draw_instance(
@@ -59,9 +59,9 @@ VIEWS: dict[str, Draw] = {
         size,
         options,
     ),
-    "histogram": lambda size, options: draw_errors(histogram_input(), size, options),
+    "errors": lambda size, options: draw_errors(errors_input(), size, options),
     "marked histogram": lambda size, options: draw_errors(
-        histogram_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0)))), size, options
+        errors_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0)))), size, options
     ),
     "history": lambda size, options: draw_history(HistoryInput(gaps.week()), size, options),
     "no history": lambda size, options: draw_history(HistoryInput(()), size, options),

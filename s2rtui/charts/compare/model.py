@@ -32,13 +32,12 @@ Means = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompareInput:
-    """Two runs on one map: which of them errs more, and where.
+    """Errors of two runs on one map.
 
-    truth: (N, 2) metres. first, second: (N,) errors of the two runs in `unit`, NaN where one has
-    none; `names` are the runs', `side` tells whose errors they are. Differences are first -
-    second, so above 0 the second is better; within `equal` they count as equal. `scale`: the
-    difference of full colour (default: the 99th percentile of the valid). The rest as in
-    `GeoMapInput`.
+    truth: (N, 2) metres. first, second: (N,) errors of the runs `names` on `side` in `unit`, NaN
+    for none. Differences are first - second: above 0 the second run is better, within `equal` both
+    are equal. scale: the difference of full colour (default: the 99th percentile of the valid
+    ones). Other fields as in `MapInput`.
     """
 
     truth: Floats

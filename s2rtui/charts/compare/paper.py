@@ -39,7 +39,6 @@ from s2rtui.charts.shared.paper_map import (
     draw_unselected,
     draw_values,
     map_panel,
-    map_sheet,
     marker_legend,
 )
 
@@ -176,27 +175,6 @@ def _error_scale(
 MARKERS = {1: "^", 0: "o", -1: "v"}
 
 
-def difference_figure(
-    data: CompareInput,
-    size: Pixels = (1600, 1200),
-    theme: Theme = LIGHT,
-    title: str = "",
-    subtitle: str = "",
-    viewport: Bounds | None = None,
-) -> bytes:
-    """A PNG of `size` pixels: each selected instance by its difference, the largest on top."""
-    page = make_page(size, theme)
-    model = compare_model(data)
-    area = viewport or default_view(data.bounds, data.truth, data.valid)
-    first, second = data.names
-    title = title or f"{data.side.capitalize()} error: {first} against {second}"
-    sheet = map_sheet(data.ground, area, page, title, subtitle)
-    draw_difference(sheet, data, model)
-    if sheet.side:
-        difference_legend(sheet, data, model, sheet.side)
-    return figure_bytes(sheet.figure, page)
-
-
 def draw_difference(sheet: MapSheet, data: CompareInput, model: CompareModel) -> None:
     """Draw unselected points, differences and the cursor."""
     draw_unselected(sheet.axes, data.truth, model.selection, sheet.spots)
@@ -238,15 +216,14 @@ def difference_legend(
     data: CompareInput,
     model: CompareModel,
     corner: tuple[float, float],
-    high: float = 0.0,
-    keys: float | None = None,
+    high: float,
+    keys: float,
 ) -> None:
     """Draw the scale, how often each run is better, and the mean difference.
 
-    high: height of the scale in inches (0: as high as possible). keys: left end of the markers.
+    high: height of the scale in inches. keys: left end of the markers.
     """
     left, top = corner
-    high = high or min(2.0, (top - 0.6) * 0.42)
     box = sheet.page.box(left, top - 0.52 - high, 0.16, high)
     label = f"{data.names[0]} −\n{data.names[1]} ({data.unit})"
     ends = (-model.scale, model.scale)
@@ -273,4 +250,4 @@ def difference_legend(
         marks.append(("not selected", ".", theme.unselected, True))
     if model.cursor is not None:
         marks.append((f"instance {model.cursor}", "o", theme.cursor, False))
-    marker_legend(sheet, marks, (left if keys is None else keys, top - 0.52 - high - 0.25))
+    marker_legend(sheet, marks, (keys, top - 0.52 - high - 0.25))

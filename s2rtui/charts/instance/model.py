@@ -73,7 +73,7 @@ def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
             return []
         listed = " ".join(str(other) for other in near if other != iid)
         sides.append(f"{side} {listed or 'none'}")
-    return [("similar", ", ".join(sides))]
+    return [("alike", ", ".join(sides))]
 
 
 def _side(

@@ -26,7 +26,7 @@ class ListView(View):
     figure_size = (1600, 1200)
 
     def subtitle(self, scene: Scene) -> str:
-        return f"{scene.state.count}, sorted by {scene.state.sort} (.: next column, comma: reverse)"
+        return f"{scene.state.count}, by {scene.state.sort} (.: next column, comma: reverse)"
 
     def input(self, scene: Scene) -> ListInput:
         state = scene.state

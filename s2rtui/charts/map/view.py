@@ -27,7 +27,7 @@ _TITLES = {
     "full": "predicted and true positions",
 }
 _SUBTITLES = {
-    "colour": "truth coloured by shift, the distance between sim and real prediction",
+    "colour": "truth coloured by shift, the distance between both predictions",
     "glyph": "direction and size of both errors",
     "full": "predictions in sim and real, joined to the truth",
 }

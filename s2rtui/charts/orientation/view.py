@@ -24,7 +24,7 @@ class OrientationView(View):
     figure_size = (1600, 720)
 
     def subtitle(self, scene: Scene) -> str:
-        return "headings: sim, truth, real (R: resultant length, 1 = all alike)"
+        return "headings (R: 1 = all alike)"
 
     def input(self, scene: Scene) -> OrientationInput:
         store, state = scene.store, scene.state

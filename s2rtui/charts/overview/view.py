@@ -29,10 +29,11 @@ class OverviewView(View):
 
     def subtitle(self, scene: Scene) -> str:
         lines = scene.resources.lines
-        text = f", one line per instance in {lines.side}" if lines else ""
         if failed := scene.resources.failed.get("rows" if not scene.resources.rows else "lines"):
-            text = f": {failed}"
-        return f"accuracy, sim and real{text}"
+            return f"accuracy, sim and real: {failed}"
+        if lines is None:
+            return "accuracy, sim and real"
+        return f"accuracy; one line per instance, {lines.side}"
 
     def lines(self, scene: Scene) -> OverviewLines | None:
         """The instances as lines across the runs, once they are loaded."""

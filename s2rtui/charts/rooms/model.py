@@ -39,10 +39,11 @@ class RoomsInput:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoomsModel:
-    """names: a row each, the last one for no room where any instance is in none.
+    """Counts per room.
 
-    lit, total: (3, rows) counts of the selected and of all valid, in the order of NAMES. peak:
-    the largest count. cursor: the row of the cursor's instance in each column, or None.
+    names: one per row, "no room" last if it occurs. highlighted, total: (3, rows) counts of the
+    selected and of all valid instances, in the order of NAMES. peak: the largest count. cursor:
+    the row of the cursor's instance in each column, or None.
     """
 
     names: tuple[str, ...]

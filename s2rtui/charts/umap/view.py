@@ -26,7 +26,7 @@ class UmapView(View):
     figure_size = (1600, 800)
 
     def subtitle(self, scene: Scene) -> str:
-        return "embeddings, coloured by the distance between sim and real"
+        return "embeddings, coloured by sim-real distance"
 
     def input(self, scene: Scene) -> UmapInput:
         return umap_input(scene.store, scene.state, scene.mark(self.name))
