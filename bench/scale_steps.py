@@ -6,21 +6,21 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from bench.index_store import ROOMS
-from s2rtui.canvas.brush_surface import Mark
-from s2rtui.charts.compare.model import difference_model
-from s2rtui.charts.errors.model import histogram_model
-from s2rtui.charts.map.model import geomap_model, value_range
-from s2rtui.charts.map.terminal import geomap_layout
+from s2rtui.canvas.brush import Mark
+from s2rtui.charts.compare.model import compare_model
+from s2rtui.charts.errors.model import errors_model
+from s2rtui.charts.map.terminal import map_layout
 from s2rtui.charts.orientation.model import orientation_model
 from s2rtui.charts.overview.layout import overview_layout
-from s2rtui.charts.overview.line_density import line_density
+from s2rtui.charts.overview.lines import line_density
 from s2rtui.charts.overview.model import overview_model
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.rooms.model import rooms_model
-from s2rtui.charts.shared.map_cells import other_dots, top_levels
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.map_model import map_model, value_range
+from s2rtui.charts.shared.points import highest_levels, unselected_dots
 from s2rtui.charts.umap.model import umap_model
 from s2rtui.charts.umap.terminal import umap_layout
-from s2rtui.charts.view import Scene
 from s2rtui.session import Brush, Session, display, instance_list, run_differences
 from s2rtui.session.state import Operator
 
@@ -81,14 +81,14 @@ def numbers(scene: Scene) -> None:
     umap_model(view, frame)
     orientation_model(BY_NAME["orientation"].input(scene))
     rooms_model(BY_NAME["rooms"].input(scene))
-    histogram_model(BY_NAME["errors"].input(scene), _TAB[0] - 12)
+    errors_model(BY_NAME["errors"].input(scene), _TAB[0] - 12)
     shown = BY_NAME["map"].input(scene)
-    model = geomap_model(shown)
-    frame = geomap_layout(shown, _MAP).frame
-    other_dots(shown.truth, model.chosen, frame)
-    top_levels(shown.truth, shown.values, value_range, model.chosen, frame)
+    model = map_model(shown)
+    frame = map_layout(shown, _MAP).frame
+    unselected_dots(shown.truth, model.selection, frame)
+    highest_levels(shown.truth, shown.values, value_range, model.selection, frame)
     other = run_differences.other_run(scene.state)
-    difference_model(BY_NAME["compare"].input(scene, other))
+    compare_model(BY_NAME["compare"].input(scene, other))
 
 
 def _overview(scene: Scene) -> None:

@@ -1,1 +1,1 @@
-"""Array kernels behind the charts: binning, joint histograms, medians, caches keyed by identity."""
+"""Array kernels behind the charts: counts, sums and medians per bin, histograms, caches."""

@@ -1,4 +1,4 @@
-"""Arrays as keys of caches, by identity: what a plot works out of a column is worked out once."""
+"""Caches keyed by the identity of arrays: results derived from a column are computed once."""
 
 from __future__ import annotations
 
@@ -18,138 +18,142 @@ T = TypeVar("T")
 
 
 class ArrayKey:
-    """An array as a key: equal only to itself, not kept alive by it, never changed in place.
+    """A hashable stand-in for an array, equal only for the same array object.
 
-    There is one per array, so that keys are compared by identity alone.
+    It holds a weak reference. There is one key per array, so keys compare by identity. Arrays must
+    not be changed in place.
     """
 
     __slots__ = ("_ref",)
     _ref: Callable[[], NDArray[np.generic] | None]
 
     def __new__(cls, array: NDArray[np.generic] | None) -> ArrayKey:
-        known = _KNOWN.get(id(array))
-        if known is not None and known._ref() is array:
-            return known
-        with _MAKING:
-            known = _KNOWN.get(id(array))
-            if known is None or known._ref() is not array:
-                known = super().__new__(cls)
+        key = _KEYS.get(id(array))
+        if key is not None and key._ref() is array:
+            return key
+        with _KEY_LOCK:
+            key = _KEYS.get(id(array))
+            if key is None or key._ref() is not array:
+                key = super().__new__(cls)
                 forget = partial(_forget, id(array))
-                known._ref = _nothing if array is None else weakref.ref(array, forget)
-                _KNOWN[id(array)] = known
-        return known
+                key._ref = _no_array if array is None else weakref.ref(array, forget)
+                _KEYS[id(array)] = key
+        return key
 
     @property
     def array(self) -> NDArray[np.generic] | None:
-        """The array; None once nobody holds it."""
+        """The array, or None after it was deleted."""
         return self._ref()
 
 
-_KNOWN: dict[int, ArrayKey] = {}
-_GONE: deque[tuple[int, object]] = deque()
-_MAKING = Lock()
+_KEYS: dict[int, ArrayKey] = {}
+_DELETED: deque[tuple[int, object]] = deque()
+_KEY_LOCK = Lock()
 
 
-def _nothing() -> None:
-    """Stands for None as a weak reference stands for an array."""
+def _no_array() -> None:
+    """The weak reference of None."""
 
 
-def _forget(number: int, gone: object) -> None:
-    """When an array dies, which is at any time, in any thread: so it waits for no lock."""
-    _GONE.append((number, gone))
-    if _MAKING.acquire(blocking=False):
+def _forget(number: int, deleted_ref: object) -> None:
+    """Drop the key of a deleted array.
+
+    Runs whenever an array is deleted, in any thread, so it must not wait for a lock.
+    """
+    _DELETED.append((number, deleted_ref))
+    if _KEY_LOCK.acquire(blocking=False):
         try:
-            while _GONE:
-                number, gone = _GONE.popleft()
-                known = _KNOWN.get(number)
-                if known is not None and known._ref is gone:
-                    del _KNOWN[number]
+            while _DELETED:
+                number, deleted_ref = _DELETED.popleft()
+                key = _KEYS.get(number)
+                if key is not None and key._ref is deleted_ref:
+                    del _KEYS[number]
         finally:
-            _MAKING.release()
+            _KEY_LOCK.release()
 
 
-def identity(value: object) -> object:
-    """A value to compare by: arrays by identity, also inside tuples and in dataclasses' fields."""
+def identity_key(value: object) -> object:
+    """A hashable key of a value; arrays in tuples and dataclasses count by identity."""
     if isinstance(value, np.ndarray):
         return ArrayKey(value)
     if isinstance(value, tuple):
-        return tuple(identity(part) for part in value)
+        return tuple(identity_key(part) for part in value)
     if is_dataclass(value) and type(value).__eq__ is object.__eq__:
-        parts = (identity(getattr(value, field.name)) for field in fields(value))
+        parts = (identity_key(getattr(value, field.name)) for field in fields(value))
         return type(value), *parts
     return value
 
 
-def cached_by_identity(most: int) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Keep a function's last results, each for as long as all arrays among its arguments live.
+def cached_by_identity(limit: int) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Cache the last `limit` results of a function while all arrays in its arguments live.
 
-    A result that holds one of these arrays keeps itself, until newer ones push it out. Arguments
-    are hashable and by position, arrays as `ArrayKey`.
+    Arguments are positional and hashable, arrays as `ArrayKey`. A result that refers to an array
+    of its arguments stays until newer results push it out.
     """
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
-        results: _Results[T] = _Results(most)
+        results: _Results[T] = _Results(limit)
 
         @wraps(function)
-        def known(*args: P.args, **none: P.kwargs) -> T:
-            found = results.get(args)
-            if found is not None:
-                return found[0]
+        def wrapper(*args: P.args, **none: P.kwargs) -> T:
+            entry = results.get(args)
+            if entry is not None:
+                return entry[0]
             result = function(*args, **none)
             results.put(args, result)
             return result
 
-        return known
+        return wrapper
 
     return decorate
 
 
 class _Results(Generic[T]):
-    """The last results by their arguments.
+    """The most recent results by arguments.
 
-    What is dropped dies after the lock is let go, and no array that dies waits for it: either may
-    run anything.
+    Results are released outside the lock, and deletions of arrays never wait for it, since both
+    may run arbitrary code.
     """
 
-    def __init__(self, most: int) -> None:
-        self._most = most
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
         self._lock = Lock()
-        self._found: OrderedDict[object, tuple[T, list[weakref.ref[Any]]]] = OrderedDict()
-        self._gone: deque[object] = deque()
+        self._entries: OrderedDict[object, tuple[T, list[weakref.ref[Any]]]] = OrderedDict()
+        self._deleted: deque[object] = deque()
 
     def get(self, args: tuple[object, ...]) -> tuple[T, list[weakref.ref[Any]]] | None:
-        if self._gone:
+        if self._deleted:
             self._purge()
         with self._lock:
-            found = self._found.get(args)
-            if found is not None:
-                self._found.move_to_end(args)
-        return found
+            entry = self._entries.get(args)
+            if entry is not None:
+                self._entries.move_to_end(args)
+        return entry
 
     def put(self, args: tuple[object, ...], result: T) -> None:
         forget = partial(self._forget, args)
         references = [weakref.ref(array, forget) for array in _arrays(args)]
         oldest = None
         with self._lock:
-            before = self._found.pop(args, None)
-            self._found[args] = result, references
-            if len(self._found) > self._most:
-                _, oldest = self._found.popitem(last=False)
+            before = self._entries.pop(args, None)
+            self._entries[args] = result, references
+            if len(self._entries) > self._limit:
+                _, oldest = self._entries.popitem(last=False)
         del before, oldest
         if any(reference() is None for reference in references):
             forget(None)
 
-    def _forget(self, args: object, gone: object) -> None:
-        self._gone.append(args)
+    def _forget(self, args: object, deleted_ref: object) -> None:
+        self._deleted.append(args)
         self._purge()
 
     def _purge(self) -> None:
-        """Drop what goes with arrays that have died, unless the lock is taken: then later."""
+        """Drop the results of deleted arrays; postponed where the lock is taken."""
         dropped = []
-        if self._gone and self._lock.acquire(blocking=False):
+        if self._deleted and self._lock.acquire(blocking=False):
             try:
-                while self._gone:
-                    dropped.append(self._found.pop(self._gone.popleft(), None))
+                while self._deleted:
+                    dropped.append(self._entries.pop(self._deleted.popleft(), None))
             finally:
                 self._lock.release()
 

@@ -1,4 +1,4 @@
-"""Where the world lies on a grid of square pixels, and back."""
+"""Frames: windows on a map of metres, as grids of square pixels."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ class MapFrame:
         return self.x0 + (column + 0.5) * self.pitch, self.y0 + down
 
 
-def fit(area: Bounds, width: int, height: int, y_down: bool) -> MapFrame:
-    """The frame of `width` x `height` pixels that shows all of `area` in its middle."""
+def fit_frame(area: Bounds, width: int, height: int, y_down: bool) -> MapFrame:
+    """The frame of `width` x `height` pixels that shows all of `area`, centred."""
     width, height = max(1, width), max(1, height)
     spans = max(area.width, 1e-6), max(area.height, 1e-6)
     pitch = max(spans[0] / width, spans[1] / height)
@@ -64,7 +64,7 @@ def fit(area: Bounds, width: int, height: int, y_down: bool) -> MapFrame:
 
 
 def zoomed(view: Bounds, factor: float, centre: tuple[float, float] | None = None) -> Bounds:
-    """A viewport `factor` times as close, about `centre` (default: its middle)."""
+    """A viewport enlarged `factor` times about `centre` (default: its middle)."""
     x, y = centre or ((view.x0 + view.x1) / 2, (view.y0 + view.y1) / 2)
     return Bounds(
         x + (view.x0 - x) / factor,
@@ -75,13 +75,13 @@ def zoomed(view: Bounds, factor: float, centre: tuple[float, float] | None = Non
 
 
 def panned(view: Bounds, across: float, down: float, y_down: bool) -> Bounds:
-    """A viewport moved by fractions of its size, as seen on the screen."""
+    """A viewport moved by fractions of its size, in directions of the screen."""
     dx, dy = across * view.width, down * view.height * (1 if y_down else -1)
     return Bounds(view.x0 + dx, view.y0 + dy, view.x1 + dx, view.y1 + dy)
 
 
-def within(view: Bounds, area: Bounds) -> Bounds:
-    """A viewport moved so that its middle lies in `area`."""
+def centred_within(view: Bounds, area: Bounds) -> Bounds:
+    """A viewport moved so that its centre lies in `area`."""
     x, y = (view.x0 + view.x1) / 2, (view.y0 + view.y1) / 2
     dx = min(max(x, area.x0), area.x1) - x
     dy = min(max(y, area.y0), area.y1) - y
@@ -89,10 +89,10 @@ def within(view: Bounds, area: Bounds) -> Bounds:
 
 
 def sample(image: ArrayLike, bounds: Bounds, frame: MapFrame, top_is_y0: bool) -> Floats:
-    """An image that covers `bounds`, seen through `frame`: (height, width[, C]) float32.
+    """Resample an image that covers `bounds` to `frame`: (height, width[, C]) float32.
 
-    Each pixel is the mean of up to 16 samples of what it covers, NaN left out, and NaN where
-    nothing is. `top_is_y0`: whether the image's first row lies at bounds.y0.
+    Each pixel is the mean of up to 16 samples of the area that it covers, without NaN; NaN outside
+    the image. `top_is_y0`: whether the image's first row lies at bounds.y0.
     """
     source = np.asarray(image)
     rows, columns = source.shape[:2]

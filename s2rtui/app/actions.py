@@ -9,8 +9,8 @@ from typing import Literal
 
 from s2rstore.metrics import similarity
 from s2rtui.app.key_names import key_shown
+from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
-from s2rtui.charts.shared import view_inputs
 from s2rtui.security import Need, Permissions
 from s2rtui.session import Session, adjusting, display, instance_list
 from s2rtui.session.state import State
@@ -94,7 +94,7 @@ def _choose_alike(session: Session) -> object:
         told = f"run {state.run} has no embeddings to compare; `s2r precompute` makes them"
         return session.tell(told)
     function = "sim.like" if state.side == "sim" else "like"
-    return session.choose(f"{function}({state.cursor}, {view_inputs.NEIGHBOURS})")
+    return session.choose(f"{function}({state.cursor}, {NEIGHBOURS})")
 
 
 _OPERATORS = (
@@ -254,7 +254,7 @@ ACTIONS: tuple[Action, ...] = (
     *(
         Action(f"view('{view.name}')", (view.key,), "views", view.description)
         for view in VIEWS
-        if view.stored
+        if view.from_store
     ),
     Action("next_view", ("tab",), "views", "next view", short="view", when="still"),
     Action("previous_view", ("shift+tab",), "views", "previous view", when="still"),

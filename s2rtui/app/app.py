@@ -42,7 +42,7 @@ from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.charts.registry import BY_NAME as VIEW_BY_NAME
 from s2rtui.charts.registry import VIEWS
-from s2rtui.charts.view import Resources
+from s2rtui.charts.scene import Resources
 from s2rtui.jobs import background_thread
 from s2rtui.security import Permissions
 from s2rtui.session import Session, adjusting, display, shared_selection
@@ -172,7 +172,7 @@ class S2RApp(Brushes, Papers, Savings):
         if self._drawn_once:
             asked = self.feeding.ask(self.session.store, state)
             if asked.anew:
-                self.resources = self.resources.asked(asked.anew, asked.emptied)
+                self.resources = self.resources.with_requested(asked.anew, asked.emptied)
         self.query_one(Panes).place(self._wanted_places())
         self.drawing.all()
 

@@ -8,7 +8,8 @@ from functools import partial
 from s2rstore.reader import Store
 from s2rstore.security.printable_text import printable
 from s2rtui.canvas import Canvas, RenderOptions
-from s2rtui.charts.view import Resources, Scene, View
+from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.view import View
 from s2rtui.session.state import SIGNS, State
 
 StatusLine = tuple[str, str, str]
@@ -72,7 +73,7 @@ def message(state: State, resources: Resources) -> str:
     """What is told at the foot: the last step's words, else what goes on, else what is new."""
     text = state.message or resources.saving
     if not state.is_error:
-        text = resources.told_of(text)
+        text = resources.with_progress(text)
     if not text and state.newest != state.generation:
         return f"generation {state.newest} is there: g moves on to it"
     return text
@@ -85,16 +86,16 @@ def cut(text: str, width: int, look: RenderOptions) -> str:
 
 def shown(view: View, scene: Scene) -> tuple[Draw, tuple[object, ...] | None]:
     """A view's drawing under its title, and all that it depends on (None: draw it always)."""
-    depends = view.depends(scene)
+    depends = view.cache_key(scene)
     if depends is not None:
-        depends = (*depends, view.told(scene), scene.state.view == view.name)
+        depends = (*depends, view.subtitle(scene), scene.state.view == view.name)
     return titled(view, scene, partial(view.draw, scene)), depends
 
 
 def titled(view: View, scene: Scene, draw: Draw) -> Draw:
     """A drawing with a line above it: the view's key, name and what it shows."""
     active = scene.state.view == view.name
-    label, told = f"{view.key} {view.name}", view.told(scene)
+    label, told = f"{view.key} {view.name}", view.subtitle(scene)
 
     def drawn(size: tuple[int, int], look: RenderOptions) -> Canvas:
         width, height = size

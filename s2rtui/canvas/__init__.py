@@ -1,8 +1,7 @@
-"""Drawing in cells: a canvas of arrays, rasters in it, and its way to the terminal."""
+"""Drawing in character cells: the canvas, colours, glyphs, rasters and brush panels."""
 
 from s2rtui.canvas.canvas import Canvas, InlineImage, Size
-from s2rtui.canvas.colour import DARK, LIGHT, THEMES, Rgb, Theme
-from s2rtui.canvas.colour_mode import ColourMode
+from s2rtui.canvas.colour import DARK, LIGHT, THEMES, ColourMode, Rgb, Theme
 from s2rtui.canvas.render_options import ASCII, UNICODE, Glyphs, RenderOptions, heading_arrow
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""The canvas: what every plot draws on, one array per property of a cell."""
+"""The canvas: character cells as one array per property."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ BoolGrid = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class InlineImage:
-    """A picture that half blocks only hint at: its box in cells, its own (height, width).
+    """An image that a terminal with graphics may draw in true pixels over its box of cells.
 
-    `pixels` gives it in any (height, width); `of` is what they follow from, equal only for equal
-    pixels.
+    `shape` is the source's (height, width); `pixels` renders it in any (height, width).
+    `content_key` is equal only for equal pixels.
     """
 
     x: int
@@ -29,23 +29,22 @@ class InlineImage:
     height: int
     shape: Size
     pixels: Callable[[Size], Pixels]
-    of: object
+    content_key: object
 
 
 class Canvas:
     """`width` x `height` cells: `char` (h, w) '<U1', `fg` and `bg` (h, w, 3) uint8, `bold` (h, w).
 
     The cell after a character of width two holds the empty string. Drawing outside the canvas is
-    clipped, never an error. Sizes under 1 are taken as 1. `plates` are the pictures in it that a
-    terminal may draw in true pixels.
+    clipped. Sizes below 1 become 1. `images` lists what a terminal may draw in true pixels.
     """
 
-    __slots__ = ("bg", "bold", "char", "fg", "plates", "theme")
+    __slots__ = ("bg", "bold", "char", "fg", "images", "theme")
 
     def __init__(self, width: int, height: int, theme: Theme = DARK) -> None:
         shape = (max(1, int(height)), max(1, int(width)))
         self.theme = theme
-        self.plates: list[InlineImage] = []
+        self.images: list[InlineImage] = []
         self.char: NDArray[np.str_] = np.full(shape, " ", dtype="<U1")
         self.fg: Pixels = np.empty((*shape, 3), dtype=np.uint8)
         self.bg: Pixels = np.empty((*shape, 3), dtype=np.uint8)
@@ -62,7 +61,7 @@ class Canvas:
         return int(self.char.shape[0])
 
     def lines(self) -> list[str]:
-        """The characters, a string per row, as a screen without colours would show them."""
+        """The characters of each row as a string."""
         width = self.width
         cells = np.ascontiguousarray(self.char).tobytes().decode("utf-32-le")
         rows = [cells[at : at + width] for at in range(0, len(cells), width)]
@@ -77,7 +76,7 @@ class Canvas:
         bg: Rgb | None = None,
         bold: bool = False,
     ) -> None:
-        """One glyph of width one; colours left out keep what is there."""
+        """Put one glyph of width one; colours that are None stay unchanged."""
         if 0 <= x < self.width and 0 <= y < self.height:
             self.char[y, x] = glyph
             self.bold[y, x] = bold
@@ -96,7 +95,7 @@ class Canvas:
         bold: bool = False,
         align: str = "left",
     ) -> int:
-        """Text from column `x` (its end with align "right", its middle with "center").
+        """Write text from column `x`, up to it (align "right") or around it ("center").
 
         Control characters become spaces. Returns the column after the text.
         """
@@ -116,7 +115,7 @@ class Canvas:
         return x
 
     def hline(self, x0: int, x1: int, y: int, glyph: str = "─", fg: Rgb | None = None) -> None:
-        """A horizontal line from column `x0` to `x1`, both included."""
+        """Draw a horizontal line from column `x0` to `x1`, both included."""
         start, stop = max(0, min(x0, x1)), min(self.width, max(x0, x1) + 1)
         if 0 <= y < self.height and start < stop:
             self.char[y, start:stop] = glyph
@@ -124,7 +123,7 @@ class Canvas:
                 self.fg[y, start:stop] = fg
 
     def vline(self, x: int, y0: int, y1: int, glyph: str = "│", fg: Rgb | None = None) -> None:
-        """A vertical line from row `y0` to `y1`, both included."""
+        """Draw a vertical line from row `y0` to `y1`, both included."""
         start, stop = max(0, min(y0, y1)), min(self.height, max(y0, y1) + 1)
         if 0 <= x < self.width and start < stop:
             self.char[start:stop, x] = glyph
@@ -134,7 +133,7 @@ class Canvas:
     def box(
         self, x: int, y: int, width: int, height: int, fg: Rgb | None = None, ascii: bool = False
     ) -> None:
-        """A frame whose outer size is `width` x `height`."""
+        """Draw a frame whose outer size is `width` x `height`."""
         if width < 1 or height < 1:
             return
         across, down = ("-", "|") if ascii else ("─", "│")
@@ -148,13 +147,13 @@ class Canvas:
             self.put(column, row, glyph, fg)
 
     def fill(self, x: int, y: int, width: int, height: int, bg: Rgb) -> None:
-        """A rectangle of background."""
+        """Fill a rectangle with a background colour."""
         rows = slice(max(0, y), max(0, y + height))
         columns = slice(max(0, x), max(0, x + width))
         self.bg[rows, columns] = bg
 
     def paste(self, other: Canvas, x: int, y: int) -> None:
-        """`other` with its top left corner at (x, y), clipped."""
+        """Copy `other` with its top left corner to (x, y), clipped."""
         left, top = max(0, x), max(0, y)
         right, bottom = min(self.width, x + other.width), min(self.height, y + other.height)
         if left >= right or top >= bottom:
@@ -165,9 +164,9 @@ class Canvas:
         self.bold[into] = other.bold[source]
         self.fg[into] = other.fg[source]
         self.bg[into] = other.bg[source]
-        moved = (replace(plate, x=plate.x + x, y=plate.y + y) for plate in other.plates)
-        self.plates += [plate for plate in moved if self._holds(plate)]
+        moved = (replace(image, x=image.x + x, y=image.y + y) for image in other.images)
+        self.images += [image for image in moved if self._contains(image)]
 
-    def _holds(self, plate: InlineImage) -> bool:
-        across = plate.x >= 0 and plate.x + plate.width <= self.width
-        return across and plate.y >= 0 and plate.y + plate.height <= self.height
+    def _contains(self, image: InlineImage) -> bool:
+        across = image.x >= 0 and image.x + image.width <= self.width
+        return across and image.y >= 0 and image.y + image.height <= self.height

@@ -1,11 +1,12 @@
-"""Every colour of the data, the continuous scales, and the way down to poorer terminals.
+"""Colour themes, continuous colour scales, and conversion to 256 and 16 colours.
 
-Colours are uint8 RGB. A scale maps numbers to colours; NaN is the caller's business.
+Colours are uint8 RGB. Scales map numbers to colours; callers handle NaN.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from functools import lru_cache
 
 import numpy as np
@@ -17,7 +18,7 @@ Pixels = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class Theme:
-    """One set of colours; `background` is the ground that every plot is drawn on."""
+    """One set of colours; every plot is drawn on `background`."""
 
     name: str
     background: Rgb
@@ -71,7 +72,7 @@ NEGATIVE: Rgb = (0, 176, 255)
 POSITIVE: Rgb = (255, 122, 0)
 NO_DEPTH: Rgb = (84, 44, 68)
 DEPTH_SHADES = 255
-"""Of depth in true pixels: with `NO_DEPTH` a palette of 256 colours."""
+"""Shades of depth in true pixels: with `NO_DEPTH` they fill a palette of 256 colours."""
 
 _TURBO = (
     "30123b 392a73 4040a1 4456c7 466be3 467ff6 4293ff 37a7fa 29bbec 1dcdd8 18dcc3 1ee8b0 31f299 "
@@ -90,13 +91,13 @@ def turbo_table() -> Pixels:
 
 
 def turbo(values: ArrayLike) -> Pixels:
-    """Numbers in 0 .. 1 (clipped; NaN counts as 0), any shape, to (..., 3)."""
+    """Map numbers 0 .. 1 (clipped; NaN counts as 0) of any shape to colours (..., 3)."""
     fraction = np.nan_to_num(np.asarray(values, dtype=np.float64), nan=0.0, posinf=1.0, neginf=0.0)
     return turbo_table()[np.rint(np.clip(fraction, 0, 1) * 255).astype(np.intp)]
 
 
 def diverging(values: ArrayLike, middle: Rgb = (128, 128, 128)) -> Pixels:
-    """Numbers in -1 .. 1 (clipped), any shape, to (..., 3): blue, `middle` at 0, orange."""
+    """Map numbers -1 .. 1 (clipped) of any shape to (..., 3): blue, `middle` at 0, orange."""
     signed = np.clip(np.nan_to_num(np.asarray(values, dtype=np.float64)), -1, 1)[..., None]
     end = np.where(signed < 0, np.array(NEGATIVE), np.array(POSITIVE))
     mixed = np.array(middle) + (end - np.array(middle)) * np.abs(signed)
@@ -104,9 +105,9 @@ def diverging(values: ArrayLike, middle: Rgb = (128, 128, 128)) -> Pixels:
 
 
 def depth_tint(values: ArrayLike, shades: int | None = None) -> Pixels:
-    """Depth as fractions of its range (clipped; NaN counts as 1) to (..., 3): near is light.
+    """Map depth as fractions of its range (clipped; NaN counts as 1) to greys, near is light.
 
-    In so many `shades`, by default as many as there are.
+    `shades` limits the number of different greys.
     """
     share = np.nan_to_num(np.asarray(values, dtype=np.float64), nan=1.0)
     share = np.clip(share, 0, 1)[..., None] ** 0.8
@@ -117,7 +118,7 @@ def depth_tint(values: ArrayLike, shades: int | None = None) -> Pixels:
 
 
 def mix(under: ArrayLike, over: ArrayLike, alpha: ArrayLike) -> Pixels:
-    """`over` laid on `under` with opacity `alpha` (broadcast over the last axis)."""
+    """Blend `over` onto `under` with opacity `alpha` (broadcast over the last axis)."""
     low = np.asarray(under, dtype=np.float32)
     opacity = np.asarray(alpha, dtype=np.float32)
     if opacity.ndim:
@@ -126,13 +127,13 @@ def mix(under: ArrayLike, over: ArrayLike, alpha: ArrayLike) -> Pixels:
 
 
 def luma(colours: ArrayLike) -> NDArray[np.float32]:
-    """(..., 3) to (...): Rec. 709 brightness of the sRGB values, 0 .. 1."""
+    """Rec. 709 brightness 0 .. 1 of sRGB colours, (..., 3) to (...)."""
     weights = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32) / 255
     return np.asarray(np.asarray(colours, dtype=np.float32) @ weights, dtype=np.float32)
 
 
 def legible(colours: Pixels, theme: Theme) -> Pixels:
-    """Colours for glyphs: lightened on a dark theme, darkened on a light one, where too close."""
+    """Colours with enough contrast for glyphs: lighter on dark themes, darker on light ones."""
     bright = luma(colours)
     if theme.dark:
         return mix(colours, np.array((255, 255, 255)), np.clip(0.36 - bright, 0, 1))
@@ -145,7 +146,7 @@ _GREY_OF = np.clip(np.rint((np.arange(256) - 8) / 10), 0, 23).astype(np.intp)
 
 
 def to_256(colours: Pixels) -> NDArray[np.intp]:
-    """(..., 3) to xterm-256 indices 16 .. 255: the nearer of colour cube and grey ramp."""
+    """Convert (..., 3) to xterm-256 indices 16 .. 255, from the colour cube or the grey ramp."""
     wide = colours.astype(np.intp)
     cube = _CUBE_OF[wide]
     grey = _GREY_OF[wide.sum(axis=-1) // 3]
@@ -168,7 +169,7 @@ ANSI_16: NDArray[np.intp] = np.array(
 
 @lru_cache(1)
 def _ansi_lookup() -> NDArray[np.intp]:
-    """(4096,): the nearest of the 16 for each colour of 4 bits a channel, hue before brightness."""
+    """(4096,): the nearest ANSI colour of each 4-bit-per-channel colour, by hue first."""
     steps = np.arange(16) * 17
     grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 1, 3)
     distance = np.square(grid - ANSI_16[None]).sum(axis=-1)
@@ -178,6 +179,15 @@ def _ansi_lookup() -> NDArray[np.intp]:
 
 
 def to_16(colours: Pixels) -> NDArray[np.intp]:
-    """(..., 3) to ANSI colour numbers 0 .. 15."""
+    """Convert (..., 3) to ANSI colour numbers 0 .. 15."""
     nibbles = colours.astype(np.intp) >> 4
     return _ansi_lookup()[nibbles[..., 0] * 256 + nibbles[..., 1] * 16 + nibbles[..., 2]]
+
+
+class ColourMode(Enum):
+    """The number of colours that a terminal shows."""
+
+    TRUECOLOR = "truecolor"
+    PALETTE = "256"
+    ANSI = "16"
+    NONE = "none"

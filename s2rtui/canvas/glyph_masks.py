@@ -1,4 +1,4 @@
-"""Line, block and braille characters as geometry: pixel-true ink for any cell size.
+"""Masks of line, block and braille characters, exact to the pixel for any cell size.
 
 A mask is (height, width) float32, 0 .. 1.
 """
@@ -36,8 +36,8 @@ _QUADRANTS = {  # bits: upper left 1, upper right 2, lower left 4, lower right 8
 }
 
 
-def geometric(char: str, height: int, width: int) -> Mask | None:
-    """The mask of a box, block or braille character; None for all others."""
+def glyph_mask(char: str, height: int, width: int) -> Mask | None:
+    """The mask of a box, block or braille character, None for any other."""
     code = ord(char) if len(char) == 1 else 0
     if 0x2800 <= code <= 0x28FF:
         return _braille(code - 0x2800, height, width)
@@ -102,7 +102,7 @@ def _box(name: str, height: int, width: int) -> Mask:
 
 
 def _arms(name: str) -> dict[str, int]:
-    """Which ends of the cell a character's lines reach, and how heavy they are."""
+    """The edges of the cell that a character's lines reach, with their weights."""
     arms: dict[str, int] = {}
     weight = 1
     for part in name.split(" AND "):
@@ -153,7 +153,7 @@ def _dashed(name: str, count: int, height: int, width: int) -> Mask:
 
 
 def _arc(name: str, height: int, width: int) -> Mask:
-    """A quarter circle that joins the middles of two edges, with straight ends."""
+    """A quarter circle that joins the middles of two edges."""
     rows, columns = np.mgrid[0:height, 0:width] + 0.5
     thick = _thickness(1, width)
     middle = round(height / 2 - thick / 2) + thick / 2

@@ -1,4 +1,4 @@
-"""Pictures and dots in cells: half blocks, shades, braille, and the resampling for them."""
+"""Images and dots in cells: half blocks, shades, braille, and resampling."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype
 
 
 def resample(image: ArrayLike, height: int, width: int) -> Floats:
-    """(H, W[, C]) to (height, width[, C]) float32 by area: the mean of what a pixel covers.
+    """Resample (H, W[, C]) to (height, width[, C]) float32 by area averaging.
 
-    NaN is left out of the mean; a pixel that covers nothing else is NaN. Where the target is
-    finer than the source the nearest source pixel is taken.
+    NaN is left out of the mean; a pixel that covers only NaN is NaN. Where the target is finer
+    than the source, the nearest source pixel is taken.
     """
     source = np.asarray(image)
     if source.shape[0] == 0 or source.shape[1] == 0:
@@ -50,8 +50,8 @@ def _area(source: NDArray[np.generic], height: int, width: int) -> Floats:
     return np.asarray(data, dtype=np.float32)
 
 
-def half_blocks(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
-    """A picture (2h, w, 3) uint8 as h rows of half blocks with its corner at (x, y), clipped."""
+def draw_half_blocks(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
+    """Draw an image (2h, w, 3) uint8 as h rows of half blocks from (x, y), clipped."""
     rows, columns = pixels.shape[0] // 2, pixels.shape[1]
     left, top = max(0, x), max(0, y)
     right, bottom = min(canvas.width, x + columns), min(canvas.height, y + rows)
@@ -65,10 +65,10 @@ def half_blocks(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
     canvas.bg[into] = part[1::2]
 
 
-def shade(
+def draw_shades(
     canvas: Canvas, x: int, y: int, levels: ArrayLike, ramp: str, colours: Pixels | None = None
 ) -> None:
-    """Numbers 0 .. 1 (h, w) as glyphs of a ramp from light to dense; NaN draws nothing."""
+    """Draw numbers 0 .. 1 (h, w) as glyphs of a ramp, light to dense; NaN draws nothing."""
     values = np.asarray(levels, dtype=np.float32)
     rows, columns = values.shape
     left, top = max(0, x), max(0, y)
@@ -85,23 +85,23 @@ def shade(
         canvas.fg[into] = np.where(shown[..., None], colours[part], canvas.fg[into])
 
 
-def picture(canvas: Canvas, x: int, y: int, pixels: Pixels, look: RenderOptions) -> None:
-    """A picture (2h, w, 3) as half blocks, or as shades of its brightness where those lack.
+def draw_picture(canvas: Canvas, x: int, y: int, pixels: Pixels, options: RenderOptions) -> None:
+    """Draw an image (2h, w, 3) as half blocks, or as shades where half blocks are missing.
 
-    On a light theme the shades are inverted, so that dense ink is dark.
+    On a light theme the shades are inverted, so that dense glyphs are dark.
     """
-    if look.pictures:
-        half_blocks(canvas, x, y, pixels)
+    if options.supports_images:
+        draw_half_blocks(canvas, x, y, pixels)
         return
     paired = pixels[: pixels.shape[0] // 2 * 2].reshape(-1, 2, pixels.shape[1], 3).mean(axis=1)
     levels = luma(paired)
-    if not look.theme.dark:
+    if not options.theme.dark:
         levels = 1 - levels
-    shade(canvas, x, y, levels, look.glyphs.shades, np.rint(paired).astype(np.uint8))
+    draw_shades(canvas, x, y, levels, options.glyphs.shades, np.rint(paired).astype(np.uint8))
 
 
 def braille_bits(dots: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """(4h, 2w) dots to (h, w) braille patterns, 0 .. 255."""
+    """Convert dots (4h, 2w) to braille patterns (h, w), 0 .. 255."""
     rows, columns = dots.shape[0] // 4, dots.shape[1] // 2
     cells = dots[: rows * 4, : columns * 2].reshape(rows, 4, columns, 2)
     bits = (cells * _DOTS[None, :, None, :]).sum(axis=(1, 3))
@@ -111,7 +111,7 @@ def braille_bits(dots: NDArray[np.bool_]) -> NDArray[np.int32]:
 def dot_grid(
     columns: NDArray[np.float64], rows: NDArray[np.float64], width: int, height: int
 ) -> NDArray[np.bool_]:
-    """Points in cell coordinates (fractions included) to (4 height, 2 width) braille dots."""
+    """Rasterise points in fractional cell coordinates to braille dots (4 height, 2 width)."""
     dots = np.zeros((4 * height, 2 * width), dtype=np.bool_)
     across, down = np.floor(columns * 2), np.floor(rows * 4)
     inside = (across >= 0) & (across < 2 * width) & (down >= 0) & (down < 4 * height)
@@ -119,15 +119,17 @@ def dot_grid(
     return dots
 
 
-def braille(canvas: Canvas, x: int, y: int, dots: NDArray[np.bool_], fg: Pixels | None) -> None:
-    """Dots as braille glyphs over what is there; a half block under a dot becomes its mean."""
+def draw_braille(
+    canvas: Canvas, x: int, y: int, dots: NDArray[np.bool_], fg: Pixels | None
+) -> None:
+    """Draw dots as braille glyphs; half blocks under them become their mean colour."""
     bits = braille_bits(dots)
     rows, columns = np.nonzero(bits)
     at_row, at_column = rows + y, columns + x
     inside = (at_row >= 0) & (at_row < canvas.height) & (at_column >= 0)
     inside &= at_column < canvas.width
     rows, columns = rows[inside], columns[inside]
-    ground(canvas, at_column[inside], at_row[inside])
+    flatten_half_blocks(canvas, at_column[inside], at_row[inside])
     glyphs = (0x2800 + bits[rows, columns]).astype(np.uint32).view("<U1")
     canvas.char[at_row[inside], at_column[inside]] = glyphs
     if fg is not None:
@@ -135,8 +137,8 @@ def braille(canvas: Canvas, x: int, y: int, dots: NDArray[np.bool_], fg: Pixels 
         canvas.fg[at_row[inside], at_column[inside]] = colours
 
 
-def ground(canvas: Canvas, columns: NDArray[np.intp], rows: NDArray[np.intp]) -> None:
-    """Make cells ready for a glyph: the background of a half block becomes the mean of both."""
+def flatten_half_blocks(canvas: Canvas, columns: NDArray[np.intp], rows: NDArray[np.intp]) -> None:
+    """Prepare half blocks for a glyph: their background becomes the mean of both halves."""
     half = canvas.char[rows, columns] == "▀"
     rows, columns = rows[half], columns[half]
     upper = canvas.fg[rows, columns].astype(np.uint16)
@@ -147,7 +149,7 @@ def ground(canvas: Canvas, columns: NDArray[np.intp], rows: NDArray[np.intp]) ->
 def segment_dots(
     x0: float, y0: float, x1: float, y1: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Places along a line between two cell coordinates, close enough for braille."""
+    """Points along a line between two cell coordinates, dense enough for braille dots."""
     count = int(min(4096, max(abs(x1 - x0) * 2, abs(y1 - y0) * 4))) + 1
     along = np.linspace(0.0, 1.0, count + 1)
     return x0 + (x1 - x0) * along, y0 + (y1 - y0) * along

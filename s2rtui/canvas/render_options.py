@@ -1,4 +1,4 @@
-"""How a plot is dressed: theme, colour mode, and the glyphs that double every colour."""
+"""Render options: theme, colour mode, and glyphs that repeat what colours say."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtui.canvas.colour import DARK, Theme
-from s2rtui.canvas.colour_mode import ColourMode
+from s2rtui.canvas.colour import DARK, ColourMode, Theme
+
+DIGITS = "0123456789"
+"""Glyphs of ten steps of a scale, where colours are missing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Glyphs:
-    """One glyph per meaning. `arrows` run clockwise on the screen from the right."""
+    """One glyph per meaning. `arrows` go clockwise on the screen, from the right."""
 
     sim: str
     real: str
@@ -87,7 +89,7 @@ ASCII = Glyphs(
 
 @dataclass(frozen=True, slots=True)
 class RenderOptions:
-    """The dress of a plot; `ascii` promises that no other character is drawn."""
+    """How to draw a plot; with `ascii` only ASCII characters are drawn."""
 
     theme: Theme = DARK
     mode: ColourMode = ColourMode.TRUECOLOR
@@ -98,18 +100,18 @@ class RenderOptions:
         return ASCII if self.ascii else UNICODE
 
     @property
-    def pictures(self) -> bool:
-        """Whether half blocks can carry a picture: colours and block characters both exist."""
+    def supports_images(self) -> bool:
+        """Whether half blocks can show images: needs colours and block characters."""
         return self.mode is not ColourMode.NONE and not self.ascii
 
     @property
-    def fine(self) -> bool:
-        """Whether dim pictures stay apart from what lies on them: more than 16 colours."""
-        return self.pictures and self.mode is not ColourMode.ANSI
+    def supports_shading(self) -> bool:
+        """Whether dimmed images stay distinguishable from marks: needs more than 16 colours."""
+        return self.supports_images and self.mode is not ColourMode.ANSI
 
 
 def heading_arrow(heading: float, y_down: bool, glyphs: Glyphs) -> tuple[str, int, int]:
-    """The arrow of a map heading (radians), and its step (columns, rows) on the screen."""
+    """The arrow of a heading (radians) and its direction (columns, rows) on the screen."""
     turn = heading if y_down else -heading
     octant = round(turn / (np.pi / 4)) % 8
     columns = (1, 1, 0, -1, -1, -1, 0, 1)[octant]

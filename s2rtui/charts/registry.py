@@ -1,33 +1,37 @@
-"""Every view once; a new one is a file here and a line in `VIEWS`."""
+"""The registry of views: adding a view means adding the name of its folder to `NAMES`."""
 
-from s2rtui.charts.adjust.view import AdjustView
-from s2rtui.charts.compare.view import CompareView
-from s2rtui.charts.errors.view import ErrorsView
-from s2rtui.charts.history.view import HistoryView
-from s2rtui.charts.instance.view import InstanceView
-from s2rtui.charts.map.view import MapView
-from s2rtui.charts.orientation.view import OrientationView
-from s2rtui.charts.overview.view import OverviewView
-from s2rtui.charts.rooms.view import RoomsView
-from s2rtui.charts.table.view import ListView
-from s2rtui.charts.umap.view import UmapView
-from s2rtui.charts.view import Resources, Scene, View
+from importlib import import_module
 
-VIEWS: tuple[View, ...] = (
-    OverviewView(),
-    MapView(),
-    InstanceView(),
-    UmapView(),
-    OrientationView(),
-    RoomsView(),
-    ErrorsView(),
-    ListView(),
-    CompareView(),
-    HistoryView(),
-    AdjustView(),
+from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.view import View
+
+NAMES = (
+    "overview",
+    "map",
+    "instance",
+    "umap",
+    "orientation",
+    "rooms",
+    "errors",
+    "list",
+    "compare",
+    "history",
+    "adjust",
 )
-BY_NAME = {view.name: view for view in VIEWS}
-STORED = {word: view for view in VIEWS if view.stored for word in (view.name, *view.aliases)}
-"""The views that need nothing but a store, by all their words."""
+"""Folders of `s2rtui.charts`, in the order in which views are listed."""
 
-__all__ = ["BY_NAME", "STORED", "VIEWS", "Resources", "Scene", "View"]
+
+def _view(name: str) -> View:
+    """The view of a folder. Raises TypeError where its `VIEW` is missing or misnamed."""
+    view = getattr(import_module(f"s2rtui.charts.{name}.view"), "VIEW", None)
+    if not isinstance(view, View) or view.name != name:
+        raise TypeError(f"s2rtui.charts.{name}.view: VIEW must be a View named {name!r}")
+    return view
+
+
+VIEWS: tuple[View, ...] = tuple(_view(name) for name in NAMES)
+BY_NAME = {view.name: view for view in VIEWS}
+STORED = {word: view for view in VIEWS if view.from_store for word in (view.name, *view.aliases)}
+"""Views that a store alone can fill, by name and alias."""
+
+__all__ = ["BY_NAME", "NAMES", "STORED", "VIEWS", "Resources", "Scene", "View"]

@@ -22,7 +22,7 @@ from rich.style import Style
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas.colour import ANSI_16, DARK, Rgb, Theme
-from s2rtui.canvas.glyph_masks import geometric
+from s2rtui.canvas.glyph_masks import glyph_mask
 
 ADVANCE = 0.602
 """Width of a character of DejaVu Sans Mono, in em."""
@@ -44,7 +44,7 @@ def _font(bold: bool, cell_width: int) -> ImageFont.FreeTypeFont:
 def _glyph(char: str, bold: bool, height: int, width: int) -> Mask:
     """(height, width or twice that) uint8 ink of one character."""
     cells = max(1, get_character_cell_size(char))
-    drawn = geometric(char, height, width * cells)
+    drawn = glyph_mask(char, height, width * cells)
     if drawn is not None:
         return np.rint(drawn * 255).astype(np.uint8)
     font = _font(bold, width)

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.records import Side
-from s2rtui.charts.view import Resources, Scene, View
+from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.view import View
 from s2rtui.loaders import LOADERS, Fields
 from s2rtui.session import HeatChoice, Session, State, instance_list
 from s2rtui.session.heatmaps import choices
@@ -50,7 +51,7 @@ def staged(path: Path, wanted: SceneOptions, *views: View) -> Iterator[Scene]:
     session = Session(path, wanted.run, ReadNotebook, wanted.history)
     try:
         described(session, wanted)
-        cursor = wanted.iid is not None or not views or any(view.one for view in views)
+        cursor = wanted.iid is not None or not views or any(view.single_instance for view in views)
         yield fed(session, *views, cursor=cursor)
     finally:
         session.close()
@@ -60,12 +61,12 @@ def fed(session: Session, *views: View, cursor: bool = True) -> Scene:
     """The session's scene, with its cursor or without, and what workers bring for some views."""
     store, state = session.store, session.state
     state = state if cursor else replace(state, cursor=None)
-    needed = {name for view in views for name in view.feeds}
+    needed = {name for view in views for name in view.loads}
     fields: Fields = {}
     for feed in LOADERS:
         if feed.name in needed and feed.wants(store, state) is not None:
             fields |= feed.read(store, state, _UncancelledContext())
-    if state.overlay != "off" and "grid" in fields and fields["grid"] is None:
+    if state.overlay != "off" and "floor_heat" in fields and fields["floor_heat"] is None:
         told = f"run {state.run} has no such map; --on selection gathers one"
         raise RequestError(f"--heat {state.heat.label if state.heat else ''}: {told}")
     return Scene(store, state, Resources(**fields), session.notes)

@@ -15,12 +15,12 @@ LOADERS: tuple[Loader, ...] = (
         "floor plan", store_data.wants_floor_plan, store_data.read_floor_plan, ("floor_plan",),
         rests=False,
     ),
-    Loader("pictures", store_data.wants_pictures, store_data.read_pictures, ("pictures", "pictures_of")),
-    Loader("heat on the map", store_data.wants_grid, store_data.read_grid, ("grid", "grid_of")),
-    Loader("what was seen", store_data.wants_seen, store_data.read_seen, ("seen", "seen_of")),
+    Loader("pictures", store_data.wants_pictures, store_data.read_pictures, ("pictures", "pictures_source")),
+    Loader("heat on the map", store_data.wants_grid, store_data.read_grid, ("floor_heat", "floor_heat_source")),
+    Loader("what was seen", store_data.wants_seen, store_data.read_seen, ("seen_floor", "seen_floor_source")),
     Loader("history", gap_history.wants_history, gap_history.read_history, ("history",)),
     Loader(
-        "live", live_prediction.wants_live, live_prediction.read_live, ("live", "live_of", "live_grid"), rests=False,
+        "live", live_prediction.wants_live, live_prediction.read_live, ("live", "live_source", "live_floor_heat"), rests=False,
         follows=True, leave=live_prediction.leave,
     ),
 )  # fmt: skip

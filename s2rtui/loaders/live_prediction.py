@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
-from s2rtui.charts.adjust.adjusted_instance import live_input
+from s2rtui.charts.adjust.model import live_input
 from s2rtui.loaders.loader import Fields, LoadContext
 from s2rtui.session import adjusting
 from s2rtui.session.provenance import about
@@ -78,9 +78,11 @@ class Bench:
                 heat = state.heat if state.heat and state.heat.kind in kinds else None
                 ready = heat is not None and any(key[0] == heat.kind for key in result.heat)
                 shown = live_input(store, state, result, heat if ready else None)
-                fields = {"live": shown, "live_of": about(state), "live_grid": None}
+                fields = {"live": shown, "live_source": about(state), "live_floor_heat": None}
                 if ready and heat is not None:
-                    fields["live_grid"] = model.floor_grid(result, heat.kind, heat.side, heat.mode)
+                    fields["live_floor_heat"] = model.floor_grid(
+                        result, heat.kind, heat.side, heat.mode
+                    )
                 caller.bring(fields)
             return fields
 

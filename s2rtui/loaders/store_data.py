@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore.reader import Store
-from s2rtui.charts.shared import view_inputs
-from s2rtui.charts.view import RunAccuracies
+from s2rtui.charts.instance.model import instance_input
+from s2rtui.charts.overview.model import overview_rows
+from s2rtui.charts.scene import RunAccuracies
+from s2rtui.charts.shared.map_background import floor_plan_pixels
 from s2rtui.loaders.loader import Fields, Key, LoadContext
 from s2rtui.session import heatmaps, pending_target
 from s2rtui.session.generations import INDEX_MEMORY
@@ -72,7 +74,7 @@ def read_rows(store: Store, state: State, caller: LoadContext) -> Fields:
     """Run after run, so that only one more is held in memory than is looked at."""
     found = []
     for run in state.runs:
-        found.append(view_inputs.overview_rows(store, [run]))
+        found.append(overview_rows(store, [run]))
         if run != state.run:
             store.drop_run_columns(run)
     baseline = found[0][1] if found else math.nan
@@ -93,7 +95,7 @@ def wants_floor_plan(store: Store, state: State) -> Key | None:
 
 
 def read_floor_plan(store: Store, state: State, caller: LoadContext) -> Fields:
-    return {"floor_plan": view_inputs.floor_plan(str(store.floor_plan_path()))}
+    return {"floor_plan": floor_plan_pixels(str(store.floor_plan_path()))}
 
 
 def wants_pictures(store: Store, state: State) -> Key | None:
@@ -104,8 +106,8 @@ def wants_pictures(store: Store, state: State) -> Key | None:
 
 def read_pictures(store: Store, state: State, caller: LoadContext) -> Fields:
     assert state.cursor is not None
-    pictures = view_inputs.instance_input(store, state.run, state.cursor, state.heat)
-    return {"pictures": pictures, "pictures_of": about(state)}
+    pictures = instance_input(store, state.run, state.cursor, state.heat)
+    return {"pictures": pictures, "pictures_source": about(state)}
 
 
 def wants_grid(store: Store, state: State) -> Key | None:
@@ -116,7 +118,7 @@ def wants_grid(store: Store, state: State) -> Key | None:
 
 def read_grid(store: Store, state: State, caller: LoadContext) -> Fields:
     grid = _grid(store, state, caller)
-    return {"grid": grid, "grid_of": None if grid is None else heat_of(state)}
+    return {"floor_heat": grid, "floor_heat_source": None if grid is None else heat_of(state)}
 
 
 def _grid(store: Store, state: State, caller: LoadContext) -> NDArray[np.float32] | None:
@@ -142,7 +144,7 @@ def wants_seen(store: Store, state: State) -> Key | None:
 def read_seen(store: Store, state: State, caller: LoadContext) -> Fields:
     iids = evenly(np.flatnonzero(state.selected), heatmaps.MOST_GATHERED)
     seen = heatmaps.seen(store, state.run, state.side, iids, caller.progress)
-    return {"seen": seen, "seen_of": seen_of(state)}
+    return {"seen_floor": seen, "seen_floor_source": seen_of(state)}
 
 
 def evenly(iids: NDArray[np.intp], most: int) -> NDArray[np.intp]:

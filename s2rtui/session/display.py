@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from s2rstore.records import Side
-from s2rtui.analysis.map_frame import panned, within, zoomed
+from s2rtui.analysis.map_frame import centred_within, panned, zoomed
 from s2rtui.session.heatmaps import choices, share_told
 from s2rtui.session.run_differences import other_run
 from s2rtui.session.session import Session
@@ -113,7 +113,7 @@ def zoom(session: Session, factor: float, at: tuple[float, float] | None = None)
     factor = min(factor, share / CLOSEST)
     if share / factor >= 1:
         return session.change(viewport=None)
-    return session.change(viewport=within(zoomed(view, factor, at), bounds))
+    return session.change(viewport=centred_within(zoomed(view, factor, at), bounds))
 
 
 def pan(session: Session, across: float, down: float) -> State:
@@ -121,7 +121,7 @@ def pan(session: Session, across: float, down: float) -> State:
     bounds = session.store.dataset.bounds
     view = session.state.viewport or bounds
     moved = panned(view, across, down, session.store.dataset.y_down)
-    return session.change(viewport=within(moved, bounds))
+    return session.change(viewport=centred_within(moved, bounds))
 
 
 def change_other(session: Session, steps: int = 1) -> State:

@@ -17,9 +17,9 @@ from s2rstore.language import (
     parse,
     to_text,
 )
-from s2rstore.metrics.top_k import first_largest, top_k
+from s2rstore.metrics.top_k import top_k
 from s2rstore.reader import Store
-from s2rtui.analysis.bins import choose
+from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session import pending_target, saved_selection_diff
 from s2rtui.session.state import State
@@ -94,7 +94,7 @@ def _kept_cursor(
     inside = pool[worst]
     if inside.any():
         return int(worst[inside.argmax()])
-    return first_largest(errors, choose(pool, base).members)
+    return first_largest(errors, selection_indices(pool, base).members)
 
 
 @cached_by_identity(4)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from s2rstore.gap_history.reader import Stamp
 from s2rstore.language import Node
 from s2rstore.records import Bounds, Side
-from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.brush import Mark
 from s2rtui.user_data.notebook_schema import SavedSelection
 
 Overlay = Literal["off", "instance", "selection", "run"]

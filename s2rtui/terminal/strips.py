@@ -22,8 +22,7 @@ from rich.style import Style
 from textual.strip import Strip
 
 from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import Pixels, Rgb, to_16, to_256
-from s2rtui.canvas.colour_mode import ColourMode
+from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, to_16, to_256
 
 _DEFAULT = 1 << 24
 _BOLD = 1 << 26

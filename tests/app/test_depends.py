@@ -12,10 +12,11 @@ import pytest
 from s2rstore.records import Bounds
 from s2rtui.app.status_line import shown
 from s2rtui.canvas import Canvas, RenderOptions
-from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.brush import Mark
+from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import VIEWS
-from s2rtui.charts.shared import view_inputs
-from s2rtui.charts.view import Resources, RunAccuracies, Scene, View
+from s2rtui.charts.scene import Resources, RunAccuracies, Scene
+from s2rtui.charts.view import View
 from s2rtui.loaders import store_data
 from s2rtui.session import HeatChoice, Session, State
 from s2rtui.session.provenance import HeatProvenance, about, heat_of, seen_of
@@ -73,14 +74,14 @@ RESOURCES: dict[str, Callable[[Resources], object]] = {
     "baseline": lambda found: 0.9,
     "floor_plan": lambda found: np.full((20, 20, 3), 200, dtype=np.uint8),
     "pictures": lambda found: replace(found.pictures, iid=3, notes=(("where", "here"),)),
-    "pictures_of": lambda found: replace(found.pictures_of, iid=3),
-    "grid": lambda found: np.ones((4, 4), dtype=np.float32),
-    "grid_of": lambda found: HeatProvenance(("another run's",), None),
-    "seen": lambda found: np.eye(4, dtype=np.float32),
-    "seen_of": lambda found: ("another run's",),
+    "pictures_source": lambda found: replace(found.pictures_source, iid=3),
+    "floor_heat": lambda found: np.ones((4, 4), dtype=np.float32),
+    "floor_heat_source": lambda found: HeatProvenance(("another run's",), None),
+    "seen_floor": lambda found: np.eye(4, dtype=np.float32),
+    "seen_floor_source": lambda found: ("another run's",),
     "live": lambda found: replace(found.live, iid=5, notes=(("real", "else"),)),
-    "live_of": lambda found: replace(found.live_of, run="another"),
-    "live_grid": lambda found: np.ones((4, 4), dtype=np.float32),
+    "live_source": lambda found: replace(found.live_source, run="another"),
+    "live_floor_heat": lambda found: np.ones((4, 4), dtype=np.float32),
     "history": lambda found: gaps.history(*gaps.week()),
     "progress": lambda found: {"live": 0.5},
     "failed": lambda found: {"live": "no model"},
@@ -107,15 +108,17 @@ def scenes(session: Session) -> dict[str, Scene]:
     store, state = session.store, session.state
     grid = np.arange(16, dtype=np.float32).reshape(4, 4)
     fed = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
-    pictures, live = (view_inputs.instance_input(store, state.run, i, state.heat) for i in (0, 2))
-    of = {"pictures_of": about(state), "live_of": about(state)}
+    pictures, live = (instance_input(store, state.run, i, state.heat) for i in (0, 2))
+    of = {"pictures_source": about(state), "live_source": about(state)}
     plain = Scene(store, state, Resources(**fed, pictures=pictures, live=live, **of))
-    heated = replace(plain.resources, grid=grid, seen=grid > 7, live_grid=grid[::-1])
+    heated = replace(
+        plain.resources, floor_heat=grid, seen_floor=grid > 7, live_floor_heat=grid[::-1]
+    )
     rich = replace(
         state, overlay="selection", clip=True, map_mode="glyph", room_names=True, sort="gap",
         brush=Brush("umap", Mark("real", BOX)), heat=HeatChoice("activation", "loss"), cursor=4,
     )  # fmt: skip
-    heated = replace(heated, grid_of=heat_of(rich), seen_of=seen_of(rich))
+    heated = replace(heated, floor_heat_source=heat_of(rich), seen_floor_source=seen_of(rich))
     sliding = replace(state, view="adjust", tab="adjust", adjust=ADJUST, overlay="instance")
     return {
         "plain": plain,
@@ -204,7 +207,7 @@ def test_a_moving_mark_draws_its_own_view_alone(scenes: dict[str, Scene]) -> Non
 )  # fmt: skip
 def test_what_failed_is_not_being_loaded(session: Session, name: str, feed: str) -> None:
     view = next(view for view in VIEWS if view.name == name)
-    assert feed in view.feeds
+    assert feed in view.loads
     state = replace(session.state, clip=feed == "what was seen", cursor=4)
     failed = Resources(failed={feed: "no luck"})
     keys, texts = [], []

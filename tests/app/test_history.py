@@ -14,7 +14,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, snapshot, take
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.charts.view import Resources, Scene
+from s2rtui.charts.scene import Resources, Scene
 from s2rtui.cli import main
 from s2rtui.session import Session
 from tests.app.test_screens import SIZES, check
@@ -151,7 +151,7 @@ def test_what_is_missing_is_told(tiny_store: Path, found: reader.History | None,
     scene = Scene(session.store, session.state, Resources(history=found))
     text = "\n".join(VIEW.draw(scene, (60, 10), RenderOptions()).lines())
     assert told in text
-    assert told.capitalize() in VIEW.words(scene) or told in VIEW.words(scene)
+    assert told.capitalize() in VIEW.summary(scene) or told in VIEW.summary(scene)
     assert VIEW.numbers(scene)[1] == []
     session.close()
 

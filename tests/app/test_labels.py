@@ -16,9 +16,9 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.messages import LoadProgressed
 from s2rtui.app.pilot import settle, take
 from s2rtui.canvas import RenderOptions
+from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.charts.shared import view_inputs
-from s2rtui.loaders import LOADERS
+from s2rtui.loaders import LOADERS, store_data
 from s2rtui.session import Session
 from s2rtui.session.provenance import about
 from s2rtui.session.state import Adjust, Slider
@@ -48,7 +48,7 @@ async def press_and_go_on(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
 
 
 def told(app: S2RApp, view: str) -> str:
-    return BY_NAME[view].told(app.scene)
+    return BY_NAME[view].subtitle(app.scene)
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ async def test_pictures_that_cannot_be_read_are_not_awaited(
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
-        monkeypatch.setattr(view_inputs, "instance_input", lambda *_: 1 / 0)
+        monkeypatch.setattr(store_data, "instance_input", lambda *_: 1 / 0)
         await press(app, pilot, "right")
         assert "loading" not in told(app, "instance")
         assert "division by zero" in told(app, "instance")
@@ -140,23 +140,23 @@ async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
         await press(app, pilot, "c")
         session, state = app.session, app.session.state
         adjust = Adjust(state.run, ((SLIDER.key, 1.0),), 0, (SLIDER,))
-        shown = view_inputs.instance_input(session.store, state.run, state.cursor, None)
+        shown = instance_input(session.store, state.run, state.cursor, None)
         grid = np.ones((4, 4), dtype=np.float32)
-        found = replace(app.resources, live=shown, live_of=about(state), live_grid=grid)
+        found = replace(app.resources, live=shown, live_source=about(state), live_floor_heat=grid)
         here = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")
 
         def scene(**changes: object):
             return replace(app.scene, resources=found, state=replace(here, **changes))
 
-        assert BY_NAME["adjust"].told(scene()).endswith(f"instance {state.cursor}")
+        assert BY_NAME["adjust"].subtitle(scene()).endswith(f"instance {state.cursor}")
         assert BY_NAME["map"].input(scene()).live
         assert BY_NAME["map"].input(scene()).heat is not None
         turned = scene(run="dataaug", adjust=replace(adjust, run="dataaug"))
-        assert BY_NAME["adjust"].told(turned) == "run dataaug: loading the model"
+        assert BY_NAME["adjust"].subtitle(turned) == "run dataaug: loading the model"
         assert not BY_NAME["map"].input(turned).live
         assert BY_NAME["map"].input(turned).heat is None
         moved = scene(cursor=7)
-        assert f"instance {state.cursor} (loading 7)" in BY_NAME["adjust"].told(moved)
+        assert f"instance {state.cursor} (loading 7)" in BY_NAME["adjust"].subtitle(moved)
         assert not BY_NAME["map"].input(moved).live
         assert BY_NAME["map"].input(moved).heat is None
 
@@ -206,11 +206,11 @@ async def test_a_slow_feed_starves_no_other(
         for _ in range(60):
             await pilot.press("n")
         for _ in range(500):
-            of = app.resources.pictures_of
+            of = app.resources.pictures_source
             if of is not None and of.iid == app.session.state.cursor:
                 break
             await asyncio.sleep(0.01)
-        assert app.resources.pictures_of.iid == app.session.state.cursor
+        assert app.resources.pictures_source.iid == app.session.state.cursor
         assert sum(begun) == 1
         go_on.set()
         await settle(app, pilot)

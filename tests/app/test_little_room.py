@@ -14,10 +14,10 @@ from s2rtui.app.pilot import settle, snapshot, take
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.status_line import status_line
 from s2rtui.canvas import ColourMode, RenderOptions
-from s2rtui.charts.test_card import card, card_height
 from s2rtui.session import Session
 from s2rtui.terminal import diagnostics
 from s2rtui.terminal.capabilities import detect
+from s2rtui.terminal.test_card import card_height, draw_card
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +104,7 @@ async def test_the_doctor_is_seen_to_its_end(tiny_store: Path, size: tuple[int, 
 @given(st.integers(20, 120), st.lists(st.tuples(st.text("ab", max_size=9), st.text("ab c"))))
 def test_a_card_is_as_high_as_it_says(width: int, rows: list[tuple[str, str]]) -> None:
     height = card_height(rows, width)
-    drawn = card(rows, (width, height + 5), RenderOptions())
+    drawn = draw_card(rows, (width, height + 5), RenderOptions())
     lines = ["".join(line).rstrip() for line in drawn.char]
     assert not any(lines[height:])
     assert lines[height - 1] or width > 60

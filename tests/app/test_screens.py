@@ -16,8 +16,8 @@ import pytest
 from s2rstore.reader import Store
 from s2rtui.app.pilot import snapshot
 from s2rtui.canvas import RenderOptions
+from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import VIEWS
-from s2rtui.charts.shared import view_inputs
 from s2rtui.loaders.live_prediction import Bench
 from s2rtui.terminal import diagnostics
 from s2rtui.terminal.diagnostics import PARTS
@@ -65,7 +65,7 @@ class Still:
     kinds: tuple[str, ...] = ()
 
     def steps(self, iid: int, *_: object) -> Iterator[SimpleNamespace]:
-        shown = view_inputs.instance_input(self.store, self.run, iid, None)
+        shown = instance_input(self.store, self.run, iid, None)
         sides = {}
         for name, side in (("sim", shown.sim), ("real", shown.real)):
             pose = side.pose

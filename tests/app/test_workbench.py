@@ -17,7 +17,7 @@ from s2rtui.app.controllers import prompt
 from s2rtui.app.pilot import settle, take
 from s2rtui.app.screens.tour import TourScreen
 from s2rtui.canvas import RenderOptions
-from s2rtui.canvas.brush_surface import Panel
+from s2rtui.canvas.brush import Panel
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import Session, instance_list
 from s2rtui.user_data.notebook import Notebook
@@ -304,9 +304,9 @@ async def test_heat_of_the_selection_is_gathered(tiny_store: Path) -> None:
         state = app.session.state
         assert state.overlay == "selection"
         own = instance_grid(app.session.store, "vanilla", state.heat, 5)
-        np.testing.assert_array_equal(app.resources.grid, own)
+        np.testing.assert_array_equal(app.resources.floor_heat, own)
         await press(app, pilot, "C")
-        seen = app.resources.seen
+        seen = app.resources.seen_floor
         assert np.isfinite(seen).sum() >= np.isfinite(own).sum() > 0
 
 
@@ -371,14 +371,14 @@ async def test_a_long_lasso_by_mouse_is_simplified(tiny_store: Path) -> None:
 
 
 async def test_a_brush_of_bars_selects_what_they_count(tiny_store: Path) -> None:
-    from s2rtui.charts.errors.model import histogram_model
+    from s2rtui.charts.errors.model import errors_model
 
     app = app_on(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "7")
         view = BY_NAME["errors"].input(app.scene)
         panel = next(p for p in panels(app, "errors") if p.name == "real")
-        counts = histogram_model(view, panel.width).real.total
+        counts = errors_model(view, panel.width).real.total
         cells = [(panel.x + 3, panel.y + 2), (panel.x + 20, panel.y + 2)]
         await drag(app, pilot, "errors", cells)
         assert abs(int(app.session.state.selected.sum()) - int(counts[3:21].sum())) <= 1
@@ -402,7 +402,7 @@ async def test_a_tag_changes_the_selection_that_uses_it(tiny_store: Path) -> Non
 async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from s2rtui.charts.shared import view_inputs
+    from s2rtui.loaders import store_data
 
     def broken(*arguments: object) -> None:
         raise KeyError("frames")
@@ -410,7 +410,7 @@ async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        monkeypatch.setattr(view_inputs, "instance_input", broken)
+        monkeypatch.setattr(store_data, "instance_input", broken)
         await press(app, pilot, "right")
         assert "pictures" in app.session.state.message
         monkeypatch.undo()

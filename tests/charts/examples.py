@@ -1,4 +1,4 @@
-"""Small made-up views that every test of this room draws."""
+"""Small made-up inputs of every view."""
 
 from __future__ import annotations
 
@@ -7,19 +7,15 @@ from typing import Any
 import numpy as np
 
 from s2rstore.records import Bounds, Room
-from s2rtui.charts.shared.inputs import (
-    DifferenceInput,
-    GeoMapInput,
-    HistogramInput,
-    InstanceInput,
-    OrientationInput,
-    OverviewLines,
-    OverviewRow,
-    PoseNumbers,
-    RoomsInput,
-    SideView,
-    UmapInput,
-)
+from s2rtui.charts.compare.model import CompareInput
+from s2rtui.charts.errors.model import ErrorsInput
+from s2rtui.charts.orientation.model import OrientationInput
+from s2rtui.charts.overview.model import OverviewLines
+from s2rtui.charts.rooms.model import RoomsInput
+from s2rtui.charts.scene import OverviewRow
+from s2rtui.charts.shared.instance_model import InstanceInput, PoseNumbers, SideView
+from s2rtui.charts.shared.map_model import MapInput
+from s2rtui.charts.umap.model import UmapInput
 
 N = 60
 BOUNDS = Bounds(0.0, 0.0, 20.0, 10.0)
@@ -45,7 +41,7 @@ def overview_lines(**changes: Any) -> OverviewLines:
     return OverviewLines(**(fields | changes))
 
 
-def geomap_input(**changes: Any) -> GeoMapInput:
+def map_input(**changes: Any) -> MapInput:
     random = np.random.default_rng(7)
     along = np.linspace(0, 2 * np.pi, N, endpoint=False)
     truth = np.stack([10 + 7 * np.cos(along), 5 + 3 * np.sin(along)], axis=1)
@@ -70,11 +66,11 @@ def geomap_input(**changes: Any) -> GeoMapInput:
         "heat_unit": "m",
         "rooms": (Room("hall", 0, 0, 0, 10, 10), Room("größer", 1, 10, 0, 20, 10)),
     }
-    return GeoMapInput(**(view | changes))
+    return MapInput(**(view | changes))
 
 
-def difference_input(**changes: Any) -> DifferenceInput:
-    view = geomap_input()
+def compare_input(**changes: Any) -> CompareInput:
+    view = map_input()
     random = np.random.default_rng(9)
     fields: dict[str, Any] = {
         "truth": view.truth,
@@ -88,7 +84,7 @@ def difference_input(**changes: Any) -> DifferenceInput:
         "floor_plan": view.floor_plan,
         "rooms": view.rooms,
     }
-    return DifferenceInput(**(fields | changes))
+    return CompareInput(**(fields | changes))
 
 
 def side(seed: int, heat: bool = True, depth: bool = True) -> SideView:
@@ -118,7 +114,7 @@ def instance_input(**changes: Any) -> InstanceInput:
     return InstanceInput(**(view | changes))
 
 
-def histogram_input(**changes: Any) -> HistogramInput:
+def errors_input(**changes: Any) -> ErrorsInput:
     random = np.random.default_rng(5)
     view: dict[str, Any] = {
         "sim": random.gamma(2, 0.2, N),
@@ -126,7 +122,7 @@ def histogram_input(**changes: Any) -> HistogramInput:
         "selected": np.arange(N) < 10,
         "valid": np.ones(N, dtype=np.bool_),
     }
-    return HistogramInput(**(view | changes))
+    return ErrorsInput(**(view | changes))
 
 
 def umap_input(**changes: Any) -> UmapInput:

@@ -11,20 +11,20 @@ from PIL import Image
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, Theme
-from s2rtui.charts.compare.paper_difference import difference_figure
-from s2rtui.charts.errors.paper import histogram_figure
+from s2rtui.charts.compare.paper import compare_figure
+from s2rtui.charts.errors.paper import errors_figure
 from s2rtui.charts.instance.paper import instance_figure
-from s2rtui.charts.map.paper import geomap_figure
+from s2rtui.charts.map.paper import map_figure
 from s2rtui.charts.orientation.paper import orientation_figure
 from s2rtui.charts.overview.paper import overview_figure
 from s2rtui.charts.rooms.paper import rooms_figure
 from s2rtui.charts.umap.paper import umap_figure
 from tests.charts.examples import (
     ROWS,
-    difference_input,
-    geomap_input,
-    histogram_input,
+    compare_input,
+    errors_input,
     instance_input,
+    map_input,
     orientation_input,
     overview_lines,
     rooms_input,
@@ -35,18 +35,22 @@ from tests.charts.examples import (
 Draw = Callable[[tuple[int, int], Theme], bytes]
 FIGURES: dict[str, Draw] = {
     "overview": lambda size, theme: overview_figure(ROWS, 0.72, size, theme, selected=1),
-    "threads": lambda size, theme: overview_figure(ROWS, 0.72, size, theme, lines=overview_lines()),
-    "map": lambda size, theme: geomap_figure(geomap_input(), size, theme, "vanilla", "worst15"),
-    "full map": lambda size, theme: geomap_figure(geomap_input(mode="full"), size, theme),
-    "glyph map": lambda size, theme: geomap_figure(
-        geomap_input(mode="glyph", clip=np.eye(5)), size, theme
+    "overview lines": lambda size, theme: overview_figure(
+        ROWS, 0.72, size, theme, lines=overview_lines()
     ),
-    "difference": lambda size, theme: difference_figure(difference_input(), size, theme),
+    "map": lambda size, theme: map_figure(map_input(), size, theme, "vanilla", "worst15"),
+    "full map": lambda size, theme: map_figure(map_input(mode="full"), size, theme),
+    "glyph map": lambda size, theme: map_figure(
+        map_input(mode="glyph", clip=np.eye(5)), size, theme
+    ),
+    "compare": lambda size, theme: compare_figure(
+        (map_input(heat=None), map_input(heat=None)), compare_input(), size, theme
+    ),
     "instance": lambda size, theme: instance_figure(instance_input(), size, theme, "vanilla"),
     "umap": lambda size, theme: umap_figure(umap_input(), size, theme),
     "orientation": lambda size, theme: orientation_figure(orientation_input(), size, theme),
     "rooms": lambda size, theme: rooms_figure(rooms_input(), size, theme),
-    "histogram": lambda size, theme: histogram_figure(histogram_input(cursor=5), size, theme),
+    "errors": lambda size, theme: errors_figure(errors_input(cursor=5), size, theme),
 }
 
 
@@ -77,8 +81,8 @@ def test_ground_is_the_themes_and_all_colours_appear(theme: Theme) -> None:
 
 def test_nothing_selected_and_nothing_known() -> None:
     nothing = np.zeros(60, dtype=np.bool_)
-    view = geomap_input(selected=nothing, cursor=None, heat=None, floor_plan=None, rooms=())
-    assert opened(geomap_figure(view, (300, 200))).size == (300, 200)
+    view = map_input(selected=nothing, cursor=None, heat=None, floor_plan=None, rooms=())
+    assert opened(map_figure(view, (300, 200))).size == (300, 200)
     bare = instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None)
     assert opened(instance_figure(bare, (300, 200))).size == (300, 200)
     assert opened(overview_figure([], None, (300, 200))).size == (300, 200)
@@ -89,12 +93,12 @@ def test_nothing_selected_and_nothing_known() -> None:
     turned = orientation_input(selected=nothing, valid=nothing)
     assert opened(orientation_figure(turned, (300, 200))).size == (300, 200)
     assert opened(rooms_figure(rooms_input(room_names=()), (300, 200))).size == (300, 200)
-    errors = histogram_input(selected=nothing, valid=nothing)
-    assert opened(histogram_figure(errors, (300, 200))).size == (300, 200)
+    errors = errors_input(selected=nothing, valid=nothing)
+    assert opened(errors_figure(errors, (300, 200))).size == (300, 200)
 
 
 def test_dollar_signs_are_text() -> None:
-    geomap_figure(geomap_input(), (300, 200), run="a$b$c", subtitle="id$")
+    map_figure(map_input(), (300, 200), run="a$b$c", subtitle="id$")
 
 
 def test_impossible_size_is_refused_by_name() -> None:
@@ -103,10 +107,10 @@ def test_impossible_size_is_refused_by_name() -> None:
 
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK])
-@pytest.mark.parametrize("name", ["orientation", "rooms", "histogram"])
+@pytest.mark.parametrize("name", ["orientation", "rooms", "errors"])
 def test_sides_keep_their_colours(name: str, theme: Theme) -> None:
     pixels = np.asarray(opened(FIGURES[name]((900, 500), theme)).convert("RGB")).astype(int)
-    truth = [] if name == "histogram" else [theme.truth]
+    truth = [] if name == "errors" else [theme.truth]
     for colour in (theme.sim, theme.real, *truth):
         assert (np.abs(pixels - colour).max(axis=-1) <= 3).any()
 

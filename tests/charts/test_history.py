@@ -15,7 +15,13 @@ from PIL import Image
 from s2rtui.canvas import DARK, LIGHT, RenderOptions, Theme
 from s2rtui.charts.history.model import HistoryInput, history_model
 from s2rtui.charts.history.paper import history_figure
-from s2rtui.charts.history.terminal import LABELS, Rows, history, history_layout, sign
+from s2rtui.charts.history.terminal import (
+    LABELS,
+    ChartRows,
+    draw_history,
+    history_layout,
+    status_glyph,
+)
 from tests.support import gaps
 
 SIZE = (100, 50)
@@ -29,9 +35,9 @@ def test_a_track_per_axis_holds_what_the_nights_hold() -> None:
     assert task.value.tolist() == [7.0] * 4 + [27.0] * 3
     assert task.low.tolist() == [5.0] * 4 + [25.0] * 3
     assert headline.value.tolist() == [14.0] * 4 + [27.0] * 3
-    assert task.words == ("PASS",) * 4 + ("FAIL",) * 3
-    assert set(dynamics.words) == {"INCONCLUSIVE"}
-    assert set(visual.words) == {"PASS"}
+    assert task.statuses == ("PASS",) * 4 + ("FAIL",) * 3
+    assert set(dynamics.statuses) == {"INCONCLUSIVE"}
+    assert set(visual.statuses) == {"PASS"}
     assert np.diff(model.days).tolist() == [1] * 6
     assert (model.span, model.older) == (7, 0)
 
@@ -46,7 +52,7 @@ def test_all_tracks_share_a_scale_that_holds_everything() -> None:
 
 @pytest.mark.parametrize("size", [(100, 50), (60, 40), (200, 60)])
 def test_each_night_stands_at_its_day_and_height(size: tuple[int, int]) -> None:
-    canvas = history(WEEK, size)
+    canvas = draw_history(WEEK, size)
     model = history_model(WEEK, size[0] - LABELS)
     layout = history_layout(model, size)
     assert len(layout.charts) == 4
@@ -54,9 +60,9 @@ def test_each_night_stands_at_its_day_and_height(size: tuple[int, int]) -> None:
         track = model.tracks[index]
         for at, day in enumerate(model.days.tolist()):
             column = layout.column(day, model)
-            chart, limit = Rows(model.scale, top, rows), float(model.thresholds[at])
+            chart, limit = ChartRows(model.scale, top, rows), float(model.thresholds[at])
             row = chart.of(float(track.value[at]), limit)
-            assert canvas.char[row, column] == sign(track.words[at], RenderOptions())
+            assert canvas.char[row, column] == status_glyph(track.statuses[at], RenderOptions())
             drawn = [y for y in range(top, top + rows) if canvas.char[y, column] not in " ─"]
             ends = [chart.of(float(end[at]), limit) for end in (track.high, track.low)]
             assert (drawn[0], drawn[-1]) == tuple(ends)
@@ -74,12 +80,12 @@ def test_the_threshold_steps_where_it_was_changed() -> None:
     nights = [replace(night, threshold=15.0 if n < 4 else 25.0) for n, night in
               enumerate(gaps.week())]  # fmt: skip
     view = HistoryInput(tuple(nights))
-    canvas = history(view, SIZE)
+    canvas = draw_history(view, SIZE)
     model = history_model(view, SIZE[0] - LABELS)
     layout = history_layout(model, SIZE)
     _, _, top, rows = next(c for c in layout.charts if model.tracks[c[0]].name == "visual")
     for at, day in enumerate(model.days.tolist()):
-        row = Rows(model.scale, top, rows).line(float(model.thresholds[at]))
+        row = ChartRows(model.scale, top, rows).line(float(model.thresholds[at]))
         assert canvas.char[row, layout.column(day, model) - 1] == "─"
         others = [y for y in range(top, top + rows) if y != row]
         assert "─" not in canvas.char[others, layout.column(day, model) - 1]
@@ -89,9 +95,9 @@ def test_what_was_not_judged_is_not_drawn() -> None:
     nights = (*gaps.week()[:6], gaps.night(7, {"task": math.nan, "visual": 4.0}))
     model = history_model(HistoryInput(nights), 90)
     tracks = {track.name: track for track in model.tracks}
-    assert tracks["task"].words[-1] == "SKIPPED"
+    assert tracks["task"].statuses[-1] == "SKIPPED"
     assert math.isnan(tracks["dynamics"].value[-1])
-    text = "\n".join(history(HistoryInput(nights), SIZE).lines())
+    text = "\n".join(draw_history(HistoryInput(nights), SIZE).lines())
     assert "task  · skipped  " in text
 
 
@@ -100,19 +106,21 @@ def test_more_nights_than_columns_show_the_newest() -> None:
     model = history_model(HistoryInput(nights), 75)
     assert (model.days.size, model.older) == (75, 324)
     assert model.days[-1] == nights[-1].night.toordinal()
-    assert "324 older" in history(HistoryInput(nights), (80, 24)).lines()[-1]
+    assert "324 older" in draw_history(HistoryInput(nights), (80, 24)).lines()[-1]
 
 
 def test_a_small_screen_shows_the_headline_and_the_worst_axes() -> None:
     model = history_model(WEEK, 75)
     layout = history_layout(model, (80, 14))
     assert [model.tracks[chart[0]].name for chart in layout.charts] == ["headline", "task"]
-    assert "no room for visual, dynamics" in history(WEEK, (80, 14)).lines()[-1]
+    assert "no room for visual, dynamics" in draw_history(WEEK, (80, 14)).lines()[-1]
 
 
 def test_words_need_no_colour() -> None:
-    for look in (RenderOptions(), RenderOptions(ascii=True)):
-        signs = {sign(word, look) for word in ("PASS", "FAIL", "INCONCLUSIVE", "SKIPPED")}
+    for options in (RenderOptions(), RenderOptions(ascii=True)):
+        signs = {
+            status_glyph(word, options) for word in ("PASS", "FAIL", "INCONCLUSIVE", "SKIPPED")
+        }
         assert len(signs) == 4
 
 
@@ -125,7 +133,7 @@ def test_words_need_no_colour() -> None:
 def test_every_height_is_in_the_chart_and_on_its_side_of_the_threshold(
     value: float, threshold: float, rows: int, most: float
 ) -> None:
-    chart = Rows((0.0, max(most, 1.6 * threshold)), 5, rows)
+    chart = ChartRows((0.0, max(most, 1.6 * threshold)), 5, rows)
     row, line = chart.of(value, threshold), chart.line(threshold)
     assert 5 <= row < 5 + rows
     assert chart.of(value + 1, threshold) <= row
@@ -139,7 +147,7 @@ def test_a_wild_gap_leaves_the_others_on_their_side_of_the_threshold(size: tuple
     nights = tuple(
         replace(gaps.night(number, gap), threshold=10.0) for number, gap in enumerate(figures, 1)
     )
-    canvas = history(HistoryInput(nights), size)
+    canvas = draw_history(HistoryInput(nights), size)
     model = history_model(HistoryInput(nights), size[0] - LABELS)
     layout = history_layout(model, size)
     for index, _, top, rows in layout.charts:
@@ -149,7 +157,8 @@ def test_a_wild_gap_leaves_the_others_on_their_side_of_the_threshold(size: tuple
         for at, day in enumerate(model.days.tolist()):
             glyphs = canvas.char[top : top + rows, layout.column(day, model)]
             (row,) = (
-                top + y for y in np.flatnonzero(glyphs == sign(track.words[at], RenderOptions()))
+                top + y
+                for y in np.flatnonzero(glyphs == status_glyph(track.statuses[at], RenderOptions()))
             )
             value = float(track.value[at])
             assert (row < line, row > line) == (value > 10, value < 10), (value, row, line)

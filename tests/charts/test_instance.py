@@ -7,8 +7,8 @@ import pytest
 
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.colour import NO_DEPTH
-from s2rtui.charts.instance.model import heat_colours, instance_model, panel_pixels
-from s2rtui.charts.instance.terminal import instance, instance_layout
+from s2rtui.charts.shared.instance_model import heat_colours, instance_model, panel_pixels
+from s2rtui.charts.shared.instance_terminal import draw_instance, instance_layout
 from tests.charts.examples import instance_input, side
 
 
@@ -62,7 +62,7 @@ def test_invalid_depth_has_a_colour_of_its_own() -> None:
 
 
 def test_numbers_are_metres_and_degrees() -> None:
-    text = "\n".join(instance(instance_input(), (60, 50)).lines())
+    text = "\n".join(draw_instance(instance_input(), (60, 50)).lines())
     for number in ("1.50", "-2.25", "28.6", "0.75", "5.7", "22.9"):
         assert number in text
     assert "occlusion rgb" in text
@@ -75,18 +75,20 @@ def test_no_minus_zero_and_no_nan() -> None:
     assert model.poses[0].cells[:3] == ("0.00", "n/a", "0.0")
 
 
-@pytest.mark.parametrize("look", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)])
-def test_heat_becomes_digits_and_letters_where_it_cannot_be_colour(look: RenderOptions) -> None:
+@pytest.mark.parametrize(
+    "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
+)
+def test_heat_becomes_digits_and_letters_where_it_cannot_be_colour(options: RenderOptions) -> None:
     view = instance_input()
-    layout = instance_layout(view, (60, 60), look)
+    layout = instance_layout(view, (60, 60), options)
     heat = [panel for panel in layout.panels if panel.what == "heat"]
     assert len(heat) == 2
-    canvas = instance(view, (60, 60), look)
+    canvas = draw_instance(view, (60, 60), options)
     panel = heat[0]
     part = canvas.char[panel.y : panel.y + panel.height, panel.x : panel.x + panel.width]
     assert set(part.ravel()) <= set("ihgfedcba.123456789")
 
 
 def test_a_side_without_depth_says_so() -> None:
-    text = "\n".join(instance(instance_input(real=side(2, depth=False)), (60, 50)).lines())
+    text = "\n".join(draw_instance(instance_input(real=side(2, depth=False)), (60, 50)).lines())
     assert "no depth" in text

@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.brush_surface import Mark
-from s2rtui.canvas.pending_brush import arc_of, wrapped
+from s2rtui.canvas.brush import Mark, mark_arc, wrap_degrees
 from s2rtui.charts.orientation.dial import bar_dots, dial_of
 from s2rtui.charts.orientation.model import BINS, EXACTLY_UP_TO, orientation_model
-from s2rtui.charts.orientation.terminal import orientation, orientation_layout
-from s2rtui.charts.orientation.terminal import orientation_surface as surface
+from s2rtui.charts.orientation.terminal import draw_orientation, orientation_layout
+from s2rtui.charts.orientation.terminal import orientation_panels as surface
 from tests.charts.examples import N, orientation_input
 
 SIZE = (50, 10)
@@ -40,9 +39,9 @@ def test_counts_and_means_are_those_of_the_selected(column, selected, valid) -> 
     )
     edges = np.arange(BINS + 1) * 5.0 - 180
     panel = orientation_model(view).panels[0]
-    for mask, counts in ((selected & valid, panel.lit), (valid, panel.total)):
+    for mask, counts in ((selected & valid, panel.highlighted), (valid, panel.total)):
         own = column[mask & np.isfinite(column)]
-        turned = np.array([wrapped(degrees) for degrees in np.degrees(own)])
+        turned = np.array([wrap_degrees(degrees) for degrees in np.degrees(own)])
         expected, _ = np.histogram(turned, edges)
         assert counts.sum() == own.size
         assert (
@@ -54,7 +53,7 @@ def test_counts_and_means_are_those_of_the_selected(column, selected, valid) -> 
         vector = np.exp(1j * own).mean()
         assert panel.resultant == pytest.approx(abs(vector), abs=1e-12)
         if abs(vector) > 1e-6:
-            apart = wrapped(panel.mean - math.degrees(np.angle(vector)))
+            apart = wrap_degrees(panel.mean - math.degrees(np.angle(vector)))
             assert apart == pytest.approx(0, abs=1e-6)
     else:
         assert math.isnan(panel.mean)
@@ -83,15 +82,15 @@ def test_means_of_many_are_close_and_exact_on_few_directions() -> None:
     [(2, True, "right"), (92, True, "down"), (92, False, "up"), (-88, True, "up"),
      (178, True, "left")],
 )  # fmt: skip
-@pytest.mark.parametrize("look", [RenderOptions(), RenderOptions(ascii=True)])
+@pytest.mark.parametrize("options", [RenderOptions(), RenderOptions(ascii=True)])
 def test_bars_point_as_on_the_map(
-    degrees: float, y_down: bool, way: str, look: RenderOptions
+    degrees: float, y_down: bool, way: str, options: RenderOptions
 ) -> None:
     size = (120, 24)
     view = one_way(degrees, y_down=y_down)
-    canvas = orientation(view, size, look)
+    canvas = draw_orientation(view, size, options)
     for panel, colour in zip(
-        surface(view, size, look), (DARK.sim, DARK.truth, DARK.real), strict=True
+        surface(view, size, options), (DARK.sim, DARK.truth, DARK.real), strict=True
     ):
         rows, columns = (slice(panel.y, panel.y + panel.height),
                          slice(panel.x, panel.x + panel.width))  # fmt: skip
@@ -130,9 +129,9 @@ def test_every_bar_is_drawn_and_as_long_as_its_count(lengths) -> None:
 def test_grey_bars_are_all_shrunk_by_the_selected_share() -> None:
     view = orientation_input()
     model = orientation_model(view)
-    lit, total = (sum(part.sum() for part in counts) for counts in zip(
-        *((panel.lit, panel.total) for panel in model.panels), strict=True))  # fmt: skip
-    assert model.whole == pytest.approx(model.peak * total / lit)
+    highlighted, total = (sum(part.sum() for part in counts) for counts in zip(
+        *((panel.highlighted, panel.total) for panel in model.panels), strict=True))  # fmt: skip
+    assert model.whole == pytest.approx(model.peak * total / highlighted)
     for panel in model.panels:
         for bars in model.lengths(panel):
             assert bars.max() <= 1 + 1e-9
@@ -141,10 +140,13 @@ def test_grey_bars_are_all_shrunk_by_the_selected_share() -> None:
 
 
 def test_the_scale_and_the_means_are_written() -> None:
-    lines = orientation(one_way(-93), SIZE).lines()
+    lines = draw_orientation(one_way(-93), SIZE).lines()
     assert lines[0].count(f"max {N}") == 3
     assert lines[-1].count("-93° R 1.00") == 3
-    assert "none" in orientation(one_way(5, selected=np.zeros(N, dtype=np.bool_)), SIZE).lines()[-1]
+    assert (
+        "none"
+        in draw_orientation(one_way(5, selected=np.zeros(N, dtype=np.bool_)), SIZE).lines()[-1]
+    )
 
 
 @pytest.mark.parametrize("size", [(50, 4), (40, 3), (80, 5)])
@@ -153,7 +155,7 @@ def test_strips_take_over_where_dials_are_too_small(size: tuple[int, int]) -> No
     layout = orientation_layout(view, size)
     assert layout.dial is None
     assert layout.count in (36, 72)
-    canvas = orientation(view, size)
+    canvas = draw_orientation(view, size)
     for panel in surface(view, size):
         row = canvas.char[panel.y + panel.height - 1, panel.x : panel.x + panel.width]
         at = np.flatnonzero(row == "█")
@@ -164,21 +166,21 @@ def test_strips_take_over_where_dials_are_too_small(size: tuple[int, int]) -> No
 
 def test_selected_and_others_differ_without_colours() -> None:
     none = np.zeros(N, dtype=np.bool_)
-    for look, lit in (
+    for options, highlighted in (
         (RenderOptions(mode=ColourMode.NONE), "▀▄█▌▐▘▝▖▗▛▜▙▟"),
         (RenderOptions(ascii=True), "#"),
     ):
         size = (120, 24)
-        drawn = "".join(orientation(one_way(10), size, look).lines()[3:])
-        grey = "".join(orientation(one_way(10, selected=none), size, look).lines()[3:])
-        assert any(glyph in drawn for glyph in lit)
-        assert not any(glyph in grey for glyph in lit)
+        drawn = "".join(draw_orientation(one_way(10), size, options).lines()[3:])
+        grey = "".join(draw_orientation(one_way(10, selected=none), size, options).lines()[3:])
+        assert any(glyph in drawn for glyph in highlighted)
+        assert not any(glyph in grey for glyph in highlighted)
         assert "".join(grey.split()) != ""
 
 
 def test_the_cursor_points_from_centre_to_rim_in_each_panel() -> None:
     view = orientation_input(cursor=30)
-    canvas = orientation(view, (100, 20))
+    canvas = draw_orientation(view, (100, 20))
     for panel, column in zip(
         surface(view, (100, 20)), (view.sim, view.truth, view.real), strict=True
     ):
@@ -204,8 +206,8 @@ def test_the_cursor_points_from_centre_to_rim_in_each_panel() -> None:
     ],
 )
 def test_a_brush_turns_from_its_first_end_to_its_last(ends, arc) -> None:
-    middle, half = arc_of(Mark("sim", ((ends[0], 1.0), (ends[1], 1.0))))
-    assert wrapped(middle - arc[0]) == pytest.approx(0)
+    middle, half = mark_arc(Mark("sim", ((ends[0], 1.0), (ends[1], 1.0))))
+    assert wrap_degrees(middle - arc[0]) == pytest.approx(0)
     assert half == pytest.approx(arc[1])
 
 
@@ -213,7 +215,7 @@ def test_a_brush_turns_from_its_first_end_to_its_last(ends, arc) -> None:
 def test_a_pending_arc_is_lit_and_its_ends_marked(size: tuple[int, int]) -> None:
     mark = Mark("truth", ((170.0, 1.0), (-120.0, 1.0)))
     view = orientation_input(mark=mark, cursor=None)
-    canvas = orientation(view, size, RenderOptions(mode=ColourMode.NONE))
+    canvas = draw_orientation(view, size, RenderOptions(mode=ColourMode.NONE))
     _, truth, _ = surface(view, size)
     assert "".join(canvas.lines()).count("+") == 2
     ground = (canvas.bg == DARK.highlight).all(axis=-1)
@@ -221,4 +223,4 @@ def test_a_pending_arc_is_lit_and_its_ends_marked(size: tuple[int, int]) -> None
     for row, column in np.argwhere(ground):
         assert truth.holds(int(column), int(row))
         degrees = truth.to_data(column + 0.5, row + 0.5)[0]
-        assert abs(wrapped(degrees - -155)) <= 35 + 1e-6
+        assert abs(wrap_degrees(degrees - -155)) <= 35 + 1e-6

@@ -7,8 +7,8 @@ import pytest
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.charts.overview.layout import overview_layout
 from s2rtui.charts.overview.model import overview_model
-from s2rtui.charts.overview.terminal import overview
-from s2rtui.charts.shared.inputs import OverviewRow
+from s2rtui.charts.overview.terminal import draw_overview
+from s2rtui.charts.scene import OverviewRow
 from tests.charts.examples import ROWS
 
 SIZE = (70, 10)
@@ -22,31 +22,31 @@ def test_axis_holds_every_value_with_round_ends() -> None:
 
 
 def test_sim_lies_right_of_real_with_the_gap_between() -> None:
-    line = overview(ROWS, 0.72, 0, SIZE).lines()[1]
+    line = draw_overview(ROWS, 0.72, 0, SIZE).lines()[1]
     assert line.index("◇") < line.index("◆")
     assert "━" in line[line.index("◇") : line.index("◆")]
 
 
 def test_numbers_stand_at_the_right_and_n_a_where_nothing_is_left() -> None:
-    lines = overview(ROWS, 0.72, 0, SIZE).lines()
+    lines = draw_overview(ROWS, 0.72, 0, SIZE).lines()
     assert lines[1].split()[-2:] == ["95.0", "78.0"]
     assert lines[3].split()[-2:] == ["n/a", "n/a"]
     assert "no unseen instance" in lines[3]
 
 
 def test_baseline_crosses_every_line_at_one_column() -> None:
-    lines = overview(ROWS, 0.72, None, SIZE).lines()
+    lines = draw_overview(ROWS, 0.72, None, SIZE).lines()
     columns = {line.index("┊") for line in lines[1:3]}
     assert len(columns) == 1
 
 
 def test_marks_of_equal_accuracy_become_one() -> None:
-    line = overview([OverviewRow("same", 0.9, 0.9)], None, 0, SIZE).lines()[1]
+    line = draw_overview([OverviewRow("same", 0.9, 0.9)], None, 0, SIZE).lines()[1]
     assert "◈" in line
 
 
 def test_selected_line_is_marked_by_glyph_and_ground() -> None:
-    canvas = overview(ROWS, 0.72, 1, SIZE)
+    canvas = draw_overview(ROWS, 0.72, 1, SIZE)
     assert canvas.char[2, 0] == "▶"
     assert (canvas.bg[2] == DARK.highlight).all()
     assert not (canvas.bg[1] == DARK.highlight).any()
@@ -54,7 +54,7 @@ def test_selected_line_is_marked_by_glyph_and_ground() -> None:
 
 def test_colours_are_doubled_by_letters_in_ascii() -> None:
     text = "\n".join(
-        overview(ROWS, 0.72, 0, SIZE, RenderOptions(mode=ColourMode.NONE, ascii=True)).lines()
+        draw_overview(ROWS, 0.72, 0, SIZE, RenderOptions(mode=ColourMode.NONE, ascii=True)).lines()
     )
     assert text.isascii()
     assert "S" in text
@@ -71,4 +71,4 @@ def test_window_follows_the_selection() -> None:
 
 
 def test_no_run_says_so() -> None:
-    assert "no run" in overview([], None, None, SIZE).lines()[0]
+    assert "no run" in draw_overview([], None, None, SIZE).lines()[0]

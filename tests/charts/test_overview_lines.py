@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.brush_surface import Mark, panel_at
+from s2rtui.canvas.brush import Mark, panel_at
 from s2rtui.canvas.render_options import UNICODE
-from s2rtui.charts.overview import line_density as module
-from s2rtui.charts.overview.layout import overview_layout, overview_surface
-from s2rtui.charts.overview.line_density import bin_count, levels, line_density, pair_counts
-from s2rtui.charts.overview.model import overview_model
-from s2rtui.charts.overview.terminal import overview
-from s2rtui.charts.shared.inputs import OverviewLines, OverviewRow
+from s2rtui.charts.overview import lines as module
+from s2rtui.charts.overview.layout import overview_layout, overview_panels
+from s2rtui.charts.overview.lines import bin_count, levels, line_density, pair_counts
+from s2rtui.charts.overview.model import OverviewLines, overview_model
+from s2rtui.charts.overview.terminal import draw_overview
+from s2rtui.charts.scene import OverviewRow
 from tests.charts.examples import ROWS, N, overview_lines
 
 SIZE = (60, 16)
@@ -64,9 +64,9 @@ def test_density_is_that_of_single_lines(
     lines = OverviewLines((first, second, third), selected, valid)
     layout = overview_layout(rows(3), 0, SIZE, lines)
     found = line_density(lines, AXIS, layout)
-    lit = by_hand(lines, layout.chart_width, layout.step, selected & valid)
+    highlighted = by_hand(lines, layout.chart_width, layout.step, selected & valid)
     others = by_hand(lines, layout.chart_width, layout.step, ~selected & valid)
-    assert (found.lit == lit).all()
+    assert (found.highlighted == highlighted).all()
     assert (found.others == others).all()
 
 
@@ -74,12 +74,14 @@ def test_density_is_that_of_single_lines(
 def test_pairs_count_who_goes_where(
     first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
 ) -> None:
-    ((lit, others),) = pair_counts(OverviewLines((first, second), selected, valid), AXIS, 10)
+    ((highlighted, others),) = pair_counts(
+        OverviewLines((first, second), selected, valid), AXIS, 10
+    )
     known = valid & np.isfinite(first) & np.isfinite(second)
-    assert lit.sum() == (known & selected).sum()
+    assert highlighted.sum() == (known & selected).sum()
     assert others.sum() == (known & ~selected).sum()
     top = known & selected & (first >= 0.95)
-    assert lit[9].sum() == top.sum()
+    assert highlighted[9].sum() == top.sum()
 
 
 def test_bars_stand_for_runs_that_adjoin_even_where_a_neighbour_is_unknown() -> None:
@@ -87,13 +89,13 @@ def test_bars_stand_for_runs_that_adjoin_even_where_a_neighbour_is_unknown() -> 
     layout = overview_layout(ROWS, 0, (60, 6), lines)
     assert layout.step == 1
     found = line_density(lines, AXIS, layout)
-    assert found.lit.shape == (4 * 3, 2 * layout.chart_width)
-    assert found.lit[3].sum() == 15
+    assert found.highlighted.shape == (4 * 3, 2 * layout.chart_width)
+    assert found.highlighted[3].sum() == 15
     assert found.others[7].sum() == 44
-    assert not found.lit[8:].any()
-    tall = (found.lit[:4] > 0).sum(axis=0)
+    assert not found.highlighted[8:].any()
+    tall = (found.highlighted[:4] > 0).sum(axis=0)
     assert tall.max() <= 4
-    assert (found.lit[3] > 0).sum() == (tall > 0).sum()
+    assert (found.highlighted[3] > 0).sum() == (tall > 0).sum()
 
 
 def test_many_lines_are_bands_without_gaps() -> None:
@@ -102,7 +104,7 @@ def test_many_lines_are_bands_without_gaps() -> None:
     yes = np.ones(count, dtype=np.bool_)
     lines = OverviewLines((values, values), yes, yes)
     layout = overview_layout(rows(2), 0, (200, 16), lines)
-    inside = line_density(lines, AXIS, layout).lit[2:-2, 2:-2]
+    inside = line_density(lines, AXIS, layout).highlighted[2:-2, 2:-2]
     assert (inside > 0).all()
 
 
@@ -117,9 +119,9 @@ def test_levels_rise_from_above_zero_to_one() -> None:
 
 def test_another_selection_bins_nothing_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = overview_lines()
-    overview(ROWS, 0.72, 0, SIZE, None, lines)
+    draw_overview(ROWS, 0.72, 0, SIZE, None, lines)
     monkeypatch.setattr(module, "_binned", lambda *_: pytest.fail("binned again"))
-    overview(ROWS, 0.72, 0, SIZE, None, replace(lines, selected=np.arange(N) < 9))
+    draw_overview(ROWS, 0.72, 0, SIZE, None, replace(lines, selected=np.arange(N) < 9))
 
 
 def test_axis_holds_the_lines_only_where_they_are_drawn() -> None:
@@ -142,7 +144,7 @@ def test_runs_take_the_rows_there_are() -> None:
 
 def test_marks_numbers_and_axis_stay_on_top() -> None:
     lines = overview_lines(cursor=None)
-    canvas = overview(ROWS, 0.72, 0, SIZE, None, lines)
+    canvas = draw_overview(ROWS, 0.72, 0, SIZE, None, lines)
     model, layout = overview_model(ROWS, 0.72, lines), overview_layout(ROWS, 0, SIZE, lines)
     for index, row in enumerate(ROWS[:2]):
         for value, glyph in ((row.sim_accuracy, UNICODE.sim), (row.real_accuracy, UNICODE.real)):
@@ -158,27 +160,27 @@ def test_marks_numbers_and_axis_stay_on_top() -> None:
 def test_selected_lines_have_their_sides_hue_and_the_rest_is_grey(side: str) -> None:
     lines = overview_lines(side=side, cursor=None)
     canvas, layout = (
-        overview(ROWS, None, 0, SIZE, None, lines),
+        draw_overview(ROWS, None, 0, SIZE, None, lines),
         overview_layout(ROWS, 0, SIZE, lines),
     )
     band = slice(layout.row_of(0) + 1, layout.row_of(1))
     inked = np.char.greater(canvas.char[band], "\u2800")
     colours = canvas.fg[band][inked].astype(int)
     strongest = 2 if side == "sim" else 0
-    lit = np.ptp(colours, axis=1) > 40
-    assert lit.any()
-    assert not lit.all()
-    assert (colours[lit].argmax(axis=1) == strongest).all()
+    highlighted = np.ptp(colours, axis=1) > 40
+    assert highlighted.any()
+    assert not highlighted.all()
+    assert (colours[highlighted].argmax(axis=1) == strongest).all()
     assert f"lines: {side}" in canvas.lines()[0]
 
 
 def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> None:
     lines = overview_lines(selected=np.zeros(N, dtype=np.bool_), cursor=None)
     everything = replace(lines, selected=np.ones(N, dtype=np.bool_))
-    look = RenderOptions(mode=ColourMode.NONE)
+    options = RenderOptions(mode=ColourMode.NONE)
 
     def ink(view: OverviewLines) -> int:
-        drawn = "".join(overview(ROWS, None, None, SIZE, look, view).lines())
+        drawn = "".join(draw_overview(ROWS, None, None, SIZE, options, view).lines())
         return sum(
             (ord(glyph) - 0x2800).bit_count() for glyph in drawn if "\u2800" < glyph < "\u2900"
         )
@@ -187,7 +189,7 @@ def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> 
     plain = RenderOptions(mode=ColourMode.NONE, ascii=True)
     layout = overview_layout(ROWS, None, SIZE, lines)
     for view, glyphs in ((lines, "."), (everything, "'+*#")):
-        band = overview(ROWS, None, None, SIZE, plain, view).lines()[
+        band = draw_overview(ROWS, None, None, SIZE, plain, view).lines()[
             layout.top + 1 : layout.row_of(1)
         ]
         assert set("".join(band)) <= {*glyphs, " "}
@@ -197,7 +199,7 @@ def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> 
 def test_a_note_is_read_before_lines_and_cursor() -> None:
     lines = overview_lines()
     waiting = [replace(row, sim_accuracy=None, real_accuracy=None, note="reading") for row in ROWS]
-    canvas = overview(waiting, None, 0, SIZE, None, lines)
+    canvas = draw_overview(waiting, None, 0, SIZE, None, lines)
     layout = overview_layout(waiting, 0, SIZE, lines)
     for index in range(2):
         assert "reading " in canvas.lines()[layout.row_of(index)][layout.chart :]
@@ -205,7 +207,10 @@ def test_a_note_is_read_before_lines_and_cursor() -> None:
 
 def test_the_cursors_line_runs_on_top_with_its_numbers() -> None:
     lines = overview_lines()
-    canvas, model = overview(ROWS, None, 0, SIZE, None, lines), overview_model(ROWS, None, lines)
+    canvas, model = (
+        draw_overview(ROWS, None, 0, SIZE, None, lines),
+        overview_model(ROWS, None, lines),
+    )
     layout = overview_layout(ROWS, 0, SIZE, lines)
     for index in range(2):
         value = float(lines.values[index][50])
@@ -229,7 +234,7 @@ def test_columns_become_accuracies_and_back(
     size: tuple[int, int], part: float, lined: bool
 ) -> None:
     lines = overview_lines() if lined else None
-    panels = overview_surface(ROWS, 0.72, 1, size, lines)
+    panels = overview_panels(ROWS, 0.72, 1, size, lines)
     model = overview_model(ROWS, 0.72, lines)
     for panel in panels:
         assert panel.shape == "range"
@@ -242,7 +247,7 @@ def test_columns_become_accuracies_and_back(
 
 def test_a_panel_per_run_covers_the_rows_nearest_to_it() -> None:
     lines = overview_lines()
-    panels = overview_surface(ROWS, 0.72, 1, SIZE, lines)
+    panels = overview_panels(ROWS, 0.72, 1, SIZE, lines)
     layout = overview_layout(ROWS, 1, SIZE, lines)
     assert [panel.name for panel in panels] == [row.run for row in ROWS]
     for y in range(layout.top, layout.top + layout.height):
@@ -254,20 +259,22 @@ def test_a_panel_per_run_covers_the_rows_nearest_to_it() -> None:
 
 
 def test_the_leftmost_column_takes_all_that_is_drawn_there() -> None:
-    panel = overview_surface(ROWS, 0.72, 1, SIZE, overview_lines())[0]
+    panel = overview_panels(ROWS, 0.72, 1, SIZE, overview_lines())[0]
     assert panel.to_data(panel.x + 0.5, panel.y)[0] == 0.0
-    assert overview_surface(ROWS, 0.72, 1, SIZE)[0].to_data(panel.x + 0.5, panel.y)[0] > 0.5
+    assert overview_panels(ROWS, 0.72, 1, SIZE)[0].to_data(panel.x + 0.5, panel.y)[0] > 0.5
 
 
-@pytest.mark.parametrize("look", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)])
-def test_a_marked_range_stands_between_ends_on_its_run(look: RenderOptions) -> None:
+@pytest.mark.parametrize(
+    "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
+)
+def test_a_marked_range_stands_between_ends_on_its_run(options: RenderOptions) -> None:
     lines = overview_lines()
     mark = Mark("dataaug", ((0.75, 0.0), (0.9, 0.0)))
-    canvas = overview(ROWS, 0.72, 0, SIZE, look, lines, mark)
-    panel = overview_surface(ROWS, 0.72, 0, SIZE, lines)[1]
+    canvas = draw_overview(ROWS, 0.72, 0, SIZE, options, lines, mark)
+    panel = overview_panels(ROWS, 0.72, 0, SIZE, lines)[1]
     low, high = (int(panel.to_cells(value, 0.0)[0]) for value in (0.75, 0.9))
     for y in range(panel.y, panel.y + panel.height):
-        assert canvas.char[y, low] == look.glyphs.scale_left
-        assert canvas.char[y, high] == look.glyphs.scale_right
+        assert canvas.char[y, low] == options.glyphs.scale_left
+        assert canvas.char[y, high] == options.glyphs.scale_right
         assert (canvas.bg[y, low : high + 1] == DARK.highlight).all()
-    assert not (canvas.char[panel.y - 1] == look.glyphs.scale_left).any()
+    assert not (canvas.char[panel.y - 1] == options.glyphs.scale_left).any()

@@ -11,7 +11,7 @@ from rich.segment import Segment
 from rich.style import Style
 
 from s2rtui.canvas import DARK, Canvas, ColourMode
-from s2rtui.canvas.glyph_masks import geometric
+from s2rtui.canvas.glyph_masks import glyph_mask
 from s2rtui.export.rasterizer import paint, paint_png
 from s2rtui.terminal.strips import to_strips
 
@@ -43,7 +43,7 @@ def test_box_lines_join_across_cells() -> None:
 
 @pytest.mark.parametrize("code", [*range(0x2500, 0x25A0), *range(0x2801, 0x2900)])
 def test_every_geometric_character_has_ink_within_its_cell(code: int) -> None:
-    mask = geometric(chr(code), 20, 10)
+    mask = glyph_mask(chr(code), 20, 10)
     assert mask is not None
     assert mask.shape == (20, 10)
     assert 0 < mask.sum() <= 200
@@ -53,7 +53,7 @@ def test_every_geometric_character_has_ink_within_its_cell(code: int) -> None:
 
 def test_mirrored_blocks_mirror() -> None:
     def mask(char: str) -> np.ndarray:
-        found = geometric(char, 20, 10)
+        found = glyph_mask(char, 20, 10)
         assert found is not None
         return found
 

@@ -7,11 +7,11 @@ import pytest
 
 from s2rtui.canvas import Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.raster import (
-    braille,
     braille_bits,
     dot_grid,
-    half_blocks,
-    picture,
+    draw_braille,
+    draw_half_blocks,
+    draw_picture,
     resample,
 )
 
@@ -36,7 +36,7 @@ def test_resample_enlarges_by_the_nearest() -> None:
 def test_half_blocks_pair_rows_and_clip() -> None:
     pixels = np.arange(4 * 3 * 3, dtype=np.uint8).reshape(4, 3, 3)
     canvas = Canvas(3, 3)
-    half_blocks(canvas, -1, 2, pixels)
+    draw_half_blocks(canvas, -1, 2, pixels)
     assert canvas.char[2].tolist() == ["▀", "▀", " "]
     assert canvas.fg[2, 0].tolist() == pixels[0, 1].tolist()
     assert canvas.bg[2, 0].tolist() == pixels[1, 1].tolist()
@@ -47,7 +47,7 @@ def test_braille_dots_have_their_unicode_places() -> None:
     dots[0, 0] = dots[3, 1] = dots[3, 2] = True
     assert braille_bits(dots).tolist() == [[0x81, 0x40]]
     canvas = Canvas(2, 1)
-    braille(canvas, 0, 0, dots, None)
+    draw_braille(canvas, 0, 0, dots, None)
     assert canvas.lines() == ["⢁⡀"]
 
 
@@ -58,17 +58,19 @@ def test_dots_outside_are_dropped() -> None:
 
 def test_a_dot_on_a_picture_keeps_its_mean_as_ground() -> None:
     canvas = Canvas(1, 1)
-    half_blocks(canvas, 0, 0, np.array([[[100, 0, 0]], [[200, 0, 0]]], dtype=np.uint8))
-    braille(canvas, 0, 0, np.ones((4, 2), dtype=np.bool_), None)
+    draw_half_blocks(canvas, 0, 0, np.array([[[100, 0, 0]], [[200, 0, 0]]], dtype=np.uint8))
+    draw_braille(canvas, 0, 0, np.ones((4, 2), dtype=np.bool_), None)
     assert canvas.char[0, 0] == "⣿"
     assert canvas.bg[0, 0].tolist() == [150, 0, 0]
 
 
-@pytest.mark.parametrize("look", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)])
-def test_without_half_blocks_brightness_becomes_density(look: RenderOptions) -> None:
+@pytest.mark.parametrize(
+    "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
+)
+def test_without_half_blocks_brightness_becomes_density(options: RenderOptions) -> None:
     pixels = np.zeros((2, 3, 3), dtype=np.uint8)
     pixels[:, 1], pixels[:, 2] = 128, 255
     canvas = Canvas(3, 1)
-    picture(canvas, 0, 0, pixels, look)
-    shades = look.glyphs.shades
+    draw_picture(canvas, 0, 0, pixels, options)
+    shades = options.glyphs.shades
     assert canvas.lines()[0] == shades[0] + shades[len(shades) // 2] + shades[-1]

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.brush import Mark
 from s2rtui.charts.rooms.model import rooms_model
-from s2rtui.charts.rooms.terminal import rooms, rooms_layout, rooms_surface
+from s2rtui.charts.rooms.terminal import draw_rooms, rooms_layout, rooms_panels
 from tests.charts.examples import ROOM_NAMES, N, rooms_input
 
 SIZE = (60, 9)
@@ -35,7 +35,7 @@ def test_counts_are_those_of_each_column(sim, truth, real, selected, valid) -> N
     view = rooms_input(sim=sim, truth=truth, real=real, selected=selected, valid=valid, cursor=None)
     model = rooms_model(view)
     for index, column in enumerate((sim, truth, real)):
-        for mask, counts in ((valid, model.total), (selected & valid, model.lit)):
+        for mask, counts in ((valid, model.total), (selected & valid, model.highlighted)):
             expected = Counter(column[mask].tolist())
             shown = {room: expected[room] for room in range(5)}
             if len(model.names) == 6:
@@ -46,7 +46,7 @@ def test_counts_are_those_of_each_column(sim, truth, real, selected, valid) -> N
 
 
 def test_numbers_say_selected_of_all() -> None:
-    lines = rooms(rooms_input(), SIZE).lines()
+    lines = draw_rooms(rooms_input(), SIZE).lines()
     assert lines[1].split()[0] == "hall"
     assert [word for word in lines[1].split() if "/" in word][:2] == ["11/11", "11/11"]
     assert "no room" in lines[6]
@@ -64,21 +64,21 @@ def test_bars_share_one_scale_and_are_as_long_as_their_counts() -> None:
         valid=np.ones(N, dtype=np.bool_),
         cursor=None,
     )
-    canvas = rooms(view, (76, 4), RenderOptions(mode=ColourMode.NONE))
+    canvas = draw_rooms(view, (76, 4), RenderOptions(mode=ColourMode.NONE))
     layout = rooms_layout(view, (76, 4))
     for x, _ in layout.columns:
         bar = slice(x + layout.gutter, x + layout.gutter + layout.bar)
-        for row, (lit, total) in enumerate(((32, 32), (8, 16), (0, 12)), start=1):
+        for row, (highlighted, total) in enumerate(((32, 32), (8, 16), (0, 12)), start=1):
             inked = "".join(canvas.char[row, bar]).rstrip()
             assert len(inked) == -(-total * layout.bar // 32)
-            assert abs(inked.count("█") - lit * layout.bar / 32) <= 1
+            assert abs(inked.count("█") - highlighted * layout.bar / 32) <= 1
 
 
 def test_colours_are_those_of_the_sides() -> None:
     view = rooms_input()
-    canvas = rooms(view, SIZE)
+    canvas = draw_rooms(view, SIZE)
     for panel, colour in zip(
-        rooms_surface(view, SIZE), (DARK.sim, DARK.truth, DARK.real), strict=True
+        rooms_panels(view, SIZE), (DARK.sim, DARK.truth, DARK.real), strict=True
     ):
         area = (slice(panel.y, None), slice(panel.x, panel.x + panel.width))
         inked = canvas.char[area] != " "
@@ -89,7 +89,7 @@ def test_the_window_follows_the_cursor_and_then_the_brush() -> None:
     for cursor in (0, 17, 39):
         layout = rooms_layout(many(cursor=cursor), SIZE)
         assert layout.first <= cursor < layout.first + layout.shown
-        assert f"room {cursor}" in "\n".join(rooms(many(cursor=cursor), SIZE).lines())
+        assert f"room {cursor}" in "\n".join(draw_rooms(many(cursor=cursor), SIZE).lines())
     mark = Mark("sim", ((0.0, 2.0), (0.0, 30.0)))
     layout = rooms_layout(many(cursor=0, mark=mark), SIZE)
     assert layout.first <= 30 < layout.first + layout.shown
@@ -98,8 +98,8 @@ def test_the_window_follows_the_cursor_and_then_the_brush() -> None:
 @pytest.mark.parametrize("size", [(60, 9), (90, 30), (40, 6)])
 def test_the_cursors_room_is_marked_in_each_column(size: tuple[int, int]) -> None:
     view = rooms_input(cursor=40)
-    canvas = rooms(view, size)
-    panels = rooms_surface(view, size)
+    canvas = draw_rooms(view, size)
+    panels = rooms_panels(view, size)
     for panel, column in zip(panels, (view.sim, view.truth, view.real), strict=True):
         found = [
             panel.to_data(column_at + 0.5, row + 0.5)[1]
@@ -111,13 +111,13 @@ def test_the_cursors_room_is_marked_in_each_column(size: tuple[int, int]) -> Non
 
 
 @pytest.mark.parametrize(
-    "look", [RenderOptions(), RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)]
+    "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)]
 )
-def test_pending_steps_are_pointed_at_in_their_column(look: RenderOptions) -> None:
+def test_pending_steps_are_pointed_at_in_their_column(options: RenderOptions) -> None:
     view = rooms_input(mark=Mark("truth", ((0.0, 3.0), (0.0, 1.0))), cursor=20)
-    canvas = rooms(view, SIZE, look)
-    found = np.argwhere(canvas.char == look.glyphs.pointer)
-    _, truth, _ = rooms_surface(view, SIZE, look)
+    canvas = draw_rooms(view, SIZE, options)
+    found = np.argwhere(canvas.char == options.glyphs.pointer)
+    _, truth, _ = rooms_panels(view, SIZE, options)
     steps = [truth.to_data(column + 0.5, row + 0.5)[1] for row, column in found.tolist()]
     assert steps == [1.0, 2.0, 3.0]
     assert all(column == truth.x for _, column in found.tolist())
@@ -125,7 +125,7 @@ def test_pending_steps_are_pointed_at_in_their_column(look: RenderOptions) -> No
 
 def test_rooms_and_none_can_be_brushed() -> None:
     view = rooms_input()
-    panel = rooms_surface(view, SIZE)[2]
+    panel = rooms_panels(view, SIZE)[2]
     steps = [panel.to_data(panel.x, panel.y + row + 0.5)[1] for row in range(panel.height)]
     assert steps == [0.0, 1.0, 2.0, 3.0, 4.0, float(len(ROOM_NAMES))]
 
@@ -134,5 +134,5 @@ def test_a_store_without_rooms_says_so() -> None:
     nowhere = np.full(N, -1, dtype=np.int32)
     none = np.zeros(N, dtype=np.bool_)
     view = rooms_input(sim=nowhere, truth=nowhere, real=nowhere, room_names=(), valid=none)
-    assert "no rooms" in rooms(view, SIZE).lines()[0]
-    assert rooms_surface(view, SIZE) == ()
+    assert "no rooms" in draw_rooms(view, SIZE).lines()[0]
+    assert rooms_panels(view, SIZE) == ()

@@ -10,24 +10,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
-from s2rtui.canvas.brush_surface import Mark
-from s2rtui.charts.compare.terminal import difference
-from s2rtui.charts.errors.terminal import histogram
+from s2rtui.canvas.brush import Mark
+from s2rtui.charts.compare.terminal import draw_compare
+from s2rtui.charts.errors.terminal import draw_errors
 from s2rtui.charts.history.model import HistoryInput
-from s2rtui.charts.history.terminal import history
-from s2rtui.charts.instance.terminal import instance
-from s2rtui.charts.map.terminal import geomap
-from s2rtui.charts.orientation.terminal import orientation
-from s2rtui.charts.overview.terminal import overview
-from s2rtui.charts.rooms.terminal import rooms
-from s2rtui.charts.umap.terminal import umap
+from s2rtui.charts.history.terminal import draw_history
+from s2rtui.charts.map.terminal import draw_map
+from s2rtui.charts.orientation.terminal import draw_orientation
+from s2rtui.charts.overview.terminal import draw_overview
+from s2rtui.charts.rooms.terminal import draw_rooms
+from s2rtui.charts.shared.instance_terminal import draw_instance
+from s2rtui.charts.umap.terminal import draw_umap
 from s2rtui.terminal.strips import to_strips
 from tests.charts.examples import (
     ROWS,
-    difference_input,
-    geomap_input,
-    histogram_input,
+    compare_input,
+    errors_input,
     instance_input,
+    map_input,
     orientation_input,
     overview_lines,
     rooms_input,
@@ -40,44 +40,44 @@ Draw = Callable[[tuple[int, int], RenderOptions], Canvas]
 BOX = Mark("map", ((2.0, 2.0), (9.0, 5.0)))
 LASSO = Mark("map", ((2.0, 2.0), (9.0, 5.0), (4.0, 8.0)), lasso=True)
 VIEWS: dict[str, Draw] = {
-    "overview": lambda size, look: overview(ROWS, 0.72, 1, size, look),
-    "threads": lambda size, look: overview(
-        ROWS, 0.72, 1, size, look, overview_lines(), Mark("vanilla", ((0.6, 0.0), (0.8, 0.0)))
+    "overview": lambda size, options: draw_overview(ROWS, 0.72, 1, size, options),
+    "overview lines": lambda size, options: draw_overview(
+        ROWS, 0.72, 1, size, options, overview_lines(), Mark("vanilla", ((0.6, 0.0), (0.8, 0.0)))
     ),
-    "map": lambda size, look: geomap(geomap_input(), size, look),
-    "full map": lambda size, look: geomap(geomap_input(mode="full"), size, look),
-    "glyph map": lambda size, look: geomap(
-        geomap_input(mode="glyph", clip=np.eye(5), mark=BOX), size, look
+    "map": lambda size, options: draw_map(map_input(), size, options),
+    "full map": lambda size, options: draw_map(map_input(mode="full"), size, options),
+    "glyph map": lambda size, options: draw_map(
+        map_input(mode="glyph", clip=np.eye(5), mark=BOX), size, options
     ),
-    "difference": lambda size, look: difference(difference_input(mark=LASSO), size, look),
-    "bare map": lambda size, look: geomap(
-        geomap_input(floor_plan=None, heat=None, headings=None, cursor=None), size, look
+    "compare": lambda size, options: draw_compare(compare_input(mark=LASSO), size, options),
+    "bare map": lambda size, options: draw_map(
+        map_input(floor_plan=None, heat=None, headings=None, cursor=None), size, options
     ),
-    "instance": lambda size, look: instance(instance_input(), size, look),
-    "plain instance": lambda size, look: instance(
+    "instance": lambda size, options: draw_instance(instance_input(), size, options),
+    "plain instance": lambda size, options: draw_instance(
         instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None),
         size,
-        look,
+        options,
     ),
-    "histogram": lambda size, look: histogram(histogram_input(), size, look),
-    "marked histogram": lambda size, look: histogram(
-        histogram_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0)))), size, look
+    "errors": lambda size, options: draw_errors(errors_input(), size, options),
+    "marked histogram": lambda size, options: draw_errors(
+        errors_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0)))), size, options
     ),
-    "history": lambda size, look: history(HistoryInput(gaps.week()), size, look),
-    "no history": lambda size, look: history(HistoryInput(()), size, look),
-    "umap": lambda size, look: umap(umap_input(), size, look),
-    "marked umap": lambda size, look: umap(
+    "history": lambda size, options: draw_history(HistoryInput(gaps.week()), size, options),
+    "no history": lambda size, options: draw_history(HistoryInput(()), size, options),
+    "umap": lambda size, options: draw_umap(umap_input(), size, options),
+    "marked umap": lambda size, options: draw_umap(
         umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),
         size,
-        look,
+        options,
     ),
-    "orientation": lambda size, look: orientation(orientation_input(), size, look),
-    "marked orientation": lambda size, look: orientation(
-        orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0)))), size, look
+    "orientation": lambda size, options: draw_orientation(orientation_input(), size, options),
+    "marked orientation": lambda size, options: draw_orientation(
+        orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0)))), size, options
     ),
-    "rooms": lambda size, look: rooms(rooms_input(), size, look),
-    "marked rooms": lambda size, look: rooms(
-        rooms_input(mark=Mark("truth", ((0.0, 1.0), (0.0, 9.0)))), size, look
+    "rooms": lambda size, options: draw_rooms(rooms_input(), size, options),
+    "marked rooms": lambda size, options: draw_rooms(
+        rooms_input(mark=Mark("truth", ((0.0, 1.0), (0.0, 9.0)))), size, options
     ),
 }
 LOOKS = [
@@ -92,13 +92,13 @@ LOOKS = [
 
 @pytest.mark.parametrize("name", VIEWS)
 @settings(max_examples=40, deadline=None)
-@given(width=st.integers(1, 30), height=st.integers(1, 10), look=st.sampled_from(LOOKS))
+@given(width=st.integers(1, 30), height=st.integers(1, 10), options=st.sampled_from(LOOKS))
 def test_small_sizes_are_filled_exactly(
-    name: str, width: int, height: int, look: RenderOptions
+    name: str, width: int, height: int, options: RenderOptions
 ) -> None:
-    canvas = VIEWS[name]((width, height), look)
+    canvas = VIEWS[name]((width, height), options)
     assert canvas.char.shape == (height, width)
-    strips = to_strips(canvas, look.mode, look.ascii)
+    strips = to_strips(canvas, options.mode, options.ascii)
     assert [strip.cell_length for strip in strips] == [width] * height
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from s2rtools.adjustments import ADJUSTMENTS
-from s2rtui.charts.adjust.terminal import SliderLine, sliders, sliders_surface
+from s2rtui.charts.adjust.terminal import SliderLine, draw_sliders, slider_panels
 
 LINES = tuple(
     SliderLine(
@@ -18,7 +18,7 @@ LINES = tuple(
 
 @pytest.mark.parametrize("width", [46, 50, 80])
 def test_labels_and_units_are_whole(width: int) -> None:
-    rows = sliders(LINES, (width, len(LINES))).lines()
+    rows = draw_sliders(LINES, (width, len(LINES))).lines()
     for line, row in zip(LINES, rows, strict=True):
         assert f" {line.label} " in row
         assert row.rstrip().endswith(f" {line.unit}")
@@ -26,8 +26,8 @@ def test_labels_and_units_are_whole(width: int) -> None:
 
 @pytest.mark.parametrize("width", [1, 8, 20, 30, 46])
 def test_the_track_stays(width: int) -> None:
-    panels = sliders_surface(LINES, (width, 4))
+    panels = slider_panels(LINES, (width, 4))
     assert len(panels) == 4
     assert all(panel.width >= 8 for panel in panels)
     assert "2" in {panel.name for panel in panels}
-    sliders(LINES, (width, 4))
+    draw_sliders(LINES, (width, 4))

@@ -10,7 +10,7 @@ from rich.console import Console
 from textual.strip import Strip
 
 from s2rtui.canvas import DARK, Canvas, ColourMode
-from s2rtui.canvas.raster import half_blocks
+from s2rtui.canvas.raster import draw_half_blocks
 from s2rtui.terminal.strips import calm, to_strips
 
 
@@ -133,7 +133,7 @@ def test_a_picture_keeps_its_edge_against_the_ground() -> None:
     pixels = np.zeros((2, 12, 3), dtype=np.uint8)
     pixels[:, :6] = canvas.theme.background
     pixels[:, 6:] = (red + 6, green + 6, blue + 6)
-    half_blocks(canvas, 0, 0, pixels)
+    draw_half_blocks(canvas, 0, 0, pixels)
     calm(canvas, 12)
     assert (canvas.bg[0, :6] == canvas.theme.background).all()
     assert (canvas.bg[0, 6:] == pixels[0, 6:]).all()

@@ -8,9 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rtui.analysis.binned_sums import occupied, sums, total_of
-from s2rtui.analysis.bins import bins, choose, count
-from s2rtui.charts.map.paper_error_glyphs import _shared
+from s2rtui.analysis.binning import (
+    bin_values,
+    count_selected,
+    occupied_bins,
+    selection_indices,
+    sum_selected,
+    total_selected,
+)
+from s2rtui.charts.map.paper import _shared
 
 SIZE = 40
 masks = arrays.arrays(np.bool_, SIZE)
@@ -24,7 +30,7 @@ def test_a_total_leaves_out_the_unknown(
 ) -> None:
     numbers = np.where(numbers > 50, np.nan, numbers)
     inside = selected & base & np.isfinite(numbers)
-    assert total_of(numbers, choose(selected, base)) == pytest.approx(
+    assert total_selected(numbers, selection_indices(selected, base)) == pytest.approx(
         numbers[inside].sum(), abs=1e-9
     )
 
@@ -33,7 +39,7 @@ def test_a_total_leaves_out_the_unknown(
 def test_sums_are_those_of_the_masks(
     column: np.ndarray, numbers: np.ndarray, selected: np.ndarray, base: np.ndarray
 ) -> None:
-    found = sums(bins(column, 6), numbers, choose(selected, base))
+    found = sum_selected(bin_values(column, 6), numbers, selection_indices(selected, base))
     with np.errstate(invalid="ignore"):
         for index in range(6):
             inside = (column >= index) & (column < index + 1) & selected & base
@@ -44,10 +50,10 @@ def test_sums_are_those_of_the_masks(
 def test_occupied_bins_keep_their_counts(
     column: np.ndarray, selected: np.ndarray, base: np.ndarray
 ) -> None:
-    made = bins(column, 6)
-    fewer, kept = occupied(made)
-    chosen = choose(selected, base)
-    before, after = count(made, chosen)[0], count(fewer, chosen)[0]
+    made = bin_values(column, 6)
+    fewer, kept = occupied_bins(made)
+    selection = selection_indices(selected, base)
+    before, after = count_selected(made, selection)[0], count_selected(fewer, selection)[0]
     assert (before[kept] == after).all()
     assert before.sum() == after.sum()
 

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, LIGHT, ColourMode, RenderOptions
-from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.brush import Mark
 from s2rtui.canvas.colour import legible, turbo
 from s2rtui.charts.umap.model import LEVELS, umap_frame, umap_model
-from s2rtui.charts.umap.terminal import umap, umap_layout, umap_surface
+from s2rtui.charts.umap.terminal import draw_umap, umap_layout, umap_panels
 from tests.charts.examples import N, umap_input
 
 SIZE = (60, 14)
@@ -54,12 +54,12 @@ def test_cells_show_the_mean_of_their_selected(sim, real, values, selected, vali
                 assert abs((place - 0.5) / LEVELS - known.mean() / 4.0) <= 1.001 / LEVELS
             else:
                 assert place == 0
-        lit = np.zeros((5, 9), dtype=np.bool_)
+        highlighted = np.zeros((5, 9), dtype=np.bool_)
         for cell in cells:
-            lit[cell] = True
-        np.testing.assert_array_equal(layer.level >= 0, lit)
+            highlighted[cell] = True
+        np.testing.assert_array_equal(layer.level >= 0, highlighted)
         grey = layer.grey.reshape(5, 4, 9, 2).any(axis=(1, 3))
-        np.testing.assert_array_equal(grey, held & ~lit)
+        np.testing.assert_array_equal(grey, held & ~highlighted)
         placed = valid & np.isfinite(side).all(axis=1)
         assert (layer.selected, layer.total) == ((placed & selected).sum(), placed.sum())
 
@@ -81,7 +81,7 @@ def test_values_default_to_the_distance_between_the_two_points() -> None:
     apart = np.hypot(*(view.sim - view.real).T)
     given_values = umap_input(values=apart)
     for size in (SIZE, (50, 10)):
-        np.testing.assert_array_equal(umap(view, size).fg, umap(given_values, size).fg)
+        np.testing.assert_array_equal(draw_umap(view, size).fg, draw_umap(given_values, size).fg)
     low, high = umap_model(view, umap_frame(view, 10, 10)).value_range
     known = apart[np.isfinite(apart)]
     assert (low, high) == pytest.approx(tuple(np.percentile(known, [1, 99])))
@@ -89,7 +89,7 @@ def test_values_default_to_the_distance_between_the_two_points() -> None:
 
 def test_both_panels_have_the_same_scale_and_v_points_up() -> None:
     for size in (SIZE, (20, 60)):
-        sim, real = umap_surface(umap_input(), size)
+        sim, real = umap_panels(umap_input(), size)
         assert (sim.width, sim.height) == (real.width, real.height)
         ends = [panel.to_data(panel.x, panel.y) for panel in (sim, real)]
         assert ends[0] == pytest.approx(ends[1])
@@ -114,8 +114,8 @@ def test_one_selected_point_has_the_colour_of_its_value(theme) -> None:
     selected = np.arange(N) == 20
     values = np.full(N, 3.3)
     view = umap_input(selected=selected, values=values, value_range=(0.0, 4.0), cursor=None)
-    canvas = umap(view, SIZE, RenderOptions(theme=theme))
-    sim, _ = umap_surface(view, SIZE)
+    canvas = draw_umap(view, SIZE, RenderOptions(theme=theme))
+    sim, _ = umap_panels(view, SIZE)
     column, row = (int(part) for part in sim.to_cells(*view.sim[20]))
     level = math.floor(3.3 / 4 * LEVELS)
     assert canvas.char[row, column] == "●"
@@ -128,9 +128,9 @@ def test_digits_stand_for_colours_where_those_lack() -> None:
     values = np.zeros(N)
     values[45], values[50] = 4.0, np.nan
     view = umap_input(selected=selected, values=values, value_range=(0.0, 4.0), cursor=None)
-    for look in (RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)):
-        canvas = umap(view, SIZE, look)
-        sim, _ = umap_surface(view, SIZE, look)
+    for options in (RenderOptions(mode=ColourMode.NONE), RenderOptions(ascii=True)):
+        canvas = draw_umap(view, SIZE, options)
+        sim, _ = umap_panels(view, SIZE, options)
         for iid, digit in ((20, "0"), (45, "9"), (50, "?")):
             column, row = (int(part) for part in sim.to_cells(*view.sim[iid]))
             assert canvas.char[row, column] == digit
@@ -138,33 +138,33 @@ def test_digits_stand_for_colours_where_those_lack() -> None:
 
 def test_the_cursor_is_marked_in_both_panels() -> None:
     view = umap_input(cursor=17)
-    canvas = umap(view, SIZE)
-    for panel, side in zip(umap_surface(view, SIZE), (view.sim, view.real), strict=True):
+    canvas = draw_umap(view, SIZE)
+    for panel, side in zip(umap_panels(view, SIZE), (view.sim, view.real), strict=True):
         column, row = (int(part) for part in panel.to_cells(*side[17]))
         assert canvas.char[row, column] == "◉"
     assert "".join(canvas.lines()).count("◉") == 2
-    without = "".join(umap(umap_input(cursor=3), SIZE).lines())
+    without = "".join(draw_umap(umap_input(cursor=3), SIZE).lines())
     assert "◉" not in without
 
 
 def test_counts_and_scale_are_written() -> None:
-    header = umap(umap_input(), (90, 14)).lines()[0]
+    header = draw_umap(umap_input(), (90, 14)).lines()[0]
     assert f"sim  20 of {N - 1}" in header
     assert "distance" in header
-    narrow = umap(umap_input(), (50, 10)).lines()[0]
+    narrow = draw_umap(umap_input(), (50, 10)).lines()[0]
     assert "real" in narrow
 
 
 def test_no_coordinates_are_said() -> None:
     none = np.full((N, 2), np.nan)
-    assert "no coordinates" in umap(umap_input(sim=none, real=none), SIZE).lines()[0]
+    assert "no coordinates" in draw_umap(umap_input(sim=none, real=none), SIZE).lines()[0]
 
 
 def test_a_pending_box_is_drawn_on_its_panel() -> None:
     mark = Mark("real", ((0.0, 0.0), (4.0, 4.0)))
     view = umap_input(mark=mark)
-    canvas = umap(view, SIZE)
-    sim, real = umap_surface(view, SIZE)
+    canvas = draw_umap(view, SIZE)
+    sim, real = umap_panels(view, SIZE)
     for point in mark.points:
         column, row = (int(part) for part in real.to_cells(*point))
         assert canvas.char[row, column] == "+"
@@ -174,7 +174,7 @@ def test_a_pending_box_is_drawn_on_its_panel() -> None:
 
 def test_large_ticks_name_the_coordinates() -> None:
     view = umap_input()
-    lines = umap(view, (120, 40)).lines()
-    sim, _ = umap_surface(view, (120, 40))
+    lines = draw_umap(view, (120, 40)).lines()
+    sim, _ = umap_panels(view, (120, 40))
     column = int(sim.to_cells(5.0, 0.0)[0])
     assert lines[-1][column] == "5"

@@ -51,7 +51,7 @@ def test_every_view_is_drawn_light_and_dark_at_the_size_asked_for(
 
 
 def test_what_is_stored_is_drawn_and_listed_flat() -> None:
-    assert {view.name for view in VIEWS if not view.stored} == {"adjust"}
+    assert {view.name for view in VIEWS if not view.from_store} == {"adjust"}
     assert STORED["geomap"] is STORED["map"]
 
 

@@ -145,7 +145,7 @@ async def test_every_view_and_screen(
         await settle(app, pilot)
         keys = [action.keys[0] for action in ACTIONS
                 if action.name not in ("quit", "report", "adjust", "save_run")]  # fmt: skip
-        views = [view.key for view in VIEWS if view.stored]
+        views = [view.key for view in VIEWS if view.from_store]
         for key in [*keys, "N", *views, "ctrl+p", "slash"]:
             await pilot.press(key)
             await settle(app, pilot)

@@ -15,7 +15,7 @@ from PIL import Image
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtui.charts.shared import view_inputs
+from s2rtui.charts.shared.map_background import floor_plan_pixels
 from s2rtui.cli import main
 from tests.hostile.inputs import jpeg, png, s2r
 from tests.support import pairs
@@ -222,9 +222,9 @@ def test_a_floor_plan_of_no_plausible_size_is_refused(
 def test_a_floor_plan_bomb_in_a_store_is_not_decoded(tmp_path: Path) -> None:
     path = tmp_path / "floor_plan.png"
     path.write_bytes(bomb(9000, 9000))
-    view_inputs.floor_plan.cache_clear()
+    floor_plan_pixels.cache_clear()
     with pytest.raises(RequestError, match="9000x9000 pixels"):
-        view_inputs.floor_plan(str(path))
+        floor_plan_pixels(str(path))
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "1e300", "-inf", "0.0"])
@@ -240,6 +240,6 @@ def test_bounds_of_no_extent_or_no_number_are_refused(
 def test_a_floor_plan_that_cannot_be_decoded_is_named(tmp_path: Path) -> None:
     path = tmp_path / "floor_plan.png"
     path.write_bytes(bomb(64, 64, left_out=10))
-    view_inputs.floor_plan.cache_clear()
+    floor_plan_pixels.cache_clear()
     with pytest.raises(RequestError, match=r"floor_plan\.png: the floor plan is damaged"):
-        view_inputs.floor_plan(str(path))
+        floor_plan_pixels(str(path))

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.language import parse
-from s2rtui.canvas.brush_surface import Mark, Panel
-from s2rtui.charts.view import span
+from s2rtui.canvas.brush import Mark, Panel
+from s2rtui.charts.mark_expressions import range_expression
 from s2rtui.session import Brush, brushing
 
 
@@ -122,7 +122,9 @@ def test_a_heading_across_half_a_turn_can_be_stretched() -> None:
 @given(st.floats(-3, 3), st.floats(-3, 3))
 def test_a_range_stays_within_what_its_field_can_be(low: float, high: float) -> None:
     panel = line("range")
-    text = span(panel, Mark("real", ((low, 0.0), (high, 0.0))), "real.accuracy", 0.0, 1.0)
+    text = range_expression(
+        panel, Mark("real", ((low, 0.0), (high, 0.0))), "real.accuracy", 0.0, 1.0
+    )
     first, last = text.removeprefix("real.accuracy:").split("..")
     assert 0 <= float(first) <= float(last) <= 1
     parse(text)

@@ -16,9 +16,9 @@ from s2rstore.language import ExpressionError
 from s2rstore.metrics import similarity
 from s2rstore.records import Side
 from s2rtui.app.actions import BY_NAME
-from s2rtui.charts.shared import view_inputs
-from s2rtui.charts.table.view import ListView
-from s2rtui.charts.view import Resources, Scene
+from s2rtui.charts.instance.model import NEIGHBOURS
+from s2rtui.charts.list.view import ListView
+from s2rtui.charts.scene import Resources, Scene
 from s2rtui.session import Session, instance_list, selection, shared_selection
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import embeddings
@@ -316,9 +316,7 @@ def test_an_instance_leads_to_what_is_seen_alike(own_store: Path, side: Side) ->
     change = BY_NAME["alike"].do
     assert change is not None
     change(session)
-    near, _ = similarity.neighbours(
-        session.store, session.state.run, side, 4, view_inputs.NEIGHBOURS
-    )
+    near, _ = similarity.neighbours(session.store, session.state.run, side, 4, NEIGHBOURS)
     assert chosen(session) == set(near.tolist())
     assert 4 in chosen(session)
     session.set(replace(session.state, cursor=None))

@@ -17,8 +17,7 @@ from s2rtui.app.inline_images import hang
 from s2rtui.app.pilot import settle, take
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.colour import DEPTH_SHADES
-from s2rtui.charts.instance.model import instance_model, panel_pixels
-from s2rtui.charts.shared.inputs import InstanceInput
+from s2rtui.charts.shared.instance_model import InstanceInput, instance_model, panel_pixels
 from s2rtui.session import Session
 from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
 from s2rtui.terminal.graphics.probe import of_answer

@@ -59,7 +59,7 @@ def canvas(pixels: Pixels, box: Size = (6, 3), of: object = None) -> Canvas:
     for row in range(5):
         drawn.text(0, row, "abcdefghijkl")
     shape, of = pixels.shape[:2], object() if of is None else of
-    drawn.plates.append(InlineImage(2, 1, *box, shape, partial(resized, pixels), of))
+    drawn.images.append(InlineImage(2, 1, *box, shape, partial(resized, pixels), of))
     return drawn
 
 
@@ -238,7 +238,7 @@ def test_pictures_are_made_elsewhere_and_the_newest_wins() -> None:
 
     def drawn(shade: int) -> Canvas:
         made = Canvas(12, 5)
-        made.plates.append(InlineImage(2, 1, 6, 3, (4, 4), partial(slow, shade), shade))
+        made.images.append(InlineImage(2, 1, 6, 3, (4, 4), partial(slow, shade), shade))
         return made
 
     first = terminal.hang(canvas(np.full((4, 4, 3), 9, np.uint8)))
@@ -259,7 +259,7 @@ def test_what_is_made_after_all_were_deleted_is_not_sent() -> None:
     terminal, opened = Terminals(), threading.Event()
     drawn = canvas(noise((16, 16)))
     late = partial(lambda pixels, size: opened.wait(10) and pixels, noise((16, 16)))
-    drawn.plates[0] = replace(drawn.plates[0], pixels=late)
+    drawn.images[0] = replace(drawn.images[0], pixels=late)
     terminal.begin(drawn)
     terminal.wall.take_down()
     opened.set()

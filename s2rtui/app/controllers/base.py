@@ -13,7 +13,8 @@ from s2rtui.app.action_guard import GuardedApp
 from s2rtui.app.messages import BackgroundFailed
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.charts.view import Resources, Scene, View
+from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.view import View
 from s2rtui.jobs.background_thread import start
 from s2rtui.jobs.precompute_job import PrecomputeJob
 from s2rtui.session import Session

@@ -9,7 +9,7 @@ from typing import cast
 from s2rstore.errors import RequestError, S2RError
 from s2rtui.app.controllers.base import Desk
 from s2rtui.app.widgets.plot import Cell, PlotView, Stroke
-from s2rtui.canvas.brush_surface import Panel, panel_at
+from s2rtui.canvas.brush import Panel, panel_at
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.view import View
 from s2rtui.session import brushing, display, instance_list
@@ -33,7 +33,7 @@ class Brushes(Desk):
         width, height = widget.size
         if not widget.placed or height <= TITLE_ROWS:
             return ()
-        return view.surface(self.scene, (width, height - TITLE_ROWS), self.look)
+        return view.panels(self.scene, (width, height - TITLE_ROWS), self.look)
 
     def _held(self) -> tuple[Brush, Panel] | None:
         """The present brush and its panel; None where there is none on the screen."""
@@ -52,7 +52,7 @@ class Brushes(Desk):
 
     def action_brush(self) -> None:
         view, panels = self.active, self._panels(self.active)
-        if not panels or not view.marked:
+        if not panels or not view.brushable:
             self.session.tell(f"nothing to brush in {view.name}: choose the map, a chart, ...")
             self.refresh_views()
             return
@@ -61,7 +61,7 @@ class Brushes(Desk):
         self._begin(view, panel or panels[0])
 
     def _begin(self, view: View, panel: Panel) -> None:
-        at = view.at(self.scene, panel)
+        at = view.cursor_point(self.scene, panel)
         self._put(brushing.begun(view.name, panel, at, self.session.state.lasso))
 
     def action_brush_panel(self) -> None:
@@ -111,7 +111,7 @@ class Brushes(Desk):
                 mark = replace(mark, points=brushing.outline(brush))
                 if len(mark.points) < 3:
                     raise RequestError("a lasso needs three corners: space sets one")
-            meaning = view.meaning(self.scene, panel, mark)
+            meaning = view.to_expression(self.scene, panel, mark)
             self.session.set(replace(before, operator=operator or before.operator))
             self.session.choose(meaning)
         except S2RError as error:
@@ -147,7 +147,7 @@ class Brushes(Desk):
         if panel is not None:
             middle = message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5
             try:
-                view.press(self.session, self.scene, panel, panel.to_data(*middle))
+                view.click(self.session, self.scene, panel, panel.to_data(*middle))
             except S2RError as error:
                 self.session.tell(str(error), is_error=True)
         self.refresh_views()

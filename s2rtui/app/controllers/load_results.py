@@ -31,7 +31,7 @@ class LoadResultHandler:
             self._run(message, fresh)
         elif message.error:
             app.session.tell(message.error, is_error=True)
-        app.resources = app.resources.fed(message.feed, message.fields, message.error)
+        app.resources = app.resources.with_loaded(message.feed, message.fields, message.error)
         app.refresh_views()
 
     def _run(self, message: LoadCompleted, fresh: Store | None) -> None:

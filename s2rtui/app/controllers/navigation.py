@@ -10,7 +10,7 @@ from s2rtui.app.screens.jump import Target
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import Session, State, display
 
-_STORED = [view.name for view in sorted(VIEWS, key=lambda view: view.key) if view.stored]
+_STORED = [view.name for view in sorted(VIEWS, key=lambda view: view.key) if view.from_store]
 
 
 def to(session: Session, name: str, on_screen: bool) -> State:

@@ -11,9 +11,9 @@ from textual.containers import VerticalScroll
 from s2rtui.app.screens.modal import ModalBase
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.test_card import card, card_height
 from s2rtui.terminal import diagnostics
 from s2rtui.terminal.capabilities import Terminal
+from s2rtui.terminal.test_card import card_height, draw_card
 
 WIDTH = 96
 """Columns of the screen's panel, as its style says."""
@@ -45,4 +45,4 @@ class DoctorScreen(ModalBase[None]):
         rows = [*drawn, *diagnostics.terminal(self._terminal)[1:], *diagnostics.packages()]
         plot = self.query_one(PlotView)
         plot.styles.height = card_height(rows, min(self.app.size.width, WIDTH))
-        plot.show(lambda size, look: card(rows, size, look))
+        plot.show(lambda size, look: draw_card(rows, size, look))

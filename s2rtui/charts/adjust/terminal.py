@@ -1,4 +1,4 @@
-"""Sliders: a line per adjustment with its range, its neutral place and its value."""
+"""Sliders in cells: a line per adjustment with range, neutral value and value."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from s2rtui.canvas.brush_surface import Panel
+from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.shared.axis_scale import short
+from s2rtui.charts.shared.axis_scale import short_number
 
 _INDENT = 4
 _FIGURES = 5
@@ -19,7 +19,7 @@ _TRACK = 8
 
 @dataclass(frozen=True, slots=True)
 class SliderLine:
-    """One slider: `side` gives its colour; `moved` whether it is off neutral."""
+    """A slider; its colour is that of `side`."""
 
     label: str
     side: str
@@ -35,13 +35,13 @@ class SliderLine:
         return self.value != self.neutral
 
     def share(self, value: float) -> float:
-        """Where a value lies on the range, 0 .. 1."""
+        """A value as a fraction of the range."""
         return (value - self.lowest) / max(self.highest - self.lowest, 1e-12)
 
 
 @dataclass(frozen=True, slots=True)
-class SlidersLayout:
-    """The track's columns, with labels before and values after; the first line that is seen."""
+class SliderLayout:
+    """Columns of the tracks, and the first visible line with the number of lines."""
 
     track: int
     track_width: int
@@ -49,10 +49,8 @@ class SlidersLayout:
     shown: int
 
 
-def sliders_layout(lines: Sequence[SliderLine], size: Size) -> SlidersLayout:
-    """The track takes what labels and values leave, which give way where it would be too short;
-    the active line stays in view.
-    """
+def slider_layout(lines: Sequence[SliderLine], size: Size) -> SliderLayout:
+    """Lay out labels, tracks and values; the active line is always visible."""
     width, height = size
     label = _INDENT + max((len(line.label) for line in lines), default=0) + 1
     value = _FIGURES + max((len(line.unit) for line in lines), default=0) + 2
@@ -60,23 +58,25 @@ def sliders_layout(lines: Sequence[SliderLine], size: Size) -> SlidersLayout:
     track = max(_TRACK, width - label - value)
     active = next((at for at, line in enumerate(lines) if line.active), 0)
     first = min(max(0, active - height + 1), max(0, len(lines) - height))
-    return SlidersLayout(label, track, first, min(height, len(lines) - first))
+    return SliderLayout(label, track, first, min(height, len(lines) - first))
 
 
-def sliders(lines: Sequence[SliderLine], size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_sliders(
+    lines: Sequence[SliderLine], size: Size, options: RenderOptions | None = None
+) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
-    layout = sliders_layout(lines, (canvas.width, canvas.height))
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
+    layout = slider_layout(lines, (canvas.width, canvas.height))
     for row in range(layout.shown):
-        _line(canvas, row, lines[layout.first + row], layout, look)
+        _line(canvas, row, lines[layout.first + row], layout, options)
     return canvas
 
 
 def _line(
-    canvas: Canvas, y: int, line: SliderLine, layout: SlidersLayout, look: RenderOptions
+    canvas: Canvas, y: int, line: SliderLine, layout: SliderLayout, options: RenderOptions
 ) -> None:
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     side = theme.sim if line.side == "sim" else theme.real
     mark = glyphs.sim if line.side == "sim" else glyphs.real
     if line.active:
@@ -91,17 +91,17 @@ def _line(
         canvas.hline(min(neutral, here), max(neutral, here), y, glyphs.bar, side)
     canvas.put(neutral, y, glyphs.vertical, theme.muted)
     canvas.put(here, y, glyphs.selected, side if line.moved else theme.text, bold=True)
-    text = f" {short(line.value)} {line.unit}".rstrip()
+    text = f" {short_number(line.value)} {line.unit}".rstrip()
     canvas.text(end + 1, y, text, theme.text if line.moved else theme.muted, bold=line.moved)
 
 
-def _column(share: float, layout: SlidersLayout) -> int:
+def _column(share: float, layout: SliderLayout) -> int:
     return layout.track + round(min(max(share, 0.0), 1.0) * (layout.track_width - 1))
 
 
-def sliders_surface(lines: Sequence[SliderLine], size: Size) -> tuple[Panel, ...]:
-    """A panel per line, named by its index; its data are the slider's values."""
-    layout = sliders_layout(lines, size)
+def slider_panels(lines: Sequence[SliderLine], size: Size) -> tuple[Panel, ...]:
+    """A panel per visible slider, named by its index; x is the slider's value."""
+    layout = slider_layout(lines, size)
     panels = []
     for row in range(layout.shown):
         index = layout.first + row
@@ -115,13 +115,13 @@ def sliders_surface(lines: Sequence[SliderLine], size: Size) -> tuple[Panel, ...
 
 
 def _to_data(
-    line: SliderLine, layout: SlidersLayout, y: int, column: float, row: float
+    line: SliderLine, layout: SliderLayout, y: int, column: float, row: float
 ) -> tuple[float, float]:
     share = (column - 0.5 - layout.track) / max(1, layout.track_width - 1)
     return line.lowest + share * (line.highest - line.lowest), row - y
 
 
 def _to_cells(
-    line: SliderLine, layout: SlidersLayout, y: int, x: float, row: float
+    line: SliderLine, layout: SliderLayout, y: int, x: float, row: float
 ) -> tuple[float, float]:
     return layout.track + 0.5 + line.share(x) * max(1, layout.track_width - 1), y + row

@@ -1,4 +1,4 @@
-"""Adjusting live: sliders, and under them what the model sees and says with them."""
+"""The adjust view: sliders, and below them the adjusted images with their predictions."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import textwrap
 from collections.abc import Sequence
 
 from s2rtui.canvas import Canvas, RenderOptions, Size
-from s2rtui.canvas.brush_surface import Panel, Point
-from s2rtui.charts.adjust.terminal import SliderLine, sliders, sliders_surface
-from s2rtui.charts.instance import terminal
-from s2rtui.charts.view import Scene, View
+from s2rtui.canvas.brush import Panel, Point
+from s2rtui.charts.adjust.terminal import SliderLine, draw_sliders, slider_panels
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared import instance_terminal
+from s2rtui.charts.view import View
 from s2rtui.session import Session, adjusting
 from s2rtui.session.state import Adjust
 
@@ -18,10 +19,10 @@ class AdjustView(View):
     name = "adjust"
     key = "a"
     description = "adjust images live, and save that as a run"
-    stored = False
-    marked = False
+    from_store = False
+    brushable = False
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         state = scene.state
         adjust = state.adjust
         if adjust is None or adjust.missing:
@@ -30,8 +31,8 @@ class AdjustView(View):
             return f"run {adjust.run}: not adjusted"
         live = scene.resources.adjusted(state)
         if live is not None:
-            later = f" (loading {state.cursor})" if live.iid != state.cursor else ""
-            return f"run {adjust.run}, instance {live.iid}{later}"
+            loading = f" (loading {state.cursor})" if live.iid != state.cursor else ""
+            return f"run {adjust.run}, instance {live.iid}{loading}"
         return f"run {adjust.run}: loading the model"
 
     def lines(self, scene: Scene) -> tuple[SliderLine, ...]:
@@ -44,39 +45,41 @@ class AdjustView(View):
             for index, slider in enumerate(adjust.sliders)
         )  # fmt: skip
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         resources = scene.resources
         return scene.state.adjust, resources.adjusted(scene.state), resources.failed.get("live")
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        canvas = Canvas(*size, theme=look.theme)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        canvas = Canvas(*size, theme=options.theme)
         adjust = scene.state.adjust
         if adjust is None or adjust.missing:
-            return _written(canvas, adjust.missing if adjust else "no instance to adjust", 0)
+            return _put_message(canvas, adjust.missing if adjust else "no instance to adjust", 0)
         lines = self.lines(scene)
         rows = self._rows(scene, canvas.height)
-        canvas.paste(sliders(lines, (canvas.width, rows), look), 0, 0)
+        canvas.paste(draw_sliders(lines, (canvas.width, rows), options), 0, 0)
         used = rows
         if adjust.reason and canvas.height > rows + 2:
-            canvas.text(0, rows, adjust.reason[: canvas.width], look.theme.muted)
+            canvas.text(0, rows, adjust.reason[: canvas.width], options.theme.muted)
             used += 1
         space = canvas.height - used - 1
         if failed := scene.resources.failed.get("live"):
-            return _written(canvas, failed, used + 1)
+            return _put_message(canvas, failed, used + 1)
         live = scene.resources.adjusted(scene.state)
         if live is not None and space > 0:
-            canvas.paste(terminal.instance(live, (canvas.width, space), look), 0, used + 1)
+            canvas.paste(
+                instance_terminal.draw_instance(live, (canvas.width, space), options), 0, used + 1
+            )
         return canvas
 
     def _rows(self, scene: Scene, height: int) -> int:
-        """The sliders, as long as the pictures keep most of the room."""
+        """Number of rows of sliders, at most half of the height."""
         return max(1, min(len(self.lines(scene)), height // 2))
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         lines = self.lines(scene)
-        return sliders_surface(lines, (size[0], self._rows(scene, size[1]))) if lines else ()
+        return slider_panels(lines, (size[0], self._rows(scene, size[1]))) if lines else ()
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         adjusting.put(session, int(panel.name), point[0])
 
     def drag(self, session: Session, scene: Scene, panel: Panel, point: Point) -> bool:
@@ -84,8 +87,11 @@ class AdjustView(View):
         return True
 
 
-def _written(canvas: Canvas, text: str, top: int) -> Canvas:
-    """Words across the canvas, from a row on."""
+VIEW = AdjustView()
+
+
+def _put_message(canvas: Canvas, text: str, top: int) -> Canvas:
+    """Write a wrapped text from row `top` on."""
     for row, line in enumerate(textwrap.wrap(text, max(8, canvas.width)), top):
         if row < canvas.height:
             canvas.text(0, row, line, canvas.theme.muted)

@@ -1,29 +1,76 @@
-"""The difference of two runs as numbers: who errs less, by how much, in each cell of a map."""
+"""The numbers of the comparison: which run has smaller errors, by how much, and where."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from s2rtui.analysis.binned_sums import sums, total_of
-from s2rtui.analysis.bins import Bins, Chosen, bins, choose, count
+from s2rstore.records import Bounds, Room, Side
+from s2rtui.analysis.binning import (
+    Bins,
+    Bools,
+    SelectionIndices,
+    bin_values,
+    count_selected,
+    selection_indices,
+    sum_selected,
+    total_selected,
+)
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.charts.map.model import cursor_of, sizes
-from s2rtui.charts.shared.inputs import Bools, DifferenceInput
-from s2rtui.charts.shared.map_cells import cells
+from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.colour import Pixels, diverging
+from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.map_background import MapBackground
+from s2rtui.charts.shared.map_model import selection_sizes, valid_cursor
+from s2rtui.charts.shared.points import point_cells
 
 Means = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class DifferenceSummary:
-    """From the first run to the second, over the selected with both errors.
+@dataclass(frozen=True, slots=True, eq=False)
+class CompareInput:
+    """Errors of two runs on one map.
 
-    improved: the second errs less by more than the margin; worse: it errs more; equal: neither.
-    mean: of first - second, NaN where nothing is known. unknown: selected, but one has no error.
+    truth: (N, 2) metres. first, second: (N,) errors of the runs `names` on `side` in `unit`, NaN
+    for none. Differences are first - second: above 0 the second run is better, within `equal` both
+    are equal. scale: the difference of full colour (default: the 99th percentile of the valid
+    ones). Other fields as in `MapInput`.
+    """
+
+    truth: Floats
+    first: Floats
+    second: Floats
+    selected: Bools
+    valid: Bools
+    bounds: Bounds
+    names: tuple[str, str] = ("first", "second")
+    side: Side = "real"
+    unit: str = "m"
+    equal: float = 0.05
+    scale: float | None = None
+    cursor: int | None = None
+    y_down: bool = True
+    floor_plan: NDArray[np.uint8] | None = None
+    clip: Floats | Bools | None = None
+    rooms: tuple[Room, ...] = ()
+    room_names: bool = True
+    mark: Mark | None = None
+
+    @property
+    def ground(self) -> MapBackground:
+        rooms = self.rooms if self.room_names else ()
+        return MapBackground(self.bounds, self.y_down, self.floor_plan, clip=self.clip, rooms=rooms)
+
+
+@dataclass(frozen=True, slots=True)
+class CompareSummary:
+    """Numbers of selected instances by the change from the first run to the second.
+
+    improved: the second error is smaller by more than the margin; worse: larger; equal: neither;
+    unknown: an error is missing. mean: of first - second, NaN without known errors.
     """
 
     improved: int
@@ -34,66 +81,68 @@ class DifferenceSummary:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DifferenceModel:
-    """others: valid but not selected. scale: the difference of full colour. cursor: valid."""
+class CompareModel:
+    """What the comparison draws; fields as in `MapModel`. scale: difference of full colour."""
 
-    chosen: Chosen
-    lit: int
+    selection: SelectionIndices
+    highlighted: int
     others: int
     cursor: int | None
     scale: float
-    summary: DifferenceSummary
+    summary: CompareSummary
 
 
-def difference_model(view: DifferenceInput) -> DifferenceModel:
-    """The summary and the scale."""
-    valid: Bools = np.asarray(view.valid, dtype=np.bool_)
-    chosen = choose(np.asarray(view.selected, dtype=np.bool_), valid)
-    lit, others = sizes(chosen)
-    arrays = ArrayKey(view.first), ArrayKey(view.second)
-    summary = _summary(*arrays, view.equal, chosen, lit)
-    scale = view.scale or _scale(*arrays, ArrayKey(valid), view.equal)
-    return DifferenceModel(chosen, lit, others, cursor_of(view.cursor, valid), scale, summary)
+def compare_model(data: CompareInput) -> CompareModel:
+    """Compute the summary and the scale."""
+    valid: Bools = np.asarray(data.valid, dtype=np.bool_)
+    selection = selection_indices(np.asarray(data.selected, dtype=np.bool_), valid)
+    highlighted, others = selection_sizes(selection)
+    arrays = ArrayKey(data.first), ArrayKey(data.second)
+    summary = _summary(*arrays, data.equal, selection, highlighted)
+    scale = data.scale or _scale(*arrays, ArrayKey(valid), data.equal)
+    return CompareModel(
+        selection, highlighted, others, valid_cursor(data.cursor, valid), scale, summary
+    )
 
 
 @cached_by_identity(8)
 def _summary(
-    first: ArrayKey, second: ArrayKey, equal: float, chosen: Chosen, lit: int
-) -> DifferenceSummary:
+    first: ArrayKey, second: ArrayKey, equal: float, selection: SelectionIndices, highlighted: int
+) -> CompareSummary:
     column = _verdicts(first, second, equal)
-    worse, same, improved = count(column, chosen)[0].tolist()
+    worse, same, improved = count_selected(column, selection)[0].tolist()
     known = worse + same + improved
-    total = total_of(_differences(first, second), chosen)
+    total = total_selected(_differences(first, second), selection)
     mean = total / known if known else float("nan")
-    return DifferenceSummary(improved, worse, same, lit - known, mean)
+    return CompareSummary(improved, worse, same, highlighted - known, mean)
 
 
-def differences(view: DifferenceInput) -> Means:
+def differences(data: CompareInput) -> Means:
     """first - second of every instance, (N,); NaN where one is unknown."""
-    return _differences(ArrayKey(view.first), ArrayKey(view.second))
+    return _differences(ArrayKey(data.first), ArrayKey(data.second))
 
 
 def cell_means(
-    view: DifferenceInput, chosen: Chosen, frame: MapFrame
+    data: CompareInput, selection: SelectionIndices, frame: MapFrame
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
-    """Columns, rows and mean differences (k,) of the cells that hold a selected instance."""
+    """Columns, rows and mean differences (k,) of the cells with a selected instance."""
     return _cell_means(
-        ArrayKey(view.truth), ArrayKey(view.first), ArrayKey(view.second), chosen, frame
+        ArrayKey(data.truth), ArrayKey(data.first), ArrayKey(data.second), selection, frame
     )
 
 
 @cached_by_identity(4)
 def _cell_means(
-    truth: ArrayKey, first: ArrayKey, second: ArrayKey, chosen: Chosen, frame: MapFrame
+    truth: ArrayKey, first: ArrayKey, second: ArrayKey, selection: SelectionIndices, frame: MapFrame
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
     column = _known_cells(truth, first, second, frame)
-    counts, _ = count(column, chosen)
+    counts, _ = count_selected(column, selection)
     held = np.flatnonzero(counts)
-    means = sums(column, _differences(first, second), chosen)[held] / counts[held]
+    means = sum_selected(column, _differences(first, second), selection)[held] / counts[held]
     return held % frame.width, held // frame.width, means
 
 
-def verdicts(means: Means, equal: float) -> NDArray[np.intp]:
+def better_run(means: Means, equal: float) -> NDArray[np.intp]:
     """-1: the first is better, 1: the second is, 0: within the margin."""
     return np.sign(means).astype(np.intp) * (np.abs(means) > equal)
 
@@ -108,12 +157,12 @@ def _verdicts(first: ArrayKey, second: ArrayKey, equal: float) -> Bins:
     """Worse, equal and improved as bins 0, 1 and 2."""
     apart = _differences(first, second)
     places = np.where(np.abs(apart) > equal, np.sign(apart), 0) + 1
-    return bins(np.where(np.isfinite(apart), places, np.nan), 3)
+    return bin_values(np.where(np.isfinite(apart), places, np.nan), 3)
 
 
 @cached_by_identity(4)
 def _known_cells(truth: ArrayKey, first: ArrayKey, second: ArrayKey, frame: MapFrame) -> Bins:
-    column = cells(np.asarray(truth.array), frame)
+    column = point_cells(np.asarray(truth.array), frame)
     known = np.isfinite(_differences(first, second))
     none = column.codes.dtype.type(column.count)
     return Bins(np.where(known, column.codes, none), column.count)
@@ -121,17 +170,23 @@ def _known_cells(truth: ArrayKey, first: ArrayKey, second: ArrayKey, frame: MapF
 
 @cached_by_identity(8)
 def _scale(first: ArrayKey, second: ArrayKey, valid: ArrayKey, equal: float) -> float:
-    """The 99th percentile of how far the valid differ, more than the margin."""
+    """The 99th percentile of the absolute differences, at least twice the margin."""
     apart = np.abs(_differences(first, second)[np.asarray(valid.array)])
     apart = apart[np.isfinite(apart)]
     largest = float(np.percentile(apart, 99)) if apart.size else 1.0
     return max(largest, 2 * equal, 1e-9)
 
 
-def by_size(view: DifferenceInput, model: DifferenceModel) -> tuple[NDArray[np.intp], Means]:
-    """Selected iids with both errors, the largest difference last, and their differences."""
-    ids = model.chosen.members
-    apart = differences(view)[ids]
+def sorted_by_difference(data: CompareInput, model: CompareModel) -> tuple[NDArray[np.intp], Means]:
+    """Selected iids with both errors, by increasing absolute difference, and the differences."""
+    ids = model.selection.members
+    apart = differences(data)[ids]
     ids, apart = ids[np.isfinite(apart)], apart[np.isfinite(apart)]
     ordered = np.argsort(np.abs(apart), kind="stable")
     return ids[ordered], apart[ordered]
+
+
+def difference_colours(means: ArrayLike, scale: float) -> Pixels:
+    """Colours of differences: blue below 0, orange above, stronger for larger ones."""
+    share = np.asarray(means, dtype=np.float64) / scale
+    return diverging(np.sign(share) * np.sqrt(np.abs(share)))

@@ -3,168 +3,159 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.brush_surface import Panel, draw_mark
+from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Pixels, Rgb, diverging, legible
+from s2rtui.canvas.colour import Rgb, legible
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.compare.model import (
-    DifferenceModel,
+    CompareInput,
+    CompareModel,
+    better_run,
     cell_means,
-    difference_model,
-    verdicts,
+    compare_model,
+    difference_colours,
 )
-from s2rtui.charts.map.model import default_view
-from s2rtui.charts.map.points import draw_others, draw_pose, stamp
-from s2rtui.charts.map.terminal import clip_part, others_part
-from s2rtui.charts.shared.axis_scale import short
-from s2rtui.charts.shared.inputs import DifferenceInput
+from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.legend import (
     LegendPart,
     colour_bar,
-    draw_rows,
     ramp_for_values,
-    scale_bar,
-    words,
+    text_part,
 )
-from s2rtui.charts.shared.map_background import draw_ground, draw_names
-from s2rtui.charts.shared.map_layout import GeoMapLayout, draw_axes, map_layout, map_panel
+from s2rtui.charts.shared.map_model import default_view
+from s2rtui.charts.shared.map_terminal import (
+    MapLayout,
+    draw_point_map,
+    draw_pose,
+    layout_of_area,
+    map_legend,
+    map_panel,
+    put_glyphs,
+)
 
 
-def signs(look: RenderOptions) -> str:
-    """The glyphs of: the first is better, equal, the second is better."""
-    return "-=+" if ramp_for_values(look) is not None else "▼●▲"
+def difference_glyphs(options: RenderOptions) -> str:
+    """Three glyphs: the first run is better, equal, the second is better."""
+    return "-=+" if ramp_for_values(options) is not None else "▼●▲"
 
 
-def tint(means: ArrayLike, scale: float) -> Pixels:
-    """Differences as colours: the stronger the further apart, blue below 0 and orange above."""
-    share = np.asarray(means, dtype=np.float64) / scale
-    return diverging(np.sign(share) * np.sqrt(np.abs(share)))
-
-
-def difference_layout(
-    view: DifferenceInput,
+def compare_layout(
+    data: CompareInput,
     size: Size,
     viewport: Bounds | None = None,
-    look: RenderOptions | None = None,
-    model: DifferenceModel | None = None,
-) -> GeoMapLayout:
+    options: RenderOptions | None = None,
+    model: CompareModel | None = None,
+) -> MapLayout:
     """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
-    look, model = look or RenderOptions(), model or difference_model(view)
-    area = viewport or default_view(view.bounds, view.truth, view.valid)
+    options, model = options or RenderOptions(), model or compare_model(data)
+    area = viewport or default_view(data.bounds, data.truth, data.valid)
 
     def legend(frame: MapFrame, width: int) -> list[LegendPart]:
-        return _legend(view, model, frame, width, look)
+        return _legend(data, model, frame, width, options)
 
-    return map_layout(area, view.y_down, size, legend)
+    return layout_of_area(area, data.y_down, size, legend)
 
 
-def difference_surface(
-    view: DifferenceInput,
+def compare_panels(
+    data: CompareInput,
     size: Size,
-    look: RenderOptions | None = None,
+    options: RenderOptions | None = None,
     viewport: Bounds | None = None,
 ) -> tuple[Panel, ...]:
     """One panel "map", a plane of metres."""
-    return (map_panel(difference_layout(view, size, viewport, look)),)
+    return (map_panel(compare_layout(data, size, viewport, options)),)
 
 
-def difference(
-    view: DifferenceInput,
+def draw_compare(
+    data: CompareInput,
     size: Size,
-    look: RenderOptions | None = None,
+    options: RenderOptions | None = None,
     viewport: Bounds | None = None,
 ) -> Canvas:
-    """The view in `size` (columns, rows): per cell the mean difference of the selected."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
-    model = difference_model(view)
-    layout = difference_layout(view, (canvas.width, canvas.height), viewport, look, model)
-    frame = layout.frame
-    chart = Canvas(layout.width, layout.height, look.theme)
-    draw_ground(chart, view.ground, frame, look)
-    draw_others(chart, view.truth, model.chosen, frame, look)
-    draw_names(chart, view.ground.rooms, frame, look)
-    _cells(chart, view, model, frame, look)
-    if model.cursor is not None:
-        draw_pose(chart, view.truth, None, model.cursor, frame, look)
-    canvas.paste(chart, layout.x, layout.y)
-    if layout.axes:
-        draw_axes(canvas, layout, look)
-    draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
-    draw_mark(canvas, map_panel(layout), view.mark, look)
-    return canvas
+    """Draw the mean difference of the selected per cell in `size` (columns, rows)."""
+    options = options or RenderOptions()
+    model = compare_model(data)
+    layout = compare_layout(data, size, viewport, options, model)
+    frame, glyph, colour = layout.frame, options.glyphs.cursor, options.theme.cursor
+
+    def draw_selected(chart: Canvas) -> None:
+        _cells(chart, data, model, frame, options)
+        if model.cursor is not None:
+            draw_pose(chart, data.truth, None, model.cursor, frame, options, glyph, colour)
+
+    return draw_point_map(data, model.selection, layout, size, options, draw_selected)
 
 
 def _cells(
     canvas: Canvas,
-    view: DifferenceInput,
-    model: DifferenceModel,
+    data: CompareInput,
+    model: CompareModel,
     frame: MapFrame,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
-    """A sign per cell in the colour of its mean; bold beyond half of the scale."""
-    columns, rows, means = cell_means(view, model.chosen, frame)
-    stamp(canvas, columns, rows, " ", look.theme.text)
-    canvas.char[rows, columns] = np.array(list(signs(look)))[verdicts(means, view.equal) + 1]
-    canvas.fg[rows, columns] = legible(tint(means, model.scale), look.theme)
+    """A glyph per cell in the colour of its mean; bold above half of the scale."""
+    columns, rows, means = cell_means(data, model.selection, frame)
+    put_glyphs(canvas, columns, rows, " ", options.theme.text)
+    canvas.char[rows, columns] = np.array(list(difference_glyphs(options)))[
+        better_run(means, data.equal) + 1
+    ]
+    canvas.fg[rows, columns] = legible(difference_colours(means, model.scale), options.theme)
     canvas.bold[rows, columns] = np.abs(means) > model.scale / 2
 
 
 def _legend(
-    view: DifferenceInput, model: DifferenceModel, frame: MapFrame, width: int, look: RenderOptions
+    data: CompareInput, model: CompareModel, frame: MapFrame, width: int, options: RenderOptions
 ) -> list[LegendPart]:
-    first, second = (_name(name, look) for name in view.names)
+    first, second = (_name(name, options) for name in data.names)
     bar = colour_bar(
-        f"{view.side} error, {first} - {second}",
-        view.unit,
+        f"{data.side} error, {first} - {second}",
+        data.unit,
         (-model.scale, model.scale),
-        look,
+        options,
         12 if width >= 50 else 8,
-        colours=lambda shares: tint(2 * shares - 1, 1.0),
-        ramp=signs(look) if ramp_for_values(look) is not None else None,
+        colours=lambda shares: difference_colours(2 * shares - 1, 1.0),
+        ramp=difference_glyphs(options) if ramp_for_values(options) is not None else None,
         room=width,
     )
-    counts = _counts(view, model, (first, second), look)
+    counts = _counts(data, model, (first, second), options)
     if counts.width > width:
-        counts = _counts(view, model, None, look)
-    parts = [counts, bar]
-    parts.append(scale_bar(frame.pitch, max(4, width // 6), look))
-    if model.others:
-        parts.append(others_part(look))
-    if view.clip is not None:
-        parts.append(clip_part(look))
-    return parts
+        counts = _counts(data, model, None, options)
+    return [counts, bar, *map_legend(frame, width, model.others, data.clip is not None, options)]
 
 
 def _counts(
-    view: DifferenceInput,
-    model: DifferenceModel,
+    data: CompareInput,
+    model: CompareModel,
     names: tuple[str, str] | None,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> LegendPart:
-    """Who is better how often, and the mean difference with its sign; names only with room."""
-    theme, summary = look.theme, model.summary
-    ends = legible(tint([-1.0, 0.0, 1.0], 1.0), theme)
+    """How often each run is better, and the mean difference; with `names` if given."""
+    theme, summary = options.theme, model.summary
+    ends = legible(difference_colours([-1.0, 0.0, 1.0], 1.0), theme)
     blue, grey, orange = ((int(r), int(g), int(b)) for r, g, b in ends)
-    lower, same, upper = tuple(signs(look))
+    lower, same, upper = tuple(difference_glyphs(options))
     pieces: list[tuple[str, Rgb]] = []
-    for glyph, colour, number, told in (
+    for glyph, colour, number, explanation in (
         (upper, orange, summary.improved, f" better in {names[1]}" if names else ""),
         (lower, blue, summary.worse, f" better in {names[0]}" if names else ""),
-        (same, grey, summary.equal, f" within {short(view.equal)} {view.unit}" if names else ""),
+        (
+            same,
+            grey,
+            summary.equal,
+            f" within {short_number(data.equal)} {data.unit}" if names else "",
+        ),
     ):
-        pieces += [(f"{glyph} ", colour), (f"{number}{told}  ", theme.text)]
+        pieces += [(f"{glyph} ", colour), (f"{number}{explanation}  ", theme.text)]
     if summary.improved + summary.worse + summary.equal:
-        pieces.append((f"mean {summary.mean:+.2f} {view.unit}", theme.muted))
-    return words(pieces)
+        pieces.append((f"mean {summary.mean:+.2f} {data.unit}", theme.muted))
+    return text_part(pieces)
 
 
-def _name(name: str, look: RenderOptions) -> str:
-    """A run's name, short enough for a legend."""
-    if look.ascii:
+def _name(name: str, options: RenderOptions) -> str:
+    """A run's name, cut to fit into a legend."""
+    if options.ascii:
         name = name.encode("ascii", "replace").decode()
-    return name if len(name) <= 16 else name[:15] + look.glyphs.ellipsis
+    return name if len(name) <= 16 else name[:15] + options.glyphs.ellipsis

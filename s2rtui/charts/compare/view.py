@@ -1,4 +1,4 @@
-"""Two runs on one selection: where the one errs less than the other, and who got worse."""
+"""The comparison of two runs on one selection: where each has the smaller errors."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from dataclasses import replace
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
-from s2rtui.charts.compare.model import difference_model
-from s2rtui.charts.compare.terminal import difference, difference_surface
-from s2rtui.charts.map.model import value_range
-from s2rtui.charts.map.terminal import geomap
-from s2rtui.charts.shared import inputs, view_inputs
-from s2rtui.charts.shared.inputs import Floats
-from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, area
+from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.charts.compare.model import CompareInput, compare_model
+from s2rtui.charts.compare.terminal import compare_panels, draw_compare
+from s2rtui.charts.mark_expressions import area_expression
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.map_model import MapInput, map_input, value_range
+from s2rtui.charts.shared.map_terminal import draw_value_map
+from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
+from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session, pending_target, run_differences
 
 _WIDE, _TALL = 56, 30
@@ -31,56 +33,57 @@ class CompareView(View):
     key = "9"
     pane: Pane = "centre"
     description = "two runs compared on the selection"
-    feeds = ("floor plan",)
-    paper = (2100, 900)
+    loads = ("floor plan",)
+    figure_size = (2100, 900)
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         other = run_differences.other_run(scene.state)
         if other is None:
             return "there is only one run"
-        return f"{scene.state.run} and {other}, {scene.state.side}: k another run, d side"
+        return f"{scene.state.side} errors of {scene.state.run} and {other} (k: other run, d: side)"
 
-    def input(self, scene: Scene, other: str) -> inputs.DifferenceInput:
+    def input(self, scene: Scene, other: str) -> CompareInput:
         store, state = scene.store, scene.state
         first, second = (store.run_columns(run).side(state.side) for run in (state.run, other))
-        return inputs.DifferenceInput(
-            view_inputs.truth_points(store), first.error, second.error, state.selected, state.base,
+        return CompareInput(
+            true_positions(store), first.error, second.error, state.selected, state.base,
             store.dataset.bounds, (state.run, other), state.side, equal=_EQUAL,
             cursor=state.cursor, y_down=store.dataset.y_down,
             floor_plan=scene.resources.floor_plan, rooms=store.rooms,
             room_names=state.room_names, mark=scene.mark(self.name),
         )  # fmt: skip
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state, other = scene.state, run_differences.other_run(scene.state)
         if other is None:
             return ()
         if not pending_target.is_ready(scene.store, other):
             return other, "loading"
-        return state.generation, identity(self.input(scene, other)), state.viewport
+        return state.generation, identity_key(self.input(scene, other)), state.viewport
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        canvas = Canvas(*size, theme=look.theme)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        canvas = Canvas(*size, theme=options.theme)
         other = run_differences.other_run(scene.state)
         if other is None:
-            canvas.text(0, 0, "nothing to compare with", look.theme.muted)
+            canvas.text(0, 0, "nothing to compare with", options.theme.muted)
             return canvas
         if not pending_target.is_ready(scene.store, other):
-            canvas.text(0, 0, f"loading run {other}", look.theme.muted)
+            canvas.text(0, 0, f"loading run {other}", options.theme.muted)
             return canvas
         notes = run_differences.differences(scene.store, scene.state.run, other)
         for row, note in enumerate(notes[: max(0, canvas.height - 3)]):
-            canvas.text(0, row, note[: canvas.width], look.theme.truth)
+            canvas.text(0, row, note[: canvas.width], options.theme.truth)
         top = self._top(scene, size)
         height = canvas.height - top
         maps = height // 2 if self._both(size) else 0
         if maps:
             half = (canvas.width - 2) // 2
-            for x, one in zip((0, half + 2), self.maps(scene, other), strict=True):
-                drawn = geomap(one, (half, maps), look, scene.state.viewport)
-                canvas.paste(drawn, x, top)
+            for x, errors in zip((0, half + 2), self.maps(scene, other), strict=True):
+                canvas.paste(
+                    draw_value_map(errors, (half, maps), options, scene.state.viewport), x, top
+                )
         view = self.input(scene, other)
-        shown = difference(view, (canvas.width, height - maps), look, scene.state.viewport)
+        shown = draw_compare(view, (canvas.width, height - maps), options, scene.state.viewport)
         canvas.paste(shown, 0, top + maps)
         return canvas
 
@@ -88,20 +91,20 @@ class CompareView(View):
         return size[0] >= _WIDE and size[1] >= _TALL
 
     def _top(self, scene: Scene, size: Size) -> int:
-        """Rows that the notes on cameras take."""
+        """Number of rows with notes on differing cameras."""
         other = run_differences.other_run(scene.state)
         notes = run_differences.differences(scene.store, scene.state.run, other) if other else []
         return min(len(notes), max(0, size[1] - 3))
 
-    def maps(self, scene: Scene, other: str) -> tuple[inputs.GeoMapInput, inputs.GeoMapInput]:
-        """Both runs' maps, coloured by their errors on one scale."""
+    def maps(self, scene: Scene, other: str) -> tuple[MapInput, MapInput]:
+        """The maps of both runs, coloured by their errors on a common scale."""
         store, state = scene.store, scene.state
         runs = (state.run, other)
         errors = [store.run_columns(run).side(state.side).error for run in runs]
         upper = max(value_range(column, state.base)[1] for column in errors)
         first, second = (
             replace(
-                view_inputs.map_input(
+                map_input(
                     store, replace(state, run=run, map_mode="colour"), scene.resources.floor_plan
                 ),
                 values=column,
@@ -112,16 +115,16 @@ class CompareView(View):
         )
         return first, second
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         other = run_differences.other_run(scene.state)
         if other is None:
             return "There is only one run."
-        found = difference_model(self.input(scene, other)).summary
-        mean = "n/a" if math.isnan(found.mean) else f"{found.mean:+.2f} m"
+        summary = compare_model(self.input(scene, other)).summary
+        mean = "n/a" if math.isnan(summary.mean) else f"{summary.mean:+.2f} m"
         return (
             f"{scene.state.side.capitalize()} errors of {scene.state.run} and {other}: {other} is "
-            f"better on {found.improved} instances, worse on {found.worse}, equal on "
-            f"{found.equal}; mean difference {mean}."
+            f"better on {summary.improved} instances, worse on {summary.worse}, equal on "
+            f"{summary.equal}; mean difference {mean}."
         )
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
@@ -136,27 +139,27 @@ class CompareView(View):
             subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
         )  # fmt: skip
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         other = run_differences.other_run(scene.state)
         if other is None or not pending_target.is_ready(scene.store, other):
             return ()
         top = self._top(scene, size)
         maps = (size[1] - top) // 2 if self._both(size) else 0
         inner = (size[0], size[1] - top - maps)
-        panels = difference_surface(self.input(scene, other), inner, look, scene.state.viewport)
+        panels = compare_panels(self.input(scene, other), inner, options, scene.state.viewport)
         return [run_differences.lowered(panel, top + maps) for panel in panels]
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
-        return view_inputs.point_of(view_inputs.truth_points(scene.store), scene.state.cursor)
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
+        return known_point(true_positions(scene.store), scene.state.cursor)
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        points = view_inputs.truth_points(scene.store)
-        nearest = view_inputs.nearest(points, scene.state.base, point)
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        points = true_positions(scene.store)
+        nearest = nearest_iid(points, scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        return area(panel, mark, "box", "lasso")
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        return area_expression(panel, mark, "box", "lasso")
 
     def numbers(self, scene: Scene) -> Table:
         names = ("room", "n", "first mean", "second mean", "difference", "improved", "worse",
@@ -174,10 +177,13 @@ class CompareView(View):
         return names, rows
 
 
+VIEW = CompareView()
+
+
 def _summary(first: Floats, second: Floats) -> tuple[object, ...]:
-    """n, both means, their difference, and how many improved, got worse, stayed equal."""
-    difference = first - second
-    better, worse = int((difference > _EQUAL).sum()), int((difference < -_EQUAL).sum())
+    """n, both means and their difference; how many improved, got worse, stayed equal."""
+    apart = first - second
+    better, worse = int((apart > _EQUAL).sum()), int((apart < -_EQUAL).sum())
     n = first.size
-    means = (float(part.mean()) if n else math.nan for part in (first, second, difference))
+    means = (float(part.mean()) if n else math.nan for part in (first, second, apart))
     return (n, *means, better, worse, n - better - worse)

@@ -1,4 +1,4 @@
-"""Errors as numbers: both sides counted in the same bins, with the medians of the selected."""
+"""The numbers of the errors view: histograms and medians of both sides in common bins."""
 
 from __future__ import annotations
 
@@ -9,25 +9,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.bins import Bins, bins, choose
+from s2rtui.analysis.binning import Bins, Bools, bin_values, median_selected, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.analysis.medians import median
-from s2rtui.charts.shared.inputs import Floats, HistogramInput
+from s2rtui.canvas.brush import Mark
+from s2rtui.charts.shared.axis_scale import Floats
 
 NAMES = ("sim", "real")
 FINE = 250
-"""Bins that are counted, about so many, merged for the bars: the finer, the faster the median."""
+"""About this number of bins is counted and merged for the bars; fine bins give fast medians."""
 Counts = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SideErrors:
-    """One side: (bins,) counts of the selected and of all valid, the selected's median (or NaN).
+class ErrorsInput:
+    """Errors (N,) of both sides in `unit`; `selected` and `valid`: (N,) bool; cursor: an iid.
 
-    beyond: valid instances past the last edge. cursor: the error of the cursor's instance.
+    `upper` is the right end of the axis (default: the 99th percentile of both sides).
     """
 
-    lit: Counts
+    sim: Floats
+    real: Floats
+    selected: Bools
+    valid: Bools
+    label: str = "error"
+    unit: str = "m"
+    upper: float | None = None
+    cursor: int | None = None
+    mark: Mark | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SideErrors:
+    """One side: counts (bins,) of selected and of all valid instances, median of the selected.
+
+    beyond: number of valid errors above the last edge. cursor: the error of the cursor's instance.
+    """
+
+    highlighted: Counts
     total: Counts
     median: float
     beyond: int
@@ -35,13 +53,13 @@ class SideErrors:
 
     @property
     def peak(self) -> int:
-        """What a bar of full height stands for: the largest count of this side."""
+        """The count of a bar of full height: the largest of this side."""
         return int(max(self.total.max(), 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HistogramModel:
-    """edges: (bins + 1,), from 0. What lies beyond the last edge counts into the last bin."""
+class ErrorsModel:
+    """Both histograms. edges: (bins + 1,), from 0; larger errors count in the last bin."""
 
     edges: NDArray[np.float64]
     sim: SideErrors
@@ -52,49 +70,51 @@ class HistogramModel:
         return float(self.edges[-1])
 
 
-def histogram_model(view: HistogramInput, bins: int) -> HistogramModel:
-    """Both sides over one range: 0 to `upper`, by default the 99th percentile of both."""
-    upper = view.upper
+def errors_model(data: ErrorsInput, number: int) -> ErrorsModel:
+    """Count both sides from 0 to `upper`, by default the 99th percentile of both."""
+    upper = data.upper
     if upper is None:
-        upper = _upper(ArrayKey(view.sim), ArrayKey(view.real))
+        upper = _upper(ArrayKey(data.sim), ArrayKey(data.real))
     upper = upper if upper > 0 else 1.0
-    count = max(1, bins)
-    keys = (ArrayKey(view.sim), ArrayKey(view.real))
-    parts = _counts(keys, upper, count, ArrayKey(view.selected), ArrayKey(view.valid))
+    count = max(1, number)
+    keys = (ArrayKey(data.sim), ArrayKey(data.real))
+    parts = _counts(keys, upper, count, ArrayKey(data.selected), ArrayKey(data.valid))
     sim, real = (
         SideErrors(
-            lit,
+            highlighted,
             total,
             middle,
-            _beyond(ArrayKey(side), upper, ArrayKey(view.valid)),
-            _cursor(side, view),
+            _beyond(ArrayKey(side), upper, ArrayKey(data.valid)),
+            _cursor(side, data),
         )
-        for side, (lit, total, middle) in zip((view.sim, view.real), parts, strict=True)
+        for side, (highlighted, total, middle) in zip((data.sim, data.real), parts, strict=True)
     )
-    return HistogramModel(np.linspace(0.0, upper, count + 1), sim, real)
+    return ErrorsModel(np.linspace(0.0, upper, count + 1), sim, real)
 
 
 @cached_by_identity(4)
 def _counts(
     sides: tuple[ArrayKey, ...], upper: float, count: int, selected: ArrayKey, valid: ArrayKey
 ) -> list[tuple[Counts, Counts, float]]:
-    """Counts of the selected and of all, and the selected's median, for each side."""
-    lit_mask, population = np.asarray(selected.array), np.asarray(valid.array)
+    """Per side: counts of the selected and of all, and the median of the selected."""
+    highlighted_mask, population = np.asarray(selected.array), np.asarray(valid.array)
     columns = [_bins(side, upper, count * max(1, FINE // count)) for side in sides]
-    counted = joint_histogram.counts(columns, choose(lit_mask, population))
+    counted = joint_histogram.joint_counts(columns, selection_indices(highlighted_mask, population))
     return [
         (
-            lit.reshape(count, -1).sum(axis=1),
+            highlighted.reshape(count, -1).sum(axis=1),
             total.reshape(count, -1).sum(axis=1),
-            median(np.asarray(side.array), column, lit, lit_mask, population),
+            median_selected(
+                np.asarray(side.array), column, highlighted, highlighted_mask, population
+            ),
         )
-        for side, column, (lit, total) in zip(sides, columns, counted, strict=True)
+        for side, column, (highlighted, total) in zip(sides, columns, counted, strict=True)
     ]
 
 
-def _cursor(errors: Floats, view: HistogramInput) -> float | None:
-    cursor = view.cursor
-    if cursor is None or not (0 <= cursor < len(view.valid) and view.valid[cursor]):
+def _cursor(errors: Floats, data: ErrorsInput) -> float | None:
+    cursor = data.cursor
+    if cursor is None or not (0 <= cursor < len(data.valid) and data.valid[cursor]):
         return None
     error = float(errors[cursor])
     return error if math.isfinite(error) else None
@@ -102,7 +122,7 @@ def _cursor(errors: Floats, view: HistogramInput) -> float | None:
 
 @cached_by_identity(16)
 def _upper(sim: ArrayKey, real: ArrayKey) -> float:
-    """The 99th percentile of all known errors, 1 without any."""
+    """The 99th percentile of all known errors; 1 without any."""
     both = np.concatenate([np.asarray(sim.array), np.asarray(real.array)])
     both = both[np.isfinite(both)]
     return float(np.percentile(both, 99)) if both.size else 1.0
@@ -112,7 +132,7 @@ def _upper(sim: ArrayKey, real: ArrayKey) -> float:
 def _bins(errors: ArrayKey, upper: float, count: int) -> Bins:
     column = np.asarray(errors.array, dtype=np.float64)
     places = np.clip(column / upper * count, 0, np.nextafter(count, 0))
-    return bins(np.where(np.isfinite(column), places, np.nan), count)
+    return bin_values(np.where(np.isfinite(column), places, np.nan), count)
 
 
 @cached_by_identity(16)

@@ -1,4 +1,4 @@
-"""The error histogram: sim above real, the selected part lit, its median marked."""
+"""The errors in cells: histograms of sim and real, with the median of the selected."""
 
 from __future__ import annotations
 
@@ -8,23 +8,27 @@ from functools import partial
 
 import numpy as np
 
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point, mark_on_panel, mark_range
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.pending_brush import pending, range_of
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.errors.model import NAMES, HistogramModel, SideErrors, histogram_model
-from s2rtui.charts.shared.axis_scale import short, step, tick_text, ticks
-from s2rtui.charts.shared.bars import put_over, upright
-from s2rtui.charts.shared.inputs import HistogramInput
+from s2rtui.charts.errors.model import (
+    NAMES,
+    ErrorsInput,
+    ErrorsModel,
+    SideErrors,
+    errors_model,
+)
+from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
+from s2rtui.charts.shared.bars import draw_vertical_bars, put_over_bar
 
 LABELS = 12
-"""Columns at the left that names and numbers take."""
+"""Columns of names and numbers at the left."""
 
 
 @dataclass(frozen=True, slots=True)
-class HistogramLayout:
-    """The bars' first column and width; (first row, rows) of sim and of real; the axis' row."""
+class ErrorsLayout:
+    """First column and width of the bars; (first row, rows) per side; the row of the axis."""
 
     left: int
     width: int
@@ -32,26 +36,26 @@ class HistogramLayout:
     axis: int | None
 
 
-def histogram_layout(size: Size) -> HistogramLayout:
-    """Both sides in equal heights over one axis; one row shows sim alone."""
+def errors_layout(size: Size) -> ErrorsLayout:
+    """Lay out both sides in equal heights above one axis; a single row shows only sim."""
     width, height = max(1, size[0]), max(1, size[1])
     left = LABELS if width >= 24 else 0
     axis = height - 1 if height >= 5 else None
     rows = height - (axis is not None)
     upper = (rows + 1) // 2
     sides = ((0, upper), (upper, rows - upper))
-    return HistogramLayout(left, width - left, tuple(side for side in sides if side[1]), axis)
+    return ErrorsLayout(left, width - left, tuple(side for side in sides if side[1]), axis)
 
 
-def histogram_surface(
-    view: HistogramInput, size: Size, look: RenderOptions | None = None
+def errors_panels(
+    data: ErrorsInput, size: Size, options: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """Ranges "sim" and "real": x is the error, y a count on the side's scale.
 
-    The last column holds all errors beyond it, too.
+    The last column includes all larger errors.
     """
-    layout = histogram_layout(size)
-    model = histogram_model(view, layout.width)
+    layout = errors_layout(size)
+    model = errors_model(data, layout.width)
     panels = []
     sides = (model.sim, model.real)
     for name, errors, (top, rows) in zip(NAMES, sides, layout.sides, strict=False):
@@ -70,14 +74,14 @@ def _to_cells(corner: tuple[int, int], scale: Point, x: float, y: float) -> Poin
     return corner[0] + x / scale[0], corner[1] - y / scale[1]
 
 
-def histogram(view: HistogramInput, size: Size, look: RenderOptions | None = None) -> Canvas:
-    """The view in `size` (columns, rows): two rows of bars over one axis."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
-    layout = histogram_layout((canvas.width, canvas.height))
-    model = histogram_model(view, layout.width)
-    panels = histogram_surface(view, (canvas.width, canvas.height), look)
-    theme, glyphs = look.theme, look.glyphs
+def draw_errors(data: ErrorsInput, size: Size, options: RenderOptions | None = None) -> Canvas:
+    """Draw both histograms in `size` (columns, rows)."""
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
+    layout = errors_layout((canvas.width, canvas.height))
+    model = errors_model(data, layout.width)
+    panels = errors_panels(data, (canvas.width, canvas.height), options)
+    theme, glyphs = options.theme, options.glyphs
     for panel, errors, glyph, colour in zip(
         panels,
         (model.sim, model.real),
@@ -85,22 +89,22 @@ def histogram(view: HistogramInput, size: Size, look: RenderOptions | None = Non
         (theme.sim, theme.real),
         strict=False,
     ):
-        mark = pending(view.mark, panel.name)
-        _side(canvas, panel, errors, mark, colour, look)
+        mark = mark_on_panel(data.mark, panel.name)
+        _side(canvas, panel, errors, mark, colour, options)
         if layout.left:
-            _labels(canvas, panel, errors, f"{glyph} {panel.name}", colour, look)
+            _labels(canvas, panel, errors, f"{glyph} {panel.name}", colour, options)
     if layout.axis is not None:
-        _axis(canvas, layout, model, view, look)
+        _axis(canvas, layout, model, data, options)
     return canvas
 
 
 def _labels(
-    canvas: Canvas, panel: Panel, errors: SideErrors, name: str, colour: Rgb, look: RenderOptions
+    canvas: Canvas, panel: Panel, errors: SideErrors, name: str, colour: Rgb, options: RenderOptions
 ) -> None:
     canvas.text(0, panel.y, name, colour)
-    lines = [f"median {short(errors.median, 2)}", _most(errors.peak)]
+    lines = [f"median {short_number(errors.median, 2)}", _most(errors.peak)]
     for row, line in enumerate(lines[: panel.height - 1], start=1):
-        canvas.text(0, panel.y + row, line[: LABELS - 1], look.theme.muted)
+        canvas.text(0, panel.y + row, line[: LABELS - 1], options.theme.muted)
 
 
 def _most(count: int) -> str:
@@ -113,57 +117,59 @@ def _side(
     errors: SideErrors,
     mark: Mark | None,
     colour: Rgb,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
-    """Bars, the pending brush, the median as a line and the cursor at the foot."""
-    theme, bottom = look.theme, panel.y + panel.height - 1
+    """Bars, brush mark, the median as a line, and the cursor at the bottom."""
+    theme, bottom = options.theme, panel.y + panel.height - 1
     ends: list[int] = []
     if mark is not None:
-        ends = [_column(panel, x) for x in range_of(mark)]
+        ends = [_column(panel, x) for x in mark_range(mark)]
         wide = ends[1] - ends[0] + 1
         canvas.fill(ends[0], panel.y, wide, panel.height, theme.highlight)
-    bars = (errors.lit / errors.peak, errors.total / errors.peak)
-    upright(canvas, panel.x, panel.y, panel.height, bars, colour, look)
+    bars = (errors.highlighted / errors.peak, errors.total / errors.peak)
+    draw_vertical_bars(canvas, panel.x, panel.y, panel.height, bars, colour, options)
     if math.isfinite(errors.median):
         at = _column(panel, errors.median)
         for row in range(panel.y, bottom + 1):
-            put_over(canvas, at, row, look.glyphs.baseline, theme.text)
-    for at, glyph in zip(ends, (look.glyphs.scale_left, look.glyphs.scale_right), strict=False):
+            put_over_bar(canvas, at, row, options.glyphs.baseline, theme.text)
+    for at, glyph in zip(
+        ends, (options.glyphs.scale_left, options.glyphs.scale_right), strict=False
+    ):
         for row in range(panel.y, bottom + 1):
             canvas.put(at, row, glyph, theme.truth, bold=True)
     if errors.cursor is not None:
         at = _column(panel, errors.cursor)
-        put_over(canvas, at, bottom, look.glyphs.cursor, theme.cursor)
+        put_over_bar(canvas, at, bottom, options.glyphs.cursor, theme.cursor)
 
 
 def _column(panel: Panel, error: float) -> int:
-    """The column of an error, the last one for what lies beyond it."""
+    """The column of an error, clipped to the last one."""
     column = int(np.floor(panel.to_cells(error, 0.0)[0] + 1e-9))
     return min(max(column, panel.x), panel.x + panel.width - 1)
 
 
 def _axis(
     canvas: Canvas,
-    layout: HistogramLayout,
-    model: HistogramModel,
-    view: HistogramInput,
-    look: RenderOptions,
+    layout: ErrorsLayout,
+    model: ErrorsModel,
+    data: ErrorsInput,
+    options: RenderOptions,
 ) -> None:
     upper, row, chart = model.upper, canvas.height - 1, layout.width
     count = max(1, chart // 8)
-    width = step(upper, count)
-    name = f"{view.label} {view.unit}".strip()
+    width = tick_step(upper, count)
+    name = f"{data.label} {data.unit}".strip()
     beyond = model.sim.beyond + model.real.beyond
     if beyond and chart >= 60:
-        name = f"{name}, last: {short(upper, 2)} and more"
+        name = f"{name}, last bar: {short_number(upper, 2)} and more"
     elif beyond and chart >= 30:
-        name = f"{name}, last {short(upper, 2)}+"
+        name = f"{name}, last {short_number(upper, 2)}+"
     stop = canvas.width - len(name) - 1
     free = layout.left
-    for tick in ticks(0.0, upper, count):
-        text = tick_text(tick, width) if width < 1e4 else short(tick)
+    for tick in tick_values(0.0, upper, count):
+        text = tick_text(tick, width) if width < 1e4 else short_number(tick)
         start = layout.left + min(chart - 1, int(tick / upper * chart))
         if start >= free and start + len(text) <= stop:
-            free = canvas.text(start, row, text, look.theme.muted) + 1
+            free = canvas.text(start, row, text, options.theme.muted) + 1
     if stop > layout.left:
-        canvas.text(canvas.width - len(name), row, name, look.theme.muted)
+        canvas.text(canvas.width - len(name), row, name, options.theme.muted)

@@ -1,4 +1,4 @@
-"""Position errors of the selection, sim above real."""
+"""The histogram of the position errors, sim above real."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
-from s2rtui.charts.errors.model import histogram_model
-from s2rtui.charts.errors.terminal import histogram, histogram_surface
-from s2rtui.charts.shared import inputs
-from s2rtui.charts.view import Pixels, Scene, Table, View, cell_width, number, rounded, span
+from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.charts.errors.model import ErrorsInput, errors_model
+from s2rtui.charts.errors.terminal import draw_errors, errors_panels
+from s2rtui.charts.mark_expressions import cell_width, number_text, range_expression, round_to_cell
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import Pixels, Table, View
 
 BINS = 20
-"""Of the flat table; the last one holds all that lies beyond."""
+"""Bins of the table of numbers; the last one includes all larger errors."""
 
 
 class ErrorsView(View):
@@ -24,57 +25,61 @@ class ErrorsView(View):
     key = "7"
     description = "histogram of the position errors"
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         return "position error of the selection"
 
-    def input(self, scene: Scene) -> inputs.HistogramInput:
+    def input(self, scene: Scene) -> ErrorsInput:
         state = scene.state
         columns = scene.store.run_columns(state.run)
-        return inputs.HistogramInput(
+        return ErrorsInput(
             columns.sim.error, columns.real.error, state.selected, state.base,
             cursor=state.cursor, mark=scene.mark(self.name),
         )  # fmt: skip
 
     def numbers(self, scene: Scene) -> Table:
-        model = histogram_model(self.input(scene), BINS)
+        model = errors_model(self.input(scene), BINS)
         ends = model.edges.tolist()
-        counts = (model.sim.lit.tolist(), model.real.lit.tolist())
+        counts = (model.sim.highlighted.tolist(), model.real.highlighted.tolist())
         return ("from", "to", "sim", "real"), list(zip(ends, ends[1:], *counts, strict=False))
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         view = self.input(scene)
-        told = []
+        medians = []
         for name, errors in (("sim", view.sim), ("real", view.real)):
             known = errors[scene.state.selected & np.isfinite(errors)]
             if known.size:
-                told.append(f"{name} {np.median(known):.2f} m, at most {known.max():.2f} m")
-        return f"Median position error: {'; '.join(told) or 'none'}."
+                medians.append(f"{name} {np.median(known):.2f} m, at most {known.max():.2f} m")
+        return f"Median position error: {'; '.join(medians) or 'none'}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.errors import paper
 
         title = f"{scene.state.run}: position errors in simulation and in reality"
-        return paper.histogram_figure(self.input(scene), size, theme, title, scene.caption)
+        return paper.errors_figure(self.input(scene), size, theme, title, scene.caption)
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
-        return (identity(self.input(scene)),)
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
+        return (identity_key(self.input(scene)),)
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return histogram(self.input(scene), size, look)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return draw_errors(self.input(scene), size, options)
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return histogram_surface(self.input(scene), size, look)
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return errors_panels(self.input(scene), size, options)
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         if scene.state.cursor is None:
             return None
         error = float(getattr(self.input(scene), panel.name)[scene.state.cursor])
         return (error, 0.0) if math.isfinite(error) else None
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         field = f"{panel.name}.error"
         cell = cell_width(panel)
         low, high = sorted(point[0] for point in (mark.points[0], mark.points[-1]))
         if high > panel.to_data(panel.x + panel.width - 1, 0)[0]:
-            return f"{field} >= {number(max(0.0, rounded(low, cell)))}"  # the last bar has no end
-        return span(panel, mark, field, 0.0)
+            lowest = max(0.0, round_to_cell(low, cell))
+            return f"{field} >= {number_text(lowest)}"  # the last bar has no upper end
+        return range_expression(panel, mark, field, 0.0)
+
+
+VIEW = ErrorsView()

@@ -1,4 +1,4 @@
-"""The gap over time as numbers: a track for the headline and one for every axis."""
+"""The numbers of the history view: the gap G over time, overall and per axis."""
 
 from __future__ import annotations
 
@@ -17,39 +17,39 @@ from s2rstore.metrics.bootstrap import Interval
 
 HEADLINE = "headline"
 LOWEST, HIGHEST = -20.0, 120.0
-"""G is clipped to these for display only."""
+"""Limits of the scale of G."""
 _NOTHING = Interval.unknown()
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HistoryInput:
-    """The nights of one run, oldest first, each once."""
+    """The nights of one run, oldest first, without duplicates."""
 
     nights: tuple[Night, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """G per night, (n,) with its bounds, unclipped, NaN where it was not judged; and the words."""
+    """G (n,) per night with its bounds, NaN where not judged; and the gate's statuses."""
 
     name: str
     value: Floats
     low: Floats
     high: Floats
-    words: tuple[AxisStatus, ...]
+    statuses: tuple[AxisStatus, ...]
 
     @property
     def last(self) -> Interval:
-        """The newest night's."""
+        """The interval of the newest night."""
         return Interval(float(self.low[-1]), float(self.value[-1]), float(self.high[-1]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HistoryModel:
-    """days: (n,) ordinals of the nights in view, thresholds: (n,); `older` nights are not in view.
+    """The visible nights. days: (n,) ordinals; thresholds: (n,); older: number of hidden nights.
 
-    `scale` is that of all tracks: G is made to be compared.
+    `scale` is common to all tracks.
     """
 
     days: NDArray[np.intp]
@@ -60,26 +60,26 @@ class HistoryModel:
 
     @property
     def span(self) -> int:
-        """Days from the first to the last night in view, both included."""
+        """Days from the first to the last visible night, both included."""
         return int(self.days[-1] - self.days[0]) + 1
 
 
-def history_model(view: HistoryInput, most_days: int) -> HistoryModel:
-    """The last `most_days` days up to the newest night. `view` must hold a night."""
-    newest = view.nights[-1].night
+def history_model(data: HistoryInput, most_days: int) -> HistoryModel:
+    """The nights of the last `most_days` days; `data` must contain a night."""
+    newest = data.nights[-1].night
     first = newest - datetime.timedelta(days=max(1, most_days) - 1)
-    nights = view.nights[bisect_left(view.nights, first, key=lambda night: night.night) :]
+    nights = data.nights[bisect_left(data.nights, first, key=lambda night: night.night) :]
     thresholds = np.array([night.threshold for night in nights])
     headline = _track(HEADLINE, [(night.gap, stored_status(night.headline)) for night in nights])
     axes = [axis_of(nights, name) for name in axis_names(nights)]
     tracks = (headline, *axes)
     days = np.array([night.night.toordinal() for night in nights], dtype=np.intp)
-    older = len(view.nights) - len(nights)
+    older = len(data.nights) - len(nights)
     return HistoryModel(days, thresholds, tracks, _scale(tracks, thresholds), older)
 
 
 def axis_names(nights: Sequence[Night]) -> list[str]:
-    """Every axis that one of these nights has judged, in the newest one's order."""
+    """All axes that were judged in these nights, in the order of the newest one."""
     axes = (axis for night in reversed(nights) for axis in night.axes)
     return list(dict.fromkeys(axis.axis for axis in axes if not math.isnan(axis.gap.value)))
 
@@ -91,18 +91,18 @@ def figures_of(night: Night, axis: str) -> AxisFigures | None:
 
 def axis_of(nights: Sequence[Night], name: str) -> Track:
     """The track of one axis."""
-    found = []
+    gaps = []
     for night in nights:
         figures = figures_of(night, name)
         gap = figures.gap if figures else _NOTHING
-        found.append((gap, axis_status(gap, night.threshold)))
-    return _track(name, found)
+        gaps.append((gap, axis_status(gap, night.threshold)))
+    return _track(name, gaps)
 
 
-def _track(name: str, found: list[tuple[Interval, AxisStatus]]) -> Track:
-    columns = np.array([(gap.value, gap.low, gap.high) for gap, _ in found]).reshape(-1, 3)
-    words = tuple(word for _, word in found)
-    return Track(name, columns[:, 0], columns[:, 1], columns[:, 2], words)
+def _track(name: str, gaps: list[tuple[Interval, AxisStatus]]) -> Track:
+    columns = np.array([(gap.value, gap.low, gap.high) for gap, _ in gaps]).reshape(-1, 3)
+    statuses = tuple(word for _, word in gaps)
+    return Track(name, columns[:, 0], columns[:, 1], columns[:, 2], statuses)
 
 
 def _scale(tracks: tuple[Track, ...], thresholds: Floats) -> tuple[float, float]:

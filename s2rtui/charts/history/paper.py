@@ -1,4 +1,4 @@
-"""The gap over time on paper: a panel for the headline and one for every axis, on one scale."""
+"""The history on paper: a chart of the overall gap and one per axis, on one scale."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from s2rtui.charts.history.model import (
     Track,
     history_model,
 )
-from s2rtui.charts.history.terminal import ink
+from s2rtui.charts.history.terminal import status_colour
 from s2rtui.charts.shared.paper import (
     Page,
     Pixels,
-    dress,
-    heading,
+    draw_heading,
+    figure_bytes,
+    make_page,
     new_figure,
-    page_of,
-    unit,
-    written,
+    rgb_fractions,
+    style_axes,
 )
 
 if TYPE_CHECKING:
@@ -38,17 +38,17 @@ _LEFT, _BOTTOM, _BETWEEN = 0.7, 0.65, 0.32
 
 
 def history_figure(
-    view: HistoryInput,
+    data: HistoryInput,
     size: Pixels = (1600, 1000),
     theme: Theme = LIGHT,
     title: str = "The gap over time",
     subtitle: str = "",
 ) -> bytes:
-    """A file of `size` pixels; `view` must hold a night."""
-    page = page_of(size, theme)
-    model = history_model(view, MOST_DAYS)
+    """Draw the figure in `size` pixels; `data` must contain a night."""
+    page = make_page(size, theme)
+    model = history_model(data, MOST_DAYS)
     figure = new_figure(page)
-    top = heading(figure, page, title, subtitle) - 0.25
+    top = draw_heading(figure, page, title, subtitle) - 0.25
     count = len(model.tracks)
     height = max(0.2, (top - _BOTTOM - (count - 1) * _BETWEEN) / count)
     for index, track in enumerate(model.tracks):
@@ -58,35 +58,35 @@ def history_figure(
         _days(axes, model, labelled=index == count - 1)
         if index == 0:
             _legend(axes, theme)
-    return written(figure, page)
+    return figure_bytes(figure, page)
 
 
 def _panel(axes: Axes, model: HistoryModel, track: Track, page: Page) -> None:
     theme, days = page.theme, model.days
-    dress(axes, theme)
+    style_axes(axes, theme)
     low, high = model.scale
     margin = 0.06 * (high - low)
     axes.set_ylim(low - margin, high + margin)
     axes.set_xlim(days[0] - 0.6, days[-1] + 0.6)
     ends = np.concatenate([[days[0] - 0.6], days, [days[-1] + 0.6]])
     limits = np.concatenate([model.thresholds[:1], model.thresholds, model.thresholds[-1:]])
-    axes.plot(ends, limits, color=unit(theme.truth), linewidth=1.1, linestyle=(0, (4, 3)),
+    axes.plot(ends, limits, color=rgb_fractions(theme.truth), linewidth=1.1, linestyle=(0, (4, 3)),
               drawstyle="steps-mid")  # fmt: skip
     for at, day in enumerate(days):
-        colour = unit(ink(track.words[at], theme))
+        colour = rgb_fractions(status_colour(track.statuses[at], theme))
         value, *bounds = np.clip([track.value[at], track.low[at], track.high[at]], low, high)
         if not math.isnan(value):
             axes.plot([day, day], bounds, color=colour, linewidth=1.6, solid_capstyle="butt")
-            axes.plot([day], [value], marker=_MARKERS[track.words[at]], markersize=5.5,
+            axes.plot([day], [value], marker=_MARKERS[track.statuses[at]], markersize=5.5,
                       color=colour)  # fmt: skip
     axes.set_ylabel("G")
     name = axes.set_title(track.name, loc="left", fontsize=9.5, pad=4)
-    name.set_color(unit(theme.text))
+    name.set_color(rgb_fractions(theme.text))
     name.set_fontweight("bold" if track.name == HEADLINE else "normal")
 
 
 def _days(axes: Axes, model: HistoryModel, labelled: bool) -> None:
-    """About ten dates at whole days, the newest among them."""
+    """About ten dates, with the newest one."""
     step = -(-model.span // 10)
     ticks = list(range(int(model.days[-1]), int(model.days[0]) - 1, -step))
     dates = [f"{datetime.date.fromordinal(day):%Y-%m-%d}" for day in ticks]
@@ -94,6 +94,6 @@ def _days(axes: Axes, model: HistoryModel, labelled: bool) -> None:
 
 
 def _legend(axes: Axes, theme: Theme) -> None:
-    told = axes.set_title("● pass   ▲ fail   ■ inconclusive   - - threshold", loc="right",
+    key = axes.set_title("● pass   ▲ fail   ■ inconclusive   - - threshold", loc="right",
                           fontsize=8.5, pad=4)  # fmt: skip
-    told.set_color(unit(theme.muted))
+    key.set_color(rgb_fractions(theme.muted))

@@ -1,4 +1,4 @@
-"""The gap over time: a row of charts over the nights, with intervals and the threshold."""
+"""The history in cells: charts of the gap over the nights, with intervals and threshold."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from s2rtui.charts.history.model import (
     Track,
     history_model,
 )
-from s2rtui.charts.shared.axis_scale import short
+from s2rtui.charts.shared.axis_scale import short_number
 
 LABELS = 5
-"""Columns at the left that numbers take."""
+"""Columns of numbers at the left."""
 _FEWEST_ROWS, _WIDEST = 4, 8
 _SIGNS: dict[AxisStatus, tuple[str, str]] = {
     "PASS": ("●", "o"),
@@ -34,9 +34,9 @@ _SIGNS: dict[AxisStatus, tuple[str, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class HistoryLayout:
-    """Columns of the charts and of a day; each chart's (title row, first row, rows) by track.
+    """First column and width of the charts, columns per day, and the rows of each chart.
 
-    `hidden` are the tracks that found no place.
+    charts: (track, title row, first row, rows). hidden: tracks without room.
     """
 
     left: int
@@ -46,28 +46,28 @@ class HistoryLayout:
     hidden: tuple[int, ...]
 
     def column(self, day: int, model: HistoryModel) -> int:
-        """Where a night stands."""
+        """The column of a night."""
         return self.left + (day - int(model.days[0])) * self.pitch + self.pitch // 2
 
 
-def sign(word: AxisStatus, look: RenderOptions) -> str:
-    """The glyph of a word, so that colour is never needed."""
-    return _SIGNS[word][look.ascii]
+def status_glyph(word: AxisStatus, options: RenderOptions) -> str:
+    """The glyph of a status, readable without colours."""
+    return _SIGNS[word][options.ascii]
 
 
-def ink(word: AxisStatus, theme: Theme) -> Rgb:
-    """The colour of a word."""
+def status_colour(word: AxisStatus, theme: Theme) -> Rgb:
+    """The colour of a status."""
     return {"PASS": theme.sim, "FAIL": theme.real, "INCONCLUSIVE": theme.truth,
             "SKIPPED": theme.muted}[word]  # fmt: skip
 
 
 def chart_columns(width: int) -> int:
-    """The most days that `width` columns show."""
+    """The number of days that fit into `width` columns."""
     return max(1, width - (LABELS if width >= 24 else 0))
 
 
 def history_layout(model: HistoryModel, size: Size) -> HistoryLayout:
-    """The headline first, then as many axes as fit, the worst ones before others."""
+    """Lay out the headline and as many axes as fit, those with the largest gaps first."""
     width, height = max(1, size[0]), max(1, size[1])
     left = width - chart_columns(width)
     pitch = max(1, min(_WIDEST, (width - left) // max(1, model.span)))
@@ -87,21 +87,21 @@ def history_layout(model: HistoryModel, size: Size) -> HistoryLayout:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
-    """The rows of a chart, `top` and the `count` under it, over a scale of G."""
+class ChartRows:
+    """The rows of a chart: `count` rows from `top`, over a scale of G."""
 
     scale: tuple[float, float]
     top: int
     count: int
 
     def line(self, threshold: float) -> int:
-        """The threshold's row; where there are three, one lies above it and one under it."""
+        """The row of the threshold, with a row above and below it if there are three."""
         row = self._row(threshold)
         return row if self.count < 3 else min(max(row, self.top + 1), self.top + self.count - 2)
 
     def of(self, value: float, threshold: float) -> int:
-        """The row of a G, clipped to the chart: above the threshold's for what is over it, below it
-        for what is under it, as long as there are three.
+        """The row of a G, clipped to the chart, and on the right side of the threshold's row if
+        there are three rows.
         """
         row, line = self._row(value), self.line(threshold)
         if value == threshold or self.count < 3:
@@ -113,32 +113,37 @@ class Rows:
         return self.top + min(self.count - 1, max(0, math.floor((1 - share) * self.count)))
 
 
-def history(view: HistoryInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_history(data: HistoryInput, size: Size, options: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
-    if not view.nights:
-        canvas.text(0, 0, "no nights", look.theme.muted)
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
+    if not data.nights:
+        canvas.text(0, 0, "no nights", options.theme.muted)
         return canvas
-    model = history_model(view, chart_columns(canvas.width))
+    model = history_model(data, chart_columns(canvas.width))
     layout = history_layout(model, (canvas.width, canvas.height))
     for index, title, top, rows in layout.charts:
         track = model.tracks[index]
         if title < top:
-            _title(canvas, title, track, look)
-        chart = Rows(model.scale, top, rows)
-        _threshold(canvas, model, layout, chart, look)
-        _nights(canvas, model, layout, track, chart, look)
+            _title(canvas, title, track, options)
+        chart = ChartRows(model.scale, top, rows)
+        _threshold(canvas, model, layout, chart, options)
+        _nights(canvas, model, layout, track, chart, options)
     if canvas.height >= 6:
-        _dates(canvas, model, layout, look)
-        _legend(canvas, model, layout, look)
+        _dates(canvas, model, layout, options)
+        _legend(canvas, model, layout, options)
     return canvas
 
 
-def _title(canvas: Canvas, row: int, track: Track, look: RenderOptions) -> None:
-    theme, word, gap = look.theme, track.words[-1], track.last
+def _title(canvas: Canvas, row: int, track: Track, options: RenderOptions) -> None:
+    theme, word, gap = options.theme, track.statuses[-1], track.last
     free = canvas.text(0, row, track.name, theme.text, bold=track.name == HEADLINE) + 2
-    free = canvas.text(free, row, f"{sign(word, look)} {word.lower()}", ink(word, theme)) + 2
+    free = (
+        canvas.text(
+            free, row, f"{status_glyph(word, options)} {word.lower()}", status_colour(word, theme)
+        )
+        + 2
+    )
     if not math.isnan(gap.value):
         bounds = f"{_short(gap.low)} .. {_short(gap.high)}"
         canvas.text(free, row, f"G {_short(gap.value)} ({bounds})", theme.text)
@@ -149,22 +154,26 @@ def _short(value: float) -> str:
 
 
 def _threshold(
-    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, chart: Rows, look: RenderOptions
+    canvas: Canvas,
+    model: HistoryModel,
+    layout: HistoryLayout,
+    chart: ChartRows,
+    options: RenderOptions,
 ) -> None:
-    """Its line, which steps where it was changed, and the scale at the left."""
-    theme = look.theme
+    """The line of the threshold, and the scale at the left."""
+    theme = options.theme
     for day in range(int(model.days[0]), int(model.days[-1]) + 1):
         at = int(np.searchsorted(model.days, day, side="right")) - 1
         row = chart.line(float(model.thresholds[at]))
         start = layout.left + (day - int(model.days[0])) * layout.pitch
-        canvas.hline(start, start + layout.pitch - 1, row, look.glyphs.horizontal, theme.truth)
+        canvas.hline(start, start + layout.pitch - 1, row, options.glyphs.horizontal, theme.truth)
     if not layout.left:
         return
     limit = float(model.thresholds[-1])
     marks = {chart.of(end, limit): (end, theme.muted) for end in (*model.scale, 0.0)}
     marks[chart.line(limit)] = (limit, theme.truth)
     for row, (value, colour) in marks.items():
-        canvas.text(LABELS - 1, row, short(value, 2), colour, align="right")
+        canvas.text(LABELS - 1, row, short_number(value, 2), colour, align="right")
 
 
 def _nights(
@@ -172,28 +181,30 @@ def _nights(
     model: HistoryModel,
     layout: HistoryLayout,
     track: Track,
-    chart: Rows,
-    look: RenderOptions,
+    chart: ChartRows,
+    options: RenderOptions,
 ) -> None:
-    """Each night's interval as a line, its G as the glyph of its word."""
+    """Each night's interval as a line, its G as the glyph of its status."""
     for at, day in enumerate(model.days.tolist()):
         gap = float(track.value[at])
         if math.isnan(gap):
             continue
-        column, colour = layout.column(day, model), ink(track.words[at], look.theme)
+        column, colour = layout.column(day, model), status_colour(track.statuses[at], options.theme)
         limit = float(model.thresholds[at])
         ends = [
             chart.of(gap if math.isnan(end) else end, limit)
             for end in (float(track.low[at]), float(track.high[at]))
         ]
-        canvas.vline(column, ends[1], ends[0], look.glyphs.vertical, colour)
+        canvas.vline(column, ends[1], ends[0], options.glyphs.vertical, colour)
         row = chart.of(gap, limit)
-        canvas.put(column, row, sign(track.words[at], look), colour, bold=True)
+        canvas.put(column, row, status_glyph(track.statuses[at], options), colour, bold=True)
 
 
-def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: RenderOptions) -> None:
-    """Dates under the nights, the newest always, others where there is room."""
-    row, theme = canvas.height - 2, look.theme
+def _dates(
+    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, options: RenderOptions
+) -> None:
+    """Dates below the nights: the newest always, others where there is room."""
+    row, theme = canvas.height - 2, options.theme
     free = canvas.width
     for day in reversed(model.days.tolist()):
         date = datetime.date.fromordinal(day)
@@ -206,13 +217,21 @@ def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: Ren
 
 
 def _legend(
-    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, look: RenderOptions
+    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, options: RenderOptions
 ) -> None:
-    theme, row, free = look.theme, canvas.height - 1, 0
-    words: tuple[AxisStatus, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
-    for word in words:
-        free = canvas.text(free, row, f"{sign(word, look)} {word.lower()}", ink(word, theme)) + 2
-    free = canvas.text(free, row, f"{look.glyphs.horizontal * 2} threshold", theme.truth) + 2
+    theme, row, free = options.theme, canvas.height - 1, 0
+    statuses: tuple[AxisStatus, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
+    for word in statuses:
+        free = (
+            canvas.text(
+                free,
+                row,
+                f"{status_glyph(word, options)} {word.lower()}",
+                status_colour(word, theme),
+            )
+            + 2
+        )
+    free = canvas.text(free, row, f"{options.glyphs.horizontal * 2} threshold", theme.truth) + 2
     hidden = [model.tracks[index].name for index in layout.hidden]
     notes = [f"no room for {', '.join(hidden)}"] if hidden else []
     notes += [f"{model.older} older"] if model.older else []

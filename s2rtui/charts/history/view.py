@@ -1,4 +1,4 @@
-"""The gap over time: what every night measured, and whether the gate let it pass."""
+"""The history of the gap: the results of every night and the verdicts of the gate."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from s2rstore.gap_history.reader import History, Night
 from s2rstore.metrics.bootstrap import Interval
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.charts.history import model, terminal
-from s2rtui.charts.view import Pane, Pixels, Scene, Table, View
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import Pane, Pixels, Table, View
 
 _COLUMNS = ("night", "outcome", "axis", "G", "low", "high", "result", "threshold", "value", "unit",
             "n", "evidence days")  # fmt: skip
@@ -24,48 +25,49 @@ class HistoryView(View):
     key = "G"
     pane: Pane = "centre"
     description = "the gap over time, night by night"
-    feeds = ("history",)
-    paper = (1600, 1100)
+    loads = ("history",)
+    figure_size = (1600, 1100)
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         nights = self.input(scene).nights
         if not nights:
-            return "the gap, night by night"
+            return "the gap G, night by night"
         last = nights[-1]
         stale = ", evidence is stale" if last.stale else ""
-        return f"the gap of {last.run}, {_count(nights)} of {last.name}{stale}"
+        nights_of_run = f"{_count(nights)} of {last.name}{stale}"
+        return f"gap G of {last.run} (0: none, 100: declared bad), {nights_of_run}"
 
     def input(self, scene: Scene) -> model.HistoryInput:
-        found = scene.resources.history
-        if found is None:
+        loaded = scene.resources.history
+        if loaded is None:
             return model.HistoryInput(())
-        return model.HistoryInput(_nights(found, scene.state.run, scene.store.dataset.name))
+        return model.HistoryInput(_nights(loaded, scene.state.run, scene.store.dataset.name))
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         failed = scene.resources.failed.get("history")
         return scene.resources.history, scene.state.run, scene.state.history, failed
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         view = self.input(scene)
         if view.nights:
-            return terminal.history(view, size, look)
-        canvas = Canvas(*size, theme=look.theme)
+            return terminal.draw_history(view, size, options)
+        canvas = Canvas(*size, theme=options.theme)
         lines = [part for line in self._missing(scene) for part in wrap(line, canvas.width)]
         for row, line in enumerate(lines):
-            canvas.text(0, row, line, look.theme.muted if row else look.theme.text)
+            canvas.text(0, row, line, options.theme.muted if row else options.theme.text)
         return canvas
 
     def _missing(self, scene: Scene) -> tuple[str, ...]:
-        """Why there is nothing to draw, and what to do."""
-        found, file = scene.resources.history, scene.state.history
+        """The lines that say why there is nothing to draw and what to do."""
+        loaded, file = scene.resources.history, scene.state.history
         if failed := scene.resources.failed.get("history"):
             return ("the history cannot be read", failed)
-        if file is not None and found is None:
-            return ("the history is not read yet",)
-        runs = found.runs(scene.store.dataset.name) if found is not None else ()
+        if file is not None and loaded is None:
+            return ("the history is being loaded",)
+        runs = loaded.runs(scene.store.dataset.name) if loaded is not None else ()
         if runs:
-            return (f"no night of run {scene.state.run}", f"there are nights of {', '.join(runs)}")
-        if found is not None and found.nights:
+            return (f"no night of run {scene.state.run}", f"there are nights of: {', '.join(runs)}")
+        if loaded is not None and loaded.nights:
             return ("no night of this data set", "name another history: --history FILE")
         return (
             "no nights yet",
@@ -77,18 +79,18 @@ class HistoryView(View):
         rows = [row for night in self.input(scene).nights for row in _rows(night)]
         return _COLUMNS, rows
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         nights = self.input(scene).nights
         if not nights:
             return f"{'; '.join(self._missing(scene)).capitalize()}."
         last = nights[-1]
         passed = sum(night.outcome == "PASS" for night in nights)
         days = "1 day" if last.evidence_age == 1 else f"{last.evidence_age} days"
-        told = f"Night {last.night}: {last.outcome}"
+        text = f"Night {last.night}: {last.outcome}"
         if last.worst is not None:
             gap = " .. ".join(f"{end:.1f}" for end in (last.gap.low, last.gap.high))
-            told += f", G {last.gap.value:.1f} ({gap}), worst axis {last.worst}"
-        return f"{told}; {passed} of {len(nights)} nights passed; evidence is {days} old."
+            text += f", gap G {last.gap.value:.1f} ({gap}), worst axis {last.worst}"
+        return f"{text}; {passed} of {len(nights)} nights passed; evidence is {days} old."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.history import paper
@@ -97,12 +99,15 @@ class HistoryView(View):
         if not view.nights:
             raise RequestError(f"--view history: {'; '.join(self._missing(scene))}")
         title = f"{scene.state.run}: the gap over time"
-        return paper.history_figure(view, size, theme, title, self.words(scene))
+        return paper.history_figure(view, size, theme, title, self.summary(scene))
+
+
+VIEW = HistoryView()
 
 
 @lru_cache(4)
-def _nights(found: History, run: str, dataset: str) -> tuple[Night, ...]:
-    return found.of_run(run, dataset)
+def _nights(loaded: History, run: str, dataset: str) -> tuple[Night, ...]:
+    return loaded.of_run(run, dataset)
 
 
 def _count(nights: Sequence[Night]) -> str:

@@ -1,4 +1,4 @@
-"""One instance: what the model saw on both sides, and what it said."""
+"""The instance view: images, heat and predictions of one instance on both sides."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from dataclasses import replace
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.charts.instance import terminal
-from s2rtui.charts.view import Pixels, Scene, Table, View
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared import instance_terminal
+from s2rtui.charts.view import Pixels, Table, View
 from s2rtui.session.provenance import about
 
 
@@ -16,25 +17,27 @@ class InstanceView(View):
     name = "instance"
     key = "3"
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
-    feeds = ("pictures",)
-    one = True
-    paper = (1600, 1200)
+    loads = ("pictures",)
+    single_instance = True
+    figure_size = (1600, 1200)
 
-    def told(self, scene: Scene) -> str:
-        """What the pictures are of comes first; the title may be cut at its end."""
+    def subtitle(self, scene: Scene) -> str:
+        """Name what the images show, then what is being loaded; long titles are cut."""
         state, resources = scene.state, scene.resources
         if state.cursor is None:
             return "none"
-        wanted = about(state).told(state)
+        requested = about(state).told(state)
         failed = resources.failed.get("pictures")
-        if resources.pictures is None or resources.pictures_of is None:
-            return f"{wanted}: {failed}" if failed else f"{wanted}, loading"
-        present = resources.pictures_of.told(state)
-        if present == wanted:
+        if resources.pictures is None or resources.pictures_source is None:
+            return f"{requested}: {failed}" if failed else f"{requested}, loading"
+        present = resources.pictures_source.told(state)
+        if present == requested:
             return present
-        return f"{present} ({wanted}: {failed})" if failed else f"{present} (loading {wanted})"
+        if failed:
+            return f"{present} ({requested}: {failed})"
+        return f"{present} (loading {requested})"
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
         shown = scene.resources.pictures
         remark = scene.remark(shown.iid) if shown else ""
         return shown, scene.state.cursor is None, remark
@@ -53,9 +56,9 @@ class InstanceView(View):
                 turns = math.degrees(pose.heading), math.degrees(pose.heading_error)
                 rows.append((role, pose.x, pose.y, turns[0], pose.error, turns[1], None))
         notes = [*shown.notes, ("remark", scene.remark(shown.iid))]
-        return names, rows + [(name, *[None] * 5, told) for name, told in notes if told]
+        return names, rows + [(name, *[None] * 5, text) for name, text in notes if text]
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         shown = scene.resources.pictures
         if shown is None:
             return "No instance."
@@ -75,14 +78,17 @@ class InstanceView(View):
         if shown is None:
             raise RequestError("--select: selects nothing, so there is no instance to draw")
         if not (shown.sim.rgb.size and shown.real.rgb.size):
-            told = "this store has no frames to draw; `s2r show` prints the numbers"
-            raise RequestError(f"--view instance: {told}")
+            reason = "this store has no frames to draw; `s2r show` prints the numbers"
+            raise RequestError(f"--view instance: {reason}")
         return paper.instance_figure(shown, size, theme, scene.state.run)
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         if scene.resources.pictures is None or scene.state.cursor is None:
-            return Canvas(*size, theme=look.theme)
+            return Canvas(*size, theme=options.theme)
         shown = scene.resources.pictures
         if remark := scene.remark(shown.iid):
             shown = replace(shown, notes=(("remark", remark), *shown.notes))
-        return terminal.instance(shown, size, look)
+        return instance_terminal.draw_instance(shown, size, options)
+
+
+VIEW = InstanceView()

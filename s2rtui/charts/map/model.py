@@ -1,110 +1,197 @@
-"""The geo-map as numbers: what is lit, on which scales; shared by terminal and paper."""
+"""The numbers of the map's marks: error glyphs and error lines."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.records import Bounds
-from s2rtui.analysis.bins import Chosen, choose, count
+from s2rtui.analysis.binning import Bins, SelectionIndices, count_selected, sum_selected
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.charts.shared.axis_scale import fraction, percentile_range
-from s2rtui.charts.shared.inputs import Bools, Floats, GeoMapInput, Interval
-from s2rtui.charts.shared.map_cells import cells
-from s2rtui.charts.shared.map_layers import heat_scale
+from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.map_model import MapInput, MapModel, selected_in_frame
+from s2rtui.charts.shared.points import point_cells
 
-LINES_UP_TO = 24
-"""So many selected instances, all or in view, get their error lines drawn."""
+SINGLES = 200
+"""Above this number of visible selected instances, glyphs stand for blocks of cells."""
+SMALLEST, LARGEST = 20.0, 180.0
+"""Degrees of an arc of the smallest error, and of one of full scale."""
+Vectors = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GeoMapModel:
-    """lit: how many are selected and valid; others: valid but not selected. cursor: valid."""
+class ErrorGlyphs:
+    """k glyphs. centres: (k, 2) cells; counts: (k,) instances that each is the mean of.
 
-    chosen: Chosen
-    lit: int
-    others: int
-    cursor: int | None
-    value_range: Interval
-    heat_range: Interval | None
+    sim, real: (k, 2) mean of prediction - truth in metres, NaN where unknown. full: the error
+    of full scale in metres, the 99th percentile of the valid.
+    """
 
+    centres: Vectors
+    counts: NDArray[np.intp]
+    sim: Vectors
+    real: Vectors
+    full: float
 
-def geomap_model(view: GeoMapInput) -> GeoMapModel:
-    """What is drawn, and the scales."""
-    valid: Bools = np.asarray(view.valid, dtype=np.bool_)
-    chosen = choose(np.asarray(view.selected, dtype=np.bool_), valid)
-    lit, others = sizes(chosen)
-    scale = view.value_range or value_range(view.values, valid)
-    cursor = cursor_of(view.cursor, valid)
-    return GeoMapModel(chosen, lit, others, cursor, scale, heat_scale(view.ground))
+    @property
+    def crowded(self) -> bool:
+        """Whether glyphs stand for blocks of cells."""
+        return int(self.counts.sum()) > SINGLES
 
 
-def sizes(chosen: Chosen) -> tuple[int, int]:
-    """How many of the base are selected, and how many are not."""
-    few, base = len(chosen.few), int(np.count_nonzero(chosen.base))
-    return (base - few, few) if chosen.inverted else (few, base - few)
+def error_glyphs(
+    data: MapInput, model: MapModel, frame: MapFrame, footprint: tuple[int, int]
+) -> ErrorGlyphs:
+    """The error glyphs of the selected instances in a frame, each on `footprint` cells.
+
+    Up to `SINGLES` instances have a glyph at their true position, near ones a common glyph at
+    their mean; more are combined by blocks of footprint size.
+    """
+    arrays = _Arrays(ArrayKey(data.truth), ArrayKey(data.sim), ArrayKey(data.real))
+    return _glyphs(arrays, full_scale(data), model.selection, frame, footprint)
 
 
-def cursor_of(cursor: int | None, valid: Bools) -> int | None:
-    """The cursor where it is a valid iid."""
-    if cursor is None or not 0 <= cursor < valid.size or not valid[cursor]:
-        return None
-    return cursor
+class _Arrays(NamedTuple):
+    truth: ArrayKey
+    sim: ArrayKey
+    real: ArrayKey
 
 
-def value_range(values: Floats, valid: Bools) -> Interval:
-    """The scale of values (N,): the 1st .. 99th percentile of the valid."""
-    return _value_range(ArrayKey(values), ArrayKey(valid))
+@cached_by_identity(4)
+def _glyphs(
+    arrays: _Arrays,
+    full: float,
+    selection: SelectionIndices,
+    frame: MapFrame,
+    footprint: tuple[int, int],
+) -> ErrorGlyphs:
+    ids = selected_in_frame(np.asarray(arrays.truth.array), selection, frame, SINGLES)
+    if ids is None:
+        return _blocks(arrays, full, selection, frame, footprint)
+    return _clusters(arrays, full, ids, frame, footprint)
 
 
-@cached_by_identity(16)
-def _value_range(values: ArrayKey, valid: ArrayKey) -> Interval:
-    return percentile_range(np.asarray(values.array)[np.asarray(valid.array)])
+def full_scale(data: MapInput) -> float:
+    """The error of an arc of full scale: the 99th percentile of the valid errors."""
+    return _full_scale(
+        ArrayKey(data.truth), ArrayKey(data.sim), ArrayKey(data.real), ArrayKey(data.valid)
+    )
 
 
-def by_value(view: GeoMapInput, model: GeoMapModel) -> tuple[NDArray[np.intp], Floats]:
-    """The selected iids, the largest value last (drawn on top), and their places on the scale."""
-    ids = model.chosen.members
-    shares = fraction(np.asarray(view.values)[ids], model.value_range)
-    ordered = np.argsort(np.nan_to_num(shares, nan=-1.0), kind="stable")
-    return ids[ordered], shares[ordered]
+@cached_by_identity(8)
+def _full_scale(truth: ArrayKey, sim: ArrayKey, real: ArrayKey, valid: ArrayKey) -> float:
+    inside = np.asarray(valid.array, dtype=np.bool_)
+    sizes = [np.hypot(*_errors(truth, side))[inside] for side in (sim, real)]
+    known = np.concatenate(sizes)
+    known = known[np.isfinite(known)]
+    largest = float(np.percentile(known, 99)) if known.size else 0.0
+    return largest if largest > 0 else 1.0
 
 
-def lined(
-    view: GeoMapInput, model: GeoMapModel, frame: MapFrame | None = None, limit: int = LINES_UP_TO
+@cached_by_identity(4)
+def _errors(truth: ArrayKey, side: ArrayKey) -> tuple[Vectors, Vectors]:
+    """Errors (N,) along x and y, metres."""
+    start, end = np.asarray(truth.array), np.asarray(side.array)
+    return end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]
+
+
+def _clusters(
+    arrays: _Arrays,
+    full: float,
+    ids: NDArray[np.intp],
+    frame: MapFrame,
+    footprint: tuple[int, int],
+) -> ErrorGlyphs:
+    """One glyph per instance, combined with earlier ones within a footprint."""
+    truth, *sides = (np.asarray(part.array, dtype=np.float64)[ids] for part in arrays)
+    places = frame.to_cells(truth)
+    group = np.full(len(ids), -1, dtype=np.intp)
+    number = 0
+    for index in range(len(ids)):
+        if group[index] < 0:
+            near = (np.abs(places - places[index]) < footprint).all(axis=1)
+            group[near & (group < 0)] = number
+            number += 1
+    counts = np.bincount(group, minlength=number)
+
+    def mean(vectors: Vectors) -> Vectors:
+        known = np.isfinite(vectors).all(axis=1)
+        sizes = np.bincount(group[known], minlength=number)
+        axes = [np.bincount(group[known], part[known], minlength=number) for part in vectors.T]
+        with np.errstate(invalid="ignore"):
+            return np.stack(axes, axis=1) / np.where(sizes > 0, sizes, np.nan)[:, None]
+
+    sim, real = (mean(side - truth) for side in sides)
+    return ErrorGlyphs(mean(places), counts, sim, real, full)
+
+
+def _blocks(
+    arrays: _Arrays,
+    full: float,
+    selection: SelectionIndices,
+    frame: MapFrame,
+    footprint: tuple[int, int],
+) -> ErrorGlyphs:
+    """One glyph in the middle of each block of cells with a selected instance."""
+    wide, high = footprint
+    across = -(-frame.width // wide)
+    column = _block_codes(arrays, frame, footprint)
+    counts, _ = count_selected(column, selection)
+    held = np.flatnonzero(counts)
+    middles = np.stack([held % across * wide + wide / 2, held // across * high + high / 2], axis=1)
+
+    def mean(side: ArrayKey) -> Vectors:
+        parts = [
+            sum_selected(column, part, selection)[held] for part in _errors(arrays.truth, side)
+        ]
+        return np.stack(parts, axis=1) / counts[held, None]
+
+    return ErrorGlyphs(middles, counts[held], mean(arrays.sim), mean(arrays.real), full)
+
+
+@cached_by_identity(4)
+def _block_codes(arrays: _Arrays, frame: MapFrame, footprint: tuple[int, int]) -> Bins:
+    """The block of each instance with known errors, as bins."""
+    wide, high = footprint
+    across, down = -(-frame.width // wide), -(-(frame.height // 2) // high)
+    rows, columns = np.divmod(np.arange(frame.height // 2 * frame.width), frame.width)
+    table = np.append(rows // high * across + columns // wide, across * down)
+    codes = table.astype(np.uint16)[point_cells(np.asarray(arrays.truth.array), frame).codes]
+    for side in (arrays.sim, arrays.real):
+        for part in _errors(arrays.truth, side):
+            codes[~np.isfinite(part)] = across * down
+    return Bins(codes, across * down)
+
+
+def arc_degrees(vectors: Vectors, full: float) -> Floats:
+    """The width of the arc of each error (k, 2) in degrees; NaN where unknown."""
+    share = np.minimum(np.hypot(vectors[:, 0], vectors[:, 1]) / full, 1.0)
+    return np.maximum(SMALLEST, LARGEST * share)
+
+
+def arc_turns(vectors: Vectors, y_down: bool) -> Floats:
+    """The direction of each error on the screen: radians clockwise from the right."""
+    return np.arctan2(vectors[:, 1] * (1 if y_down else -1), vectors[:, 0])
+
+
+LINES_UP_TO = 24
+"""Up to this number of selected instances (visible or in all), error lines are drawn."""
+
+
+def iids_with_error_lines(
+    data: MapInput, model: MapModel, frame: MapFrame | None = None, limit: int = LINES_UP_TO
 ) -> NDArray[np.intp]:
-    """Iids whose error lines are drawn: the selected, or those in the frame, up to a limit.
+    """Iids whose error lines are drawn: the selected ones, or those in the frame, up to `limit`.
 
-    The cursor's is always one of them.
+    The cursor's instance is always included.
     """
     ids = np.empty(0, dtype=np.intp)
-    if model.lit <= limit:
-        ids = model.chosen.members
+    if model.highlighted <= limit:
+        ids = model.selection.members
     elif frame is not None:
-        near = in_frame(np.asarray(view.truth), model.chosen, frame, limit)
+        near = selected_in_frame(np.asarray(data.truth), model.selection, frame, limit)
         ids = ids if near is None else near
     return ids if model.cursor is None else np.unique(np.append(ids, model.cursor))
-
-
-def in_frame(truth: Floats, chosen: Chosen, frame: MapFrame, limit: int) -> NDArray[np.intp] | None:
-    """The selected iids that lie in the frame; None where they are more than `limit`."""
-    places = cells(truth, frame)
-    if int(count(places, chosen)[0].sum()) > limit:
-        return None
-    ids = chosen.members
-    return ids[places.codes[ids] < places.count]
-
-
-def default_view(bounds: Bounds, truth: Floats, valid: Bools) -> Bounds:
-    """The bounds, or the box of the points where the bounds are empty."""
-    if bounds.width > 0 and bounds.height > 0:
-        return bounds
-    points = np.asarray(truth, dtype=np.float64)[np.asarray(valid, dtype=np.bool_)]
-    points = points[np.isfinite(points).all(axis=1)]
-    if not len(points):
-        return Bounds(0.0, 0.0, 1.0, 1.0)
-    (x0, y0), (x1, y1) = points.min(axis=0) - 0.5, points.max(axis=0) + 0.5
-    return Bounds(float(x0), float(y0), float(x1), float(y1))

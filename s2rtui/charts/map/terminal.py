@@ -1,144 +1,336 @@
-"""The geo-map: floor plan, heat, poses and errors from above, in cells."""
+"""The map in cells: values, predictions or error glyphs on the floor plan."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.brush_surface import Panel, draw_mark
+from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.colour import Rgb, mix
+from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.map.error_arcs import draw_glyphs, glyph_legend
-from s2rtui.charts.map.model import LINES_UP_TO, GeoMapModel, default_view, geomap_model
-from s2rtui.charts.map.points import (
-    draw_cursor,
-    draw_live,
-    draw_others,
-    draw_predictions,
-    draw_values,
+from s2rtui.charts.map.model import (
+    LARGEST,
+    LINES_UP_TO,
+    ErrorGlyphs,
+    arc_degrees,
+    arc_turns,
+    error_glyphs,
+    full_scale,
+    iids_with_error_lines,
 )
-from s2rtui.charts.shared.inputs import GeoMapInput
+from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.legend import (
     LegendPart,
-    colour_bar,
-    draw_rows,
-    ramp_for_values,
-    scale_bar,
-    words,
+    text_part,
 )
-from s2rtui.charts.shared.map_background import HEAT_RAMPS, draw_ground, draw_names
-from s2rtui.charts.shared.map_layout import GeoMapLayout, draw_axes, map_layout, map_panel
+from s2rtui.charts.shared.map_model import (
+    LivePose,
+    MapInput,
+    MapModel,
+    map_model,
+)
+from s2rtui.charts.shared.map_terminal import (
+    MapLayout,
+    Places,
+    draw_cursor,
+    draw_dots,
+    draw_point_map,
+    draw_pose,
+    draw_values,
+    layout_of_points,
+    map_panel,
+    put_glyphs,
+    value_legend,
+)
+from s2rtui.charts.shared.points import selected_cells
+
+ARC_FOOTPRINT = (7, 3)
+ARROW_FOOTPRINT = (9, 3)
+RADII = (3.0, 3.6, 4.2)
+"""Radii of the arcs in braille dots, which makes them two dots thick."""
+OCTANTS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
+"""Columns and rows from the point to its arrow, in the order of `Glyphs.arrows`."""
+Grid = NDArray[np.bool_]
 
 
-def geomap_layout(
-    view: GeoMapInput,
+def map_layout(
+    data: MapInput,
     size: Size,
     viewport: Bounds | None = None,
-    look: RenderOptions | None = None,
-    model: GeoMapModel | None = None,
-) -> GeoMapLayout:
-    """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
-    look, model = look or RenderOptions(), model or geomap_model(view)
-    area = viewport or default_view(view.bounds, view.truth, view.valid)
+    options: RenderOptions | None = None,
+    model: MapModel | None = None,
+) -> MapLayout:
+    """Lay out the map in `size`; `viewport` is a rectangle in metres (default: the bounds)."""
+    options, model = options or RenderOptions(), model or map_model(data)
+    notes: list[LegendPart] = []
+    if data.mode == "full" and model.highlighted > LINES_UP_TO:
+        notes = [text_part(((f"error lines for up to {LINES_UP_TO}", options.theme.muted),))]
+    legend = LEGENDS[data.mode]
+    return layout_of_points(data, model, size, viewport, options, legend, notes)
 
-    def legend(frame: MapFrame, width: int) -> list[LegendPart]:
-        return _legend(view, model, frame, width, look)
 
-    return map_layout(area, view.y_down, size, legend)
-
-
-def geomap_surface(
-    view: GeoMapInput, size: Size, look: RenderOptions | None = None, viewport: Bounds | None = None
+def map_panels(
+    data: MapInput, size: Size, options: RenderOptions | None = None, viewport: Bounds | None = None
 ) -> tuple[Panel, ...]:
     """One panel "map", a plane of metres."""
-    return (map_panel(geomap_layout(view, size, viewport, look)),)
+    return (map_panel(map_layout(data, size, viewport, options)),)
 
 
-def geomap(
-    view: GeoMapInput, size: Size, look: RenderOptions | None = None, viewport: Bounds | None = None
+def draw_map(
+    data: MapInput, size: Size, options: RenderOptions | None = None, viewport: Bounds | None = None
 ) -> Canvas:
-    """The view in `size` (columns, rows) through `viewport`, a world rectangle."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
-    model = geomap_model(view)
-    layout = geomap_layout(view, (canvas.width, canvas.height), viewport, look, model)
-    frame = layout.frame
-    chart = Canvas(layout.width, layout.height, look.theme)
-    draw_ground(chart, view.ground, frame, look)
-    draw_others(chart, view.truth, model.chosen, frame, look)
-    draw_names(chart, view.ground.rooms, frame, look)
-    draw_selected = {"colour": draw_values, "glyph": draw_glyphs, "full": draw_predictions}
-    draw_selected[view.mode](chart, view, model, frame, look)
-    draw_live(chart, view.live, frame, look)
-    draw_cursor(chart, view, model.cursor, frame, look)
-    canvas.paste(chart, layout.x, layout.y)
-    if layout.axes:
-        draw_axes(canvas, layout, look)
-    draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
-    draw_mark(canvas, map_panel(layout), view.mark, look)
-    return canvas
+    """Draw the map in `size` (columns, rows) through `viewport`, a rectangle in metres."""
+    options = options or RenderOptions()
+    model = map_model(data)
+    layout = map_layout(data, size, viewport, options, model)
+
+    def draw_selected(chart: Canvas) -> None:
+        DRAWINGS[data.mode](chart, data, model, layout.frame, options)
+        draw_live(chart, data.live, layout.frame, options)
+        if data.mode == "full" and model.cursor is not None:
+            draw_cursor_predictions(chart, data, model.cursor, layout.frame, options)
+        draw_cursor(chart, data, model.cursor, layout.frame, options)
+
+    return draw_point_map(data, model.selection, layout, size, options, draw_selected)
 
 
-def _legend(
-    view: GeoMapInput, model: GeoMapModel, frame: MapFrame, width: int, look: RenderOptions
+def full_legend(
+    data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
-    bar = 12 if width >= 50 else 8
-    parts: list[LegendPart] = []
-    if view.mode == "full":
-        parts.append(_marks(look))
-    elif view.mode == "glyph":
-        parts += glyph_legend(view, model, look)
-    else:
-        parts.append(
-            colour_bar(
-                view.value_label,
-                view.value_unit,
-                model.value_range,
-                look,
-                bar,
-                ramp=ramp_for_values(look),
-                room=width,
-                clipped=view.value_range is None,
-            )
-        )
-    if model.heat_range is not None:
-        ramp = None if look.fine else HEAT_RAMPS[look.ascii]
-        parts.append(
-            colour_bar(
-                view.heat_label, view.heat_unit, model.heat_range, look, bar, ramp=ramp, room=width
-            )
-        )
-    parts.append(scale_bar(frame.pitch, max(4, width // 6), look))
-    if model.others:
-        parts.append(others_part(look))
-    if view.mode == "full" and model.lit > LINES_UP_TO:
-        parts.append(words(((f"lines up to {LINES_UP_TO} in view", look.theme.muted),)))
-    if view.clip is not None:
-        parts.append(clip_part(look))
-    return parts
+    """The legend of predictions and truth."""
+    theme, glyphs = options.theme, options.glyphs
+    marks = (
+        (f"{glyphs.sim} ", theme.sim),
+        ("sim  ", theme.muted),
+        (f"{glyphs.real} ", theme.real),
+        ("real  ", theme.muted),
+        (f"{glyphs.truth} ", theme.truth),
+        ("truth", theme.muted),
+    )
+    return [text_part(marks)]
 
 
-def _marks(look: RenderOptions) -> LegendPart:
-    theme, glyphs = look.theme, look.glyphs
-    return words(
-        (
-            (f"{glyphs.sim} ", theme.sim),
-            ("sim  ", theme.muted),
-            (f"{glyphs.real} ", theme.real),
-            ("real  ", theme.muted),
-            (f"{glyphs.truth} ", theme.truth),
-            ("truth", theme.muted),
-        )
+def draw_predictions(
+    canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame, options: RenderOptions
+) -> None:
+    """Draw predictions and truth of the selected, joined by lines where they are few."""
+    theme, glyphs = options.theme, options.glyphs
+    _lines(canvas, data, iids_with_error_lines(data, model, frame), frame, options)
+    for points, glyph, colour in (
+        (data.sim, glyphs.sim, theme.sim),
+        (data.real, glyphs.real, theme.real),
+        (data.truth, glyphs.truth, theme.truth),
+    ):
+        rows, columns = np.nonzero(selected_cells(points, model.selection, frame))
+        put_glyphs(canvas, columns, rows, glyph, colour)
+
+
+def _lines(
+    canvas: Canvas, data: MapInput, ids: Places, frame: MapFrame, options: RenderOptions
+) -> None:
+    """Error lines from the truth to both predictions, in braille or in full stops."""
+    starts = frame.to_cells(np.asarray(data.truth)[ids])
+    for side, colour in ((data.sim, options.theme.sim), (data.real, options.theme.real)):
+        grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
+        ends = frame.to_cells(np.asarray(side)[ids])
+        for start, end in zip(starts, ends, strict=True):
+            if np.isfinite(start).all() and np.isfinite(end).all():
+                columns, rows = segment_dots(start[0], start[1], end[0], end[1])
+                grid |= dot_grid(columns, rows, canvas.width, canvas.height)
+        draw_dots(canvas, grid, colour, options, ".")
+
+
+def draw_cursor_predictions(
+    canvas: Canvas, data: MapInput, cursor: int, frame: MapFrame, options: RenderOptions
+) -> None:
+    """Both predicted poses of the cursor's instance."""
+    theme, glyphs = options.theme, options.glyphs
+    draw_pose(canvas, data.sim, data.sim_headings, cursor, frame, options, glyphs.sim, theme.sim)
+    draw_pose(
+        canvas, data.real, data.real_headings, cursor, frame, options, glyphs.real, theme.real
     )
 
 
-def others_part(look: RenderOptions) -> LegendPart:
-    """The legend of what is not selected."""
-    theme = look.theme
-    grey = "⠿" if not look.ascii else look.glyphs.unselected
-    return words(((f"{grey} ", theme.unselected), ("not selected", theme.muted)))
+def draw_live(
+    canvas: Canvas, live: Sequence[LivePose], frame: MapFrame, options: RenderOptions
+) -> None:
+    """Draw predicted poses that are not in the store."""
+    theme, glyphs = options.theme, options.glyphs
+    for pose in live:
+        glyph, colour = (glyphs.sim, theme.sim) if pose.side == "sim" else (glyphs.real, theme.real)
+        points, headings = np.array([[pose.x, pose.y]]), np.array([pose.heading])
+        draw_pose(canvas, points, headings, 0, frame, options, glyph, colour)
 
 
-def clip_part(look: RenderOptions) -> LegendPart:
-    """The legend of what no selected instance has seen."""
-    how = "dim" if look.fine else "blank"
-    return words(((f"{how}: not seen", look.theme.muted),))
+def draw_error_glyphs(
+    canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame, options: RenderOptions
+) -> None:
+    """Draw errors as arcs in braille, or as arrows with letters and sizes without colours."""
+    footprint = ARC_FOOTPRINT if options.supports_images else ARROW_FOOTPRINT
+    glyph_set = error_glyphs(data, model, frame, footprint)
+    rows, columns = np.nonzero(selected_cells(data.truth, model.selection, frame))
+    gold = options.theme.truth
+    if glyph_set.crowded:
+        red, green, blue = mix(np.array(options.theme.background), np.array(gold), 0.55).tolist()
+        put_glyphs(
+            canvas, columns, rows, "." if options.ascii else "·", (red, green, blue), bold=False
+        )
+    else:
+        put_glyphs(canvas, columns, rows, options.glyphs.truth, gold, bold=False)
+    draw = _arcs if options.supports_images else _arrows
+    draw(canvas, glyph_set, data.y_down, options)
+    _middles(canvas, glyph_set, options)
+
+
+def _middles(canvas: Canvas, glyph_set: ErrorGlyphs, options: RenderOptions) -> None:
+    """The true position of one instance, or the number of combined ones."""
+    for (column, row), size in zip(
+        glyph_set.centres.tolist(), glyph_set.counts.tolist(), strict=True
+    ):
+        glyph = options.glyphs.truth if size == 1 else str(size) if size < 10 else "+"
+        canvas.put(int(column), int(row), glyph, options.theme.truth, bold=True)
+
+
+def _arcs(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
+    sim, real = (_ring(canvas, glyph_set, part, y_down) for part in (glyph_set.sim, glyph_set.real))
+    theme = options.theme
+    counts = [
+        part.reshape(canvas.height, 4, canvas.width, 2).sum(axis=(1, 3))
+        for part in (sim, real, sim & real)
+    ]
+    colours = np.empty((canvas.height, canvas.width, 3), dtype=np.uint8)
+    colours[:] = theme.sim
+    colours[counts[1] > counts[0]] = theme.real
+    colours[counts[2] > 0] = theme.both
+    draw_braille(canvas, 0, 0, sim | real, colours)
+    _tips(canvas, glyph_set, y_down, options)
+
+
+def _ring(
+    canvas: Canvas, glyph_set: ErrorGlyphs, vectors: NDArray[np.float64], y_down: bool
+) -> Grid:
+    """The arcs of one side as braille dots (4 rows, 2 columns per cell)."""
+    half = np.radians(arc_degrees(vectors, glyph_set.full))[:, None] / 2
+    angles = arc_turns(vectors, y_down)[:, None] + half * np.linspace(-1, 1, 32)
+    angles, radii = angles[..., None], np.array(RADII)
+    middle = np.floor(glyph_set.centres)[:, None, None] + 0.5
+    columns = middle[..., 0] + radii / 2 * np.cos(angles)
+    rows = middle[..., 1] + radii / 4 * np.sin(angles)
+    known = np.isfinite(columns)
+    return dot_grid(columns[known], rows[known], canvas.width, canvas.height)
+
+
+def _tips(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
+    """The side's glyph in the middle of each arc, one for both where they coincide."""
+    theme, glyphs = options.theme, options.glyphs
+    places = [_tip_cells(glyph_set, part, y_down) for part in (glyph_set.sim, glyph_set.real)]
+    for sim, real in zip(*(part.tolist() for part in places), strict=True):
+        if sim == real:
+            canvas.put(sim[0], sim[1], glyphs.both, theme.both, bold=True)
+            continue
+        canvas.put(sim[0], sim[1], glyphs.sim, theme.sim, bold=True)
+        canvas.put(real[0], real[1], glyphs.real, theme.real, bold=True)
+
+
+def _tip_cells(
+    glyph_set: ErrorGlyphs, vectors: NDArray[np.float64], y_down: bool
+) -> NDArray[np.intp]:
+    turns = arc_turns(vectors, y_down)
+    middle = np.floor(glyph_set.centres) + 0.5
+    step = np.stack([np.cos(turns) * RADII[-1] / 2, np.sin(turns) * RADII[-1] / 4], axis=1)
+    return np.where(np.isfinite(step), np.floor(middle + step), -1).astype(np.intp)
+
+
+def _arrows(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
+    """An arrow in the error's direction, with the side's letter and the size of the error."""
+    theme, glyphs = options.theme, options.glyphs
+    sim, real = (_octants(part, y_down) for part in (glyph_set.sim, glyph_set.real))
+    sizes = [_digits(part, glyph_set.full) for part in (glyph_set.sim, glyph_set.real)]
+    middles = np.floor(glyph_set.centres).astype(int).tolist()
+    for index, (column, row) in enumerate(middles):
+        texts = [side[index] for side in sizes]
+        if sim[index] == real[index]:
+            label = glyphs.both + "".join(texts)
+            _arrow(canvas, column, row, sim[index], None, label, theme.both, options)
+            continue
+        _arrow(
+            canvas, column, row, sim[index], real[index], glyphs.sim + texts[0], theme.sim, options
+        )
+        _arrow(
+            canvas,
+            column,
+            row,
+            real[index],
+            sim[index],
+            glyphs.real + texts[1],
+            theme.real,
+            options,
+        )
+
+
+def _arrow(
+    canvas: Canvas,
+    column: int,
+    row: int,
+    octant: int,
+    other: int | None,
+    label: str,
+    colour: Rgb,
+    options: RenderOptions,
+) -> None:
+    """One arrow; a label above or below the point avoids the other arrow."""
+    if octant < 0:
+        return
+    across, down = OCTANTS[octant]
+    leftwards = across < 0
+    if across == 0 and other is not None and other >= 0:
+        leftwards = OCTANTS[other] == (1, down)
+    canvas.put(column + across, row + down, options.glyphs.arrows[octant], colour, bold=True)
+    start = column + across + (-len(label) if leftwards else 1)
+    canvas.text(start, row + down, label, colour, bold=True)
+
+
+def _octants(vectors: NDArray[np.float64], y_down: bool) -> list[int]:
+    """The eighth of a turn, clockwise on the screen from the right; -1 where unknown."""
+    turns = arc_turns(vectors, y_down)
+    known = np.isfinite(turns)
+    eighths = np.rint(np.where(known, turns, 0) / (np.pi / 4)).astype(int) % 8
+    return list(np.where(known, eighths, -1).tolist())
+
+
+def _digits(vectors: NDArray[np.float64], full: float) -> list[str]:
+    """The size of each error in ninths of full scale."""
+    share = np.minimum(np.hypot(vectors[:, 0], vectors[:, 1]) / full, 1.0)
+    return [str(round(9 * part)) for part in np.nan_to_num(share).tolist()]
+
+
+def glyph_legend(
+    data: MapInput, model: MapModel, options: RenderOptions, width: int
+) -> list[LegendPart]:
+    """The legend of arcs or arrows."""
+    theme, glyphs = options.theme, options.glyphs
+    full = f"{short_number(full_scale(data), 2)} m"
+    scale = f"{LARGEST:g}{glyphs.degree} = {full}" if options.supports_images else f"9 = {full}"
+    marks = (
+        (f"{glyphs.sim} ", theme.sim),
+        ("sim  ", theme.muted),
+        (f"{glyphs.real} ", theme.real),
+        ("real  ", theme.muted),
+        (f"{glyphs.both} ", theme.both),
+        (f"both  {scale}", theme.muted),
+    )
+    parts = [text_part(marks)]
+    if model.highlighted > 1:
+        parts.append(text_part((("2..9 + ", theme.truth), ("mean of n instances", theme.muted))))
+    return parts
+
+
+DRAWINGS = {"colour": draw_values, "glyph": draw_error_glyphs, "full": draw_predictions}
+LEGENDS = {"colour": value_legend, "glyph": glyph_legend, "full": full_legend}
+"""Per map mode: how the selected are drawn, and what the legend says about them."""

@@ -1,4 +1,4 @@
-"""The geo-map: where the instances stand, and the heat on the floor."""
+"""The map: instances at their true positions, predictions and heat on the floor plan."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2rtui.analysis.identity_cache import identity
+from s2rstore.records import Side
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
-from s2rtui.charts.adjust.adjusted_instance import live_poses
+from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.charts.map import terminal
-from s2rtui.charts.shared import inputs, view_inputs
-from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, area
+from s2rtui.charts.mark_expressions import area_expression
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.instance_model import InstanceInput, SideView
+from s2rtui.charts.shared.map_model import LivePose, MapInput, map_input
+from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
+from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session
 from s2rtui.session.heatmaps import share_told
 
@@ -22,10 +26,10 @@ _TITLES = {
     "glyph": "direction and size of the errors",
     "full": "predicted and true positions",
 }
-_TOLD = {
-    "colour": "truth coloured by shift",
+_SUBTITLES = {
+    "colour": "truth coloured by shift, the distance between both predictions",
     "glyph": "direction and size of both errors",
-    "full": "sim, truth, real",
+    "full": "predictions in sim and real, joined to the truth",
 }
 
 
@@ -33,28 +37,27 @@ class MapView(View):
     name = "map"
     key = "2"
     pane: Pane = "centre"
-    description = "geo-map: truth, predictions and heat on the floor plan"
+    description = "map: truth, predictions and heat on the floor plan"
     aliases = ("geomap",)
-    feeds = ("floor plan", "heat on the map", "what was seen")
-    paper = (1600, 1200)
+    loads = ("floor plan", "heat on the map", "what was seen")
+    figure_size = (1600, 1200)
 
-    def told(self, scene: Scene) -> str:
-        state, told = scene.state, _TOLD[scene.state.map_mode]
+    def subtitle(self, scene: Scene) -> str:
+        state, text = scene.state, _SUBTITLES[scene.state.map_mode]
         if state.clip:
-            saw = f"what the selection saw{share_told(state)}"
+            seen = f"what the selection saw{share_told(state)}"
             failed = scene.resources.failed.get("what was seen")
             if scene.resources.seen_on_map(state) is not None:
-                told += f", {saw}"
+                text += f", {seen}"
             else:
-                told += f", {saw} is not known: {failed}" if failed else f", loading {saw}"
-        lacks = (
-            feed for feed in ("floor plan", "heat on the map") if feed in scene.resources.failed
-        )
-        return told + "".join(f", no {feed}: {scene.resources.failed[feed]}" for feed in lacks)
+                text += f", {seen} is unknown: {failed}" if failed else f", loading {seen}"
+        failed_loads = scene.resources.failed
+        missing = (name for name in ("floor plan", "heat on the map") if name in failed_loads)
+        return text + "".join(f", no {name}: {failed_loads[name]}" for name in missing)
 
-    def input(self, scene: Scene) -> inputs.GeoMapInput:
+    def input(self, scene: Scene) -> MapInput:
         state, resources = scene.state, scene.resources
-        view = view_inputs.map_input(
+        view = map_input(
             scene.store,
             state,
             resources.floor_plan,
@@ -63,16 +66,16 @@ class MapView(View):
             scene.mark(self.name),
             resources.heat_note(state),
         )
-        shown = resources.adjusted(state) if state.adjusting else None
-        if shown is None or shown.iid != state.cursor:
+        adjusted = resources.adjusted(state) if state.adjusting else None
+        if adjusted is None or adjusted.iid != state.cursor:
             return view
-        return replace(view, live=live_poses(shown))
+        return replace(view, live=_live_poses(adjusted))
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
-        return identity(self.input(scene)), scene.state.viewport
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
+        return identity_key(self.input(scene)), scene.state.viewport
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return terminal.geomap(self.input(scene), size, look, scene.state.viewport)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return terminal.draw_map(self.input(scene), size, options, scene.state.viewport)
 
     def numbers(self, scene: Scene) -> Table:
         truth, run = scene.store.instances, scene.store.run_columns(scene.state.run)
@@ -81,24 +84,24 @@ class MapView(View):
                    np.degrees(run.real.heading), run.shift)  # fmt: skip
         names = ("iid", "x", "y", "heading", "sim x", "sim y", "sim heading", "real x", "real y",
                  "real heading", "shift")  # fmt: skip
-        chosen = np.flatnonzero(scene.state.selected)
-        picked = [column[chosen].tolist() for column in columns]
-        return names, list(zip(chosen.tolist(), *picked, strict=True))
+        selection = np.flatnonzero(scene.state.selected)
+        picked = [column[selection].tolist() for column in columns]
+        return names, list(zip(selection.tolist(), *picked, strict=True))
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         state, truth = scene.state, scene.store.instances
         shift = scene.store.run_columns(state.run).shift[state.selected]
         shift = shift[np.isfinite(shift)]
         codes = truth.room[state.selected]
         counts = [(int((codes == code).sum()), name) for code, name in enumerate(truth.room_names)]
         rooms = ", ".join(f"{name} {n}" for n, name in sorted(counts, key=lambda r: -r[0]) if n)
-        told = f"Map of run {state.run}: {state.count} instances; {rooms or 'in no room'}."
+        text = f"Map of run {state.run}: {state.count} instances; {rooms or 'in no room'}."
         if shift.size:
-            told += (
+            text += (
                 f" Sim and real predictions lie {np.median(shift):.2f} m apart in the median, "
                 f"{shift.max():.2f} m at most."
             )
-        return told
+        return text
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.map import paper
@@ -106,21 +109,32 @@ class MapView(View):
         view, state = self.input(scene), scene.state
         title = f"{state.run}: {_TITLES[state.map_mode]}"
         title += f"; heat: {view.heat_label}" if view.heat is not None else ""
-        return paper.geomap_figure(
-            view, size, theme, state.run, scene.caption, title, state.viewport
-        )
+        return paper.map_figure(view, size, theme, state.run, scene.caption, title, state.viewport)
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return terminal.geomap_surface(self.input(scene), size, look, scene.state.viewport)
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return terminal.map_panels(self.input(scene), size, options, scene.state.viewport)
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
-        return view_inputs.point_of(view_inputs.truth_points(scene.store), scene.state.cursor)
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
+        return known_point(true_positions(scene.store), scene.state.cursor)
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        points = view_inputs.truth_points(scene.store)
-        nearest = view_inputs.nearest(points, scene.state.base, point)
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        points = true_positions(scene.store)
+        nearest = nearest_iid(points, scene.state.base, point)
         if nearest is not None:
             session.put_cursor(nearest)
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        return area(panel, mark, "box", "lasso")
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        return area_expression(panel, mark, "box", "lasso")
+
+
+VIEW = MapView()
+
+
+def _live_poses(instance: InstanceInput) -> tuple[LivePose, ...]:
+    """The predicted poses of an instance that is being adjusted."""
+    sides: tuple[tuple[Side, SideView], ...] = (("sim", instance.sim), ("real", instance.real))
+    return tuple(
+        LivePose(name, side.pose.x, side.pose.y, side.pose.heading)
+        for name, side in sides
+        if side.pose is not None
+    )

@@ -1,4 +1,4 @@
-"""Radial bars in braille dots: which dot belongs to which bin, and how far out it lies."""
+"""Dials: radial bars of headings, as braille dots and in cells."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from s2rtui.canvas.brush_surface import Point
+from s2rstore.geometry import angles
+from s2rtui.canvas.brush import Mark, Panel, Point, mark_arc
+from s2rtui.canvas.canvas import Canvas
+from s2rtui.canvas.colour import Rgb
+from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
+from s2rtui.canvas.render_options import RenderOptions, heading_arrow
+from s2rtui.charts.shared.bars import Bars
 
 Dots = NDArray[np.bool_]
 RING = 0.32
@@ -17,9 +23,9 @@ RING = 0.32
 
 @dataclass(frozen=True, slots=True)
 class Dial:
-    """A disc in cells: centre, and radii of ring and rim in columns (a row is two columns high).
+    """A disc in cells: centre, radii of ring and rim in columns (a row counts as two columns).
 
-    Headings in degrees run from the right, downwards if `y_down`.
+    Headings in degrees start at the right and go downwards if `y_down`.
     """
 
     x: float
@@ -29,14 +35,14 @@ class Dial:
     y_down: bool
 
     def to_data(self, column: float, row: float) -> Point:
-        """(degrees in [-180, 180), radius: 0 at the ring, 1 at the rim) of a place in cells."""
+        """Convert a place in cells to degrees in [-180, 180) and radius (ring: 0, rim: 1)."""
         across, down = column - self.x, 2 * (row - self.y)
         turn = float(np.degrees(np.arctan2(down if self.y_down else -down, across)))
         distance = float(np.hypot(across, down))
         return (turn if turn < 180 else -180.0), (distance - self.ring) / (self.rim - self.ring)
 
     def to_cells(self, degrees: float, radius: float) -> Point:
-        """The place in cells; the inverse of `to_data`."""
+        """Convert degrees and radius to a place in cells; the inverse of `to_data`."""
         distance = self.ring + radius * (self.rim - self.ring)
         turn = np.radians(degrees)
         down = distance * np.sin(turn) * (1 if self.y_down else -1)
@@ -50,13 +56,13 @@ def dial_of(x: float, y: float, width: int, height: int, y_down: bool, margin: P
 
 
 def ring_dots(dial: Dial, width: int, height: int) -> Dots:
-    """(4 height, 2 width) braille dots: the circle that the bars stand on."""
+    """Braille dots (4 height, 2 width) of the circle at which bars begin."""
     distance = 2 * _polar(dial, width, height, 4, 1)[1]
     return np.abs(distance - 2 * dial.ring) < 0.5
 
 
 def bar_dots(dial: Dial, width: int, height: int, lengths: ArrayLike, fine: int = 4) -> Dots:
-    """(fine height, 2 width) dots: bars of `lengths` 0 .. 1, one per bin, from -180 degrees on."""
+    """Dots (fine height, 2 width) of bars with `lengths` 0 .. 1, one per bin from -180 degrees."""
     lengths = np.clip(lengths, 0.0, 1.0)
     bin_of, share, rays, along = _bars(dial, width, height, fine, len(lengths))
     dots = (share > 0) & (share <= lengths[bin_of])
@@ -81,9 +87,9 @@ def _polar(
 def _bars(
     dial: Dial, width: int, height: int, fine: int, count: int
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
-    """Bin and share of each dot; and along each bin's middle, dots (-1 outside) and shares.
+    """Bin and radius of each dot; and the dots (-1: outside) and radii along each bin's middle.
 
-    The rays see to it that a bar thinner than a dot is drawn, too.
+    The dots along the middle make bars visible that are thinner than a dot.
     """
     bin_of, distance = _polar(dial, width, height, fine, count)
     share = (distance - dial.ring) / (dial.rim - dial.ring)
@@ -96,3 +102,112 @@ def _bars(
     inside = (columns >= 0) & (columns < 2 * width) & (rows >= 0) & (rows < fine * height)
     rays = np.where(inside, rows * 2 * width + columns, -1)
     return bin_of, share, rays, (along - dial.ring) / (dial.rim - dial.ring)
+
+
+QUADRANTS = np.array(list(" ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"))
+
+
+QUARTER = np.array([[1, 2], [4, 8]])
+
+
+def draw_dial(
+    canvas: Canvas,
+    panel: Panel,
+    dial: Dial,
+    bars: Bars,
+    cursor: float | None,
+    mark: Mark | None,
+    colour: Rgb,
+    options: RenderOptions,
+) -> None:
+    """Draw bars of the selected in `colour` on grey bars of all; `cursor` in degrees."""
+    chart = Canvas(panel.width, panel.height, options.theme)
+    if mark is not None:
+        _ground(chart, dial, mark, options)
+    size = (panel.width, panel.height)
+    highlighted, grey = bars
+    blocks = bar_dots(dial, *size, highlighted, fine=2)
+    dots = bar_dots(dial, *size, grey)
+    if options.ascii:
+        _characters(chart, dial, _cells(blocks, 2), _cells(dots, 4), colour, options)
+    else:
+        _dots_and_blocks(chart, dial, blocks, dots, colour, options)
+    _needle(chart, dial, cursor, options)
+    canvas.paste(chart, panel.x, panel.y)
+    _rim(canvas, panel, cursor, mark, options)
+
+
+def _cells(dots: Dots, fine: int) -> Dots:
+    """Convert dots (fine h, 2w) to cells (h, w) that contain any."""
+    rows, columns = dots.shape
+    return np.asarray(dots.reshape(rows // fine, fine, columns // 2, 2).any(axis=(1, 3)))
+
+
+def _dots_and_blocks(
+    chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, colour: Rgb, options: RenderOptions
+) -> None:
+    """Selected bars in quarter blocks; ring and grey bars in braille dots."""
+    theme = options.theme
+    ring = ring_dots(dial, chart.width, chart.height)
+    draw_braille(chart, 0, 0, grey | ring, np.array(theme.unselected, dtype=np.uint8))
+    parts = highlighted.reshape(chart.height, 2, chart.width, 2)
+    quarters = (parts * QUARTER[None, :, None, :]).sum(axis=(1, 3))
+    held = quarters > 0
+    chart.char[held] = QUADRANTS[quarters[held]]
+    chart.fg[held] = colour
+
+
+def _characters(
+    chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, colour: Rgb, options: RenderOptions
+) -> None:
+    """Ring, grey bars and selected bars in ASCII characters."""
+    ring = _cells(ring_dots(dial, chart.width, chart.height), 4)
+    for cells, glyph, ink in (
+        (ring, "o", options.theme.muted),
+        (grey, ".", options.theme.unselected),
+        (highlighted, "#", colour),
+    ):
+        chart.char[cells] = glyph
+        chart.fg[cells] = ink
+
+
+def _needle(chart: Canvas, dial: Dial, cursor: float | None, options: RenderOptions) -> None:
+    """A line from the centre to the ring in the heading of the cursor's instance."""
+    if cursor is None:
+        return
+    if options.ascii:
+        arrow = heading_arrow(np.radians(cursor), dial.y_down, options.glyphs)[0]
+        chart.put(int(dial.x), int(dial.y), arrow, options.theme.cursor, bold=True)
+        return
+    end = dial.to_cells(cursor, 0.0)
+    dots = dot_grid(*segment_dots(dial.x, dial.y, *end), chart.width, chart.height)
+    draw_braille(chart, 0, 0, dots, np.array(options.theme.cursor, dtype=np.uint8))
+
+
+def _ground(chart: Canvas, dial: Dial, mark: Mark, options: RenderOptions) -> None:
+    """The sector of a brush mark."""
+    middle, half = mark_arc(mark)
+    across = np.arange(chart.width) + 0.5 - dial.x
+    down = 2 * (np.arange(chart.height) + 0.5 - dial.y)
+    turn = np.degrees(np.arctan2((down if dial.y_down else -down)[:, None], across[None]))
+    apart = np.abs(angles.wrap_degrees(turn - middle))
+    chart.bg[apart <= half] = options.theme.highlight
+
+
+def _rim(
+    canvas: Canvas, panel: Panel, cursor: float | None, mark: Mark | None, options: RenderOptions
+) -> None:
+    """The ends of a brush mark and the cursor's heading at the rim."""
+    if mark is not None:
+        middle, half = mark_arc(mark)
+        for degrees in (middle - half, middle + half):
+            _at_rim(canvas, panel, degrees, "+", options.theme.truth)
+    if cursor is not None:
+        _at_rim(canvas, panel, cursor, options.glyphs.cursor, options.theme.cursor)
+
+
+def _at_rim(canvas: Canvas, panel: Panel, degrees: float, glyph: str, colour: Rgb) -> None:
+    column, row = panel.to_cells(degrees, 1.0)
+    across = min(max(int(np.floor(column)), panel.x), panel.x + panel.width - 1)
+    down = min(max(int(np.floor(row)), panel.y), panel.y + panel.height - 1)
+    canvas.put(across, down, glyph, colour, bold=True)

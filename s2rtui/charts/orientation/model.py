@@ -1,4 +1,4 @@
-"""Headings as numbers: counts in bins of 5 degrees, their mean directions, one common scale."""
+"""The numbers of the orientation view: headings in bins of 5 degrees, circular means."""
 
 from __future__ import annotations
 
@@ -9,18 +9,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.bins import Bins, Chosen, bins, choose
+from s2rtui.analysis.binning import Bins, Bools, SelectionIndices, bin_values, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas.pending_brush import wrapped
-from s2rtui.charts.shared.inputs import Floats, OrientationInput
+from s2rtui.canvas.brush import Mark, wrap_degrees
+from s2rtui.charts.shared.axis_scale import Floats
 
 BINS = 72
 WIDTH = 360 / BINS
 NAMES = ("sim", "truth", "real")
 EXACTLY_UP_TO = 20_000
-"""A mean direction of so many is taken over the instances, of more over the bins."""
+"""Up to this number, mean directions are exact; above it they are computed from bins."""
 Counts = NDArray[np.intp]
 Lengths = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrientationInput:
+    """Headings predicted in sim, true, predicted in real, (N,) radians each, NaN for none.
+
+    selected, valid: (N,) bool; cursor: an iid. `y_down`: 90 degrees points down on the screen.
+    """
+
+    sim: Floats
+    truth: Floats
+    real: Floats
+    selected: Bools
+    valid: Bools
+    y_down: bool = True
+    cursor: int | None = None
+    mark: Mark | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +48,7 @@ class Headings:
     NaN where none is selected. cursor: degrees, or None.
     """
 
-    lit: Counts
+    highlighted: Counts
     total: Counts
     mean: float
     resultant: float
@@ -40,10 +57,10 @@ class Headings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrientationModel:
-    """The panels in the order of NAMES, and what their longest bar stands for.
+    """The panels in the order of NAMES, and the counts of a bar of full length.
 
-    peak: so many of the selected. whole: so many of all valid; grey bars show all, shrunk by the
-    share that is selected, so that they are what a selection blind to heading would give.
+    peak: of the selected. whole: of all valid instances. Grey bars show all instances, scaled by
+    the share that is selected: what a selection independent of the heading would give.
     """
 
     panels: tuple[Headings, ...]
@@ -52,28 +69,28 @@ class OrientationModel:
 
     def lengths(self, panel: Headings) -> tuple[Lengths, Lengths]:
         """Bars 0 .. 1 of the selected and of all."""
-        return panel.lit / self.peak, panel.total / self.whole
+        return panel.highlighted / self.peak, panel.total / self.whole
 
 
-def orientation_model(view: OrientationInput, count: int = BINS) -> OrientationModel:
+def orientation_model(data: OrientationInput, count: int = BINS) -> OrientationModel:
     """Counts in `count` bins (a divisor of 72) and means of the three headings."""
-    sides = (view.sim, view.truth, view.real)
+    sides = (data.sim, data.truth, data.real)
     keys = tuple(ArrayKey(side) for side in sides)
-    counted = _counts(keys, ArrayKey(view.selected), ArrayKey(view.valid))
+    counted = _counts(keys, ArrayKey(data.selected), ArrayKey(data.valid))
     panels = tuple(
         Headings(
-            lit.reshape(count, -1).sum(axis=1),
+            highlighted.reshape(count, -1).sum(axis=1),
             total.reshape(count, -1).sum(axis=1),
             math.degrees(np.angle(vector)),
             abs(vector),
-            _cursor(side, view),
+            _cursor(side, data),
         )
-        for side, (lit, total, vector) in zip(sides, counted, strict=True)
+        for side, (highlighted, total, vector) in zip(sides, counted, strict=True)
     )
-    chosen = sum(int(panel.lit.sum()) for panel in panels)
-    share = chosen / sum(int(panel.total.sum()) for panel in panels) if chosen else 1.0
+    selection = sum(int(panel.highlighted.sum()) for panel in panels)
+    share = selection / sum(int(panel.total.sum()) for panel in panels) if selection else 1.0
     longest = max(float(panel.total.max()) * share for panel in panels)
-    longest = max(1, math.ceil(longest), *(int(panel.lit.max()) for panel in panels))
+    longest = max(1, math.ceil(longest), *(int(panel.highlighted.max()) for panel in panels))
     return OrientationModel(panels, longest, longest / share)
 
 
@@ -81,12 +98,12 @@ def orientation_model(view: OrientationInput, count: int = BINS) -> OrientationM
 def _bins(headings: ArrayKey) -> Bins:
     turned = np.degrees(np.asarray(headings.array, dtype=np.float64)) + 180
     turned = (turned - 360 * np.floor(turned / 360)) / WIDTH
-    return bins(np.where(turned >= BINS, 0.0, turned), BINS)
+    return bin_values(np.where(turned >= BINS, 0.0, turned), BINS)
 
 
 @cached_by_identity(16)
 def _directions(headings: ArrayKey) -> NDArray[np.complex128]:
-    """(72,) the mean unit vector of everything in each bin, to single precision."""
+    """(72,) the mean unit vector of all headings in each bin, in single precision."""
     column = np.asarray(headings.array, dtype=np.float32)
     codes = _bins(headings).codes
     known = np.where(codes < BINS, column, 0.0)
@@ -101,25 +118,25 @@ def _counts(
     sides: tuple[ArrayKey, ...], selected: ArrayKey, valid: ArrayKey
 ) -> list[tuple[Counts, Counts, complex]]:
     """Counts of the selected and of all in 72 bins, and the selected's mean unit vector."""
-    chosen = choose(np.asarray(selected.array), np.asarray(valid.array))
-    counted = joint_histogram.counts([_bins(side) for side in sides], chosen)
+    selection = selection_indices(np.asarray(selected.array), np.asarray(valid.array))
+    counted = joint_histogram.joint_counts([_bins(side) for side in sides], selection)
     return [
-        (lit, total, _mean(np.asarray(side.array), lit, chosen))
-        for side, (lit, total) in zip(sides, counted, strict=True)
+        (highlighted, total, _mean(np.asarray(side.array), highlighted, selection))
+        for side, (highlighted, total) in zip(sides, counted, strict=True)
     ]
 
 
-def _cursor(column: Floats, view: OrientationInput) -> float | None:
-    """Degrees of the cursor's instance, where it is valid and known."""
-    cursor = view.cursor
-    if cursor is None or not (0 <= cursor < len(view.valid) and view.valid[cursor]):
+def _cursor(column: Floats, data: OrientationInput) -> float | None:
+    """The heading of the cursor's instance in degrees, None where unknown."""
+    cursor = data.cursor
+    if cursor is None or not (0 <= cursor < len(data.valid) and data.valid[cursor]):
         return None
     heading = float(column[cursor])
-    return wrapped(math.degrees(heading)) if math.isfinite(heading) else None
+    return wrap_degrees(math.degrees(heading)) if math.isfinite(heading) else None
 
 
 def _units(column: Floats, iids: NDArray[np.intp]) -> NDArray[np.complex128]:
-    """Unit vectors of some headings, kept where those of all are few."""
+    """Unit vectors of some headings; those of all are cached where they are few."""
     if len(column) <= EXACTLY_UP_TO:
         return _all_units(ArrayKey(column))[iids]
     return np.asarray(np.exp(1j * column[iids]))
@@ -130,12 +147,12 @@ def _all_units(column: ArrayKey) -> NDArray[np.complex128]:
     return np.asarray(np.exp(1j * np.asarray(column.array)))
 
 
-def _mean(column: Floats, lit: Counts, chosen: Chosen) -> complex:
+def _mean(column: Floats, highlighted: Counts, selection: SelectionIndices) -> complex:
     """The mean unit vector of the selected."""
-    number = int(lit.sum())
+    number = int(highlighted.sum())
     if number == 0:
         return complex(math.nan, math.nan)
     if number <= EXACTLY_UP_TO:
-        own = _units(column, chosen.members)
-        return complex(own[np.isfinite(own)].mean())
-    return complex((lit * _directions(ArrayKey(column))).sum() / number)
+        directions = _units(column, selection.members)
+        return complex(directions[np.isfinite(directions)].mean())
+    return complex((highlighted * _directions(ArrayKey(column))).sum() / number)

@@ -1,4 +1,4 @@
-"""Headings on paper: three radial bar charts over one scale."""
+"""The headings on paper: three radial bar charts on one scale."""
 
 from __future__ import annotations
 
@@ -12,42 +12,42 @@ from s2rtui.charts.orientation.model import (
     BINS,
     NAMES,
     Headings,
+    OrientationInput,
     OrientationModel,
     orientation_model,
 )
-from s2rtui.charts.shared.axis_scale import ticks
-from s2rtui.charts.shared.inputs import OrientationInput
+from s2rtui.charts.shared.axis_scale import tick_values
 from s2rtui.charts.shared.paper import (
     Page,
     Pixels,
-    heading,
+    draw_heading,
+    figure_bytes,
+    make_page,
     new_figure,
-    page_of,
-    unit,
-    written,
+    rgb_fractions,
 )
 
 FOOT = 0.9
 """Inches below the dials."""
 STACKED = 1.2
-"""On pages of at least this height over width the dials stand one below the other."""
+"""Above this ratio of height to width the dials are stacked."""
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 def orientation_figure(
-    view: OrientationInput,
+    data: OrientationInput,
     size: Pixels = (1600, 680),
     theme: Theme = LIGHT,
     title: str = "Headings in simulation, in truth and in reality",
     subtitle: str = "",
 ) -> bytes:
-    """A PNG of `size` pixels: bars of the selected, grey bars of all shrunk by their share."""
-    page = page_of(size, theme)
-    model = orientation_model(view)
+    """Draw the figure in `size` pixels: bars of the selected on scaled grey bars of all."""
+    page = make_page(size, theme)
+    model = orientation_model(data)
     figure = new_figure(page)
-    top = heading(figure, page, title, subtitle)
+    top = draw_heading(figure, page, title, subtitle)
     wide, high = page.inches
     stacked = high > STACKED * wide
     room = wide - 0.4 if stacked else (wide - 0.4) / 3
@@ -59,12 +59,12 @@ def orientation_figure(
         foot = FOOT + (height - across) / 2 + (2 - index) * (height + 0.75) * stacked
         box = page.box(middle - across / 2, foot, across, across)
         axes = figure.add_axes(box, projection="polar")
-        _dial(axes, model, panel, view.y_down, inks[index], page)
-        _words(figure, page, (middle, foot + across + 0.45), name, inks[index], bold=True)
-        _words(figure, page, (middle, foot - 0.38), _mean(panel), theme.muted, bold=False)
+        _dial(axes, model, panel, data.y_down, inks[index], page)
+        _centred_text(figure, page, (middle, foot + across + 0.45), name, inks[index], bold=True)
+        _centred_text(figure, page, (middle, foot - 0.38), _mean(panel), theme.muted, bold=False)
     if page.inches[1] > 2:
         _note(figure, page, model)
-    return written(figure, page)
+    return figure_bytes(figure, page)
 
 
 def _dial(
@@ -76,32 +76,41 @@ def _dial(
     page: Page,
 ) -> None:
     theme = page.theme
-    axes.set_facecolor(unit(theme.background))
+    axes.set_facecolor(rgb_fractions(theme.background))
     axes.set_theta_zero_location("E")
     axes.set_theta_direction(-1 if y_down else 1)
     peak = float(model.peak)
     axes.set_rorigin(-peak * RING / (1 - RING))
     axes.set_rlim(0, peak)
     middles = np.radians((np.arange(BINS) + 0.5) * 360 / BINS - 180)
-    lit, grey = model.lengths(panel)
+    highlighted, grey = model.lengths(panel)
     width = 2 * np.pi / BINS
-    pale = unit(theme.faint)
+    pale = rgb_fractions(theme.faint)
     axes.bar(middles, grey * peak, width=width, color=pale, linewidth=0, zorder=2)
-    axes.bar(middles, lit * peak, width=width * 0.86, color=unit(ink), linewidth=0, zorder=3)
+    axes.bar(
+        middles,
+        highlighted * peak,
+        width=width * 0.86,
+        color=rgb_fractions(ink),
+        linewidth=0,
+        zorder=3,
+    )
     axes.set_xticks(np.radians([0, 90, 180, 270]))
     axes.set_xticklabels(["0°", "90°", "±180°", "−90°"])
-    rings = [tick for tick in ticks(0, peak, 3) if tick > 0 and tick == round(tick)]
+    rings = [tick for tick in tick_values(0, peak, 3) if tick > 0 and tick == round(tick)]
     axes.set_yticks(rings)
     axes.set_yticklabels([str(round(tick)) for tick in rings])
     axes.set_rlabel_position(45)
-    axes.tick_params(colors=unit(theme.muted), labelsize=7.5, pad=3)
-    axes.grid(color=unit(theme.faint), linewidth=0.6)
-    axes.spines["polar"].set_color(unit(theme.faint))
-    axes.spines["inner"].set_color(unit(theme.muted))
+    axes.tick_params(colors=rgb_fractions(theme.muted), labelsize=7.5, pad=3)
+    axes.grid(color=rgb_fractions(theme.faint), linewidth=0.6)
+    axes.spines["polar"].set_color(rgb_fractions(theme.faint))
+    axes.spines["inner"].set_color(rgb_fractions(theme.muted))
     if panel.cursor is not None:
         at = np.radians(panel.cursor)
-        axes.plot([at, at], [0, peak], color=unit(theme.cursor), linewidth=1.1, zorder=5)
-        axes.plot([at], [peak], marker="o", markersize=5, color=unit(theme.cursor), zorder=5)
+        axes.plot([at, at], [0, peak], color=rgb_fractions(theme.cursor), linewidth=1.1, zorder=5)
+        axes.plot(
+            [at], [peak], marker="o", markersize=5, color=rgb_fractions(theme.cursor), zorder=5
+        )
         axes.lines[-1].set_clip_on(False)
 
 
@@ -112,14 +121,14 @@ def _mean(panel: Headings) -> str:
 
 
 def _note(figure: Figure, page: Page, model: OrientationModel) -> None:
-    """What the bars stand for, at the foot."""
-    text = f"bars: selected per 5°, rim = {model.peak}"
+    """The meaning of the bars, at the bottom."""
+    text = f"bars: selected instances per 5°, rim = {model.peak}"
     if model.whole > model.peak + 0.5:
-        text += f"; grey: all valid, rim = {model.whole:.0f}"
-    _words(figure, page, (page.inches[0] / 2, 0.22), text, page.theme.muted, bold=False)
+        text += f"; grey: all instances, rim = {model.whole:.0f}; R: resultant length"
+    _centred_text(figure, page, (page.inches[0] / 2, 0.22), text, page.theme.muted, bold=False)
 
 
-def _words(
+def _centred_text(
     figure: Figure,
     page: Page,
     place: tuple[float, float],
@@ -129,5 +138,5 @@ def _words(
 ) -> None:
     x, y = place[0] / page.inches[0], place[1] / page.inches[1]
     label = figure.text(x, y, text, ha="center", va="center", fontsize=11 if bold else 9)
-    label.set_color(unit(ink))
+    label.set_color(rgb_fractions(ink))
     label.set_fontweight("bold" if bold else "normal")

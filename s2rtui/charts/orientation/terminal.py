@@ -1,4 +1,4 @@
-"""Where instances look: radial bars of prediction, truth and prediction, or strips of them."""
+"""The headings in cells: three dials, or strips of bars where they are too small."""
 
 from __future__ import annotations
 
@@ -8,29 +8,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtui.canvas.brush_surface import Panel, Point
+from s2rstore.geometry import angles
+from s2rtui.canvas.brush import Mark, Panel, Point, mark_arc, mark_on_panel, wrap_degrees
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.pending_brush import pending, wrapped
 from s2rtui.canvas.render_options import Glyphs, RenderOptions
-from s2rtui.charts.orientation.dial import Dial, dial_of
-from s2rtui.charts.orientation.dial_drawing import draw_dial
-from s2rtui.charts.orientation.heading_strips import draw_strip, draw_strip_axis
+from s2rtui.charts.orientation.dial import Dial, dial_of, draw_dial
 from s2rtui.charts.orientation.model import (
     BINS,
     NAMES,
     Headings,
+    OrientationInput,
     OrientationModel,
     orientation_model,
 )
-from s2rtui.charts.shared.axis_scale import short
-from s2rtui.charts.shared.inputs import OrientationInput
+from s2rtui.charts.shared.axis_scale import short_number
+from s2rtui.charts.shared.bars import Bars, draw_vertical_bars, put_over_bar
 
 SMALLEST = 6.0
-"""Radius in columns from which a dial can be read; without braille dots twice that."""
+"""Smallest radius of a dial in columns; in ASCII twice that."""
 COARSER = (72, 36, 24, 18, 12, 9, 8, 6, 4, 3, 2, 1)
 LABEL = 8
-"""Columns at the left of a strip that names take."""
+"""Columns of names at the left of a strip."""
 Place = tuple[int, int, int, int]
 Way = Callable[[float, float], Point]
 
@@ -39,8 +38,8 @@ Way = Callable[[float, float], Point]
 class OrientationLayout:
     """Up to three rectangles (x, y, width, height) in cells for the bars, in the order of NAMES.
 
-    `dial`: the disc inside each, in its own cells; None: strips of `count` bins.
-    `room` is the width that each rectangle's header and footer have; `labels` stand round a dial.
+    dial: the disc in each rectangle, or None for strips of `count` bins. room: width of header and
+    footer of a rectangle. labels: whether degrees are written around the dial.
     """
 
     places: tuple[Place, ...]
@@ -53,27 +52,27 @@ class OrientationLayout:
 
 
 def orientation_layout(
-    view: OrientationInput, size: Size, look: RenderOptions | None = None
+    data: OrientationInput, size: Size, options: RenderOptions | None = None
 ) -> OrientationLayout:
-    """Dials in a row or a column, whichever are larger; strips where both are too small."""
+    """Lay out dials in a row or a column, whichever are larger; strips if both are too small."""
     width, height = max(1, size[0]), max(1, size[1])
     row, column = ((width - 2) // 3, height), (width, height // 3)
-    upright = _rim(*column)[0] > _rim(*row)[0]
-    room, rows = column if upright else row
+    stacked = _rim(*column)[0] > _rim(*row)[0]
+    room, rows = column if stacked else row
     rim, header, footer, margin = _rim(room, rows)
-    smallest = 2 * SMALLEST if look is not None and look.ascii else SMALLEST
+    smallest = 2 * SMALLEST if options is not None and options.ascii else SMALLEST
     if rim < smallest:
         return _strips(width, height)
     inner = min(rows - header - footer, math.ceil(rim + 2 * margin[1]))
     top = header + (rows - header - footer - inner) // 2
-    corners = [(0, index * rows) if upright else (index * (room + 1), 0) for index in range(3)]
+    corners = [(0, index * rows) if stacked else (index * (room + 1), 0) for index in range(3)]
     places = tuple((x, y + top, room, inner) for x, y in corners)
-    dial = dial_of(0, 0, room, inner, view.y_down, margin)
+    dial = dial_of(0, 0, room, inner, data.y_down, margin)
     return OrientationLayout(places, dial, BINS, room, header, footer, margin[1] > 0)
 
 
 def _rim(width: int, height: int) -> tuple[float, int, int, Point]:
-    """A dial's radius in columns, rows above and below, and the margin that its degrees take."""
+    """A dial's radius in columns, rows above and below it, and the margin for its degrees."""
     header, footer = (1, 1) if height >= 10 else (int(height >= 8), 0)
     rows = height - header - footer
     margin = (3.0 if width < 32 else 4.0, 1.0) if width >= 24 and rows >= 11 else (0.0, 0.0)
@@ -90,11 +89,11 @@ def _strips(width: int, height: int) -> OrientationLayout:
     return OrientationLayout(places, None, count, left, 0, footer, False)
 
 
-def orientation_surface(
-    view: OrientationInput, size: Size, look: RenderOptions | None = None
+def orientation_panels(
+    data: OrientationInput, size: Size, options: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
-    """Turns "sim", "truth" and "real": degrees in [-180, 180), and how far out (0 .. 1)."""
-    layout = orientation_layout(view, size, look)
+    """Panels "sim", "truth" and "real": degrees in [-180, 180), and the radius 0 .. 1."""
+    layout = orientation_layout(data, size, options)
     dial = layout.dial
     panels = []
     for name, place in zip(NAMES, layout.places, strict=False):
@@ -120,43 +119,45 @@ def _on_strip(place: Place) -> tuple[Way, Way]:
     x, y, width, height = place
 
     def to_data(column: float, row: float) -> Point:
-        return wrapped(360 * (column - x) / width - 180), (y + height - row) / height
+        return wrap_degrees(360 * (column - x) / width - 180), (y + height - row) / height
 
     def to_cells(degrees: float, radius: float) -> Point:
-        return x + (wrapped(degrees) + 180) / 360 * width, y + height * (1 - radius)
+        return x + (wrap_degrees(degrees) + 180) / 360 * width, y + height * (1 - radius)
 
     return to_data, to_cells
 
 
-def orientation(view: OrientationInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_orientation(
+    data: OrientationInput, size: Size, options: RenderOptions | None = None
+) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
     size = (canvas.width, canvas.height)
-    layout = orientation_layout(view, size, look)
-    model = orientation_model(view, layout.count)
-    panels = orientation_surface(view, size, look)
+    layout = orientation_layout(data, size, options)
+    model = orientation_model(data, layout.count)
+    panels = orientation_panels(data, size, options)
     for panel, headings in zip(panels, model.panels, strict=False):
-        bars, cursor, name = model.lengths(headings), headings.cursor, _name(panel.name, look)
-        mark = pending(view.mark, panel.name)
+        bars, cursor, name = model.lengths(headings), headings.cursor, _name(panel.name, options)
+        mark = mark_on_panel(data.mark, panel.name)
         if layout.dial is None:
-            draw_strip(canvas, panel, bars, cursor, mark, name[1], look)
-            _beside(canvas, panel, layout, headings, name, look)
+            draw_strip(canvas, panel, bars, cursor, mark, name[1], options)
+            _beside(canvas, panel, layout, headings, name, options)
         else:
-            draw_dial(canvas, panel, layout.dial, bars, cursor, mark, name[1], look)
-            _around(canvas, panel, layout, headings, _scale(model, layout.room - 8), name, look)
+            draw_dial(canvas, panel, layout.dial, bars, cursor, mark, name[1], options)
+            _around(canvas, panel, layout, headings, _scale(model, layout.room - 8), name, options)
     if layout.dial is None and layout.footer:
-        draw_strip_axis(canvas, panels[0], _scale(model, layout.room - 1), look)
+        draw_strip_axis(canvas, panels[0], _scale(model, layout.room - 1), options)
     return canvas
 
 
 def _scale(model: OrientationModel, room: int) -> str:
-    """What the longest bar stands for: of the selected, and of all where that differs."""
-    lit, whole = short(model.peak, 2), short(model.whole, 2)
-    options = [f"max {lit}", lit]
-    if lit != whole:
-        options.insert(0, f"max {lit} (all {whole})")
-    return next((text for text in options if len(text) <= room), "")
+    """The count of the longest bar: of the selected, and of all where it differs."""
+    highlighted, whole = short_number(model.peak, 2), short_number(model.whole, 2)
+    texts = [f"max {highlighted}", highlighted]
+    if highlighted != whole:
+        texts.insert(0, f"max {highlighted} (all {whole})")
+    return next((text for text in texts if len(text) <= room), "")
 
 
 def _beside(
@@ -165,18 +166,20 @@ def _beside(
     layout: OrientationLayout,
     headings: Headings,
     name: tuple[str, Rgb],
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
-    """Name and mean at the left of a strip."""
+    """Write name and mean at the left of a strip."""
     if layout.room:
         canvas.text(0, panel.y, *name)
         if panel.height > 1:
-            canvas.text(0, panel.y + 1, _mean(headings, layout.room - 1, look), look.theme.muted)
+            canvas.text(
+                0, panel.y + 1, _mean(headings, layout.room - 1, options), options.theme.muted
+            )
 
 
-def _name(panel: str, look: RenderOptions) -> tuple[str, Rgb]:
+def _name(panel: str, options: RenderOptions) -> tuple[str, Rgb]:
     """Glyph and name with their colour."""
-    glyphs, theme = look.glyphs, look.theme
+    glyphs, theme = options.glyphs, options.theme
     kinds: dict[str, tuple[str, Rgb]] = {
         "sim": (glyphs.sim, theme.sim),
         "truth": (glyphs.truth, theme.truth),
@@ -193,15 +196,15 @@ def _around(
     headings: Headings,
     scale: str,
     name: tuple[str, Rgb],
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
-    """Name and scale above a dial, the mean below it, degrees round it."""
-    theme, room = look.theme, layout.room
+    """Write name and scale above a dial, the mean below it, degrees around it."""
+    theme, room = options.theme, layout.room
     if layout.header:
         canvas.text(panel.x, panel.y - 1, *name)
         canvas.text(panel.x + room, panel.y - 1, scale, theme.muted, align="right")
     if layout.footer:
-        text = _mean(headings, room, look)
+        text = _mean(headings, room, options)
         start = panel.x + (room - len(text)) // 2
         canvas.text(start, panel.y + panel.height, text, theme.muted)
     if layout.labels:
@@ -220,15 +223,60 @@ def _around(
             canvas.text(start, at, text, theme.muted)
 
 
-def _mean(headings: Headings, room: int, look: RenderOptions) -> str:
-    """The mean direction and the resultant length in at most `room` cells."""
+def _mean(headings: Headings, room: int, options: RenderOptions) -> str:
+    """Mean direction and resultant length R in at most `room` cells."""
     if not np.isfinite(headings.mean):
         return "none"[:room]
-    degree = _degrees(headings.mean, look.glyphs)
+    degree = _degrees(headings.mean, options.glyphs)
     length = f"R {headings.resultant:.2f}"
-    options = (f"mean {degree} {length}", f"{degree} {length}", degree)
-    return next((text for text in options if len(text) <= room), "")
+    texts = (f"mean {degree} {length}", f"{degree} {length}", degree)
+    return next((text for text in texts if len(text) <= room), "")
 
 
 def _degrees(mean: float, glyphs: Glyphs) -> str:
-    return f"{int(wrapped(round(mean)))}{glyphs.degree}"
+    return f"{int(wrap_degrees(round(mean)))}{glyphs.degree}"
+
+
+def draw_strip(
+    canvas: Canvas,
+    panel: Panel,
+    bars: Bars,
+    cursor: float | None,
+    mark: Mark | None,
+    colour: Rgb,
+    options: RenderOptions,
+) -> None:
+    """Draw vertical bars; cursor (degrees) and ends of the brush mark on the last row."""
+    bottom = panel.y + panel.height - 1
+    ends: tuple[float, ...] = ()
+    if mark is not None:
+        middle, half = mark_arc(mark)
+        turn = (np.arange(panel.width) + 0.5) / panel.width * 360 - 180
+        held = np.abs(angles.wrap_degrees(turn - middle)) <= half
+        rows, columns = slice(panel.y, bottom + 1), panel.x + np.flatnonzero(held)
+        canvas.bg[rows, columns] = options.theme.highlight
+        ends = (middle - half, middle + half)
+    each = panel.width // len(np.asarray(bars[0]))
+    highlighted, grey = (np.repeat(part, each) for part in bars)
+    draw_vertical_bars(canvas, panel.x, panel.y, panel.height, (highlighted, grey), colour, options)
+    for degrees in ends:
+        canvas.put(_column(panel, degrees), bottom, "+", options.theme.truth, bold=True)
+    if cursor is not None:
+        at = _column(panel, cursor)
+        put_over_bar(canvas, at, bottom, options.glyphs.cursor, options.theme.cursor)
+
+
+def _column(panel: Panel, degrees: float) -> int:
+    return min(int(panel.to_cells(degrees, 0.0)[0]), panel.x + panel.width - 1)
+
+
+def draw_strip_axis(canvas: Canvas, panel: Panel, scale: str, options: RenderOptions) -> None:
+    """Draw degrees on the last row, the scale at the left."""
+    row, theme, free = canvas.height - 1, options.theme, panel.x
+    if len(scale) < panel.x:
+        canvas.text(0, row, scale, theme.muted)
+    for degrees in (-180, -90, 0, 90):
+        text, at = str(degrees), _column(panel, degrees)
+        start = at if degrees == -180 else at - len(text) // 2
+        if start >= free and start + len(text) <= canvas.width:
+            free = canvas.text(start, row, text, theme.muted) + 1

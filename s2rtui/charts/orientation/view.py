@@ -1,17 +1,18 @@
-"""Headings of the selection: predicted in sim, true, predicted in reality."""
+"""The headings of the selection: predicted in sim, true, predicted in real."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
-from s2rtui.charts.orientation.model import orientation_model
-from s2rtui.charts.orientation.terminal import orientation, orientation_surface
-from s2rtui.charts.shared import inputs
-from s2rtui.charts.view import Pixels, Scene, Table, View, turn
+from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.charts.mark_expressions import heading_expression
+from s2rtui.charts.orientation.model import OrientationInput, orientation_model
+from s2rtui.charts.orientation.terminal import draw_orientation, orientation_panels
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import Pixels, Table, View
 
 _FIELDS = {"sim": "sim.heading", "truth": "heading", "real": "real.heading"}
 
@@ -20,35 +21,35 @@ class OrientationView(View):
     name = "orientation"
     key = "5"
     description = "headings in bins of 5 degrees: sim, truth, real"
-    paper = (1600, 720)
+    figure_size = (1600, 720)
 
-    def told(self, scene: Scene) -> str:
-        return "headings: sim, truth, real"
+    def subtitle(self, scene: Scene) -> str:
+        return "headings (R: 1 = all alike)"
 
-    def input(self, scene: Scene) -> inputs.OrientationInput:
+    def input(self, scene: Scene) -> OrientationInput:
         store, state = scene.store, scene.state
         columns = store.run_columns(state.run)
-        return inputs.OrientationInput(
+        return OrientationInput(
             columns.sim.heading, store.instances.heading, columns.real.heading, state.selected,
             state.base, store.dataset.y_down, state.cursor, scene.mark(self.name),
         )  # fmt: skip
 
     def numbers(self, scene: Scene) -> Table:
         model = orientation_model(self.input(scene))
-        counts = [panel.lit.tolist() for panel in model.panels]
+        counts = [panel.highlighted.tolist() for panel in model.panels]
         step = 360 // len(counts[0])
         starts = [-180 + step * index for index in range(len(counts[0]))]
         rows = list(zip(starts, [s + step for s in starts], *counts, strict=True))
         return ("from", "to", "sim", "truth", "real"), rows
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         panels = orientation_model(self.input(scene)).panels
-        told = [
-            f"{name} {panel.mean:.0f} degrees (R {panel.resultant:.2f})"
+        means = [
+            f"{name} {panel.mean:.0f} degrees (resultant length {panel.resultant:.2f})"
             for name, panel in zip(_FIELDS, panels, strict=True)
             if math.isfinite(panel.mean)
         ]
-        return f"Mean headings: {', '.join(told) or 'none'}."
+        return f"Mean headings: {', '.join(means) or 'none'}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.orientation import paper
@@ -56,20 +57,23 @@ class OrientationView(View):
         title = f"{scene.state.run}: headings in simulation, in truth and in reality"
         return paper.orientation_figure(self.input(scene), size, theme, title, scene.caption)
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
-        return (identity(self.input(scene)),)
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
+        return (identity_key(self.input(scene)),)
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return orientation(self.input(scene), size, look)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return draw_orientation(self.input(scene), size, options)
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return orientation_surface(self.input(scene), size, look)
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return orientation_panels(self.input(scene), size, options)
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         if scene.state.cursor is None:
             return None
         heading = float(getattr(self.input(scene), panel.name)[scene.state.cursor])
         return (math.degrees(heading), 1.0) if math.isfinite(heading) else None
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        return turn(mark, _FIELDS[panel.name])
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        return heading_expression(mark, _FIELDS[panel.name])
+
+
+VIEW = OrientationView()

@@ -1,4 +1,4 @@
-"""Where the overview's parts stand, and how its columns become accuracies."""
+"""The layout of the overview, and its panels."""
 
 from __future__ import annotations
 
@@ -8,24 +8,25 @@ from functools import partial
 
 from rich.cells import cell_len
 
-from s2rtui.canvas.brush_surface import Panel, Point
+from s2rtui.canvas.brush import Panel, Point
 from s2rtui.canvas.canvas import Size
-from s2rtui.charts.overview.model import overview_model
-from s2rtui.charts.shared.inputs import Interval, OverviewLines, OverviewRow
+from s2rtui.charts.overview.model import OverviewLines, overview_model
+from s2rtui.charts.scene import OverviewRow
+from s2rtui.charts.shared.axis_scale import Interval
 
 NUMBERS = 12
-"""Columns that the two numbers at the right take."""
-OWN = 7
-"""Columns that the cursor's numbers take beside them."""
+"""Columns of the two numbers at the right."""
+CURSOR_NUMBERS = 7
+"""Columns of the cursor's numbers beside them."""
 MOST = 12
-"""Rows that one run takes at most, its lines to the next run among them."""
+"""Most rows per run, the lines to the next run included."""
 
 
 @dataclass(frozen=True, slots=True)
 class OverviewLayout:
-    """Where the parts stand: columns of name, chart and numbers; rows of the runs.
+    """Columns of name, chart and numbers; rows of the runs.
 
-    Run `first` stands at row `top`, each further one `step` rows lower. `own`: columns of the
+    Run `first` is at row `top`, each further one `step` rows below. `cursor_numbers`: width of the
     cursor's numbers at the right edge, 0 for none.
     """
 
@@ -38,32 +39,32 @@ class OverviewLayout:
     shown: int
     axis_rows: int
     step: int = 1
-    own: int = 0
+    cursor_numbers: int = 0
 
     def row_of(self, index: int) -> int:
-        """The row of a run's marks."""
+        """The row of a run."""
         return self.top + (index - self.first) * self.step
 
     @property
     def height(self) -> int:
-        """Rows from the first run's to the last one's."""
+        """Number of rows from the first run to the last one."""
         return (self.shown - 1) * self.step + 1
 
     def run_at(self, y: int) -> int | None:
-        """The index of the run drawn on row `y`, or nearest to it between two runs."""
+        """The index of the run that is nearest to row `y`."""
         offset = y - self.top
         index = (offset + self.step // 2) // self.step
         return self.first + index if offset >= 0 and 0 <= index < self.shown else None
 
     def column(self, value: float, axis: Interval) -> int:
-        """The column of an accuracy; beyond the axis its end."""
+        """The column of an accuracy, clipped to the axis."""
         last = self.chart_width - 1
         place = round(axis_share(value, axis) * last)
         return self.chart + min(last, max(0, place))
 
 
 def axis_share(value: float, axis: Interval) -> float:
-    """An accuracy's place on the axis, 0 .. 1 within it."""
+    """An accuracy as a fraction of the axis."""
     return (value - axis[0]) / (axis[1] - axis[0])
 
 
@@ -73,7 +74,7 @@ def overview_layout(
     size: Size,
     lines: OverviewLines | None = None,
 ) -> OverviewLayout:
-    """Room for each part; the window of runs follows `selected` where not all fit."""
+    """Lay out the parts; if not all runs fit, the window follows `selected`."""
     width, height = size
     longest = max((cell_len(row.run) for row in rows), default=0)
     numbers = NUMBERS if width >= 24 else 0
@@ -81,8 +82,12 @@ def overview_layout(
     chart_width = max(0, width - 2 - name - 1 - numbers)
     if chart_width < 8:
         name, chart_width = max(0, width - 2 - numbers), 0
-    own = OWN if lines is not None and lines.cursor is not None and chart_width >= 27 else 0
-    chart_width -= own
+    cursor_numbers = (
+        CURSOR_NUMBERS
+        if lines is not None and lines.cursor is not None and chart_width >= 27
+        else 0
+    )
+    chart_width -= cursor_numbers
     top = 1 if height >= 4 else 0
     axis_rows = 0 if height < 5 or chart_width == 0 else 2
     space = max(1, height - top - axis_rows)
@@ -97,26 +102,26 @@ def overview_layout(
         name=name,
         chart=name + 3,
         chart_width=chart_width,
-        numbers=width - numbers - own,
+        numbers=width - numbers - cursor_numbers,
         top=top,
         first=first,
         shown=shown,
         axis_rows=axis_rows,
         step=step,
-        own=own,
+        cursor_numbers=cursor_numbers,
     )
 
 
-def overview_surface(
+def overview_panels(
     rows: Sequence[OverviewRow],
     baseline: float | None,
     selected: int | None,
     size: Size,
     lines: OverviewLines | None = None,
 ) -> tuple[Panel, ...]:
-    """A range of accuracies per run in view, named as the run.
+    """One range of accuracies per visible run, named like the run.
 
-    With lines the leftmost column stands for all that lies below the axis, from 0.
+    With lines, the leftmost column includes all accuracies below the axis.
     """
     width, height = max(1, size[0]), max(1, size[1])
     layout = overview_layout(rows, selected, (width, height), lines)

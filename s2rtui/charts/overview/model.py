@@ -1,4 +1,4 @@
-"""The overview as numbers: clean rows and the axis that holds them, with or without lines."""
+"""The numbers of the overview: accuracies of every run and the axis that shows them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.metrics import run_metrics
+from s2rstore.reader import Store
+from s2rstore.records import Side
+from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.charts.shared.axis_scale import finite, step
-from s2rtui.charts.shared.inputs import Interval, OverviewLines, OverviewRow
+from s2rtui.charts.scene import OverviewRow
+from s2rtui.charts.shared.axis_scale import Floats, Interval, finite_or_none, tick_step
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OverviewLines:
+    """Each instance as a line across the runs.
+
+    values: accuracies (N,) on `side` per run, in the order of the rows; NaN for none. selected,
+    valid: (N,) bool. cursor: an iid whose line is drawn on top with its numbers.
+    """
+
+    values: tuple[Floats, ...]
+    selected: Bools
+    valid: Bools
+    side: Side = "real"
+    cursor: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +47,9 @@ def overview_model(
     baseline: float | None = None,
     lines: OverviewLines | None = None,
 ) -> OverviewModel:
-    """The cleaned rows; the axis is rounded outwards and stays within what accuracies can be.
+    """Clean the rows and find the axis, rounded outwards within 0 .. 1.
 
-    With lines it also reaches from the 1st percentile of the valid of every run to 1.
+    With lines the axis includes the 1st percentile of the valid instances of every run, and 1.
     """
     if lines is None:
         return _model(tuple(rows), baseline, (), ArrayKey(None))
@@ -48,8 +67,8 @@ def _model(
     clean = tuple(
         OverviewRow(
             row.run,
-            finite(row.sim_accuracy),
-            finite(row.real_accuracy),
+            finite_or_none(row.sim_accuracy),
+            finite_or_none(row.real_accuracy),
             _interval(row.sim_interval),
             _interval(row.real_interval),
             row.n,
@@ -57,23 +76,25 @@ def _model(
         )
         for row in rows
     )
-    seen = [finite(baseline)]
+    numbers = [finite_or_none(baseline)]
     for row in clean:
-        seen += [row.sim_accuracy, row.real_accuracy]
-        seen += [*(row.sim_interval or ()), *(row.real_interval or ())]
+        numbers += [row.sim_accuracy, row.real_accuracy]
+        numbers += [*(row.sim_interval or ()), *(row.real_interval or ())]
     if valid.array is not None:
-        seen += [1.0, *_lowest(columns, valid.array)]
-    values = [value for value in seen if value is not None]
+        numbers += [1.0, *_lowest(columns, valid.array)]
+    values = [value for value in numbers if value is not None]
     low, high = (min(values), max(values)) if values else (0.0, 1.0)
-    width = step(max(high - low, 0.02), 4)
+    width = tick_step(max(high - low, 0.02), 4)
     low, high = math.floor(low / width + 1e-9) * width, math.ceil(high / width - 1e-9) * width
     if high <= low:
         high = low + width
-    return OverviewModel(clean, finite(baseline), (max(0.0, low), min(max(1.0, low + width), high)))
+    return OverviewModel(
+        clean, finite_or_none(baseline), (max(0.0, low), min(max(1.0, low + width), high))
+    )
 
 
 def _lowest(columns: tuple[ArrayKey, ...], valid: NDArray[np.generic]) -> list[float]:
-    """The 1st percentile of the valid of each column where any is known."""
+    """The 1st percentile of the valid known accuracies of each run."""
     members = np.asarray(valid, dtype=np.bool_)
     shown = (np.asarray(column.array)[members] for column in columns)
     known = (column[np.isfinite(column)] for column in shown)
@@ -83,5 +104,40 @@ def _lowest(columns: tuple[ArrayKey, ...], valid: NDArray[np.generic]) -> list[f
 def _interval(interval: Interval | None) -> Interval | None:
     if interval is None:
         return None
-    low, high = finite(interval[0]), finite(interval[1])
+    low, high = finite_or_none(interval[0]), finite_or_none(interval[1])
     return None if low is None or high is None else (min(low, high), max(low, high))
+
+
+def overview_rows(
+    store: Store, runs: Sequence[str] | None = None
+) -> tuple[list[OverviewRow], float]:
+    """A row per computed run, or per run in `runs`, and the baseline of the first run.
+
+    Accuracies leave out the instances that the model was trained on.
+    """
+    rows = []
+    for name in runs or [name for name, run in store.runs.items() if run.key]:
+        sim, real = (run_metrics.side_metrics(store, name, side) for side in ("sim", "real"))
+        rows.append(
+            OverviewRow(
+                run=name,
+                sim_accuracy=sim.accuracy.value,
+                real_accuracy=real.accuracy.value,
+                sim_interval=(sim.accuracy.low, sim.accuracy.high),
+                real_interval=(real.accuracy.low, real.accuracy.high),
+                n=real.n,
+                note="" if real.n else "the model was trained on every instance",
+            )
+        )
+    return rows, run_metrics.baseline_accuracy(store, rows[0].run) if rows else math.nan
+
+
+def cursor_accuracies(lines: OverviewLines) -> list[float | None]:
+    """The accuracy of the cursor's instance in every run, None where unknown."""
+    if lines.cursor is None:
+        return [None] * len(lines.values)
+    iid = lines.cursor
+    return [
+        finite_or_none(float(column[iid])) if 0 <= iid < len(column) else None
+        for column in lines.values
+    ]

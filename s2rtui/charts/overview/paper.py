@@ -1,25 +1,39 @@
-"""The overview on paper: a line per run with intervals, the gap, and the baseline."""
+"""The overview on paper: a row per run with intervals, gap and baseline, and instances as lines."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
-from s2rtui.canvas.colour import LIGHT, Theme
-from s2rtui.charts.overview.model import OverviewModel, overview_model
-from s2rtui.charts.overview.paper_lines import draw_lines, keys
-from s2rtui.charts.shared.inputs import OverviewLines, OverviewRow
+from s2rtui.canvas.colour import LIGHT, Rgb, Theme
+from s2rtui.charts.overview.lines import MANY, levels, pair_counts
+from s2rtui.charts.overview.model import (
+    OverviewLines,
+    OverviewModel,
+    cursor_accuracies,
+    overview_model,
+)
+from s2rtui.charts.scene import OverviewRow
+from s2rtui.charts.shared.axis_scale import Interval
 from s2rtui.charts.shared.paper import (
     Page,
     Pixels,
-    dress,
-    heading,
+    draw_heading,
+    figure_bytes,
+    make_page,
     new_figure,
-    page_of,
-    unit,
-    written,
+    rgb_fractions,
+    style_axes,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.patheffects import AbstractPathEffect
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 NUMBERS = 2.75
-"""Inches at the right that the numbers take."""
+"""Width of the numbers at the right, inches."""
 
 
 def overview_figure(
@@ -40,14 +54,14 @@ def overview_figure(
     subtitle: str = "",
     lines: OverviewLines | None = None,
 ) -> bytes:
-    """A PNG of `size` pixels; `selected` (an index) is set apart by a ground and bold type.
+    """Draw the figure in `size` pixels; the row `selected` is highlighted.
 
     With `lines` every instance is a line across the runs, the selected in their side's colour.
     """
-    page = page_of(size, theme)
+    page = make_page(size, theme)
     model = overview_model(rows, baseline, lines)
     figure = new_figure(page)
-    top = heading(figure, page, title, subtitle)
+    top = draw_heading(figure, page, title, subtitle)
     wide, _ = page.inches
     longest = max((len(row.run) for row in model.rows), default=4)
     left = min(0.4 + 0.085 * min(longest, 32), wide * 0.35)
@@ -55,7 +69,7 @@ def overview_figure(
     across, keyed = _legend_size(wide, lines)
     box = page.box(left, 0.62, wide - left - right, top - 0.62 - keyed)
     axes = figure.add_axes(box)
-    dress(axes, theme, grid=True)
+    style_axes(axes, theme, grid=True)
     axes.spines["left"].set_visible(False)
     count = max(1, len(model.rows))
     axes.set_ylim(count - 0.5, -0.5)
@@ -69,7 +83,7 @@ def overview_figure(
         _row(axes, index, row, page, index == selected)
     _columns(axes, model, page, selected)
     _legend(figure, axes, model, page, (top, across), lines)
-    return written(figure, page)
+    return figure_bytes(figure, page)
 
 
 def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> None:
@@ -80,21 +94,26 @@ def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> No
         low, high = axes.get_xlim()
         span = high - low
         ground = Rectangle((low - 9 * span, y - 0.5), 19 * span, 1, linewidth=0, zorder=0)
-        ground.set_color(unit(theme.highlight))
+        ground.set_color(rgb_fractions(theme.highlight))
         ground.set_clip_on(False)
         axes.add_patch(ground)
     _name(axes, y, row, page, selected)
     sides = (
-        (row.sim_accuracy, row.sim_interval, theme.sim, unit(theme.sim)),
-        (row.real_accuracy, row.real_interval, theme.real, unit(theme.background)),
+        (row.sim_accuracy, row.sim_interval, theme.sim, rgb_fractions(theme.sim)),
+        (row.real_accuracy, row.real_interval, theme.real, rgb_fractions(theme.background)),
     )
     if row.sim_accuracy is not None and row.real_accuracy is not None:
         ends = [100 * row.sim_accuracy, 100 * row.real_accuracy]
         axes.plot(
-            ends, [y, y], color=unit(theme.faint), linewidth=5, solid_capstyle="butt", zorder=2
+            ends,
+            [y, y],
+            color=rgb_fractions(theme.faint),
+            linewidth=5,
+            solid_capstyle="butt",
+            zorder=2,
         )
     for accuracy, interval, colour, face in sides:
-        ink = unit(colour)
+        ink = rgb_fractions(colour)
         if interval is not None:
             ends = [100 * interval[0], 100 * interval[1]]
             axes.plot(ends, [y, y], color=ink, linewidth=1.3, marker="|", markersize=6, zorder=3)
@@ -112,7 +131,7 @@ def _row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> No
 
 
 def _name(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> None:
-    """The run at the left and, where no accuracy is left, the note in their place."""
+    """The name of the run, and its note where it has no accuracy."""
     theme = page.theme
     name = row.run if len(row.run) <= 32 else row.run[:31] + "…"
     label = axes.annotate(
@@ -125,7 +144,7 @@ def _name(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> N
         va="center",
         fontsize=10,
     )
-    label.set_color(unit(theme.text))
+    label.set_color(rgb_fractions(theme.text))
     label.set_fontweight("bold" if selected else "normal")
     if row.sim_accuracy is None and row.real_accuracy is None:
         axes.annotate(
@@ -134,14 +153,14 @@ def _name(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) -> N
             xycoords=("axes fraction", "data"),
             va="center",
             fontsize=9,
-            color=unit(theme.muted),
-            bbox={"facecolor": unit(theme.background), "edgecolor": "none", "pad": 2},
+            color=rgb_fractions(theme.muted),
+            bbox={"facecolor": rgb_fractions(theme.background), "edgecolor": "none", "pad": 2},
             zorder=5,
         )
 
 
 def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None) -> None:
-    """The numbers at the right: sim, real, gap in percent, and n."""
+    """The columns of numbers at the right: sim, real, gap (percent) and n."""
     theme = page.theme
     spots = (46, 92, 138, 180)
     names = (("sim", theme.sim), ("real", theme.real), ("gap", theme.muted), ("n", theme.muted))
@@ -158,7 +177,7 @@ def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None)
             va="center",
             fontsize=10 * max(squeeze, 0.6),
         )
-        label.set_color(unit(ink))
+        label.set_color(rgb_fractions(ink))
         label.set_fontweight("bold" if bold else "normal")
 
     for spot, (name, ink) in zip(spots, names, strict=True):
@@ -172,7 +191,7 @@ def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None)
             va="center",
             fontsize=9 * max(squeeze, 0.6),
         )
-        label.set_color(unit(ink))
+        label.set_color(rgb_fractions(ink))
     for y, row in enumerate(model.rows):
         sim, real = row.sim_accuracy, row.real_accuracy
         gap = None if sim is None or real is None else sim - real
@@ -182,7 +201,7 @@ def _columns(axes: Axes, model: OverviewModel, page: Page, selected: int | None)
 
 
 def _size(n: int) -> str:
-    """How many, in few characters."""
+    """A count in at most five characters."""
     if n >= 1_000_000:
         return f"{n / 1e6:.1f}M"
     return f"{n // 1000}k" if n >= 100_000 else str(n) if n else "–"
@@ -196,8 +215,10 @@ def _diamonds(theme: Theme) -> list[Line2D]:
     from matplotlib.lines import Line2D
 
     handles = [
-        Line2D([], [], color=unit(theme.sim)),
-        Line2D([], [], color=unit(theme.real), markerfacecolor=unit(theme.background)),
+        Line2D([], [], color=rgb_fractions(theme.sim)),
+        Line2D(
+            [], [], color=rgb_fractions(theme.real), markerfacecolor=rgb_fractions(theme.background)
+        ),
     ]
     for handle in handles:
         handle.set(linestyle="none", marker="D", markersize=7, markeredgewidth=1.6)
@@ -205,11 +226,11 @@ def _diamonds(theme: Theme) -> list[Line2D]:
 
 
 def _legend_size(wide: float, lines: OverviewLines | None) -> tuple[int, float]:
-    """How many keys stand side by side on a page of so many inches, and the inches of all lines."""
-    keys = 4 if lines is None else 7
+    """The columns of the legend on a page `wide` inches wide, and its height in inches."""
+    line_keys = 4 if lines is None else 7
     fit = 7 if wide > 8.5 else 4 if wide > (5 if lines is None else 6) else 3 if wide > 4 else 2
-    across = min(fit, keys)
-    return across, 0.4 + 0.22 * -(-keys // across)
+    across = min(fit, line_keys)
+    return across, 0.4 + 0.22 * -(-line_keys // across)
 
 
 def _legend(
@@ -220,22 +241,27 @@ def _legend(
     place: tuple[float, int],
     lines: OverviewLines | None,
 ) -> None:
-    """Lines of their own; `place`: inches from the page's foot to their top, keys in a line."""
+    """Draw the legend; `place`: its top in inches above the page's foot, and its columns."""
     from matplotlib.lines import Line2D
 
     theme = page.theme
     handles = _diamonds(theme)
-    handles.append(Line2D([], [], color=unit(theme.muted), linewidth=1.3, marker="|", markersize=6))
+    handles.append(
+        Line2D([], [], color=rgb_fractions(theme.muted), linewidth=1.3, marker="|", markersize=6)
+    )
     names = ["sim", "real", f"{LEVEL_TEXT} interval"]
     if model.baseline is not None:
         line = axes.axvline(
-            100 * model.baseline, color=unit(theme.truth), linewidth=1.4, linestyle=(0, (2, 2))
+            100 * model.baseline,
+            color=rgb_fractions(theme.truth),
+            linewidth=1.4,
+            linestyle=(0, (2, 2)),
         )
         line.set_zorder(1.5)
         handles.append(line)
         names.append(f"constant mean position ({_percent(model.baseline)} %)")
-    for ink, name in keys(lines, theme):
-        handles.append(Line2D([], [], color=unit(ink), linewidth=1.2))
+    for ink, name in line_keys(lines, theme):
+        handles.append(Line2D([], [], color=rgb_fractions(ink), linewidth=1.2))
         names.append(name)
     legend = figure.legend(
         handles,
@@ -250,4 +276,107 @@ def _legend(
         borderaxespad=0,
     )
     for text in legend.get_texts():
-        text.set_color(unit(theme.muted))
+        text.set_color(rgb_fractions(theme.muted))
+
+
+CLEAR = 60
+"""Up to this number, selected lines are drawn in full strength; more are paler."""
+
+
+FINE, COARSE = 200, 100
+"""Bins of an accuracy axis: for single lines, and for densities of many."""
+
+
+def draw_lines(axes: Axes, lines: OverviewLines, axis: Interval, theme: Theme) -> None:
+    """Draw unselected lines in grey, selected ones in colour, the cursor's on top."""
+    size = COARSE if len(lines.valid) > MANY else FINE
+    pairs = pair_counts(lines, axis, size)
+    colour = theme.sim if lines.side == "sim" else theme.real
+    highlighted = int(np.count_nonzero(np.asarray(lines.selected) & lines.valid))
+    for part, ink, order, strength in (
+        (1, theme.unselected, 1.0, 0.45),
+        (0, colour, 1.2, 0.75 * min(1.0, max(0.3, math.sqrt(CLEAR / max(highlighted, 1))))),
+    ):
+        peak = max((float(pair[part].max()) for pair in pairs), default=0.0)
+        for row, pair in enumerate(pairs):
+            _draw_segments(axes, pair[part], axis, row, (peak, strength), ink, order)
+    if lines.cursor is not None:
+        _draw_cursor_line(axes, lines, axis, theme)
+
+
+def _draw_segments(
+    axes: Axes,
+    counts: NDArray[np.intp],
+    axis: Interval,
+    row: int,
+    scale: tuple[float, float],
+    ink: Rgb,
+    order: float,
+) -> None:
+    """Segments from run `row` to the next one; `scale`: (peak count, its opacity)."""
+    from matplotlib.collections import LineCollection
+
+    first, second = np.nonzero(counts)
+    if not first.size:
+        return
+    shares = levels(counts[first, second].astype(np.float64), scale[0])
+    ordered = np.argsort(shares, kind="stable")
+    middles = 100 * (axis[0] + (np.arange(len(counts)) + 0.5) / len(counts) * (axis[1] - axis[0]))
+    starts = np.stack([middles[first], np.full(first.size, float(row))], axis=1)
+    ends = np.stack([middles[second], np.full(first.size, row + 1.0)], axis=1)
+    colours = np.empty((first.size, 4))
+    colours[:, :3] = rgb_fractions(ink)
+    colours[:, 3] = scale[1] * (0.25 + 0.75 * shares) if scale[0] < 100 else scale[1] * shares
+    segments = np.stack([starts, ends], axis=1)[ordered]
+    collection = LineCollection(
+        list(segments), colors=list(map(tuple, colours[ordered])), linewidths=0.7, zorder=order
+    )
+    axes.add_collection(collection)
+
+
+def _draw_cursor_line(axes: Axes, lines: OverviewLines, axis: Interval, theme: Theme) -> None:
+    """The cursor's line: a ring with a number per run, joined where known."""
+    from matplotlib import patheffects
+
+    accuracies = cursor_accuracies(lines)
+    known = np.array([np.nan if value is None else value for value in accuracies])
+    places = 100 * np.clip(known, *axis)
+    rows = np.arange(len(known))
+    ink = rgb_fractions(theme.cursor)
+    axes.plot(places, rows, color=ink, linewidth=1.4, zorder=3.5)
+    axes.scatter(
+        places,
+        rows,
+        s=34,
+        facecolors=[rgb_fractions(theme.background)],
+        edgecolors=[ink],
+        zorder=3.6,
+    )
+    halo: list[AbstractPathEffect] = [
+        patheffects.withStroke(linewidth=2, foreground=rgb_fractions(theme.background))
+    ]
+    for place, row, value in zip(places.tolist(), rows.tolist(), accuracies, strict=True):
+        if value is not None:
+            label = axes.annotate(
+                f"{100 * value:.1f}",
+                (place, row),
+                xytext=(6, -9),
+                textcoords="offset points",
+                fontsize=7,
+                zorder=6,
+            )
+            label.set_color(ink)
+            label.set_path_effects(halo)
+
+
+def line_keys(lines: OverviewLines | None, theme: Theme) -> list[tuple[Rgb, str]]:
+    """Colours and names of the lines for the legend."""
+    if lines is None:
+        return []
+    colour = theme.sim if lines.side == "sim" else theme.real
+    keys: list[tuple[Rgb, str]] = [(colour, f"an instance, {lines.side}")]
+    if not np.array_equal(np.asarray(lines.selected) & lines.valid, lines.valid):
+        keys.append((theme.unselected, "not selected"))
+    if lines.cursor is not None:
+        keys.append((theme.cursor, f"instance {lines.cursor}"))
+    return keys

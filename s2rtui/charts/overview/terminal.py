@@ -1,4 +1,4 @@
-"""The overview: a line per run, sim and real accuracy as marks with the gap between them."""
+"""The overview in cells: a row per run, marks for sim and real accuracy, instances as lines."""
 
 from __future__ import annotations
 
@@ -6,81 +6,85 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.brush_surface import Mark
+from s2rtui.canvas.brush import Mark, mark_on_panel, mark_range
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.pending_brush import pending, range_of
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_surface
-from s2rtui.charts.overview.line_drawing import draw_threads, own_accuracies
-from s2rtui.charts.overview.model import OverviewModel, overview_model
-from s2rtui.charts.shared.axis_scale import step, tick_text, ticks
-from s2rtui.charts.shared.inputs import OverviewLines, OverviewRow
+from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_panels
+from s2rtui.charts.overview.lines import draw_lines
+from s2rtui.charts.overview.model import (
+    OverviewLines,
+    OverviewModel,
+    cursor_accuracies,
+    overview_model,
+)
+from s2rtui.charts.scene import OverviewRow
+from s2rtui.charts.shared.axis_scale import tick_step, tick_text, tick_values
 
 
-def overview(
+def draw_overview(
     rows: Sequence[OverviewRow],
     baseline: float | None,
     selected: int | None,
     size: Size,
-    look: RenderOptions | None = None,
+    options: RenderOptions | None = None,
     lines: OverviewLines | None = None,
     mark: Mark | None = None,
 ) -> Canvas:
-    """The view in `size` (columns, rows); `selected` is an index into `rows`.
+    """Draw the overview in `size` (columns, rows); `selected` is an index into `rows`.
 
-    With `lines` each instance is drawn as a line across the runs, and the axis holds them, too.
+    With `lines` each instance is a line across the runs, and the axis includes them.
     """
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
     if not rows:
-        canvas.text(0, 0, "no run has been computed", look.theme.muted)
+        canvas.text(0, 0, "no run has been computed", options.theme.muted)
         return canvas
     model = overview_model(rows, baseline, lines)
     layout = overview_layout(model.rows, selected, (canvas.width, canvas.height), lines)
     if layout.top:
-        _header(canvas, layout, lines, look)
+        _header(canvas, layout, lines, options)
     if selected is not None and layout.first <= selected < layout.first + layout.shown:
         y = layout.row_of(selected)
-        canvas.fill(0, y, canvas.width, 1, look.theme.highlight)
-        canvas.put(0, y, look.glyphs.pointer, look.theme.text, bold=True)
+        canvas.fill(0, y, canvas.width, 1, options.theme.highlight)
+        canvas.put(0, y, options.glyphs.pointer, options.theme.text, bold=True)
     if lines is not None and layout.chart_width:
-        draw_threads(canvas, lines, model.axis, layout, look)
-    own = own_accuracies(lines) if lines is not None else []
+        draw_lines(canvas, lines, model.axis, layout, options)
+    accuracies = cursor_accuracies(lines) if lines is not None else []
     for index in range(layout.first, layout.first + layout.shown):
-        _line(canvas, model, index, layout, look, index == selected)
+        _line(canvas, model, index, layout, options, index == selected)
         if lines is not None:
-            _own(canvas, model, index, own[index], layout, look)
+            _draw_cursor_accuracy(canvas, model, index, accuracies[index], layout, options)
     if lines is not None and layout.chart_width and model.baseline is not None:
-        _baseline(canvas, layout.column(model.baseline, model.axis), layout, look)
+        _baseline(canvas, layout.column(model.baseline, model.axis), layout, options)
     if layout.axis_rows:
-        _axis(canvas, layout.top + layout.height, model, layout, look)
+        _axis(canvas, layout.top + layout.height, model, layout, options)
     if mark is not None:
-        _mark(canvas, rows, baseline, selected, lines, mark, look)
+        _mark(canvas, rows, baseline, selected, lines, mark, options)
     return canvas
 
 
 def _header(
-    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, look: RenderOptions
+    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, options: RenderOptions
 ) -> None:
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     canvas.text(2, 0, set_cell_size("run", min(layout.name, 3)), theme.muted)
     if layout.chart_width:
-        _chart_header(canvas, layout, lines, look)
+        _chart_header(canvas, layout, lines, options)
     if layout.numbers < canvas.width:
         canvas.text(layout.numbers + 5, 0, f"{glyphs.sim} sim", theme.sim, align="right")
         canvas.text(layout.numbers + 12, 0, f"{glyphs.real} real", theme.real, align="right")
-    if layout.own and lines is not None:
+    if layout.cursor_numbers and lines is not None:
         name = f"{glyphs.cursor} {lines.cursor}"
-        fits = name if len(name) < layout.own else glyphs.cursor
+        fits = name if len(name) < layout.cursor_numbers else glyphs.cursor
         canvas.text(canvas.width, 0, fits, theme.cursor, align="right")
 
 
 def _chart_header(
-    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, look: RenderOptions
+    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, options: RenderOptions
 ) -> None:
-    """Accuracy and baseline; where lines are drawn, of which side they are."""
-    theme, glyphs = look.theme, look.glyphs
+    """Names of accuracy, baseline, and the side of the lines."""
+    theme, glyphs = options.theme, options.glyphs
     free, stop = layout.chart, layout.chart + layout.chart_width
     pieces: list[tuple[str, Rgb]] = [("accuracy %", theme.muted)]
     if layout.chart_width < 24 or (lines is not None and layout.chart_width < 36):
@@ -100,18 +104,18 @@ def _line(
     model: OverviewModel,
     index: int,
     layout: OverviewLayout,
-    look: RenderOptions,
+    options: RenderOptions,
     bold: bool,
 ) -> None:
-    row, theme, y = model.rows[index], look.theme, layout.row_of(index)
+    row, theme, y = model.rows[index], options.theme, layout.row_of(index)
     name = row.run
     if cell_len(name) > layout.name:
-        name = set_cell_size(name, max(0, layout.name - 1)) + look.glyphs.ellipsis
-    if look.ascii:
+        name = set_cell_size(name, max(0, layout.name - 1)) + options.glyphs.ellipsis
+    if options.ascii:
         name = name.encode("ascii", "replace").decode()
     canvas.text(2, y, name if layout.name else "", theme.text, bold=bold)
     if layout.chart_width:
-        _marks(canvas, y, model, row, layout, look)
+        _marks(canvas, y, model, row, layout, options)
     if layout.numbers < canvas.width:
         for value, right, colour in (
             (row.sim_accuracy, 5, theme.sim),
@@ -128,9 +132,9 @@ def _marks(
     model: OverviewModel,
     row: OverviewRow,
     layout: OverviewLayout,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     sides = (
         (row.sim_accuracy, row.sim_interval, theme.sim, glyphs.sim),
         (row.real_accuracy, row.real_interval, theme.real, glyphs.real),
@@ -160,33 +164,33 @@ def _marks(
         canvas.text(layout.chart, y, note[: layout.chart_width], theme.muted)
 
 
-def _own(
+def _draw_cursor_accuracy(
     canvas: Canvas,
     model: OverviewModel,
     index: int,
     value: float | None,
     layout: OverviewLayout,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
-    """The cursor's accuracy in one run: its glyph beside the marks (no note), and the number."""
+    """The accuracy of the cursor's instance in one run, as a glyph and as a number."""
     if value is None:
         return
-    y, theme = layout.row_of(index), look.theme
+    y, theme = layout.row_of(index), options.theme
     row = model.rows[index]
     is_noted = row.sim_accuracy is None and row.real_accuracy is None
     if layout.chart_width and not is_noted:
         at = layout.column(value, model.axis)
-        if canvas.char[y, at] not in (look.glyphs.sim, look.glyphs.real, look.glyphs.both):
-            canvas.put(at, y, look.glyphs.cursor, theme.cursor, bold=True)
-    if layout.own:
+        if canvas.char[y, at] not in (options.glyphs.sim, options.glyphs.real, options.glyphs.both):
+            canvas.put(at, y, options.glyphs.cursor, theme.cursor, bold=True)
+    if layout.cursor_numbers:
         canvas.text(canvas.width, y, f"{100 * value:.1f}", theme.cursor, align="right")
 
 
-def _baseline(canvas: Canvas, column: int, layout: OverviewLayout, look: RenderOptions) -> None:
-    """The baseline between the runs, where no line runs."""
+def _baseline(canvas: Canvas, column: int, layout: OverviewLayout, options: RenderOptions) -> None:
+    """The baseline between the rows of runs, where no line is drawn."""
     for y in range(layout.top, layout.top + layout.height):
         if (y - layout.top) % layout.step and canvas.char[y, column] == " ":
-            canvas.put(column, y, look.glyphs.baseline, look.theme.truth)
+            canvas.put(column, y, options.glyphs.baseline, options.theme.truth)
 
 
 def _mark(
@@ -196,33 +200,33 @@ def _mark(
     selected: int | None,
     lines: OverviewLines | None,
     mark: Mark,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
-    """A range on a run's axis: highlighted ground between bold ends."""
-    panels = overview_surface(rows, baseline, selected, (canvas.width, canvas.height), lines)
-    panel = next((panel for panel in panels if pending(mark, panel.name)), None)
+    """A brushed range on a run's axis: highlighted background between bold ends."""
+    panels = overview_panels(rows, baseline, selected, (canvas.width, canvas.height), lines)
+    panel = next((panel for panel in panels if mark_on_panel(mark, panel.name)), None)
     if panel is None:
         return
-    low, high = (int(panel.to_cells(end, 0.0)[0]) for end in range_of(mark))
-    canvas.fill(low, panel.y, high - low + 1, panel.height, look.theme.highlight)
+    low, high = (int(panel.to_cells(end, 0.0)[0]) for end in mark_range(mark))
+    canvas.fill(low, panel.y, high - low + 1, panel.height, options.theme.highlight)
     for y in range(panel.y, panel.y + panel.height):
-        canvas.put(low, y, look.glyphs.scale_left, look.theme.truth, bold=True)
-        canvas.put(high, y, look.glyphs.scale_right, look.theme.truth, bold=True)
+        canvas.put(low, y, options.glyphs.scale_left, options.theme.truth, bold=True)
+        canvas.put(high, y, options.glyphs.scale_right, options.theme.truth, bold=True)
 
 
 def _axis(
-    canvas: Canvas, y: int, model: OverviewModel, layout: OverviewLayout, look: RenderOptions
+    canvas: Canvas, y: int, model: OverviewModel, layout: OverviewLayout, options: RenderOptions
 ) -> None:
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     low, high = (100 * end for end in model.axis)
     end = layout.chart + layout.chart_width - 1
     canvas.hline(layout.chart, end, y, glyphs.horizontal, theme.faint)
     count = max(1, layout.chart_width // 8)
-    width = step(high - low, count)
+    width = tick_step(high - low, count)
     if model.baseline is not None:
         canvas.put(layout.column(model.baseline, model.axis), y, glyphs.baseline, theme.truth)
     free = layout.chart - 1
-    for tick in ticks(low, high, count):
+    for tick in tick_values(low, high, count):
         at = layout.column(tick / 100, model.axis)
         canvas.put(at, y, glyphs.tick, theme.muted)
         text = tick_text(tick, width)

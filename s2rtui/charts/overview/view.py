@@ -1,4 +1,4 @@
-"""The overview: a line per run, and every instance as a thin line across them."""
+"""The overview: the accuracies of every run, and of every instance as a line across the runs."""
 
 from __future__ import annotations
 
@@ -6,16 +6,18 @@ import math
 from collections.abc import Sequence
 
 from s2rstore.language.canonical_text import string
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.charts.mark_expressions import range_expression
 from s2rtui.charts.overview import layout, terminal
-from s2rtui.charts.shared import inputs
-from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, span
+from s2rtui.charts.overview.model import OverviewLines
+from s2rtui.charts.scene import OverviewRow, Scene
+from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session
 
 ROWS_PER_RUN = 3
-"""What a run would like: its marks, and the lines to the next one."""
+"""Preferred number of rows per run, the lines to the next run included."""
 
 
 class OverviewView(View):
@@ -23,43 +25,42 @@ class OverviewView(View):
     key = "1"
     pane: Pane = "overview"
     description = "runs: accuracy in simulation and in reality"
-    feeds = ("rows", "lines")
+    loads = ("rows", "lines")
 
-    def told(self, scene: Scene) -> str:
+    def subtitle(self, scene: Scene) -> str:
         lines = scene.resources.lines
-        told = f", each instance in {lines.side} a line" if lines else ""
         if failed := scene.resources.failed.get("rows" if not scene.resources.rows else "lines"):
-            told = f": {failed}"
-        return f"accuracy, sim and real{told}"
+            return f"accuracy, sim and real: {failed}"
+        if lines is None:
+            return "accuracy, sim and real"
+        return f"accuracy; one line per instance, {lines.side}"
 
-    def lines(self, scene: Scene) -> inputs.OverviewLines | None:
-        """The instances across the runs, once a worker has brought them."""
+    def lines(self, scene: Scene) -> OverviewLines | None:
+        """The instances as lines across the runs, once they are loaded."""
         lines, rows, state = scene.resources.lines, self._rows(scene), scene.state
         if lines is None or any(row.run not in lines.values for row in rows):
             return None
         values = tuple(lines.values[row.run] for row in rows)
-        return inputs.OverviewLines(values, state.selected, state.base, lines.side, state.cursor)
+        return OverviewLines(values, state.selected, state.base, lines.side, state.cursor)
 
-    def _rows(self, scene: Scene) -> tuple[inputs.OverviewRow, ...]:
-        """A row per run; until a worker has brought them, their names."""
-        note = "cannot be read" if "rows" in scene.resources.failed else "reading"
-        empty = (inputs.OverviewRow(run, None, None, note=note) for run in scene.state.runs)
+    def _rows(self, scene: Scene) -> tuple[OverviewRow, ...]:
+        """A row per run; only names until the accuracies are loaded."""
+        note = "cannot be read" if "rows" in scene.resources.failed else "loading"
+        empty = (OverviewRow(run, None, None, note=note) for run in scene.state.runs)
         return scene.resources.rows or tuple(empty)
 
-    def _arguments(
-        self, scene: Scene
-    ) -> tuple[tuple[inputs.OverviewRow, ...], float | None, int | None]:
+    def _arguments(self, scene: Scene) -> tuple[tuple[OverviewRow, ...], float | None, int | None]:
         rows = self._rows(scene)
         selected = next((i for i, row in enumerate(rows) if row.run == scene.state.run), None)
         return rows, scene.resources.baseline, selected
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
-        lines = identity(self.lines(scene))
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
+        lines = identity_key(self.lines(scene))
         return *self._arguments(scene), lines, scene.mark(self.name)
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         lines, mark = self.lines(scene), scene.mark(self.name)
-        return terminal.overview(*self._arguments(scene), size, look, lines, mark)
+        return terminal.draw_overview(*self._arguments(scene), size, options, lines, mark)
 
     def numbers(self, scene: Scene) -> Table:
         names = ("run", "sim accuracy", "sim low", "sim high", "real accuracy", "real low",
@@ -71,14 +72,15 @@ class OverviewView(View):
         ]  # fmt: skip
         return names, rows
 
-    def words(self, scene: Scene) -> str:
-        told = [
+    def summary(self, scene: Scene) -> str:
+        runs = [
             f"{row.run}: sim {_percent(row.sim_accuracy, row.sim_interval)}, "
             f"real {_percent(row.real_accuracy, row.real_interval)}, {row.n} instances"
             for row in scene.resources.rows
         ]
         mean = _percent(scene.resources.baseline, None)
-        return f"Accuracy of {'; '.join(told) or 'no run'}. The mean position alone: {mean}."
+        accuracies = "; ".join(runs) or "no run"
+        return f"Accuracy of {accuracies}. Baseline (always the mean position): {mean}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.overview import paper
@@ -92,29 +94,32 @@ class OverviewView(View):
     def height(self, scene: Scene, width: int) -> int:
         return ROWS_PER_RUN * len(scene.state.runs) + 1
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return layout.overview_surface(*self._arguments(scene), size, self.lines(scene))
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return layout.overview_panels(*self._arguments(scene), size, self.lines(scene))
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         lines, cursor = scene.resources.lines, scene.state.cursor
         if lines is None or cursor is None or panel.name not in lines.values:
             return None
         value = float(lines.values[panel.name][cursor])
         return (value, 0.0) if math.isfinite(value) else None
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         if panel.name in session.state.runs:
             session.put_run(panel.name)
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         side = scene.resources.lines.side if scene.resources.lines else scene.state.side
         run = "" if panel.name == scene.state.run else f"run({string(panel.name)})."
-        return span(panel, mark, f"{run}{side}.accuracy", 0.0, 1.0)
+        return range_expression(panel, mark, f"{run}{side}.accuracy", 0.0, 1.0)
 
 
-def _caption(scene: Scene, lines: inputs.OverviewLines | None) -> str:
-    """What the figures are over, and which instances are lines."""
-    parts = [scene.store.dataset.name, "figures over the instances new to each model"]
+VIEW = OverviewView()
+
+
+def _caption(scene: Scene, lines: OverviewLines | None) -> str:
+    """The subtitle of the figure: which instances the numbers and the lines stand for."""
+    parts = [scene.store.dataset.name, "accuracies over the instances that no model was trained on"]
     if lines is not None:
         parts.append(f"lines: {scene.state.expression} ({scene.state.count} instances)")
     return "  ·  ".join(parts)

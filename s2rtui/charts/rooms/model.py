@@ -1,4 +1,4 @@
-"""Rooms as numbers: how many predictions and truths lie in each."""
+"""The numbers of the rooms view: predicted and true instances per room."""
 
 from __future__ import annotations
 
@@ -8,61 +8,84 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.bins import Bins, choose
+from s2rtui.analysis.binning import Bins, Bools, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.charts.shared.inputs import RoomsInput
+from s2rtui.canvas.brush import Mark
 
 NAMES = ("sim", "truth", "real")
 NO_ROOM = "no room"
 Counts = NDArray[np.intp]
 
 
+Codes = NDArray[np.integer]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoomsInput:
+    """Rooms predicted in sim, true, predicted in real: (N,) indices of `room_names`, -1: none.
+
+    selected, valid: (N,) bool; cursor: an iid.
+    """
+
+    sim: Codes
+    truth: Codes
+    real: Codes
+    room_names: tuple[str, ...]
+    selected: Bools
+    valid: Bools
+    cursor: int | None = None
+    mark: Mark | None = None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RoomsModel:
-    """names: a row each, the last one for no room where any instance is in none.
+    """Counts per room.
 
-    lit, total: (3, rows) counts of the selected and of all valid, in the order of NAMES. peak:
-    the largest count. cursor: the row of the cursor's instance in each column, or None.
+    names: one per row, "no room" last if it occurs. highlighted, total: (3, rows) counts of the
+    selected and of all valid instances, in the order of NAMES. peak: the largest count. cursor:
+    the row of the cursor's instance in each column, or None.
     """
 
     names: tuple[str, ...]
-    lit: Counts
+    highlighted: Counts
     total: Counts
     peak: int
     cursor: tuple[int | None, int | None, int | None]
 
 
-def rooms_model(view: RoomsInput) -> RoomsModel:
-    """Counts of all three columns over one scale."""
-    number = len(view.room_names)
-    sides = (view.sim, view.truth, view.real)
-    keys = (ArrayKey(view.sim), ArrayKey(view.truth), ArrayKey(view.real))
-    lit, total = _counts(keys, number, ArrayKey(view.selected), ArrayKey(view.valid))
-    names = (*view.room_names, NO_ROOM)
+def rooms_model(data: RoomsInput) -> RoomsModel:
+    """Count all three columns."""
+    number = len(data.room_names)
+    sides = (data.sim, data.truth, data.real)
+    keys = (ArrayKey(data.sim), ArrayKey(data.truth), ArrayKey(data.real))
+    highlighted, total = _counts(keys, number, ArrayKey(data.selected), ArrayKey(data.valid))
+    names = (*data.room_names, NO_ROOM)
     if not total[:, -1].any():
-        names, lit, total = names[:-1], lit[:, :-1], total[:, :-1]
-    cursor = view.cursor
+        names, highlighted, total = names[:-1], highlighted[:, :-1], total[:, :-1]
+    cursor = data.cursor
     at: list[int | None] = [None, None, None]
-    if cursor is not None and 0 <= cursor < len(view.valid) and view.valid[cursor]:
+    if cursor is not None and 0 <= cursor < len(data.valid) and data.valid[cursor]:
         rooms = [int(side[cursor]) for side in sides]
         at = [room if 0 <= room < number else number for room in rooms]
     peak = max(1, int(total.max(initial=0)))
-    return RoomsModel(names, lit, total, peak, (at[0], at[1], at[2]))
+    return RoomsModel(names, highlighted, total, peak, (at[0], at[1], at[2]))
 
 
 @cached_by_identity(4)
 def _counts(
     columns: tuple[ArrayKey, ...], number: int, selected: ArrayKey, valid: ArrayKey
 ) -> tuple[Counts, Counts]:
-    """(3, number + 1) each, the last for no room."""
-    chosen = choose(np.asarray(selected.array), np.asarray(valid.array))
-    counted = joint_histogram.counts([_bins(column, number) for column in columns], chosen)
-    return np.stack([lit for lit, _ in counted]), np.stack([total for _, total in counted])
+    """Counts (3, number + 1) of selected and of all; the last column is "no room"."""
+    selection = selection_indices(np.asarray(selected.array), np.asarray(valid.array))
+    counted = joint_histogram.joint_counts([_bins(column, number) for column in columns], selection)
+    return np.stack([highlighted for highlighted, _ in counted]), np.stack(
+        [total for _, total in counted]
+    )
 
 
 @cached_by_identity(32)
 def _bins(rooms: ArrayKey, number: int) -> Bins:
-    """The room of each instance; what is in none has the last bin."""
+    """The room of each instance as bins; the last one is "no room"."""
     codes = np.asarray(rooms.array)
     inside = (codes >= 0) & (codes < number)
     kind = np.uint16 if number < (1 << 16) - 1 else np.uint32

@@ -1,4 +1,4 @@
-"""Rooms on paper: a row per room, bars of prediction, truth and prediction."""
+"""The rooms on paper: a row per room, bars for sim, truth and real."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rtui.canvas.colour import LIGHT, Theme
-from s2rtui.charts.rooms.model import NAMES, RoomsModel, rooms_model
-from s2rtui.charts.shared.inputs import RoomsInput
+from s2rtui.charts.rooms.model import NAMES, RoomsInput, RoomsModel, rooms_model
 from s2rtui.charts.shared.paper import (
     Page,
     Pixels,
-    dress,
-    heading,
+    draw_heading,
+    figure_bytes,
+    make_page,
     new_figure,
-    page_of,
-    unit,
-    written,
+    rgb_fractions,
+    style_axes,
 )
 
 if TYPE_CHECKING:
@@ -25,17 +24,17 @@ if TYPE_CHECKING:
 
 
 def rooms_figure(
-    view: RoomsInput,
+    data: RoomsInput,
     size: Pixels = (1600, 900),
     theme: Theme = LIGHT,
     title: str = "Rooms in simulation, in truth and in reality",
     subtitle: str = "",
 ) -> bytes:
-    """A PNG of `size` pixels: bars of the selected on grey ones of all, with their counts."""
-    page = page_of(size, theme)
-    model = rooms_model(view)
+    """Draw the figure in `size` pixels: bars of the selected on grey bars of all."""
+    page = make_page(size, theme)
+    model = rooms_model(data)
     figure = new_figure(page)
-    top = heading(figure, page, title, subtitle)
+    top = draw_heading(figure, page, title, subtitle)
     wide, _ = page.inches
     longest = max((len(name) for name in model.names), default=4)
     left = min(0.35 + 0.08 * min(longest, 28), wide * 0.3)
@@ -47,9 +46,9 @@ def rooms_figure(
         axes = figure.add_axes(box)
         _column(axes, model, index, page, inks[index], height)
         label = axes.set_title(name, loc="left", fontsize=10, pad=6)
-        label.set_color(unit(inks[index]))
+        label.set_color(rgb_fractions(inks[index]))
         label.set_fontweight("bold")
-    return written(figure, page)
+    return figure_bytes(figure, page)
 
 
 def _column(
@@ -63,11 +62,11 @@ def _column(
     from matplotlib.ticker import MaxNLocator
 
     theme, count = page.theme, len(model.names)
-    dress(axes, theme)
+    style_axes(axes, theme)
     rows = np.arange(count)
-    lit, total = model.lit[index], model.total[index]
-    axes.barh(rows, total, height=0.72, color=unit(theme.faint), linewidth=0, zorder=2)
-    axes.barh(rows, lit, height=0.72, color=unit(ink), linewidth=0, zorder=3)
+    highlighted, total = model.highlighted[index], model.total[index]
+    axes.barh(rows, total, height=0.72, color=rgb_fractions(theme.faint), linewidth=0, zorder=2)
+    axes.barh(rows, highlighted, height=0.72, color=rgb_fractions(ink), linewidth=0, zorder=3)
     axes.set_ylim(max(count, 1) - 0.5, -0.5)
     axes.set_xlim(0, model.peak * 1.28)
     axes.set_xlabel("instances: selected / all" if index == 1 else "")
@@ -76,15 +75,22 @@ def _column(
     if index == 0:
         names = [name if len(name) <= 28 else name[:27] + "…" for name in model.names]
         axes.set_yticklabels(names)
-        axes.tick_params(axis="y", length=0, pad=9, labelcolor=unit(theme.text))
+        axes.tick_params(axis="y", length=0, pad=9, labelcolor=rgb_fractions(theme.text))
     points = min(8.0, 72 * height / max(count, 1) * 0.7)
     for row in rows.tolist():
-        text = f"{lit[row]}/{total[row]}"
+        text = f"{highlighted[row]}/{total[row]}"
         spot = (float(total[row]) + 0.015 * model.peak, row)
         label = axes.text(*spot, text, va="center", fontsize=max(points, 1.0), zorder=4)
-        label.set_color(unit(theme.text if lit[row] else theme.muted))
-    own = model.cursor[index]
-    if own is not None:
+        label.set_color(rgb_fractions(theme.text if highlighted[row] else theme.muted))
+    cursor_row = model.cursor[index]
+    if cursor_row is not None:
         at = -0.025 * model.peak
-        axes.plot([at], [own], marker=">", markersize=6, color=unit(theme.cursor), zorder=5)
+        axes.plot(
+            [at],
+            [cursor_row],
+            marker=">",
+            markersize=6,
+            color=rgb_fractions(theme.cursor),
+            zorder=5,
+        )
         axes.lines[-1].set_clip_on(False)

@@ -1,4 +1,4 @@
-"""Rooms of prediction, truth and prediction: a row per room, a bar per column."""
+"""The rooms in cells: a row per room, bars for sim, truth and real."""
 
 from __future__ import annotations
 
@@ -8,30 +8,28 @@ from functools import partial
 import numpy as np
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
+from s2rtui.canvas.brush import Mark, Panel, Point, mark_on_panel, mark_rows
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.pending_brush import pending, steps_of
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.rooms.model import NAMES, RoomsModel, rooms_model
-from s2rtui.charts.shared.bars import put_over, rightward
-from s2rtui.charts.shared.inputs import RoomsInput
+from s2rtui.charts.rooms.model import NAMES, RoomsInput, RoomsModel, rooms_model
+from s2rtui.charts.shared.bars import draw_horizontal_bars, put_over_bar
 
 WIDEST = 18
-"""Columns that a room's name takes at most."""
+"""Most columns of a room's name."""
 SHORTEST = 5
-"""Columns that a bar keeps before counts are written beside it."""
+"""Fewest columns of a bar that has counts beside it."""
 THICKEST = 3
-"""Rows that a room takes at most, the gap below its bar included."""
+"""Most rows per room, the gap below its bar included."""
 
 
 @dataclass(frozen=True, slots=True)
 class RoomsLayout:
-    """Where the parts stand, in cells.
+    """The layout in cells.
 
-    name: width of the names. columns: (x, width) of up to three columns: a gutter, the bar, and
-    `numbers` cells for the counts. top: the first room's row; `each` rows a room; `first` and
-    `shown`: the window of rooms.
+    name: width of the names. columns: (x, width) of up to three columns: `gutter`, bar, and
+    `numbers` cells for counts (with totals if `whole`). top: the row of the first room; each:
+    rows per room; first, shown: the visible rooms.
     """
 
     name: int
@@ -46,13 +44,13 @@ class RoomsLayout:
 
     @property
     def bar(self) -> int:
-        """Columns of the longest bar."""
+        """Width of the longest bar."""
         return max(1, self.columns[0][1] - self.gutter - self.numbers)
 
 
-def rooms_layout(view: RoomsInput, size: Size, model: RoomsModel | None = None) -> RoomsLayout:
-    """Room for each part; the window follows the pending brush or else the cursor's true room."""
-    model = model or rooms_model(view)
+def rooms_layout(data: RoomsInput, size: Size, model: RoomsModel | None = None) -> RoomsLayout:
+    """Lay out the parts; the window follows the brush mark or the cursor's true room."""
+    model = model or rooms_model(data)
     width, height = max(1, size[0]), max(1, size[1])
     longest = max((cell_len(name) for name in model.names), default=0)
     name = min(longest, WIDEST, width // 4) if width >= 16 else 0
@@ -72,23 +70,23 @@ def rooms_layout(view: RoomsInput, size: Size, model: RoomsModel | None = None) 
     count = len(model.names)
     each = min(THICKEST, max(1, rows // max(1, count)))
     shown = min(count, rows // each)
-    first = min(max(0, _focus(view, model) - shown // 2), count - shown)
+    first = min(max(0, _focus(data, model) - shown // 2), count - shown)
     return RoomsLayout(name, columns, gutter, numbers, whole, top, each, first, shown)
 
 
-def _focus(view: RoomsInput, model: RoomsModel) -> int:
-    if view.mark is not None and view.mark.points:
-        return round(view.mark.points[-1][1])
+def _focus(data: RoomsInput, model: RoomsModel) -> int:
+    if data.mark is not None and data.mark.points:
+        return round(data.mark.points[-1][1])
     return model.cursor[1] or 0
 
 
 def _numbers(model: RoomsModel, whole: bool) -> list[str]:
-    pairs = zip(model.lit.ravel().tolist(), model.total.ravel().tolist(), strict=True)
-    return [_number(lit, total, whole) for lit, total in pairs]
+    pairs = zip(model.highlighted.ravel().tolist(), model.total.ravel().tolist(), strict=True)
+    return [_number(highlighted, total, whole) for highlighted, total in pairs]
 
 
-def _number(lit: int, total: int, whole: bool) -> str:
-    return f"{_brief(lit)}/{_brief(total)}" if whole else _brief(lit)
+def _number(highlighted: int, total: int, whole: bool) -> str:
+    return f"{_brief(highlighted)}/{_brief(total)}" if whole else _brief(highlighted)
 
 
 def _brief(count: int) -> str:
@@ -96,15 +94,15 @@ def _brief(count: int) -> str:
     return str(count) if count < 100_000 else f"{count // 1000}k"
 
 
-def rooms_surface(
-    view: RoomsInput, size: Size, look: RenderOptions | None = None
+def rooms_panels(
+    data: RoomsInput, size: Size, options: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
-    """Steps "sim", "truth" and "real": y is the room's index, x a count on the bars' scale.
+    """Panels "sim", "truth" and "real": y is the index of a room, x a count.
 
-    An index of len(room_names) stands for no room.
+    The index len(room_names) stands for no room.
     """
-    model = rooms_model(view)
-    layout = rooms_layout(view, size, model)
+    model = rooms_model(data)
+    layout = rooms_layout(data, size, model)
     if not layout.shown:
         return ()
     per_cell = model.peak / layout.bar
@@ -134,26 +132,26 @@ def _to_cells(layout: RoomsLayout, left: int, per_cell: float, x: float, y: floa
     return left + x / per_cell, row + max(1, layout.each - 1) / 2
 
 
-def rooms(view: RoomsInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_rooms(data: RoomsInput, size: Size, options: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
-    model = rooms_model(view)
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
+    model = rooms_model(data)
     if not model.names:
-        canvas.text(0, 0, "no rooms", look.theme.muted)
+        canvas.text(0, 0, "no rooms", options.theme.muted)
         return canvas
-    layout = rooms_layout(view, (canvas.width, canvas.height), model)
-    _names(canvas, model, layout, look)
-    panels = rooms_surface(view, (canvas.width, canvas.height), look)
-    colours = (look.theme.sim, look.theme.truth, look.theme.real)
+    layout = rooms_layout(data, (canvas.width, canvas.height), model)
+    _names(canvas, model, layout, options)
+    panels = rooms_panels(data, (canvas.width, canvas.height), options)
+    colours = (options.theme.sim, options.theme.truth, options.theme.real)
     for index, (panel, colour) in enumerate(zip(panels, colours, strict=False)):
-        mark = pending(view.mark, panel.name)
-        _column(canvas, panel, index, model, layout, mark, colour, look)
+        mark = mark_on_panel(data.mark, panel.name)
+        _column(canvas, panel, index, model, layout, mark, colour, options)
     return canvas
 
 
-def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, look: RenderOptions) -> None:
-    theme, glyphs = look.theme, look.glyphs
+def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, options: RenderOptions) -> None:
+    theme, glyphs = options.theme, options.glyphs
     if layout.top:
         heads = (
             (f"{glyphs.sim} sim", theme.sim),
@@ -166,9 +164,9 @@ def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, look: RenderO
         if layout.shown < len(model.names):
             last = layout.first + layout.shown
             window, count = f"{layout.first + 1}-{last}", len(model.names)
-            options = (f"{window} of {count}", f"{window}/{count}", window)
-            told = next((text for text in options if len(text) <= layout.name), "")
-            canvas.text(0, 0, told, theme.muted)
+            texts = (f"{window} of {count}", f"{window}/{count}", window)
+            shown_window = next((text for text in texts if len(text) <= layout.name), "")
+            canvas.text(0, 0, shown_window, theme.muted)
     if not layout.name:
         return
     for place in range(layout.shown):
@@ -176,11 +174,11 @@ def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, look: RenderO
         name = model.names[index]
         if cell_len(name) > layout.name:
             name = set_cell_size(name, layout.name - 1) + glyphs.ellipsis
-        if look.ascii:
+        if options.ascii:
             name = name.encode("ascii", "replace").decode()
-        own = index == model.cursor[1]
+        is_cursor = index == model.cursor[1]
         row = layout.top + place * layout.each + (layout.each - 1) // 2
-        canvas.text(0, row, name, theme.text if own else theme.muted, bold=own)
+        canvas.text(0, row, name, theme.text if is_cursor else theme.muted, bold=is_cursor)
 
 
 def _column(
@@ -191,35 +189,37 @@ def _column(
     layout: RoomsLayout,
     mark: Mark | None,
     colour: Rgb,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
-    """Bars with their counts; the pending brush and the cursor's room in the gutter."""
-    theme, each = look.theme, layout.each
+    """Bars with counts; brush mark and cursor in the gutter."""
+    theme, each = options.theme, layout.each
     thick = max(1, each - 1)
-    low, high = (-1, -2) if mark is None else steps_of(mark)
+    low, high = (-1, -2) if mark is None else mark_rows(mark)
     shown = slice(layout.first, layout.first + layout.shown)
     for room in range(max(low, shown.start), min(high + 1, shown.stop)):
         row = panel.y + (room - layout.first) * each
         canvas.fill(panel.x, row, panel.width, thick, theme.highlight)
     inked = np.arange(layout.shown * each) % each < thick
-    lit, grey = (
+    highlighted, grey = (
         np.where(inked, np.repeat(part[index, shown] / model.peak, each), 0.0)
-        for part in (model.lit, model.total)
+        for part in (model.highlighted, model.total)
     )
-    rightward(canvas, panel.x + layout.gutter, panel.y, layout.bar, (lit, grey), colour, look)
+    draw_horizontal_bars(
+        canvas, panel.x + layout.gutter, panel.y, layout.bar, (highlighted, grey), colour, options
+    )
     for room in range(shown.start, shown.stop):
         middle, held = (
             panel.y + (room - layout.first) * each + (thick - 1) // 2,
             low <= room <= high,
         )
         if layout.numbers:
-            own, whole = int(model.lit[index, room]), int(model.total[index, room])
-            text = _number(own, whole, layout.whole)
-            ink, end = theme.text if own else theme.muted, panel.x + panel.width
+            selected, whole = int(model.highlighted[index, room]), int(model.total[index, room])
+            text = _number(selected, whole, layout.whole)
+            ink, end = theme.text if selected else theme.muted, panel.x + panel.width
             canvas.text(end, middle, text, ink, bold=held, align="right")
         if held:
-            canvas.put(panel.x, middle, look.glyphs.pointer, theme.truth, bold=True)
+            canvas.put(panel.x, middle, options.glyphs.pointer, theme.truth, bold=True)
         if room == model.cursor[index]:
             beside = held and layout.gutter == 1
             at = panel.x + (1 if beside else max(0, layout.gutter - 1))
-            put_over(canvas, at, middle, look.glyphs.cursor, theme.cursor)
+            put_over_bar(canvas, at, middle, options.glyphs.cursor, theme.cursor)

@@ -1,16 +1,17 @@
-"""Rooms of the selection: where sim says that it is, where it is, where real says so."""
+"""The rooms of the selection: predicted in sim, true, predicted in real."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from s2rtui.analysis.identity_cache import identity
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush_surface import Mark, Panel, Point
-from s2rtui.charts.rooms.model import rooms_model
-from s2rtui.charts.rooms.terminal import rooms, rooms_surface
-from s2rtui.charts.shared import inputs
-from s2rtui.charts.view import Pixels, Scene, Table, View, named
+from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.charts.mark_expressions import names_expression
+from s2rtui.charts.rooms.model import RoomsInput, rooms_model
+from s2rtui.charts.rooms.terminal import draw_rooms, rooms_panels
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import Pixels, Table, View
 from s2rtui.session import Session
 
 _FIELDS = {"sim": "sim.room", "truth": "room", "real": "real.room"}
@@ -21,27 +22,29 @@ class RoomsView(View):
     key = "6"
     description = "rooms: predicted in sim, true, predicted in reality"
 
-    def told(self, scene: Scene) -> str:
-        return "rooms: sim, truth, real"
+    def subtitle(self, scene: Scene) -> str:
+        return "instances per room: sim, truth, real"
 
-    def input(self, scene: Scene) -> inputs.RoomsInput:
+    def input(self, scene: Scene) -> RoomsInput:
         store, state = scene.store, scene.state
         columns, truth = store.run_columns(state.run), store.instances
-        return inputs.RoomsInput(
+        return RoomsInput(
             columns.sim.room, truth.room, columns.real.room, truth.room_names, state.selected,
             state.base, state.cursor, scene.mark(self.name),
         )  # fmt: skip
 
     def numbers(self, scene: Scene) -> Table:
         model = rooms_model(self.input(scene))
-        rows = list(zip(model.names, *model.lit.tolist(), *model.total.tolist(), strict=True))
+        rows = list(
+            zip(model.names, *model.highlighted.tolist(), *model.total.tolist(), strict=True)
+        )
         names = ("room", "sim", "truth", "real", "sim of all", "truth of all", "real of all")
         return names, rows
 
-    def words(self, scene: Scene) -> str:
+    def summary(self, scene: Scene) -> str:
         _, rows = self.numbers(scene)
-        told = [f"{row[0]} {row[1]}, {row[2]}, {row[3]}" for row in rows if any(row[1:4])]
-        return f"Instances per room in sim, truth and real: {'; '.join(told) or 'none'}."
+        counts = [f"{row[0]} {row[1]}, {row[2]}, {row[3]}" for row in rows if any(row[1:4])]
+        return f"Instances per room in sim, truth and real: {'; '.join(counts) or 'none'}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.rooms import paper
@@ -49,24 +52,27 @@ class RoomsView(View):
         title = f"{scene.state.run}: rooms in simulation, in truth and in reality"
         return paper.rooms_figure(self.input(scene), size, theme, title, scene.caption)
 
-    def depends(self, scene: Scene) -> tuple[object, ...]:
-        return (identity(self.input(scene)),)
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
+        return (identity_key(self.input(scene)),)
 
-    def draw(self, scene: Scene, size: Size, look: RenderOptions) -> Canvas:
-        return rooms(self.input(scene), size, look)
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return draw_rooms(self.input(scene), size, options)
 
-    def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
-        return rooms_surface(self.input(scene), size, look)
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return rooms_panels(self.input(scene), size, options)
 
-    def at(self, scene: Scene, panel: Panel) -> Point | None:
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         if scene.state.cursor is None:
             return None
         code = int(getattr(self.input(scene), panel.name)[scene.state.cursor])
         return (0.0, float(code)) if code >= 0 else None
 
-    def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         mark = Mark(panel.name, (point, point))
-        session.choose(self.meaning(scene, panel, mark))
+        session.choose(self.to_expression(scene, panel, mark))
 
-    def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        return named(mark, _FIELDS[panel.name], scene.store.instances.room_names)
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        return names_expression(mark, _FIELDS[panel.name], scene.store.instances.room_names)
+
+
+VIEW = RoomsView()

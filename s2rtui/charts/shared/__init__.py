@@ -1,1 +1,1 @@
-"""What several views share: inputs, maps, legends, axes."""
+"""Parts that several views share: maps, pictures of an instance, legends, scales, figures."""

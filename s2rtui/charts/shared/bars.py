@@ -1,4 +1,4 @@
-"""Bars of eighths of cells: upright over columns, or one bar to the right."""
+"""Bars in eighths of cells: vertical ones per column, horizontal ones per row."""
 
 from __future__ import annotations
 
@@ -6,46 +6,47 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import Rgb, mix
-from s2rtui.canvas.colour_mode import ColourMode
+from s2rtui.canvas.colour import ColourMode, Rgb, mix
 from s2rtui.canvas.render_options import RenderOptions
 
 UP = np.array(list(" ▁▂▃▄▅▆▇█"))
 RIGHT = np.array(list(" ▏▎▍▌▋▊▉█"))
 Bars = tuple[ArrayLike, ArrayLike]
-"""Lengths 0 .. 1 of the lit bars, and of the grey ones behind them."""
+"""Lengths 0 .. 1 of the highlighted bars, and of the grey ones behind them."""
 SOLID = 0.55
-"""Grey areas are paler than grey dots, or they would outshine the lit ones."""
+"""Strength of grey areas: paler than grey dots, so that highlighted bars stand out."""
 
 
-def upright(
-    canvas: Canvas, x: int, y: int, rows: int, bars: Bars, colour: Rgb, look: RenderOptions
+def draw_vertical_bars(
+    canvas: Canvas, x: int, y: int, rows: int, bars: Bars, colour: Rgb, options: RenderOptions
 ) -> None:
-    """A bar per column upwards from the last of `rows`."""
-    lit, grey = (_steps(part, rows) for part in bars)
+    """Draw a bar per column, upwards from the last of `rows`."""
+    highlighted, grey = (_steps(part, rows) for part in bars)
     level = 8 * (rows - 1 - np.arange(rows))[:, None]
-    _stamp(canvas, x, y, lit[None] - level, grey[None] - level, UP, level == 0, colour, look)
+    _stamp(
+        canvas, x, y, highlighted[None] - level, grey[None] - level, UP, level == 0, colour, options
+    )
 
 
-def rightward(
-    canvas: Canvas, x: int, y: int, columns: int, bars: Bars, colour: Rgb, look: RenderOptions
+def draw_horizontal_bars(
+    canvas: Canvas, x: int, y: int, columns: int, bars: Bars, colour: Rgb, options: RenderOptions
 ) -> None:
-    """A bar per row to the right from `x`, within `columns`."""
-    lit, grey = (_steps(part, columns) for part in bars)
+    """Draw a bar per row, from `x` to the right within `columns`."""
+    highlighted, grey = (_steps(part, columns) for part in bars)
     level = 8 * np.arange(columns)[None]
-    lit, grey = lit[:, None] - level, grey[:, None] - level
-    _stamp(canvas, x, y, lit, grey, RIGHT, level == 0, colour, look)
+    highlighted, grey = highlighted[:, None] - level, grey[:, None] - level
+    _stamp(canvas, x, y, highlighted, grey, RIGHT, level == 0, colour, options)
 
 
-def put_over(canvas: Canvas, x: int, y: int, glyph: str, colour: Rgb) -> None:
-    """A bold glyph; a solid bar stays as its ground."""
+def put_over_bar(canvas: Canvas, x: int, y: int, glyph: str, colour: Rgb) -> None:
+    """Put a bold glyph; a solid bar under it becomes its background."""
     solid = 0 <= x < canvas.width and 0 <= y < canvas.height and canvas.char[y, x] == "█"
     red, green, blue = canvas.fg[y, x].tolist() if solid else (0, 0, 0)
     canvas.put(x, y, glyph, colour, (red, green, blue) if solid else None, bold=True)
 
 
 def _steps(lengths: ArrayLike, cells: int) -> NDArray[np.intp]:
-    """Lengths in eighths of a cell: at least one where anything is."""
+    """Lengths in eighths of a cell, at least one for any positive length."""
     steps = np.ceil(np.clip(lengths, 0, 1) * cells * 8 - 1e-9)
     return np.atleast_1d(np.maximum(steps, np.asarray(lengths) > 0)).astype(np.intp)
 
@@ -54,24 +55,24 @@ def _stamp(
     canvas: Canvas,
     x: int,
     y: int,
-    lit: NDArray[np.intp],
+    highlighted: NDArray[np.intp],
     grey: NDArray[np.intp],
     glyphs: NDArray[np.str_],
     foot: NDArray[np.bool_],
     colour: Rgb,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
-    """Cells of which `lit` eighths are lit and up to `grey` eighths grey, clipped to the canvas."""
-    into = (slice(y, y + lit.shape[0]), slice(x, x + lit.shape[1]))
+    """Draw cells with `highlighted` coloured eighths and `grey` grey ones, clipped."""
+    into = (slice(y, y + highlighted.shape[0]), slice(x, x + highlighted.shape[1]))
     room = canvas.char[into].shape
-    grey_ink = mix(look.theme.background, look.theme.unselected, SOLID)
-    part, full = (np.clip(steps[: room[0], : room[1]], 0, 8) for steps in (lit, grey))
+    grey_ink = mix(options.theme.background, options.theme.unselected, SOLID)
+    part, full = (np.clip(steps[: room[0], : room[1]], 0, 8) for steps in (highlighted, grey))
     full = np.maximum(part, full)
     drawn, some = full > 0, part > 0
-    if look.ascii:
-        lower = np.broadcast_to(foot, lit.shape)[: room[0], : room[1]]
+    if options.ascii:
+        lower = np.broadcast_to(foot, highlighted.shape)[: room[0], : room[1]]
         inked = np.where(some & ((2 * part >= full) | lower), "#", ".")
-    elif look.mode is ColourMode.NONE:
+    elif options.mode is ColourMode.NONE:
         inked = np.where(some, glyphs[part], "░")
     else:
         inked = np.where(some, glyphs[part], glyphs[full])

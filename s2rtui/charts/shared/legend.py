@@ -1,4 +1,4 @@
-"""Colour bars, scale bars and legends, laid out in a line of cells."""
+"""Legends in cells: colour bars, scale bars and texts, arranged in rows."""
 
 from __future__ import annotations
 
@@ -11,25 +11,23 @@ from numpy.typing import NDArray
 from rich.cells import cell_len
 
 from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import Pixels, Rgb, legible, turbo
-from s2rtui.canvas.colour_mode import ColourMode
-from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.shared.axis_scale import Interval, short, step
+from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, legible, turbo
+from s2rtui.canvas.render_options import DIGITS, RenderOptions
+from s2rtui.charts.shared.axis_scale import Interval, short_number, tick_step
 
-DIGITS = "0123456789"
 Scale = Callable[[NDArray[np.float64]], Pixels]
 
 
 @dataclass(frozen=True, slots=True)
 class LegendPart:
-    """A piece of a legend: its width in cells and how to draw it at (x, y)."""
+    """A part of a legend: its width in cells, and a function that draws it at (x, y)."""
 
     width: int
     draw: Callable[[Canvas, int, int], None]
 
 
-def words(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
-    """Coloured pieces of text, one after the other."""
+def text_part(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
+    """A part of coloured texts, one after the other."""
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
         for text, colour in pieces:
@@ -43,40 +41,40 @@ def colour_bar(
     label: str,
     unit: str,
     scale: Interval,
-    look: RenderOptions,
+    options: RenderOptions,
     length: int = 12,
     colours: Scale = turbo,
     ramp: str | None = None,
     room: int | None = None,
     clipped: bool = False,
 ) -> LegendPart:
-    """`label low [bar] high unit`; the bar is of colours, or of `ramp` where colours lack.
+    """A part `label low [bar] high unit`; the bar is of colours, or of `ramp` without colours.
 
-    `clipped` ends are the 1st and the 99th percentile, told as `p1` and `p99`. Within `room` cells
-    the bar shrinks to no less than 4, then the label goes; to no less than 2, then these names go.
+    If `clipped`, the ends are marked `p1` and `p99`: the 1st and the 99th percentile. To fit into
+    `room` cells the bar shrinks first, then the label and at last these marks are left out.
     """
     small = 0.005 * max(abs(scale[0]), abs(scale[1]))
-    low, high = (short(0.0 if abs(end) < small else end, 2) for end in scale)
+    low, high = (short_number(0.0 if abs(end) < small else end, 2) for end in scale)
     first, last = ("p1 ", "p99 ") if clipped else ("", "")
-    told = (
+    texts = (
         (f"{label} {first}{low} ".lstrip(), f" {last}{high} {unit}".rstrip()),
         (f"{first}{low} ", f" {last}{high} {unit}".rstrip()),
         (f"{low} ", f" {high} {unit}".rstrip()),
     )
-    before, after = told[0]
+    before, after = texts[0]
     if room is not None:
-        widths = (sum(map(cell_len, pair)) for pair in told)
-        least = zip(told, widths, (4, 2, 0), strict=True)
-        before, after = next((pair for pair, width, bar in least if width + bar <= room), told[-1])
+        widths = (sum(map(cell_len, pair)) for pair in texts)
+        least = zip(texts, widths, (4, 2, 0), strict=True)
+        before, after = next((pair for pair, width, bar in least if width + bar <= room), texts[-1])
         length = max(1, min(length, room - cell_len(before) - cell_len(after)))
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
-        x = canvas.text(x, y, before, look.theme.muted)
+        x = canvas.text(x, y, before, options.theme.muted)
         shades = colours(np.linspace(0, 1, max(2, length)))
-        plain = look.pictures and ramp is None
+        plain = options.supports_images and ramp is None
         if not plain:
-            shades = legible(shades, look.theme)
-        glyphs = ramp or look.glyphs.shades
+            shades = legible(shades, options.theme)
+        glyphs = ramp or options.glyphs.shades
         for place in range(length):
             red, green, blue = (int(part) for part in shades[place])
             if plain:
@@ -84,31 +82,31 @@ def colour_bar(
             else:
                 glyph = glyphs[min(len(glyphs) - 1, place * len(glyphs) // length)]
                 canvas.put(x + place, y, glyph, (red, green, blue))
-        canvas.text(x + length, y, after, look.theme.muted)
+        canvas.text(x + length, y, after, options.theme.muted)
 
     return LegendPart(cell_len(before) + length + cell_len(after), draw)
 
 
 @lru_cache(64)
-def scale_bar(metres_per_cell: float, room: int, look: RenderOptions) -> LegendPart:
-    """A bar of a round length in metres, at most `room` cells long."""
-    length = step(metres_per_cell * room, 1)
+def scale_bar(metres_per_cell: float, room: int, options: RenderOptions) -> LegendPart:
+    """A scale bar of a round length in metres, at most `room` cells long."""
+    length = tick_step(metres_per_cell * room, 1)
     if length > metres_per_cell * room * (1 + 1e-9):
-        length = step(metres_per_cell * room / 2.5, 1)
+        length = tick_step(metres_per_cell * room / 2.5, 1)
     cells = max(2, round(length / metres_per_cell))
-    glyphs, label = look.glyphs, f" {short(length)} m"
+    glyphs, label = options.glyphs, f" {short_number(length)} m"
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
-        canvas.hline(x, x + cells - 1, y, glyphs.horizontal, look.theme.text)
-        canvas.put(x, y, glyphs.scale_left, look.theme.text)
-        canvas.put(x + cells - 1, y, glyphs.scale_right, look.theme.text)
-        canvas.text(x + cells, y, label, look.theme.muted)
+        canvas.hline(x, x + cells - 1, y, glyphs.horizontal, options.theme.text)
+        canvas.put(x, y, glyphs.scale_left, options.theme.text)
+        canvas.put(x + cells - 1, y, glyphs.scale_right, options.theme.text)
+        canvas.text(x + cells, y, label, options.theme.muted)
 
     return LegendPart(cells + len(label), draw)
 
 
-def flow(parts: Sequence[LegendPart], width: int, gap: int = 2) -> list[list[LegendPart]]:
-    """Parts to rows that fit `width`; a part that fits nowhere is left out."""
+def fit_rows(parts: Sequence[LegendPart], width: int, gap: int = 2) -> list[list[LegendPart]]:
+    """Arrange parts in rows of at most `width` cells; parts that are wider are left out."""
     rows: list[list[LegendPart]] = []
     free = -1
     for part in parts:
@@ -125,7 +123,7 @@ def flow(parts: Sequence[LegendPart], width: int, gap: int = 2) -> list[list[Leg
 def draw_rows(
     canvas: Canvas, x: int, y: int, rows: Sequence[Sequence[LegendPart]], gap: int = 2
 ) -> None:
-    """Rows of parts from (x, y) downwards."""
+    """Draw rows of parts from (x, y) downwards."""
     for offset, row in enumerate(rows):
         at = x
         for part in row:
@@ -133,6 +131,6 @@ def draw_rows(
             at += part.width + gap
 
 
-def ramp_for_values(look: RenderOptions) -> str | None:
-    """The glyphs that stand for values where colours lack or only ASCII is allowed."""
-    return DIGITS if look.ascii or look.mode is ColourMode.NONE else None
+def ramp_for_values(options: RenderOptions) -> str | None:
+    """The digits that show values without colours or in ASCII, None otherwise."""
+    return DIGITS if options.ascii or options.mode is ColourMode.NONE else None

@@ -1,4 +1,4 @@
-"""A map on paper before anything stands on it: heading, ground, rooms, axes, scale bar."""
+"""Maps on paper: background, rooms, axes, scale bar, legend, and points."""
 
 from __future__ import annotations
 
@@ -9,14 +9,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds, Room
-from s2rtui.analysis.map_frame import MapFrame, fit
+from s2rtui.analysis.binning import SelectionIndices
+from s2rtui.analysis.map_frame import MapFrame, fit_frame
 from s2rtui.canvas.colour import Rgb, Theme, luma, mix, turbo
 from s2rtui.canvas.raster import resample
-from s2rtui.charts.shared.axis_scale import fraction, short, step, ticks
-from s2rtui.charts.shared.inputs import Floats, Ground
-from s2rtui.charts.shared.map_cells import dots
-from s2rtui.charts.shared.map_layers import DIMMED, heat_scale, seen_cells
-from s2rtui.charts.shared.paper import Box, Page, broken, dress, heading, new_figure, unit
+from s2rtui.charts.shared.axis_scale import (
+    Floats,
+    scale_fraction,
+    short_number,
+    tick_step,
+    tick_values,
+)
+from s2rtui.charts.shared.map_background import DIMMED, MapBackground, heat_scale, seen_cells
+from s2rtui.charts.shared.map_model import MapInput, MapModel, sorted_by_value
+from s2rtui.charts.shared.paper import (
+    Box,
+    Page,
+    draw_heading,
+    new_figure,
+    rgb_fractions,
+    style_axes,
+    wrapped_label,
+)
+from s2rtui.charts.shared.points import point_dots
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,38 +42,38 @@ if TYPE_CHECKING:
     from matplotlib.patheffects import AbstractPathEffect
 
 SIDE = 1.75
-"""Inches at the right that colour bars and legend take."""
+"""Width of colour bars and legend at the right, inches."""
 LETTER = 0.07
-"""Inches that a letter of a room's name takes."""
+"""Width of a letter of a room's name, inches."""
 MANY = 5000
-"""More points than these are drawn smaller, and one per spot of half a point."""
+"""Above this number, points are drawn smaller, and one per spot of half a point."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spots:
-    """The page's grid of spots, so fine that one mark per spot shows all there is to see."""
+    """A grid so fine that one mark per spot looks the same as all of them."""
 
     frame: MapFrame
     theme: Theme
 
     def last(self, points: Floats, ids: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Places in `ids`, ascending: the last of each spot; all of them where they are few."""
+        """Indices into `ids`, ascending: the last one of each spot; all if they are few."""
         if len(ids) <= MANY:
             return np.arange(len(ids))
-        places = dots(np.asarray(points), self.frame)
+        places = point_dots(np.asarray(points), self.frame)
         codes = places.codes[ids][::-1]
         _, first = np.unique(codes, return_index=True)
         held = np.sort(len(ids) - 1 - first)
         return held[places.codes[ids[held]] < places.count]
 
-    def kept(self, points: Floats, ids: NDArray[np.intp]) -> NDArray[np.intp]:
-        """One of `ids` per spot."""
+    def thinned(self, points: Floats, ids: NDArray[np.intp]) -> NDArray[np.intp]:
+        """`ids` reduced to one per spot."""
         return ids[self.last(points, ids)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapSheet:
-    """inches: the map's size. side: the upper left corner, in inches, of the room at the right."""
+    """A map on a figure. inches: its size; side: upper left corner of the legend, inches."""
 
     figure: Figure
     page: Page
@@ -66,15 +84,17 @@ class MapSheet:
     side: tuple[float, float] | None
 
     def grid(self, points: float) -> MapFrame:
-        """A frame whose cells are `points` wide and twice as high on paper."""
+        """A frame whose cells are `points` (1/72 inch) wide and twice as high."""
         wide, high = (max(1, int(length * 72 / points)) for length in self.inches)
-        return fit(self.area, wide, high + high % 2, self.spots.frame.y_down)
+        return fit_frame(self.area, wide, high + high % 2, self.spots.frame.y_down)
 
 
-def map_sheet(ground: Ground, area: Bounds, page: Page, title: str, subtitle: str) -> MapSheet:
-    """The map as large as the page allows."""
+def map_sheet(
+    ground: MapBackground, area: Bounds, page: Page, title: str, subtitle: str
+) -> MapSheet:
+    """A new figure with a map as large as the page allows."""
     figure = new_figure(page)
-    top = heading(figure, page, title, subtitle)
+    top = draw_heading(figure, page, title, subtitle)
     wide, _ = page.inches
     side = SIDE if wide > 4.5 else 0.0
     room = (max(wide - 0.75 - side - 0.2, 0.3), max(top - 0.6, 0.3))
@@ -88,12 +108,12 @@ def map_sheet(ground: Ground, area: Bounds, page: Page, title: str, subtitle: st
 def map_panel(
     figure: Figure,
     page: Page,
-    ground: Ground,
+    ground: MapBackground,
     area: Bounds,
     box: Box,
     side: tuple[float, float] | None = None,
 ) -> MapSheet:
-    """The map in a rectangle of the area's shape: left, bottom, width, height in inches."""
+    """Draw a map in a rectangle of the area's shape: left, bottom, width, height in inches."""
     inches = box[2], box[3]
     axes = figure.add_axes(page.box(*box))
     _picture(axes, ground, page, inches[0])
@@ -101,7 +121,7 @@ def map_panel(
     _rooms(axes, ground, page.theme, inches[0] / area.width)
     _scale(axes, area, ground.y_down, page.theme)
     points = [max(1, int(length * 72)) for length in inches]
-    fine = fit(area, points[0], points[1], ground.y_down)
+    fine = fit_frame(area, points[0], points[1], ground.y_down)
     return MapSheet(figure, page, axes, area, inches, Spots(fine, page.theme), side)
 
 
@@ -120,9 +140,9 @@ def marker_legend(
             linestyle="none",
             marker=marker,
             markersize=6,
-            color=unit(ink),
-            markerfacecolor=unit(ink) if filled else "none",
-            label=broken(name),
+            color=rgb_fractions(ink),
+            markerfacecolor=rgb_fractions(ink) if filled else "none",
+            label=wrapped_label(name),
         )
         for name, marker, ink, filled in marks
     ]
@@ -137,11 +157,11 @@ def marker_legend(
         borderaxespad=0,
     )
     for text in legend.get_texts():
-        text.set_color(unit(sheet.page.theme.text))
+        text.set_color(rgb_fractions(sheet.page.theme.text))
 
 
-def _picture(axes: Axes, ground: Ground, page: Page, inches: float) -> None:
-    """Floor plan, paled towards the page, the heat on it, and the unseen dimmed."""
+def _picture(axes: Axes, ground: MapBackground, page: Page, inches: float) -> None:
+    """Pale floor plan with heat; unseen floor dimmed."""
     theme, bounds = page.theme, ground.bounds
     if bounds.width <= 0 or bounds.height <= 0:
         return
@@ -160,35 +180,34 @@ def _picture(axes: Axes, ground: Ground, page: Page, inches: float) -> None:
             picture, extent=extent, origin="lower", interpolation="antialiased", aspect="auto"
         )
     if ground.heat is not None and (scale := heat_scale(ground)) is not None:
-        shares = fraction(ground.heat, scale)
+        shares = scale_fraction(ground.heat, scale)
         opacity = np.where(np.isfinite(shares), 0.15 + 0.7 * np.nan_to_num(shares) ** 0.7, 0.0)
         layer = np.dstack([turbo(shares) / 255.0, opacity])
         axes.imshow(layer, extent=extent, origin="lower", interpolation="nearest", aspect="auto")
     if ground.clip is not None:
         hidden = DIMMED * (1 - seen_cells(np.asarray(ground.clip)))
-        layer = np.dstack([np.broadcast_to(unit(theme.background), (*hidden.shape, 3)), hidden])
+        layer = np.dstack(
+            [np.broadcast_to(rgb_fractions(theme.background), (*hidden.shape, 3)), hidden]
+        )
         axes.imshow(layer, extent=extent, origin="lower", interpolation="nearest", aspect="auto")
 
 
 def _axes(
-    axes: Axes, ground: Ground, area: Bounds, page: Page, inches: tuple[float, float]
+    axes: Axes, ground: MapBackground, area: Bounds, page: Page, inches: tuple[float, float]
 ) -> None:
-    dress(axes, page.theme)
+    style_axes(axes, page.theme)
     axes.set_xlim(area.x0, area.x1)
     axes.set_ylim((area.y1, area.y0) if ground.y_down else (area.y0, area.y1))
-    axes.set_xticks(ticks(area.x0, area.x1, max(2, int(inches[0] / 0.7))))
-    axes.set_yticks(ticks(area.y0, area.y1, max(2, int(inches[1] / 0.7))))
+    axes.set_xticks(tick_values(area.x0, area.x1, max(2, int(inches[0] / 0.7))))
+    axes.set_yticks(tick_values(area.y0, area.y1, max(2, int(inches[1] / 0.7))))
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
     for spine in axes.spines.values():
         spine.set_visible(True)
 
 
-def _rooms(axes: Axes, ground: Ground, theme: Theme, scale: float) -> None:
-    """Dashed outlines; each name once, in the first rectangle of that name.
-
-    `scale` is in inches per metre.
-    """
+def _rooms(axes: Axes, ground: MapBackground, theme: Theme, scale: float) -> None:
+    """Dashed outlines of rooms, with each name once. `scale`: inches per metre."""
     from matplotlib.patches import Rectangle
 
     named: set[str] = set()
@@ -198,7 +217,7 @@ def _rooms(axes: Axes, ground: Ground, theme: Theme, scale: float) -> None:
             room.x1 - room.x0,
             room.y1 - room.y0,
             fill=False,
-            edgecolor=unit(theme.muted),
+            edgecolor=rgb_fractions(theme.muted),
             linewidth=0.8,
             linestyle=(0, (4, 3)),
             zorder=2.5,
@@ -210,11 +229,11 @@ def _rooms(axes: Axes, ground: Ground, theme: Theme, scale: float) -> None:
 
 
 def _name(axes: Axes, room: Room, top: float, theme: Theme, scale: float) -> None:
-    """A room's name in its upper left corner, broken where the room is too narrow."""
+    """A room's name in its upper left corner, wrapped where the room is narrow."""
     from matplotlib import patheffects
 
     halo: list[AbstractPathEffect] = [
-        patheffects.withStroke(linewidth=2.5, foreground=unit(theme.background))
+        patheffects.withStroke(linewidth=2.5, foreground=rgb_fractions(theme.background))
     ]
     broad = len(room.room) * LETTER > (room.x1 - room.x0) * scale
     label = axes.annotate(
@@ -225,7 +244,7 @@ def _name(axes: Axes, room: Room, top: float, theme: Theme, scale: float) -> Non
         ha="left",
         va="top",
         fontsize=8,
-        color=unit(theme.muted),
+        color=rgb_fractions(theme.muted),
         zorder=6,
         annotation_clip=True,
     )
@@ -233,38 +252,88 @@ def _name(axes: Axes, room: Room, top: float, theme: Theme, scale: float) -> Non
 
 
 def _scale(axes: Axes, area: Bounds, y_down: bool, theme: Theme) -> None:
-    """A bar of round length in the lower left corner."""
+    """A scale bar of round length in the lower left corner."""
     from matplotlib import patheffects
 
-    length = step(area.width / 5, 1)
+    length = tick_step(area.width / 5, 1)
     if length > area.width / 3:
-        length = step(area.width / 10, 1)
+        length = tick_step(area.width / 10, 1)
     x = area.x0 + 0.03 * area.width
     y = area.y1 - 0.03 * area.height if y_down else area.y0 + 0.03 * area.height
     halo: list[AbstractPathEffect] = [
-        patheffects.withStroke(linewidth=4.5, foreground=unit(theme.background))
+        patheffects.withStroke(linewidth=4.5, foreground=rgb_fractions(theme.background))
     ]
     axes.plot(
         [x, x + length],
         [y, y],
-        color=unit(theme.text),
+        color=rgb_fractions(theme.text),
         linewidth=2.2,
         solid_capstyle="butt",
         zorder=9,
         path_effects=halo,
     )
     label = axes.annotate(
-        f"{short(length)} m",
+        f"{short_number(length)} m",
         (x + length / 2, y),
         xytext=(0, 4),
         textcoords="offset points",
         ha="center",
         va="bottom",
         fontsize=8,
-        color=unit(theme.text),
+        color=rgb_fractions(theme.text),
         zorder=9,
     )
     halo_text: list[AbstractPathEffect] = [
-        patheffects.withStroke(linewidth=2.5, foreground=unit(theme.background))
+        patheffects.withStroke(linewidth=2.5, foreground=rgb_fractions(theme.background))
     ]
     label.set_path_effects(halo_text)
+
+
+def draw_unselected(axes: Axes, truth: Floats, selection: SelectionIndices, spots: Spots) -> None:
+    """Draw unselected poses as small grey dots."""
+    others = selection.indices if selection.inverted else _outside(selection)
+    grey = np.asarray(truth, dtype=np.float64)[spots.thinned(truth, others)]
+    ink = rgb_fractions(spots.theme.unselected)
+    axes.scatter(grey[:, 0], grey[:, 1], s=5, color=ink, linewidths=0, zorder=3)
+
+
+def _outside(selection: SelectionIndices) -> NDArray[np.intp]:
+    inside = selection.base.copy()
+    inside[selection.indices] = False
+    return np.flatnonzero(inside)
+
+
+def draw_values(axes: Axes, data: MapInput, model: MapModel, spots: Spots) -> None:
+    """Draw the selected points coloured by value, the largest on top."""
+    ids, shares = sorted_by_value(data, model)
+    held = spots.last(data.truth, ids)
+    highlighted, shares = np.asarray(data.truth, dtype=np.float64)[ids[held]], shares[held]
+    ink = turbo(shares) / 255.0
+    ink[~np.isfinite(shares)] = rgb_fractions(spots.theme.muted)
+    draw_dots(axes, highlighted, ink, spots)
+
+
+def draw_dots(axes: Axes, points: Floats, ink: NDArray[np.float64], spots: Spots) -> None:
+    """Draw dots with an edge in the page's colour; smaller above `MANY`."""
+    edge = rgb_fractions(spots.theme.background)
+    many = len(points) > MANY
+    size, width = (5, 0.0) if many else (26, 0.6)
+    axes.scatter(
+        points[:, 0], points[:, 1], s=size, c=ink, edgecolors=[edge], linewidths=width, zorder=5
+    )
+
+
+def draw_pose(
+    axes: Axes, points: Floats, headings: Floats | None, iid: int, colour: Rgb, area: Bounds
+) -> None:
+    """Draw a ring at one of `points` (N, 2), and an arrow where its heading is known."""
+    x, y = (float(part) for part in np.asarray(points)[iid])
+    if not np.isfinite([x, y]).all():
+        return
+    ink, length = rgb_fractions(colour), 0.035 * max(area.width, area.height)
+    axes.scatter([x], [y], s=70, facecolors="none", edgecolors=[ink], linewidths=1.6, zorder=7)
+    if headings is not None and np.isfinite(headings[iid]):
+        angle = float(headings[iid])
+        tip = (x + length * np.cos(angle), y + length * np.sin(angle))
+        arrow = {"arrowstyle": "-|>", "color": ink, "lw": 1.6, "shrinkA": 4, "shrinkB": 0}
+        axes.annotate("", xy=tip, xytext=(x, y), arrowprops=arrow, zorder=8)

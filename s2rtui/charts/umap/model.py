@@ -1,4 +1,4 @@
-"""The UMAP view as numbers: a common frame, and what is lit and grey in each panel."""
+"""The numbers of the umap view: a frame for both sides, and the levels of its cells."""
 
 from __future__ import annotations
 
@@ -7,29 +7,59 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.reader import Store
 from s2rstore.records import Bounds
-from s2rtui.analysis.bins import Bins, Chosen, bins, choose, count, joined
+from s2rtui.analysis.binning import (
+    Bins,
+    Bools,
+    SelectionIndices,
+    bin_values,
+    count_selected,
+    joint_bins,
+    selection_indices,
+)
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.analysis.map_frame import MapFrame, fit
-from s2rtui.charts.shared.axis_scale import fraction, percentile_range
-from s2rtui.charts.shared.inputs import Bools, Floats, Interval, UmapInput
-from s2rtui.charts.shared.map_cells import cells, dots
+from s2rtui.analysis.map_frame import MapFrame, fit_frame
+from s2rtui.canvas.brush import Mark
+from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
+from s2rtui.charts.shared.points import point_cells, point_dots, stacked_points
+from s2rtui.session.state import State
 
 LEVELS = 20
 """Steps of the colour scale; level 0 stands for no value."""
 _WEIGHTS = np.stack([np.arange(LEVELS + 1) > 0, np.arange(LEVELS + 1) - 0.5], axis=1)
 _WEIGHTS[0] = 0
-"""What each level adds: to the number of known values, and to their sum in levels."""
+"""Contribution of each level to the number of known values and to their sum."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UmapInput:
+    """Embeddings in the plane, sim and real in the same coordinates.
+
+    sim, real: (N, 2), NaN for none. values: (N,) what colours the points, NaN for none (default:
+    the distance between an instance's two points); `value_range` fixes its scale (default: the 1st
+    .. 99th percentile). selected, valid: (N,) bool; cursor: an iid.
+    """
+
+    sim: Floats
+    real: Floats
+    values: Floats | None
+    selected: Bools
+    valid: Bools
+    cursor: int | None = None
+    mark: Mark | None = None
+    value_label: str = "distance"
+    value_unit: str = ""
+    value_range: Interval | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UmapLayer:
     """One side in a frame of h x w cells.
 
-    level: (h, w) the mean of the selected in each cell as a level 1 .. LEVELS, 0 where none has a
-    value, -1 where none is (the largest would look the same wherever cells hold many). grey:
-    (4h, 2w) braille dots of the valid in all other cells. selected, total: how many instances lie
-    in the frame.
+    level: (h, w) mean value of the selected per cell as a level 1 .. LEVELS, 0 without a value, -1
+    without a selected instance. grey: (4h, 2w) braille dots of valid instances in all other cells.
+    selected, total: number of instances in the frame.
     """
 
     level: NDArray[np.int8]
@@ -49,45 +79,45 @@ class UmapModel:
     cursor: int | None
 
 
-def umap_model(view: UmapInput, frame: MapFrame) -> UmapModel:
-    """What lies in each cell of `frame` (an even number of pixels high)."""
-    values = umap_values(view)
-    scale = value_range(view)
-    chosen = choose(view.selected, view.valid)
+def umap_model(data: UmapInput, frame: MapFrame) -> UmapModel:
+    """Compute the levels of each cell of `frame` (an even number of pixels high)."""
+    values = umap_values(data)
+    scale = value_range(data)
+    selection = selection_indices(data.selected, data.valid)
     sim, real = (
-        _layer(ArrayKey(points), ArrayKey(values), scale, frame, chosen)
-        for points in (view.sim, view.real)
+        _layer(ArrayKey(points), ArrayKey(values), scale, frame, selection)
+        for points in (data.sim, data.real)
     )
-    cursor = view.cursor
-    if cursor is not None and not (0 <= cursor < len(view.valid) and view.valid[cursor]):
+    cursor = data.cursor
+    if cursor is not None and not (0 <= cursor < len(data.valid) and data.valid[cursor]):
         cursor = None
     return UmapModel(frame, scale, sim, real, cursor)
 
 
-def umap_frame(view: UmapInput, columns: int, rows: int) -> MapFrame:
+def umap_frame(data: UmapInput, columns: int, rows: int) -> MapFrame:
     """The window of `columns` x `rows` cells that shows every point of both sides."""
-    return fit(extent(view), columns, 2 * rows, y_down=False)
+    return fit_frame(extent(data), columns, 2 * rows, y_down=False)
 
 
-def extent(view: UmapInput) -> Bounds:
+def extent(data: UmapInput) -> Bounds:
     """The box of all points of both sides with a small margin; the unit square without any."""
-    return _extent(ArrayKey(view.sim), ArrayKey(view.real))
+    return _extent(ArrayKey(data.sim), ArrayKey(data.real))
 
 
-def umap_values(view: UmapInput) -> Floats:
-    """(N,) what colours the points: given, or the distance to the counterpart."""
+def umap_values(data: UmapInput) -> Floats:
+    """The values (N,) that colour the points, by default the distance between sim and real."""
     return (
-        _distance(ArrayKey(view.sim), ArrayKey(view.real)) if view.values is None else view.values
+        _distance(ArrayKey(data.sim), ArrayKey(data.real)) if data.values is None else data.values
     )
 
 
-def value_range(view: UmapInput) -> Interval:
-    """The scale of the values: of all instances, so that it stays as trajectories come and go."""
-    return view.value_range or _percentiles(ArrayKey(umap_values(view)))
+def value_range(data: UmapInput) -> Interval:
+    """The scale of the values, from all instances: it does not depend on trajectories in view."""
+    return data.value_range or _percentiles(ArrayKey(umap_values(data)))
 
 
 def level_shares() -> NDArray[np.float64]:
-    """(LEVELS,) the place of levels 1 .. LEVELS on the scale: the middle of each."""
+    """(LEVELS,) fractions of the scale of levels 1 .. LEVELS: the middle of each."""
     return (np.arange(LEVELS) + 0.5) / LEVELS
 
 
@@ -122,33 +152,37 @@ def _percentiles(values: ArrayKey) -> Interval:
 
 @cached_by_identity(16)
 def _levels(values: ArrayKey, scale: Interval) -> Bins:
-    """Level of each instance; all have one, 0 for no value."""
-    steps = np.floor(fraction(np.asarray(values.array), scale) * LEVELS)
-    return bins(np.nan_to_num(np.minimum(steps, LEVELS - 1) + 1, nan=0.0), LEVELS + 1)
+    """The level of each instance as bins, 0 for no value."""
+    steps = np.floor(scale_fraction(np.asarray(values.array), scale) * LEVELS)
+    return bin_values(np.nan_to_num(np.minimum(steps, LEVELS - 1) + 1, nan=0.0), LEVELS + 1)
 
 
 @cached_by_identity(16)
 def _cells(points: ArrayKey, frame: MapFrame, levels: ArrayKey) -> Bins:
     """Cell and level together."""
-    places = cells(np.asarray(points.array), frame)
-    return joined(places, Bins(np.asarray(levels.array), LEVELS + 1))
+    places = point_cells(np.asarray(points.array), frame)
+    return joint_bins(places, Bins(np.asarray(levels.array), LEVELS + 1))
 
 
 def _layer(
-    points: ArrayKey, values: ArrayKey, scale: Interval, frame: MapFrame, chosen: Chosen
+    points: ArrayKey,
+    values: ArrayKey,
+    scale: Interval,
+    frame: MapFrame,
+    selection: SelectionIndices,
 ) -> UmapLayer:
     rows, columns, depth = frame.height // 2, frame.width, LEVELS + 1
     coloured = _cells(points, frame, ArrayKey(_levels(values, scale).codes))
-    lit, total = count(coloured, chosen)
-    table = lit.reshape(rows, columns, depth)
+    highlighted, total = count_selected(coloured, selection)
+    table = highlighted.reshape(rows, columns, depth)
     level = _mean_level(table)
-    held = _population(points, frame, ArrayKey(chosen.base)).reshape(rows, 4, columns, 2)
+    held = _population(points, frame, ArrayKey(selection.base)).reshape(rows, 4, columns, 2)
     grey = (held & (level < 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
-    return UmapLayer(level, grey, int(lit.sum()), int(total.sum()))
+    return UmapLayer(level, grey, int(highlighted.sum()), int(total.sum()))
 
 
 def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
-    """Counts (h, w, LEVELS + 1) per level to the mean one: of the middles of the levels."""
+    """The mean level of counts per level (h, w, LEVELS + 1)."""
     known, total = (table @ _WEIGHTS).transpose(2, 0, 1)
     mean = np.floor(total / np.maximum(known, 1)) + 1
     empty = np.where(table[..., 0] > 0, 0, -1)
@@ -157,6 +191,24 @@ def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
 
 @cached_by_identity(16)
 def _population(points: ArrayKey, frame: MapFrame, base: ArrayKey) -> Bools:
-    """Which braille dots hold any valid instance."""
-    nobody = Chosen(np.asarray(base.array), np.empty(0, dtype=np.intp), inverted=False)
-    return np.asarray(count(dots(np.asarray(points.array), frame), nobody)[1] > 0)
+    """Braille dots with any valid instance."""
+    nothing_selected = SelectionIndices(
+        np.asarray(base.array), np.empty(0, dtype=np.intp), inverted=False
+    )
+    return np.asarray(
+        count_selected(point_dots(np.asarray(points.array), frame), nothing_selected)[1] > 0
+    )
+
+
+def umap_input(store: Store, state: State, mark: Mark | None = None) -> UmapInput:
+    """The embeddings of the state's run in the plane."""
+    columns = store.run_columns(state.run)
+    return UmapInput(
+        stacked_points(columns.sim.u, columns.sim.v),
+        stacked_points(columns.real.u, columns.real.v),
+        None,
+        state.selected,
+        state.base,
+        cursor=state.cursor,
+        mark=mark,
+    )

@@ -1,4 +1,4 @@
-"""Two embeddings side by side in one frame: who lies where, and how far from its counterpart."""
+"""The embeddings in cells: sim and real side by side with the same axes."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from functools import partial
 import numpy as np
 
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.brush_surface import Panel, Point, draw_mark
+from s2rtui.canvas.brush import Panel, Point, draw_mark
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import legible, turbo
-from s2rtui.canvas.raster import braille
+from s2rtui.canvas.raster import draw_braille
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.shared.axis_scale import short, step, tick_text, ticks
-from s2rtui.charts.shared.inputs import UmapInput
-from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, words
+from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
+from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.charts.umap.model import (
     LEVELS,
+    UmapInput,
     UmapLayer,
     UmapModel,
     level_shares,
@@ -26,7 +26,7 @@ from s2rtui.charts.umap.model import (
 )
 
 AXES = 5
-"""Columns at the left of a panel that its ticks take."""
+"""Columns of ticks at the left of a panel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +45,8 @@ class UmapLayout:
     frame: MapFrame
 
 
-def umap_layout(view: UmapInput, size: Size) -> UmapLayout:
-    """Side by side, or one above the other where the view is higher than wide."""
+def umap_layout(data: UmapInput, size: Size) -> UmapLayout:
+    """Lay out the panels side by side, or stacked where the view is higher than wide."""
     width, height = max(1, size[0]), max(1, size[1])
     stacked = 2 * height > width
     gap = 0 if stacked or width < 10 else 1
@@ -58,15 +58,15 @@ def umap_layout(view: UmapInput, size: Size) -> UmapLayout:
     shown = [(0, header), (0, rows + header) if stacked else (room + gap, header)]
     corners = tuple((x + left, y) for x, y in shown if x < width and y < height)
     inner, high = max(1, room - left), max(1, rows - header - below)
-    frame = umap_frame(view, inner, high)
+    frame = umap_frame(data, inner, high)
     return UmapLayout(corners, inner, high, room, header, axes, frame)
 
 
-def umap_surface(
-    view: UmapInput, size: Size, look: RenderOptions | None = None
+def umap_panels(
+    data: UmapInput, size: Size, options: RenderOptions | None = None
 ) -> tuple[Panel, ...]:
     """Planes "sim" and "real" in UMAP coordinates, y upwards."""
-    layout = umap_layout(view, size)
+    layout = umap_layout(data, size)
     return tuple(
         Panel(
             name,
@@ -91,88 +91,88 @@ def _to_cells(frame: MapFrame, corner: tuple[int, int], x: float, y: float) -> P
     return float(column) + corner[0], float(row) + corner[1]
 
 
-def umap(view: UmapInput, size: Size, look: RenderOptions | None = None) -> Canvas:
+def draw_umap(data: UmapInput, size: Size, options: RenderOptions | None = None) -> Canvas:
     """The view in `size` (columns, rows)."""
-    look = look or RenderOptions()
-    canvas = Canvas(*size, theme=look.theme)
-    layout = umap_layout(view, (canvas.width, canvas.height))
-    model = umap_model(view, layout.frame)
-    panels = umap_surface(view, (canvas.width, canvas.height), look)
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
+    layout = umap_layout(data, (canvas.width, canvas.height))
+    model = umap_model(data, layout.frame)
+    panels = umap_panels(data, (canvas.width, canvas.height), options)
     for panel, layer in zip(panels, (model.sim, model.real), strict=False):
-        chart = Canvas(layout.width, layout.height, look.theme)
-        _points(chart, layer, look)
+        chart = Canvas(layout.width, layout.height, options.theme)
+        _points(chart, layer, options)
         canvas.paste(chart, panel.x, panel.y)
-        _cursor(canvas, panel, view, model, look)
-        draw_mark(canvas, panel, view.mark, look)
+        _cursor(canvas, panel, data, model, options)
+        draw_mark(canvas, panel, data.mark, options)
         if layout.header:
-            _header(canvas, panel, view, model, layout, look)
+            _header(canvas, panel, data, model, layout, options)
         if layout.axes:
-            _axes(canvas, panel, layout, look)
-    _divide(canvas, layout, look)
+            _axes(canvas, panel, layout, options)
+    _divide(canvas, layout, options)
     return canvas
 
 
-def _points(chart: Canvas, layer: UmapLayer, look: RenderOptions) -> None:
-    """Unselected dots in grey; cells with selected ones in the colour or digit of their mean.
+def _points(chart: Canvas, layer: UmapLayer, options: RenderOptions) -> None:
+    """Draw unselected points as grey dots, cells with selected ones as discs or digits.
 
-    A disc, not dots: the colour of single braille dots cannot be told apart.
+    Discs show the colour of the mean, which single braille dots would not.
     """
-    theme = look.theme
-    if look.ascii:
+    theme = options.theme
+    if options.ascii:
         held = layer.grey.reshape(chart.height, 4, chart.width, 2).any(axis=(1, 3))
-        chart.char[held] = look.glyphs.unselected
+        chart.char[held] = options.glyphs.unselected
         chart.fg[held] = theme.unselected
     else:
-        braille(chart, 0, 0, layer.grey, np.array(theme.unselected, dtype=np.uint8))
-    lit = layer.level >= 0
+        draw_braille(chart, 0, 0, layer.grey, np.array(theme.unselected, dtype=np.uint8))
+    highlighted = layer.level >= 0
     inks = np.empty((LEVELS + 1, 3), dtype=np.uint8)
     inks[0] = theme.text
     inks[1:] = legible(turbo(level_shares()), theme)
     ink = inks[np.maximum(layer.level, 0)]
-    digits = ramp_for_values(look)
+    digits = ramp_for_values(options)
     if digits is None:
-        chart.char[lit] = look.glyphs.selected
+        chart.char[highlighted] = options.glyphs.selected
     else:
         names = np.array(["?", *(digits[place * 10 // LEVELS] for place in range(LEVELS))])
-        chart.char[lit] = names[layer.level[lit]]
-    chart.fg[lit] = ink[lit]
-    chart.bold[lit] = True
+        chart.char[highlighted] = names[layer.level[highlighted]]
+    chart.fg[highlighted] = ink[highlighted]
+    chart.bold[highlighted] = True
 
 
 def _cursor(
-    canvas: Canvas, panel: Panel, view: UmapInput, model: UmapModel, look: RenderOptions
+    canvas: Canvas, panel: Panel, data: UmapInput, model: UmapModel, options: RenderOptions
 ) -> None:
     if model.cursor is None:
         return
-    points = view.sim if panel.name == "sim" else view.real
+    points = data.sim if panel.name == "sim" else data.real
     x, y = (float(part) for part in points[model.cursor])
     if np.isfinite([x, y]).all():
         column, row = (int(np.floor(part)) for part in panel.to_cells(x, y))
-        canvas.put(column, row, look.glyphs.cursor, look.theme.cursor, bold=True)
+        canvas.put(column, row, options.glyphs.cursor, options.theme.cursor, bold=True)
 
 
 def _header(
     canvas: Canvas,
     panel: Panel,
-    view: UmapInput,
+    data: UmapInput,
     model: UmapModel,
     layout: UmapLayout,
-    look: RenderOptions,
+    options: RenderOptions,
 ) -> None:
     """Name and counts at the left; the colour bar at the right of the second panel."""
-    theme, glyphs = look.theme, look.glyphs
+    theme, glyphs = options.theme, options.glyphs
     sim = panel.name == "sim"
     layer = model.sim if sim else model.real
     left, row = panel.x + layout.width - layout.room, panel.y - 1
     glyph, colour = (glyphs.sim, theme.sim) if sim else (glyphs.real, theme.real)
-    parts = [words(((f"{glyph} {panel.name}", colour),))]
+    parts = [text_part(((f"{glyph} {panel.name}", colour),))]
     if layer.total:
-        told = f"{layer.selected} of {layer.total}"
-        parts.append(words(((told, theme.muted),)))
+        counts = f"{layer.selected} of {layer.total}"
+        parts.append(text_part(((counts, theme.muted),)))
     else:
-        parts.append(words((("no coordinates", theme.muted),)))
+        parts.append(text_part((("no coordinates", theme.muted),)))
     free = layout.room
-    bar = None if sim else _bar(view, model, free - parts[0].width - 2, look)
+    bar = None if sim else _bar(data, model, free - parts[0].width - 2, options)
     if bar is not None:
         free -= bar.width + 2
         bar.draw(canvas, left + layout.room - bar.width, row)
@@ -182,38 +182,40 @@ def _header(
             left, free = left + part.width + 2, free - part.width - 2
 
 
-def _bar(view: UmapInput, model: UmapModel, room: int, look: RenderOptions) -> LegendPart | None:
+def _bar(data: UmapInput, model: UmapModel, room: int, options: RenderOptions) -> LegendPart | None:
     if room < 12:
         return None
-    ramp, scale = ramp_for_values(look), model.value_range
+    ramp, scale = ramp_for_values(options), model.value_range
     length = 10 if ramp else 8 if room < 40 else 16
-    clipped = view.value_range is None
+    clipped = data.value_range is None
     return colour_bar(
-        view.value_label, view.value_unit, scale, look, length,
+        data.value_label, data.value_unit, scale, options, length,
         ramp=ramp, room=room, clipped=clipped,
     )  # fmt: skip
 
 
-def _divide(canvas: Canvas, layout: UmapLayout, look: RenderOptions) -> None:
+def _divide(canvas: Canvas, layout: UmapLayout, options: RenderOptions) -> None:
     """A faint line between panels side by side."""
     level = len({y for _, y in layout.corners}) == 1
     if level and canvas.width > 2 * layout.room:
-        canvas.vline(layout.room, 0, canvas.height - 1, look.glyphs.vertical, look.theme.faint)
+        canvas.vline(
+            layout.room, 0, canvas.height - 1, options.glyphs.vertical, options.theme.faint
+        )
 
 
-def _axes(canvas: Canvas, panel: Panel, layout: UmapLayout, look: RenderOptions) -> None:
+def _axes(canvas: Canvas, panel: Panel, layout: UmapLayout, options: RenderOptions) -> None:
     """Ticks along the left and the lower edge of a panel."""
-    theme, area = look.theme, layout.frame.extent
-    width = step(area.width, max(2, panel.width // 10))
+    theme, area = options.theme, layout.frame.extent
+    width = tick_step(area.width, max(2, panel.width // 10))
     free, stop = panel.x, panel.x + panel.width
-    for tick in ticks(area.x0, area.x1, max(2, panel.width // 10)):
-        text = tick_text(tick, width) if width >= 1e-2 else short(tick)
+    for tick in tick_values(area.x0, area.x1, max(2, panel.width // 10)):
+        text = tick_text(tick, width) if width >= 1e-2 else short_number(tick)
         start = int(panel.to_cells(tick, area.y0)[0]) - len(text) // 2
         if start >= free and start + len(text) <= stop:
             free = canvas.text(start, panel.y + panel.height, text, theme.muted) + 1
-    width = step(area.height, max(2, panel.height // 4))
-    for tick in ticks(area.y0, area.y1, max(2, panel.height // 4)):
+    width = tick_step(area.height, max(2, panel.height // 4))
+    for tick in tick_values(area.y0, area.y1, max(2, panel.height // 4)):
         row = int(panel.to_cells(area.x0, tick)[1])
         if panel.y <= row < panel.y + panel.height:
-            text = (tick_text(tick, width) if width >= 1e-2 else short(tick))[: AXES - 1]
+            text = (tick_text(tick, width) if width >= 1e-2 else short_number(tick))[: AXES - 1]
             canvas.text(panel.x - 1, row, text, theme.muted, align="right")

@@ -47,12 +47,12 @@ def execute(options: argparse.Namespace) -> int:
     if options.view == SCREEN:
         picture = _screen(options.store, wanted, size or _SCREEN_SIZE, theme)
     else:
-        from s2rtui.charts.shared.paper import written_as
+        from s2rtui.charts.shared.paper import figure_format
         from s2rtui.export.scene import staged
 
         view = STORED[options.view]
-        with staged(options.store, wanted, view) as scene, written_as(form[1:]):
-            picture = view.figure(scene, size or view.paper, theme)
+        with staged(options.store, wanted, view) as scene, figure_format(form[1:]):
+            picture = view.figure(scene, size or view.figure_size, theme)
     rows.write_file(options.out, picture)
     return 0
 

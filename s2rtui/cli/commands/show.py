@@ -27,7 +27,7 @@ def execute(options: argparse.Namespace) -> int:
     view = STORED[options.view]
     with staged(options.store, scene_options.wanted(options), view) as scene:
         if options.words:
-            print(view.words(scene))
+            print(view.summary(scene))
             return 0
         names, rows = view.numbers(scene)
         output.write(names, [[_known(value) for value in row] for row in rows], options)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from s2rstore.errors import RequestError
 from s2rstore.metrics import run_metrics, store_summary
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.charts.view import Scene
+from s2rtui.charts.scene import Scene
 from s2rtui.export.report import tables
 from s2rtui.export.report.content import Report, ReportImage, ReportTable, RunPart, Section
 from s2rtui.export.report.data_uri_images import figure
@@ -124,7 +124,7 @@ def _front(session: Session, request: ReportRequest) -> list[ReportImage]:
     found = [figure(BY_NAME["overview"], scene, request.dark, size)]
     if best is not None:
         compare = BY_NAME["compare"]
-        numbers = _numbers(scene, "compare", compare.words(scene))
+        numbers = _numbers(scene, "compare", compare.summary(scene))
         found.append(figure(compare, scene, request.dark, (_WIDE, 640), numbers))
     return found
 
@@ -184,7 +184,7 @@ def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
     for name in _SHOWN:
         numbers = None
         if name in ("errors", "rooms"):
-            numbers = _numbers(scene, name, BY_NAME[name].words(scene))
+            numbers = _numbers(scene, name, BY_NAME[name].summary(scene))
         pictures.append(figure(BY_NAME[name], scene, request.dark, numbers=numbers))
     heat = state.heat if request.heat else None
     return RunPart(

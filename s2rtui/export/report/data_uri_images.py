@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from s2rtui.canvas import DARK, LIGHT
-from s2rtui.charts.shared.paper import written_as
-from s2rtui.charts.view import Scene, View
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.paper import figure_format
+from s2rtui.charts.view import View
 from s2rtui.export.report.content import ReportImage, ReportTable
 
 _QUALITY = 92
@@ -29,10 +30,10 @@ def figure(
     """A view's figure, light and, if asked for, dark: `wide` pixels, or half a page."""
     size = wide or HALF
     themes = (LIGHT, DARK) if dark else (LIGHT,)
-    with written_as(type_size=_WIDE_TYPE if wide else _HALF_TYPE):
+    with figure_format(type_size=_WIDE_TYPE if wide else _HALF_TYPE):
         drawn = [_uri(Image.open(BytesIO(view.figure(scene, size, theme)))) for theme in themes]
     return ReportImage(
-        drawn[0], size, view.words(scene), dark=drawn[1] if dark else "", wide=wide is not None,
+        drawn[0], size, view.summary(scene), dark=drawn[1] if dark else "", wide=wide is not None,
         numbers=numbers,
     )  # fmt: skip
 

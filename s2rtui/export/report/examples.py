@@ -5,11 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from s2rtui.charts.instance.model import InstanceModel, instance_model, panel_pixels
-from s2rtui.charts.shared import view_inputs
-from s2rtui.charts.shared.axis_scale import short
-from s2rtui.charts.shared.inputs import InstanceInput, SideView
-from s2rtui.charts.view import Scene
+from s2rtui.charts.instance.model import instance_input
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.axis_scale import short_number
+from s2rtui.charts.shared.instance_model import (
+    InstanceInput,
+    InstanceModel,
+    SideView,
+    instance_model,
+    panel_pixels,
+)
 from s2rtui.export.report.content import Example, ReportImage, ReportTable
 from s2rtui.export.report.data_uri_images import image
 from s2rtui.export.report.tables import number
@@ -32,7 +37,7 @@ def _by_error(state: State) -> State:
 
 
 def _example(scene: Scene, iid: int, heat: HeatChoice | None) -> Example:
-    shown = view_inputs.instance_input(scene.store, scene.state.run, iid, heat)
+    shown = instance_input(scene.store, scene.state.run, iid, heat)
     remark = scene.notes.remarks.get(iid, Remark())
     return Example(iid, _poses(shown), shown.notes, _images(shown), remark.tags, remark.note)
 
@@ -60,7 +65,7 @@ def _images(shown: InstanceInput) -> list[ReportImage]:
     if model.heat_range is not None:
         low, high = model.heat_range
         low = low if abs(low) > _NOTHING * abs(high) else 0.0
-        scale = f", {model.heat_name} {short(low, 2)} to {short(high, 2)} {shown.unit}".rstrip()
+        scale = f", {model.heat_name} {short_number(low, 2)} to {short_number(high, 2)} {shown.unit}".rstrip()
     found = []
     for what, word in (("rgb", "image"), ("depth", "depth")):
         for role, side in (("sim", shown.sim), ("real", shown.real)):
@@ -76,7 +81,7 @@ def _images(shown: InstanceInput) -> list[ReportImage]:
 def _metres(model: InstanceModel, what: str) -> str:
     if what != "depth" or model.depth_range is None:
         return ""
-    return f" 0 to {short(model.depth_range[1], 2)} m"
+    return f" 0 to {short_number(model.depth_range[1], 2)} m"
 
 
 def _alt(role: str, side: SideView, word: str) -> str:

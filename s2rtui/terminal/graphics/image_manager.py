@@ -105,7 +105,7 @@ class KittyImageManager:
         """
         spans: dict[int, list[Span]] = {}
         places, lacking = set(), []
-        for index, plate in enumerate(canvas.plates):
+        for index, plate in enumerate(canvas.images):
             if max(plate.width, plate.height) > len(kitty_protocol.NUMBERS):
                 continue
             wanted = self._wanted((view, index), plate)
@@ -132,7 +132,7 @@ class KittyImageManager:
 
     def _wanted(self, key: Key, plate: InlineImage) -> _Wanted:
         size = pixel_size(plate, cell_pixels(self._graphics.cell))
-        return _Wanted(key, plate, size, (plate.of, size, (plate.width, plate.height)))
+        return _Wanted(key, plate, size, (plate.content_key, size, (plate.width, plate.height)))
 
     def _number(self, wanted: _Wanted) -> int | None:
         """The number of a picture that hangs or is ready; another than before has a new one."""

@@ -48,7 +48,7 @@ class Graphics:
 def ask(terminal: Terminal, environment: Mapping[str, str] | None = None) -> Graphics:
     """Ask the terminal, or tmux about its terminal."""
     env = os.environ if environment is None else environment
-    if terminal.ascii or not RenderOptions(mode=terminal.mode).fine:
+    if terminal.ascii or not RenderOptions(mode=terminal.mode).supports_shading:
         return Graphics(False, "pictures need 256 colours or more, and UTF-8")
     if not _here():
         return Graphics(False, "no terminal to ask")

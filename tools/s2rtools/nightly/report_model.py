@@ -12,6 +12,7 @@ from s2rstore.gap_history.gate_status import (
     axis_status,
     report_outcome,
     stored_status,
+    worst_outcome,
 )
 from s2rstore.gap_history.reader import AxisFigures, History, Night
 from s2rstore.metrics.bootstrap import LEVEL_TEXT, Interval

@@ -1,0 +1,201 @@
+"""Counts, sums and medians of selections per bin, fast enough for every key press.
+
+A column is turned once into bin codes, one per instance, which are cached as long as the column
+lives. A selection is then counted by one `bincount` over the smaller of the selected and the
+unselected instances; the other one follows by subtraction from the totals.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+
+Bools = NDArray[np.bool_]
+Codes = NDArray[np.unsignedinteger]
+Counts = NDArray[np.intp]
+Floats = NDArray[np.floating]
+Sums = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SelectionIndices:
+    """A selection within a base population, stored as the shorter list of iids.
+
+    `indices` are the selected iids, or, if `inverted`, the unselected ones. `base`: (N,) bool.
+    """
+
+    base: Bools
+    indices: NDArray[np.intp]
+    inverted: bool
+
+    @property
+    def members(self) -> NDArray[np.intp]:
+        """The selected iids, ascending."""
+        if not self.inverted:
+            return self.indices
+        inside = self.base.copy()
+        inside[self.indices] = False
+        return np.flatnonzero(inside)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bins:
+    """codes: (N,) unsigned, 0 .. count - 1; `count` marks instances in no bin."""
+
+    codes: Codes
+    count: int
+
+
+def selection_indices(selected: Bools, base: Bools) -> SelectionIndices:
+    """Convert masks (N,) to indices; the same arrays give the same object."""
+    return _selection_indices(ArrayKey(selected), ArrayKey(base))
+
+
+@cached_by_identity(8)
+def _selection_indices(selected: ArrayKey, base: ArrayKey) -> SelectionIndices:
+    inside, population = _bools(selected), _bools(base)
+    highlighted = inside & population
+    total = int(np.count_nonzero(population))
+    if 2 * int(np.count_nonzero(highlighted)) <= total:
+        return SelectionIndices(population, np.flatnonzero(highlighted), False)
+    return SelectionIndices(population, np.flatnonzero(population & ~highlighted), True)
+
+
+def _bools(key: ArrayKey) -> Bools:
+    return np.asarray(key.array, dtype=np.bool_)
+
+
+def bin_values(places: NDArray[np.floating], count: int) -> Bins:
+    """Bin positions (N,) given in units of bins; NaN and values outside 0 .. count get no bin."""
+    places = np.asarray(places)
+    with np.errstate(invalid="ignore"):
+        inside = (places >= 0) & (places < count)
+    codes = np.where(inside, places, count)
+    return Bins(codes.astype(np.uint16 if count < 1 << 16 else np.uint32), count)
+
+
+def joint_bins(first: Bins, second: Bins) -> Bins:
+    """Combine two columns: code = first * second.count + second, no bin where either has none."""
+    count = first.count * second.count
+    wide = first.codes.astype(np.uint32) * np.uint32(second.count) + second.codes
+    outside = (first.codes == first.count) | (second.codes == second.count)
+    wide[outside] = count
+    return Bins(wide.astype(np.uint16 if count < 1 << 16 else np.uint32), count)
+
+
+def count_selected(column: Bins, selection: SelectionIndices) -> tuple[Counts, Counts]:
+    """Count per bin, (count,) each: the selected, and the whole base population."""
+    total = _totals(ArrayKey(column.codes), column.count, ArrayKey(selection.base))
+    part = _count(take(column.codes, selection.indices), column.count)
+    return (total - part if selection.inverted else part), total
+
+
+def take(column: NDArray[Any], iids: NDArray[np.intp]) -> NDArray[Any]:
+    """column[iids] without bounds checks, which takes half the time."""
+    return column.take(iids, axis=0, mode="clip")
+
+
+@cached_by_identity(64)
+def _totals(codes: ArrayKey, size: int, base: ArrayKey) -> Counts:
+    total = _count(np.asarray(codes.array)[_bools(base)], size)
+    total.setflags(write=False)
+    return total
+
+
+def _count(codes: NDArray[np.generic], size: int) -> Counts:
+    return np.bincount(codes, minlength=size + 1)[:size]
+
+
+def sum_selected(column: Bins, weights: NDArray[np.floating], selection: SelectionIndices) -> Sums:
+    """Sum `weights` (N,) of the selected per bin, (count,); they must be finite in every bin."""
+    part = _weighted_counts(column, weights, selection.indices)
+    if not selection.inverted:
+        return part
+    base = ArrayKey(selection.base)
+    return _base_sums(ArrayKey(column.codes), column.count, ArrayKey(weights), base) - part
+
+
+@cached_by_identity(16)
+def _base_sums(codes: ArrayKey, size: int, weights: ArrayKey, base: ArrayKey) -> Sums:
+    members = np.flatnonzero(np.asarray(base.array))
+    column = Bins(np.asarray(codes.array), size)
+    return _weighted_counts(column, np.asarray(weights.array, dtype=np.float64), members)
+
+
+def _weighted_counts(
+    column: Bins, weights: NDArray[np.floating], members: NDArray[np.intp]
+) -> Sums:
+    codes = take(column.codes, members)
+    parts = np.asarray(take(weights, members), dtype=np.float64)
+    total = np.bincount(codes, parts, minlength=column.count + 1)[: column.count]
+    return np.asarray(total, dtype=np.float64)
+
+
+def total_selected(weights: NDArray[np.floating], selection: SelectionIndices) -> float:
+    """The sum of the finite `weights` (N,) of the selected."""
+    part = float(take(_finite(ArrayKey(weights)), selection.indices).sum())
+    return (
+        _base_total(ArrayKey(weights), ArrayKey(selection.base)) - part
+        if selection.inverted
+        else part
+    )
+
+
+@cached_by_identity(16)
+def _base_total(weights: ArrayKey, base: ArrayKey) -> float:
+    return float(_finite(weights)[np.asarray(base.array)].sum())
+
+
+@cached_by_identity(4)
+def _finite(weights: ArrayKey) -> Sums:
+    """The weights with 0 in place of NaN and infinities."""
+    column = np.asarray(weights.array, dtype=np.float64)
+    return np.where(np.isfinite(column), column, 0.0)
+
+
+def occupied_bins(column: Bins) -> tuple[Bins, NDArray[np.intp]]:
+    """Renumber the bins that are not empty; also returns the old number of each."""
+    numbers = np.flatnonzero(_count(column.codes, column.count))
+    places = np.full(column.count + 1, len(numbers), dtype=np.uint32)
+    places[numbers] = np.arange(len(numbers), dtype=np.uint32)
+    wide = places.astype(np.uint16) if len(numbers) < 1 << 16 else places
+    return Bins(wide[column.codes], len(numbers)), numbers
+
+
+def median_selected(
+    values: Floats, column: Bins, highlighted: Counts, selected: Bools, valid: Bools
+) -> float:
+    """The median of the selected valid values (N,), NaN without any.
+
+    `column` holds bins that increase with the values, `highlighted` the selected per bin: only the
+    instances in the bin of the median are examined.
+    """
+    number = int(highlighted.sum())
+    if not number:
+        return math.nan
+    order, starts = _sorted(ArrayKey(values), ArrayKey(column.codes), column.count)
+    ends = np.cumsum(highlighted)
+    places = np.array([(number - 1) // 2, number // 2])
+    first, last = np.searchsorted(ends, places, side="right").tolist()
+    inside = order[starts[first] : starts[last + 1]]
+    members = np.flatnonzero((selected & valid)[inside])
+    middle = inside[members[places - (ends[first] - highlighted[first])]]
+    return float(values[middle].mean())
+
+
+@cached_by_identity(16)
+def _sorted(values: ArrayKey, codes: ArrayKey, count: int) -> tuple[NDArray[np.int32], Counts]:
+    """All iids sorted by value, those without a bin last; and the start of each bin."""
+    sizes = np.bincount(np.asarray(codes.array), minlength=count + 1)
+    return _by_value(values), np.concatenate([[0], np.cumsum(sizes)])
+
+
+@cached_by_identity(16)
+def _by_value(values: ArrayKey) -> NDArray[np.int32]:
+    return np.argsort(np.asarray(values.array)).astype(np.int32)

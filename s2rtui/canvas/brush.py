@@ -1,0 +1,137 @@
+"""Brushing: panels convert between cells and data, marks are what the user has drawn on them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from s2rtui.canvas.canvas import Canvas
+from s2rtui.canvas.raster import dot_grid, draw_braille, flatten_half_blocks, segment_dots
+from s2rtui.canvas.render_options import RenderOptions
+
+Point = tuple[float, float]
+Shape = Literal["plane", "range", "turn", "steps"]
+"""The coordinates that count: plane: x and y. range: x. turn: x, degrees. steps: integer y."""
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """A rectangle of cells in a view that can be brushed, with its data coordinates.
+
+    `to_data` converts a place in the view (column, row; the middle of a cell is at + 0.5),
+    `to_cells` is its inverse. `shape` says which of the coordinates count.
+    """
+
+    name: str
+    shape: Shape
+    x: int
+    y: int
+    width: int
+    height: int
+    to_data: Callable[[float, float], Point]
+    to_cells: Callable[[float, float], Point]
+
+    def holds(self, column: int, row: int) -> bool:
+        """Whether a cell lies in the panel."""
+        across = self.x <= column < self.x + self.width
+        return across and self.y <= row < self.y + self.height
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A brush mark in data coordinates: two opposite corners, or a polygon if `lasso`."""
+
+    panel: str
+    points: tuple[Point, ...]
+    lasso: bool = False
+
+
+def panel_at(panels: Sequence[Panel], column: int, row: int) -> Panel | None:
+    """The panel under a cell."""
+    return next((panel for panel in panels if panel.holds(column, row)), None)
+
+
+def draw_mark(canvas: Canvas, panel: Panel, mark: Mark | None, options: RenderOptions) -> None:
+    """Draw the outline of a mark on a plane, clipped to its panel."""
+    if mark is None or mark.panel != panel.name or panel.shape != "plane" or not mark.points:
+        return
+    corners = [panel.to_cells(*point) for point in mark.points]
+    if mark.lasso:
+        _outline(canvas, panel, corners, options)
+    else:
+        _frame(canvas, panel, corners, options)
+
+
+def _frame(canvas: Canvas, panel: Panel, corners: list[Point], options: RenderOptions) -> None:
+    """A rectangle of line glyphs, at least one cell large."""
+    columns = sorted(int(np.floor(column)) for column, _ in (corners[0], corners[-1]))
+    rows = sorted(int(np.floor(row)) for _, row in (corners[0], corners[-1]))
+    (left, right), (top, bottom) = columns, rows
+    cells = [(column, row) for row in (top, bottom) for column in range(left, right + 1)]
+    cells += [(column, row) for column in (left, right) for row in range(top, bottom + 1)]
+    held = [cell for cell in cells if panel.holds(*cell)]
+    if held:
+        at = np.array(held, dtype=np.intp)
+        flatten_half_blocks(canvas, at[:, 0], at[:, 1])
+    glyphs = options.glyphs
+    for column, row in held:
+        edge = row in (top, bottom)
+        corner = edge and column in (left, right)
+        glyph = "+" if corner else glyphs.horizontal if edge else glyphs.vertical
+        canvas.put(column, row, glyph, options.theme.truth, bold=True)
+
+
+def _outline(canvas: Canvas, panel: Panel, corners: list[Point], options: RenderOptions) -> None:
+    """A closed polygon in braille dots, in ASCII in full stops."""
+    dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
+    for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
+        columns, rows = segment_dots(x0, y0, x1, y1)
+        dots |= dot_grid(columns, rows, canvas.width, canvas.height)
+    inside = np.zeros_like(dots)
+    rows_held = slice(4 * panel.y, 4 * (panel.y + panel.height))
+    columns_held = slice(2 * panel.x, 2 * (panel.x + panel.width))
+    inside[rows_held, columns_held] = dots[rows_held, columns_held]
+    if not options.ascii:
+        draw_braille(canvas, 0, 0, inside, np.array(options.theme.truth, dtype=np.uint8))
+        return
+    held = inside.reshape(canvas.height, 4, canvas.width, 2).any(axis=(1, 3))
+    for row, column in np.argwhere(held):
+        canvas.put(int(column), int(row), ".", options.theme.truth, bold=True)
+
+
+def mark_on_panel(mark: Mark | None, panel: str) -> Mark | None:
+    """The mark if it lies on `panel` and has a point, else None."""
+    return mark if mark is not None and mark.panel == panel and mark.points else None
+
+
+def mark_range(mark: Mark) -> tuple[float, float]:
+    """The smaller and the larger x."""
+    low, high = sorted((mark.points[0][0], mark.points[-1][0]))
+    return low, high
+
+
+def mark_rows(mark: Mark) -> tuple[int, int]:
+    """The smaller and the larger y as integers, both included."""
+    low, high = sorted(round(y) for _, y in (mark.points[0], mark.points[-1]))
+    return low, high
+
+
+def mark_arc(mark: Mark) -> tuple[float, float]:
+    """The centre and half width of an arc in degrees, from the first point to the last.
+
+    Like a range of headings in the selection language; 360 degrees or more mean the full circle.
+    """
+    start, stop = mark.points[0][0], mark.points[-1][0]
+    width = min(stop - start, 360.0) if stop >= start else (stop - start) % 360
+    return wrap_degrees(start + width / 2), width / 2
+
+
+def wrap_degrees(degrees: float) -> float:
+    """Map an angle to [-180, 180)."""
+    turned = math.fmod(degrees + 180, 360)
+    turned = turned + 360 if turned < 0 else turned
+    return turned - 180 if turned < 360 else -180.0

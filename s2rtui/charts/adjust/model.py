@@ -1,0 +1,57 @@
+"""An instance that is being adjusted as the input of its drawing."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from s2rstore.reader import Store
+from s2rstore.records import Side
+from s2rtui.charts.shared.instance_model import InstanceInput, PoseNumbers, SideView
+from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
+from s2rtui.session.state import HeatChoice, State
+
+if TYPE_CHECKING:
+    from s2rtools.interactive import LiveResult
+
+
+def live_input(
+    store: Store, state: State, result: LiveResult, heat: HeatChoice | None
+) -> InstanceInput:
+    """Images and predictions of a live result, with the change of the stored errors."""
+    truth, iid = store.instances, result.iid
+    ray = None if heat is None else ray_of(heat)
+    return InstanceInput(
+        iid=iid,
+        sim=_side(result, "sim", heat),
+        real=_side(result, "real", heat),
+        truth=(float(truth.x[iid]), float(truth.y[iid]), float(truth.heading[iid])),
+        kind=heat.kind.replace("_", " ") if heat else None,
+        mode=heat.mode if heat else None,
+        unit=unit(store, state.run, heat) if heat else "",
+        signed=bool(heat and heat.kind in SIGNED),
+        heat_range=run_range(store, state.run, heat) if heat else None,
+        over="both" if heat and heat.mode == "rgbd" else "depth" if ray == "depth" else "rgb",
+        notes=(_change(store, state, result, "sim"), _change(store, state, result, "real")),
+    )
+
+
+def _side(result: LiveResult, side: Side, heat: HeatChoice | None) -> SideView:
+    shown = result.side(side)
+    return SideView(
+        rgb=shown.rgb,
+        depth=shown.depth,
+        heat=None if heat is None else result.heatmap(heat.kind, side, heat.mode),
+        pose=None
+        if math.isnan(shown.x)
+        else PoseNumbers(shown.x, shown.y, shown.heading, shown.error, shown.heading_error),
+    )
+
+
+def _change(store: Store, state: State, result: LiveResult, side: Side) -> tuple[str, str]:
+    """The error of the stored run, the adjusted one, and their difference."""
+    before = float(store.run_columns(state.run).side(side).error[result.iid])
+    after = result.side(side).error
+    if not (math.isfinite(before) and math.isfinite(after)):
+        return side, "no prediction"
+    return side, f"error {before:.2f} m, now {after:.2f} m ({after - before:+.2f})"

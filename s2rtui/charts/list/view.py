@@ -1,0 +1,98 @@
+"""The list of the selected instances, sorted by any column."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from s2rtui.analysis.identity_cache import ArrayKey
+from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
+from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.charts.list.model import ListColumn, ListInput, _Column, _column, _remark
+from s2rtui.charts.list.terminal import draw_list, list_panels
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import Pane, Pixels, Table, View
+from s2rtui.session import Session, instance_list
+
+_IN_WORDS = 5
+
+
+class ListView(View):
+    name = "list"
+    key = "8"
+    pane: Pane = "centre"
+    description = "the selection as a list"
+    figure_size = (1600, 1200)
+
+    def subtitle(self, scene: Scene) -> str:
+        return f"{scene.state.count}, by {scene.state.sort} (.: next column, comma: reverse)"
+
+    def input(self, scene: Scene) -> ListInput:
+        state = scene.state
+        columns = tuple(column.shown for column in self._columns(scene))
+        rows = instance_list.order(scene.store, state, scene.notes)
+        return ListInput(rows, columns, state.cursor, state.descending)
+
+    def _columns(self, scene: Scene) -> list[_Column]:
+        sort = scene.state.sort
+        columns = [_Column("iid", ListColumn("iid", str, 8, sorts=sort == "iid"), int)]
+        if sort != "iid":
+            columns.append(_column(scene, sort, True))
+        if sort != "room":
+            columns.append(_column(scene, "room", False))
+        if scene.notes.remarks and sort != instance_list.REMARK:
+            columns.append(_remark(scene, False))
+        others = (name for name in instance_list.COLUMNS if name not in (sort, "iid", "room"))
+        return [*columns, *(_column(scene, name, False) for name in others)]
+
+    def numbers(self, scene: Scene) -> Table:
+        columns = self._columns(scene)
+        iids = instance_list.order(scene.store, scene.state, scene.notes).tolist()
+        rows = [[column.value(iid) for column in columns] for iid in iids]
+        return [column.name for column in columns], rows
+
+    def summary(self, scene: Scene) -> str:
+        sort = scene.state.sort
+        rows = instance_list.order(scene.store, scene.state, scene.notes)[:_IN_WORDS].tolist()
+        text = _column(scene, sort, True).shown.text
+        listed = ", ".join(f"{iid} ({text(iid)})" for iid in rows)
+        return f"{scene.state.count} instances by {sort}: {listed or 'none'}."
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui.charts.list import paper
+
+        title = f"{scene.state.run}: instances by {scene.state.sort}"
+        subtitle = f"{scene.caption}  ·  metres and degrees"
+        return paper.list_figure(self.input(scene), size, theme, title, subtitle)
+
+    def cache_key(self, scene: Scene) -> tuple[object, ...]:
+        state = scene.state
+        rows = ArrayKey(instance_list.order(scene.store, state, scene.notes))
+        shown = state.generation, state.run, state.sort, state.descending, state.cursor
+        return rows, *shown, scene.notes.remarks
+
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return draw_list(self.input(scene), size, options)
+
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return list_panels(self.input(scene), size, options)
+
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
+        rows = instance_list.order(scene.store, scene.state, scene.notes)
+        places = np.flatnonzero(rows == scene.state.cursor)
+        return (0.0, float(places[0])) if places.size else (0.0, 0.0)
+
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        rows = instance_list.order(scene.store, scene.state, scene.notes)
+        if 0 <= round(point[1]) < rows.size:
+            session.put_cursor(int(rows[round(point[1])]))
+
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        rows = instance_list.order(scene.store, scene.state, scene.notes)
+        ends = sorted(round(point[1]) for point in (mark.points[0], mark.points[-1]))
+        selection = rows[max(0, ends[0]) : ends[1] + 1]
+        return f"ids({', '.join(str(iid) for iid in np.sort(selection))})"
+
+
+VIEW = ListView()

@@ -1,0 +1,332 @@
+"""Instances as lines across the runs of the overview: their density per braille dot, and drawing.
+
+Accuracies of each run are binned once per axis, and the bins of neighbouring runs joined. A
+selection is counted per pair of bins; every pair that occurs is drawn as one segment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtui.analysis import joint_histogram
+from s2rtui.analysis.binning import Bins, SelectionIndices, count_selected, selection_indices
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.canvas.canvas import Canvas
+from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, mix
+from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
+from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.charts.overview.layout import OverviewLayout, axis_share
+from s2rtui.charts.overview.model import OverviewLines, cursor_accuracies
+from s2rtui.charts.shared.axis_scale import Interval
+
+PIECE = 1 << 15
+MANY = 20_000
+"""Above this number of instances, wide charts use coarse bins, too."""
+BANDS = 2_000
+"""Above this number of lines, segments are as wide as their bins, which leaves no gaps."""
+Density = NDArray[np.float64]
+Counts = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineDensity:
+    """Lines per braille dot, (4 rows, 2 columns per cell of the chart): selected, and others."""
+
+    highlighted: Density
+    others: Density
+
+
+def line_density(lines: OverviewLines, axis: Interval, layout: OverviewLayout) -> LineDensity:
+    """Segments between neighbouring visible runs, or bars where their rows are adjacent."""
+    selection = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
+    shown = lines.values[layout.first : layout.first + layout.shown]
+    columns = tuple(ArrayKey(column) for column in shown)
+    draw = _segments if layout.step > 1 and layout.shown > 1 else _bars
+    return draw(columns, axis, layout.chart_width, layout.step, selection)
+
+
+@cached_by_identity(4)
+def _segments(
+    columns: tuple[ArrayKey, ...],
+    axis: Interval,
+    width: int,
+    step: int,
+    selection: SelectionIndices,
+) -> LineDensity:
+    """The density of segments from the middle of each run's row to the next one's."""
+    size = bin_count(width, len(selection.base))
+    parts: tuple[list[Density], list[Density]] = ([], [])
+    for first, second in pairwise(columns):
+        for part, table in zip(parts, _tables(first, second, axis, size, selection), strict=True):
+            held = table[:size, :size].ravel()
+            bands = int(held.sum()) > BANDS
+            part.append(_spans(width, step, size, bands).density(held))
+    edge = np.zeros((2, 2 * width))
+    return LineDensity(*(np.concatenate([edge, *part, edge]) for part in parts))
+
+
+@cached_by_identity(4)
+def _bars(
+    columns: tuple[ArrayKey, ...],
+    axis: Interval,
+    width: int,
+    step: int,
+    selection: SelectionIndices,
+) -> LineDensity:
+    """The density as bars on each run's row, up to four dots high."""
+    size = bin_count(width, len(selection.base))
+    counted = joint_histogram.joint_counts(_bar_bins(columns, axis, size), selection)
+    both = np.stack(
+        [
+            *(highlighted for highlighted, _ in counted),
+            *(total - highlighted for highlighted, total in counted),
+        ]
+    )
+    dots = _per_dot(both, width).reshape(2, len(columns), 2 * width)
+    up = np.arange(4, 0, -1)[:, None]
+    grids = (_heights(dots)[:, :, None] >= up) * dots[:, :, None]
+    return LineDensity(*grids.reshape(2, 4 * len(columns), -1))
+
+
+def _heights(dots: Density) -> Density:
+    """Counts (2 parts, runs, dots) as heights 0 .. 4, 4 for the largest sum of both parts."""
+    peak = int(dots.sum(axis=0).max())
+    if peak > dots.size:
+        return np.asarray(np.ceil(4 * levels(dots, peak)))
+    return np.asarray(_heights_up_to(peak)[dots.astype(np.intp)])
+
+
+@lru_cache(64)
+def _heights_up_to(peak: int) -> Density:
+    """(peak + 1,) by count."""
+    return np.asarray(np.ceil(4 * levels(np.arange(peak + 1.0), peak)))
+
+
+def pair_counts(lines: OverviewLines, axis: Interval, size: int) -> list[tuple[Counts, Counts]]:
+    """Numbers of lines from bin to bin per pair of neighbouring runs: selected, and others.
+
+    Each (size, size), with size up to 254; bin i covers part i of `size` equal parts of the axis.
+    """
+    selection = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
+    pairs = []
+    for first, second in pairwise(lines.values):
+        highlighted, others = _tables(ArrayKey(first), ArrayKey(second), axis, size, selection)
+        pairs.append((highlighted[:size, :size], others[:size, :size]))
+    return pairs
+
+
+def _tables(
+    first: ArrayKey, second: ArrayKey, axis: Interval, size: int, selection: SelectionIndices
+) -> tuple[Counts, Counts]:
+    """Counts per pair of bins, (size + 1, size + 1): selected, and others; the last is no bin."""
+    highlighted, total = count_selected(_pairs(first, second, axis, size), selection)
+    shape = (size + 1, size + 1)
+    return highlighted.reshape(shape), (total - highlighted).reshape(shape)
+
+
+def _per_dot(counts: Counts, width: int) -> Density:
+    """Convert counts per bin (runs, bins) to counts per column of dots (runs, 2 width)."""
+    dots, first = _dots(width, counts.shape[1])
+    per_dot = np.zeros((len(counts), 2 * width))
+    per_dot[:, dots] = np.add.reduceat(counts, first, axis=1)
+    return per_dot
+
+
+@lru_cache(8)
+def _dots(width: int, size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The columns of dots that contain bins, and the first bin of each."""
+    at = np.floor(_places(width, size)).astype(np.intp)
+    dots, first = np.unique(at, return_index=True)
+    return dots, first
+
+
+def levels(density: Density, peak: float) -> Density:
+    """Convert counts to 0 .. 1 on a logarithmic scale, steeper for large peaks."""
+    shares: Density = np.log1p(density) / np.log1p(max(peak, 1.0))
+    return shares ** max(1.0, float(np.log10(max(peak, 1.0))) - 1)
+
+
+def bin_count(chart_width: int, instances: int) -> int:
+    """Number of bins of an accuracy axis: more on wide charts with few lines."""
+    return 64 if instances > MANY or chart_width < 80 else 128
+
+
+def _places(chart_width: int, size: int, within: float = 0.5) -> Density:
+    """The position of each bin in dots, (size,), by default of its middle."""
+    return 2 * (0.5 + (np.arange(size) + within) / size * (chart_width - 1))
+
+
+@cached_by_identity(64)
+def _binned(values: ArrayKey, axis: Interval, size: int) -> NDArray[np.uint8]:
+    """Bins of the axis, clipped to its ends; NaN gets bin `size`."""
+    column = np.asarray(values.array)
+    codes = np.empty(len(column), dtype=np.uint8)
+    scale = size / (axis[1] - axis[0])
+    for start in range(0, len(column), PIECE):
+        places = (column[start : start + PIECE] - axis[0]) * scale
+        places = np.where(np.isnan(places), size, np.clip(places, 0, size - 1))
+        codes[start : start + PIECE] = places
+    return codes
+
+
+@cached_by_identity(4)
+def _bar_bins(columns: tuple[ArrayKey, ...], axis: Interval, size: int) -> list[Bins]:
+    return [Bins(_binned(column, axis, size), size) for column in columns]
+
+
+@cached_by_identity(32)
+def _pairs(first: ArrayKey, second: ArrayKey, axis: Interval, size: int) -> Bins:
+    """Bins of two runs joined: code = first * (size + 1) + second; the last bin is none."""
+    one, two = (_binned(part, axis, size) for part in (first, second))
+    return Bins(one.astype(np.uint16) * np.uint16(size + 1) + two, (size + 1) ** 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spans:
+    """The dots of the segment of each pair of bins, per row of dots.
+
+    begin, end: (pairs, rows) flat indices of the first dot and of the dot after the last one, in a
+    grid of `rows` x (`width` + 1).
+    """
+
+    begin: NDArray[np.int32]
+    end: NDArray[np.int32]
+    rows: int
+    width: int
+
+    def density(self, counts: NDArray[np.intp]) -> Density:
+        """Lines per dot, (rows, width)."""
+        held = np.flatnonzero(counts)
+        weights = np.repeat(counts[held].astype(np.float64), self.rows)
+        size = self.rows * (self.width + 1)
+        steps = np.bincount(self.begin[held].ravel(), weights, minlength=size)
+        steps -= np.bincount(self.end[held].ravel(), weights, minlength=size)
+        grid = np.cumsum(steps.reshape(self.rows, self.width + 1), axis=1)
+        return np.rint(grid[:, : self.width])
+
+
+@lru_cache(4)
+def _spans(chart_width: int, step: int, size: int, bands: bool) -> _Spans:
+    """The segments from the middle of one run's row to the middle of the next one's."""
+    rows, width = 4 * step, 2 * chart_width
+    left, right = (
+        _edges(chart_width, rows, size, part) for part in ((0, 1) if bands else (0.5, 0.5))
+    )
+    low, high = np.minimum(left[:, :-1], left[:, 1:]), np.maximum(right[:, :-1], right[:, 1:])
+    if not bands:
+        low += left[:, 1:] < left[:, :-1]
+        high -= right[:, 1:] > right[:, :-1]
+    base = np.arange(rows, dtype=np.int32) * (width + 1)
+    return _Spans(low + base, np.minimum(high + 1, width) + base, rows, width)
+
+
+def _edges(chart_width: int, rows: int, size: int, within: float) -> NDArray[np.int32]:
+    """The dot of each segment at the upper edge of every row and at the lower edge of the last."""
+    places = _places(chart_width, size, within)
+    along = np.arange(rows + 1) / rows
+    start, stop = places[:, None, None], places[None, :, None]
+    return np.floor(start + (stop - start) * along).astype(np.int32).reshape(-1, rows + 1)
+
+
+LIT_RAMP = "'+*#"
+
+
+OTHER_RAMP = "."
+
+
+DITHER = np.array([[0, 4], [6, 2], [1, 5], [7, 3]]) / 8
+"""Thresholds of the dots of a cell: the share of dots that stay tells how dense it is."""
+
+
+def draw_lines(
+    canvas: Canvas,
+    lines: OverviewLines,
+    axis: Interval,
+    layout: OverviewLayout,
+    options: RenderOptions,
+) -> None:
+    """Draw all lines, then that of the cursor's instance."""
+    density = line_density(lines, axis, layout)
+    chart = Canvas(layout.chart_width, layout.height, options.theme)
+    chart.bg[:] = canvas.bg[_place(layout)]
+    colour = options.theme.sim if lines.side == "sim" else options.theme.real
+    _layer(chart, density.others, options.theme.unselected, OTHER_RAMP, options, faint=True)
+    _layer(chart, density.highlighted, colour, LIT_RAMP, options, faint=False)
+    if layout.step > 1 and lines.cursor is not None:
+        _draw_cursor_line(chart, lines, axis, layout, options)
+    canvas.paste(chart, layout.chart, layout.top)
+
+
+def _place(layout: OverviewLayout) -> tuple[slice, slice]:
+    rows = slice(layout.top, layout.top + layout.height)
+    return rows, slice(layout.chart, layout.chart + layout.chart_width)
+
+
+def _layer(
+    canvas: Canvas, density: Density, colour: Rgb, ramp: str, options: RenderOptions, faint: bool
+) -> None:
+    """Draw dots where lines are, the denser the brighter."""
+    peak = float(density.max(initial=0.0))
+    if peak <= 0:
+        return
+    shares = levels(density, peak)
+    cells = shares.reshape(canvas.height, 4, canvas.width, 2)
+    per_cell = cells.max(axis=(1, 3))
+    if options.ascii:
+        steps = np.minimum(np.ceil(per_cell * len(ramp)), len(ramp)).astype(np.intp)
+        rows, columns = np.nonzero(steps)
+        canvas.char[rows, columns] = np.array(list(ramp))[steps[rows, columns] - 1]
+        canvas.fg[rows, columns] = colour
+        return
+    strength = np.clip(np.log10(peak) - 1.5, 0, 1)
+    dither = np.tile(DITHER, (canvas.height, canvas.width))
+    dots = (density > 0) & (shares > 0.7 * strength * dither)
+    if faint and options.mode is ColourMode.NONE:
+        dots &= (np.indices(dots.shape).sum(axis=0) % 2).astype(np.bool_)
+    draw_braille(canvas, 0, 0, dots, _shades(per_cell, colour, faint, options))
+
+
+def _shades(shares: Density, colour: Rgb, faint: bool, options: RenderOptions) -> Pixels:
+    """A colour per cell, between the background and `colour`."""
+    low, high = (0.35, 0.75) if faint else (0.6, 1.0)
+    share = low + (high - low) * shares
+    return mix(np.array(options.theme.background), np.array(colour), share)
+
+
+def _draw_cursor_line(
+    canvas: Canvas,
+    lines: OverviewLines,
+    axis: Interval,
+    layout: OverviewLayout,
+    options: RenderOptions,
+) -> None:
+    """The line of the cursor's instance, interrupted where it has no accuracy."""
+    grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
+    places = [
+        _cell_of_accuracy(value, axis, layout, index)
+        for index, value in enumerate(cursor_accuracies(lines)[layout.first :][: layout.shown])
+    ]
+    for start, stop in pairwise(places):
+        if start is not None and stop is not None:
+            columns, rows = segment_dots(*start, *stop)
+            grid |= dot_grid(columns, rows, canvas.width, canvas.height)
+    if not options.ascii:
+        draw_braille(canvas, 0, 0, grid, np.array(options.theme.cursor, dtype=np.uint8))
+        return
+    held = grid.reshape(canvas.height, 4, canvas.width, 2).any(axis=(1, 3))
+    for row, column in np.argwhere(held).tolist():
+        canvas.put(column, row, options.glyphs.cursor, options.theme.cursor, bold=True)
+
+
+def _cell_of_accuracy(
+    value: float | None, axis: Interval, layout: OverviewLayout, index: int
+) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    share = min(1.0, max(0.0, axis_share(value, axis)))
+    return 0.5 + share * (layout.chart_width - 1), index * layout.step + 0.5

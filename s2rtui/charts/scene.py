@@ -1,0 +1,146 @@
+"""What views draw from: a session's state, its store, and what background loading has delivered."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.gap_history.reader import History
+from s2rstore.reader import Store
+from s2rstore.records import Side
+from s2rtui.canvas.brush import Mark
+from s2rtui.charts.shared.axis_scale import Interval
+from s2rtui.charts.shared.instance_model import InstanceInput
+from s2rtui.session import State
+from s2rtui.session.provenance import (
+    HeatProvenance,
+    InstanceProvenance,
+    about,
+    heat_of,
+    seen_of,
+)
+from s2rtui.user_data.notebook import Notes
+
+FloorGrid = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class OverviewRow:
+    """The mean accuracies of one run, 0 .. 1, with 95 % intervals; None or NaN where unknown.
+
+    `n` counts the instances behind the numbers; `note` is shown beside them or in their place.
+    """
+
+    run: str
+    sim_accuracy: float | None
+    real_accuracy: float | None
+    sim_interval: Interval | None = None
+    real_interval: Interval | None = None
+    n: int = 0
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunAccuracies:
+    """Accuracies (N,) of every run on one side."""
+
+    side: Side
+    values: Mapping[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Resources:
+    """The results of background loading, each with its source where it may be out of date.
+
+    `floor_heat` is the heat on the map and `seen_floor` the part of the floor that the selection
+    has seen, (rows, cols) each; `live` is the instance that is being adjusted. `progress` (0 .. 1)
+    and `failed` (messages) are by the name of the loader.
+    """
+
+    rows: tuple[OverviewRow, ...] = ()
+    lines: RunAccuracies | None = None
+    baseline: float = math.nan
+    floor_plan: NDArray[np.uint8] | None = None
+    pictures: InstanceInput | None = None
+    pictures_source: InstanceProvenance | None = None
+    floor_heat: FloorGrid | None = None
+    floor_heat_source: HeatProvenance | None = None
+    seen_floor: FloorGrid | None = None
+    seen_floor_source: tuple[object, ...] | None = None
+    live: InstanceInput | None = None
+    live_source: InstanceProvenance | None = None
+    live_floor_heat: FloorGrid | None = None
+    history: History | None = None
+    progress: Mapping[str, float] = field(default_factory=dict)
+    failed: Mapping[str, str] = field(default_factory=dict)
+    saving: str = ""
+
+    def heat_on_map(self, state: State) -> FloorGrid | None:
+        """The heat that belongs on the map; while adjusting, that of the adjusted images."""
+        if state.adjusting and state.overlay == "instance":
+            return self.live_floor_heat if self.live_source == about(state) else None
+        source = self.floor_heat_source
+        return self.floor_heat if source and source.name == heat_of(state).name else None
+
+    def heat_note(self, state: State) -> str:
+        """Names the source of the heat on the map where it is not the current one."""
+        if state.adjusting and state.overlay == "instance":
+            return ""
+        return self.floor_heat_source.told(state) if self.floor_heat_source else ""
+
+    def seen_on_map(self, state: State) -> FloorGrid | None:
+        """The floor that the current selection has seen."""
+        current = self.seen_floor_source == seen_of(state)
+        return self.seen_floor if state.clip and current else None
+
+    def adjusted(self, state: State) -> InstanceInput | None:
+        """The adjusted instance, if it comes from the current run."""
+        source = self.live_source
+        return self.live if source and source.source == (state.generation, state.run) else None
+
+    def with_requested(self, loaders: Set[str], cleared: Mapping[str, Any]) -> Resources:
+        """A copy after new requests: no progress or failure of these loaders, fields cleared."""
+        progress = {name: share for name, share in self.progress.items() if name not in loaders}
+        failed = {name: error for name, error in self.failed.items() if name not in loaders}
+        return replace(self, **cleared, progress=progress, failed=failed)
+
+    def with_loaded(self, loader: str, fields: Mapping[str, Any], error: str) -> Resources:
+        """A copy with the result of a loader, or with the reason why it failed."""
+        loaded = self.with_requested({loader}, fields)
+        return replace(loaded, failed={**loaded.failed, loader: error}) if error else loaded
+
+    def with_progress(self, message: str) -> str:
+        """A message followed by the progress of every loader."""
+        shares = ", ".join(f"{loader} {share:.0%}" for loader, share in self.progress.items())
+        return f"{message}  {shares}".strip()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """Everything that views draw from."""
+
+    store: Store
+    state: State
+    resources: Resources
+    notes: Notes = field(default_factory=Notes)
+
+    def remark(self, iid: int) -> str:
+        """The user's tags and note on an instance."""
+        remark = self.notes.remarks.get(iid)
+        return remark.text if remark else ""
+
+    @property
+    def caption(self) -> str:
+        """The subtitle of a figure: data set, number of instances, expression."""
+        counted = f"{self.state.count} instances"
+        return "  ·  ".join((self.store.dataset.name, counted, self.state.expression))
+
+    def mark(self, view: str) -> Mark | None:
+        """The brush mark that is being drawn in a view."""
+        brush = self.state.brush
+        return brush.mark if brush is not None and brush.view == view else None

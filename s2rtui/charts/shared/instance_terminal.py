@@ -1,0 +1,262 @@
+"""One instance in cells: images of sim and real with heat, and numbers below."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtui.analysis.identity_cache import identity_key
+from s2rtui.canvas.canvas import Canvas, InlineImage, Size
+from s2rtui.canvas.colour import DEPTH_SHADES, Pixels, depth_tint, diverging, legible, turbo
+from s2rtui.canvas.raster import draw_picture, draw_shades, resample
+from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.charts.shared.instance_model import (
+    HEADINGS,
+    InstanceInput,
+    InstanceModel,
+    SideView,
+    heat_colours,
+    instance_model,
+    panel_pixels,
+)
+from s2rtui.charts.shared.legend import LegendPart, colour_bar, draw_rows, fit_rows
+
+SIGNED_RAMP = "ihgfedcba.123456789"
+"""Glyphs of signed heat, from the most negative through 0 to the most positive."""
+HEAT_RAMP = ".123456789"
+
+
+@dataclass(frozen=True, slots=True)
+class ImagePanel:
+    """The place of an image in cells; `what` is "rgb", "depth" or "heat"."""
+
+    what: str
+    side: str
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceLayout:
+    """Images, rows of colour bars from `bars_y`, the table from `table_y` (or None)."""
+
+    panels: tuple[ImagePanel, ...]
+    bars: tuple[tuple[LegendPart, ...], ...]
+    bars_y: int
+    table_y: int | None
+
+
+def instance_layout(
+    data: InstanceInput, size: Size, options: RenderOptions | None = None
+) -> InstanceLayout:
+    """Lay out images as large as possible, with colour bars and table below."""
+    options = options or RenderOptions()
+    width, height = max(1, size[0]), max(1, size[1])
+    model = instance_model(data)
+    kinds = _kinds(data, model, options)
+    bars = [tuple(row) for row in fit_rows(_bars(data, model, options, width), width)]
+    table = 1 + len(model.poses) + len(data.notes)
+    title = 1 if height >= 4 else 0
+    plans: tuple[tuple[list[str], list[tuple[LegendPart, ...]], int], ...] = (
+        (kinds, bars, table),
+        (kinds, bars[:1], table - len(data.notes)),
+        (kinds[:1], bars[:1], table - len(data.notes)),
+        (kinds[:1], [], 0),
+    )
+    for what, rows, lines in plans:
+        space = height - title - len(rows) - lines
+        if space >= 4 * len(what) or (lines == 0 and space >= 1):
+            break
+    else:
+        what, rows, lines, space = kinds[:1], [], 0, max(1, height - title)
+    panels, used = _arrange(what, _shape(data), width, space, title)
+    return InstanceLayout(panels, tuple(rows), used, used + len(rows) if lines else None)
+
+
+def _kinds(data: InstanceInput, model: InstanceModel, options: RenderOptions) -> list[str]:
+    kinds = ["rgb"] if data.sim.rgb.size or data.real.rgb.size else []
+    if model.heat_range is not None and not options.supports_images:
+        kinds.append("heat")
+    if data.sim.depth is not None or data.real.depth is not None:
+        kinds.append("depth")
+    return kinds
+
+
+def _shape(data: InstanceInput) -> tuple[int, int]:
+    """Rows and columns of the pictures."""
+    rows, columns = (data.sim if data.sim.rgb.size else data.real).rgb.shape[:2]
+    return max(1, rows), max(1, columns)
+
+
+def _arrange(
+    kinds: list[str], shape: tuple[int, int], width: int, space: int, top: int
+) -> tuple[tuple[ImagePanel, ...], int]:
+    """Arrange images in two columns or in one row, whichever shows them larger."""
+    if not kinds:
+        return (), 0
+    aspect = shape[1] / max(1, shape[0])
+    best: tuple[int, int, int] = (0, 0, 0)
+    for columns in (2, 2 * len(kinds)):
+        rows = 2 * len(kinds) // columns
+        high = space // rows
+        wide = min((width - columns + 1) // columns, int(2 * high * aspect))
+        high = min(high, -int(-wide / aspect // 2))
+        if wide * high > best[0] * best[1]:
+            best = (wide, high, columns)
+    wide, high, columns = best
+    panels = []
+    for index, what in enumerate(kinds if wide and high else []):
+        for offset, side in enumerate(("sim", "real")):
+            place = index * 2 + offset
+            half = (width + 1) // 2 if columns == 2 else wide + 1
+            x = place % columns * max(wide + 1, min(half, wide + 3))
+            panels.append(ImagePanel(what, side, x, top + place // columns * high, wide, high))
+    rows = 2 * len(kinds) // columns if columns else 0
+    return tuple(panels), top + rows * high
+
+
+def draw_instance(data: InstanceInput, size: Size, options: RenderOptions | None = None) -> Canvas:
+    """The view in `size` (columns, rows)."""
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
+    model = instance_model(data)
+    layout = instance_layout(data, (canvas.width, canvas.height), options)
+    for panel in layout.panels:
+        _panel(canvas, panel, data, model, options)
+    _titles(canvas, layout, data, options)
+    draw_rows(canvas, 0, layout.bars_y, layout.bars)
+    if layout.table_y is not None:
+        _table(canvas, layout.table_y, data, model, options)
+    return canvas
+
+
+def _panel(
+    canvas: Canvas,
+    panel: ImagePanel,
+    data: InstanceInput,
+    model: InstanceModel,
+    options: RenderOptions,
+) -> None:
+    side = data.sim if panel.side == "sim" else data.real
+    if panel.what == "heat":
+        _heat_glyphs(canvas, panel, side, data, model)
+    elif side.rgb.size if panel.what == "rgb" else side.depth is not None:
+        plain = data if options.supports_images else _without_heat(data)
+        pixels = partial(panel_pixels, side, panel.what, model, plain)
+        draw_picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)), options)
+        if options.supports_shading:
+            sources = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
+            key = identity_key((panel.what, *sources, data.over, data.signed))
+            true_pixels = partial(pixels, shades=DEPTH_SHADES)
+            canvas.images.append(_inline_image(panel, side, true_pixels, key))
+    else:
+        canvas.text(
+            panel.x,
+            panel.y + panel.height // 2,
+            "no image" if panel.what == "rgb" else "no depth",
+            options.theme.muted,
+        )
+
+
+def _inline_image(
+    panel: ImagePanel, side: SideView, pixels: Callable[[Size], Pixels], key: object
+) -> InlineImage:
+    image = side.rgb if panel.what == "rgb" or side.depth is None else side.depth
+    shape = image.shape[0], image.shape[1]
+    return InlineImage(panel.x, panel.y, panel.width, panel.height, shape, pixels, key)
+
+
+def _without_heat(data: InstanceInput) -> InstanceInput:
+    strip = (SideView(side.rgb, side.depth) for side in (data.sim, data.real))
+    sim, real = strip
+    return InstanceInput(data.iid, sim, real)
+
+
+def _heat_glyphs(
+    canvas: Canvas, panel: ImagePanel, side: SideView, data: InstanceInput, model: InstanceModel
+) -> None:
+    """Draw heat in digits (and letters below zero) where images have no colours."""
+    if side.heat is None or model.heat_range is None:
+        return
+    heat = resample(np.asarray(side.heat, dtype=np.float32), panel.height, panel.width)
+    low, high = model.heat_range
+    colours, _ = heat_colours(heat, model.heat_range, data.signed)
+    ramp = SIGNED_RAMP if data.signed else HEAT_RAMP
+    draw_shades(
+        canvas, panel.x, panel.y, (heat - low) / (high - low), ramp, legible(colours, canvas.theme)
+    )
+
+
+def _titles(
+    canvas: Canvas, layout: InstanceLayout, data: InstanceInput, options: RenderOptions
+) -> None:
+    theme, glyphs = options.theme, options.glyphs
+    for panel in layout.panels:
+        if panel.y != 1:
+            continue
+        side = data.sim if panel.side == "sim" else data.real
+        glyph, colour = (
+            (glyphs.sim, theme.sim) if panel.side == "sim" else (glyphs.real, theme.real)
+        )
+        title = side.title or panel.side
+        title = title.encode("ascii", "replace").decode() if options.ascii else title
+        text = f"{glyph} {title}" if panel.what == "rgb" else f"{glyph} {panel.what}"
+        canvas.text(panel.x, 0, text[: panel.width], colour, bold=True)
+
+
+def _bars(
+    data: InstanceInput, model: InstanceModel, options: RenderOptions, width: int
+) -> list[LegendPart]:
+    parts = []
+    length = 12 if width >= 44 else 8
+    if model.heat_range is not None:
+
+        def spread(shares: NDArray[np.float64]) -> Pixels:
+            return diverging(2 * shares - 1, (236, 236, 236)) if data.signed else turbo(shares)
+
+        ramp = None if options.supports_images else (SIGNED_RAMP if data.signed else HEAT_RAMP)
+        name = model.heat_name or "heat"
+        parts.append(
+            colour_bar(name, data.unit, model.heat_range, options, length + 4, spread, ramp, width)
+        )
+    if model.depth_range is not None:
+        shades = options.glyphs.shades[::-1]
+        ramp = None if options.supports_images else (shades if options.theme.dark else shades[::-1])
+        parts.append(
+            colour_bar("depth", "m", model.depth_range, options, length, depth_tint, ramp, width)
+        )
+    return parts
+
+
+def _table(
+    canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel, options: RenderOptions
+) -> None:
+    theme, glyphs = options.theme, options.glyphs
+    roles = {
+        "truth": (glyphs.truth, theme.truth),
+        "sim": (glyphs.sim, theme.sim),
+        "real": (glyphs.real, theme.real),
+    }
+    label = 8 if canvas.width >= 42 else 2
+    column = min(8, max(6, (canvas.width - label) // 5))
+    canvas.text(0, y, f"#{data.iid}"[: label + column - 4], theme.muted)
+    for index, heading in enumerate(HEADINGS):
+        canvas.text(label + (index + 1) * column, y, heading, theme.muted, align="right")
+    for row, line in enumerate(model.poses, start=y + 1):
+        glyph, colour = roles[line.role]
+        canvas.text(0, row, f"{glyph} {line.role}"[: label - 1], colour)
+        for index, text in enumerate(line.cells):
+            strong = index >= 3
+            ink = colour if strong else theme.text
+            at = label + (index + 1) * column
+            canvas.text(at, row, text, ink, bold=strong, align="right")
+    for row, (name, value) in enumerate(data.notes, start=y + 1 + len(model.poses)):
+        text = f"{name} {value}"
+        text = text.encode("ascii", "replace").decode() if options.ascii else text
+        canvas.text(0, row, text, theme.muted)

@@ -1,0 +1,214 @@
+"""The inputs and numbers of maps: positions, values, scales, what is selected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.reader import Store
+from s2rstore.records import Bounds, Room, Side
+from s2rtui.analysis.binning import Bools, SelectionIndices, count_selected, selection_indices
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.map_frame import MapFrame
+from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.colour import Pixels
+from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
+from s2rtui.charts.shared.map_background import MapBackground, heat_scale
+from s2rtui.charts.shared.points import point_cells, stacked_points, true_positions
+from s2rtui.session.heatmaps import unit
+from s2rtui.session.state import HeatChoice, MapMode, State
+
+
+@dataclass(frozen=True, slots=True)
+class LivePose:
+    """A predicted pose that is not in the store: metres, radians."""
+
+    side: Side
+    x: float
+    y: float
+    heading: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapInput:
+    """The map of one run.
+
+    truth, sim, real: (N, 2) metres. values: (N,) what mode "colour" shows, NaN for none;
+    `value_label` and `value_unit` name it, `value_range` fixes its scale (default: the 1st ..
+    99th percentile of the valid). selected, valid: (N,) bool; cursor: an iid. headings, (N,)
+    radians: the truth's. floor_plan, heat, clip: see `MapBackground`. Columns are taken as never changed
+    in place: what is worked out of them is kept for as long as the same arrays are given. `live`
+    are predictions for the cursor that no column has.
+    """
+
+    truth: Floats
+    sim: Floats
+    real: Floats
+    values: Floats
+    selected: Bools
+    valid: Bools
+    bounds: Bounds
+    headings: Floats | None = None
+    sim_headings: Floats | None = None
+    real_headings: Floats | None = None
+    cursor: int | None = None
+    y_down: bool = True
+    mode: MapMode = "colour"
+    value_label: str = "shift"
+    value_unit: str = "m"
+    value_range: Interval | None = None
+    floor_plan: NDArray[np.uint8] | None = None
+    heat: Floats | None = None
+    heat_label: str = "heat"
+    heat_unit: str = ""
+    heat_range: Interval | None = None
+    clip: Floats | Bools | None = None
+    rooms: tuple[Room, ...] = ()
+    room_names: bool = True
+    mark: Mark | None = None
+    live: tuple[LivePose, ...] = ()
+
+    @property
+    def ground(self) -> MapBackground:
+        rooms = self.rooms if self.room_names else ()
+        return MapBackground(
+            self.bounds,
+            self.y_down,
+            self.floor_plan,
+            self.heat,
+            self.heat_range,
+            self.clip,
+            rooms,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapModel:
+    """What a map draws, and its scales.
+
+    highlighted: number of selected valid instances; others: of unselected valid ones; cursor: a
+    valid iid or None.
+    """
+
+    selection: SelectionIndices
+    highlighted: int
+    others: int
+    cursor: int | None
+    value_range: Interval
+    heat_range: Interval | None
+
+
+def map_model(data: MapInput) -> MapModel:
+    """Select what is drawn and find the scales."""
+    valid: Bools = np.asarray(data.valid, dtype=np.bool_)
+    selection = selection_indices(np.asarray(data.selected, dtype=np.bool_), valid)
+    highlighted, others = selection_sizes(selection)
+    scale = data.value_range or value_range(data.values, valid)
+    cursor = valid_cursor(data.cursor, valid)
+    return MapModel(selection, highlighted, others, cursor, scale, heat_scale(data.ground))
+
+
+def selection_sizes(selection: SelectionIndices) -> tuple[int, int]:
+    """Numbers of selected and of unselected instances of the base population."""
+    few, base = len(selection.indices), int(np.count_nonzero(selection.base))
+    return (base - few, few) if selection.inverted else (few, base - few)
+
+
+def valid_cursor(cursor: int | None, valid: Bools) -> int | None:
+    """The cursor if it is a valid iid, else None."""
+    if cursor is None or not 0 <= cursor < valid.size or not valid[cursor]:
+        return None
+    return cursor
+
+
+def value_range(values: Floats, valid: Bools) -> Interval:
+    """The scale of values (N,): 1st to 99th percentile of the valid ones."""
+    return _value_range(ArrayKey(values), ArrayKey(valid))
+
+
+@cached_by_identity(16)
+def _value_range(values: ArrayKey, valid: ArrayKey) -> Interval:
+    return percentile_range(np.asarray(values.array)[np.asarray(valid.array)])
+
+
+def sorted_by_value(data: MapInput, model: MapModel) -> tuple[NDArray[np.intp], Floats]:
+    """Selected iids by increasing value (the largest is drawn on top), with scale fractions."""
+    ids = model.selection.members
+    shares = scale_fraction(np.asarray(data.values)[ids], model.value_range)
+    ordered = np.argsort(np.nan_to_num(shares, nan=-1.0), kind="stable")
+    return ids[ordered], shares[ordered]
+
+
+def selected_in_frame(
+    truth: Floats, selection: SelectionIndices, frame: MapFrame, limit: int
+) -> NDArray[np.intp] | None:
+    """The selected iids inside the frame; None if there are more than `limit`."""
+    places = point_cells(truth, frame)
+    if int(count_selected(places, selection)[0].sum()) > limit:
+        return None
+    ids = selection.members
+    return ids[places.codes[ids] < places.count]
+
+
+def default_view(bounds: Bounds, truth: Floats, valid: Bools) -> Bounds:
+    """The bounds, or the bounding box of the points where the bounds are empty."""
+    if bounds.width > 0 and bounds.height > 0:
+        return bounds
+    points = np.asarray(truth, dtype=np.float64)[np.asarray(valid, dtype=np.bool_)]
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):
+        return Bounds(0.0, 0.0, 1.0, 1.0)
+    (x0, y0), (x1, y1) = points.min(axis=0) - 0.5, points.max(axis=0) + 0.5
+    return Bounds(float(x0), float(y0), float(x1), float(y1))
+
+
+def map_input(
+    store: Store,
+    state: State,
+    floor_plan: Pixels | None = None,
+    heat: Floats | None = None,
+    seen: Floats | None = None,
+    mark: Mark | None = None,
+    heat_note: str = "",
+) -> MapInput:
+    """The map of the state's run; `heat_note` names the source of outdated heat."""
+    truth, columns = store.instances, store.run_columns(state.run)
+    choice = state.heat
+    has_heat = heat is not None and choice is not None
+    return MapInput(
+        truth=true_positions(store),
+        sim=stacked_points(columns.sim.x, columns.sim.y),
+        real=stacked_points(columns.real.x, columns.real.y),
+        values=columns.shift,
+        selected=state.selected,
+        valid=state.base,
+        bounds=store.dataset.bounds,
+        headings=truth.heading,
+        sim_headings=columns.sim.heading,
+        real_headings=columns.real.heading,
+        cursor=state.cursor,
+        y_down=store.dataset.y_down,
+        mode=state.map_mode,
+        floor_plan=floor_plan,
+        heat=heat if has_heat else None,
+        heat_label=_heat_label(state, choice, heat_note) if has_heat and choice else "heat",
+        heat_unit=_heat_unit(store, state, choice) if has_heat and choice else "",
+        clip=seen,
+        rooms=store.rooms,
+        room_names=state.room_names,
+        mark=mark,
+    )
+
+
+def _heat_label(state: State, choice: HeatChoice, note: str) -> str:
+    """Kind and side of the heat, the aggregate if it is not the mean, and the note."""
+    aggregated = state.overlay in ("selection", "run") and state.aggregate != "mean"
+    parts = [choice.label, choice.side, state.aggregate if aggregated else "", note]
+    return ", ".join(part for part in parts if part)
+
+
+def _heat_unit(store: Store, state: State, choice: HeatChoice) -> str:
+    counts = state.overlay in ("selection", "run") and state.aggregate == "count"
+    return "pixels" if counts else unit(store, state.run, choice)

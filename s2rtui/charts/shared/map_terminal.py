@@ -1,0 +1,287 @@
+"""Maps in cells: layout, axes, legend, and the drawing that all maps share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.records import Bounds
+from s2rtui.analysis.binning import SelectionIndices
+from s2rtui.analysis.map_frame import MapFrame, fit_frame
+from s2rtui.canvas.brush import Mark, Panel, Point, draw_mark
+from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.colour import Rgb, legible, turbo
+from s2rtui.canvas.raster import braille_bits, draw_braille, flatten_half_blocks
+from s2rtui.canvas.render_options import RenderOptions, heading_arrow
+from s2rtui.charts.shared.axis_scale import Floats, tick_step, tick_text, tick_values
+from s2rtui.charts.shared.legend import (
+    LegendPart,
+    colour_bar,
+    draw_rows,
+    fit_rows,
+    ramp_for_values,
+    scale_bar,
+    text_part,
+)
+from s2rtui.charts.shared.map_background import (
+    HEAT_RAMPS,
+    MapBackground,
+    draw_background,
+    draw_room_names,
+)
+from s2rtui.charts.shared.map_model import MapInput, MapModel, default_view, map_model
+from s2rtui.charts.shared.points import highest_levels, level_shares, unselected_dots
+
+Places = NDArray[np.intp]
+Legend = Callable[[MapFrame, int], list[LegendPart]]
+"""Returns the parts of a legend for a frame, each within a width."""
+ModeLegend = Callable[[MapInput, MapModel, RenderOptions, int], list[LegendPart]]
+"""The legend parts that explain the selected points of a map, within a width."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapLayout:
+    """The map's rectangle in cells, its frame in metres, and the rows of the legend below."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+    frame: MapFrame
+    axes: bool
+    legend: tuple[tuple[LegendPart, ...], ...]
+
+
+class PointMap(Protocol):
+    """What the inputs of all maps hold: true positions (N, 2), the floor under them, a mark."""
+
+    @property
+    def truth(self) -> Floats: ...
+    @property
+    def ground(self) -> MapBackground: ...
+    @property
+    def mark(self) -> Mark | None: ...
+
+
+def layout_of_area(area: Bounds, y_down: bool, size: Size, legend: Legend) -> MapLayout:
+    """Lay out a map of `area`; larger views have axes and up to two rows of legend."""
+    width, height = max(1, size[0]), max(1, size[1])
+    axes = width >= 40 and height >= 12
+    left, below = (4, 1) if axes else (0, 0)
+    inner = max(1, width - left)
+    rough = fit_frame(area, inner, 2 * height, y_down)
+    rows = fit_rows(legend(rough, inner), inner)[: 0 if height < 6 else 1 if height < 18 else 2]
+    rows_high = max(1, height - below - len(rows))
+    frame = fit_frame(area, inner, 2 * rows_high, y_down)
+    return MapLayout(left, 0, inner, rows_high, frame, axes, tuple(tuple(row) for row in rows))
+
+
+def map_panel(layout: MapLayout) -> Panel:
+    """The panel of a map: a plane in metres."""
+    frame = layout.frame
+
+    def to_data(column: float, row: float) -> Point:
+        return frame.to_world(column - layout.x - 0.5, row - layout.y - 0.5)
+
+    def to_cells(x: float, y: float) -> Point:
+        column, row = frame.to_cells([[x, y]])[0].tolist()
+        return column + layout.x, row + layout.y
+
+    place = layout.x, layout.y, layout.width, layout.height
+    return Panel("map", "plane", *place, to_data, to_cells)
+
+
+def draw_axes(canvas: Canvas, layout: MapLayout, options: RenderOptions) -> None:
+    """Draw ticks in metres along the left and the lower edge."""
+    theme, frame = options.theme, layout.frame
+    extent, bottom = frame.extent, layout.height
+    count = max(2, layout.width // 12)
+    width = tick_step(extent.width, count)
+    canvas.text(0, 0, "y m", theme.muted)
+    name = "x m"
+    free, stop = layout.x, canvas.width - len(name) - 1
+    for tick in tick_values(extent.x0, extent.x1, count):
+        column = layout.x + int(frame.to_cells([[tick, frame.y0]])[0, 0])
+        text = tick_text(tick, width)
+        start = column - len(text) // 2
+        if start >= free and start + len(text) <= stop:
+            free = canvas.text(start, bottom, text, theme.muted) + 1
+    canvas.text(canvas.width - len(name), bottom, name, theme.muted)
+    count = max(2, layout.height // 5)
+    width = tick_step(extent.height, count)
+    for tick in tick_values(extent.y0, extent.y1, count):
+        row = int(frame.to_cells([[frame.x0, tick]])[0, 1])
+        if 1 <= row < bottom:
+            canvas.text(layout.x - 1, row, tick_text(tick, width)[:4], theme.muted, align="right")
+
+
+def draw_dots(
+    canvas: Canvas, grid: NDArray[np.bool_], colour: Rgb, options: RenderOptions, glyph: str = ""
+) -> None:
+    """Draw braille dots (4 rows, 2 columns per cell); in ASCII a glyph per cell."""
+    if not options.ascii:
+        draw_braille(canvas, 0, 0, grid, np.array(colour, dtype=np.uint8))
+        return
+    rows, columns = np.nonzero(braille_bits(grid))
+    put_glyphs(canvas, columns, rows, glyph or options.glyphs.unselected, colour, bold=False)
+
+
+def put_glyphs(
+    canvas: Canvas, columns: Places, rows: Places, glyph: str, colour: Rgb, bold: bool = True
+) -> None:
+    """Put a glyph into each of some cells."""
+    flatten_half_blocks(canvas, columns, rows)
+    canvas.char[rows, columns] = glyph
+    canvas.bold[rows, columns] = bold
+    canvas.fg[rows, columns] = colour
+
+
+def draw_values(
+    canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame, options: RenderOptions
+) -> None:
+    """Draw the selected points by the largest value per cell, in colours or digits."""
+    top = highest_levels(data.truth, data.values, model.value_range, model.selection, frame)
+    rows, columns = np.nonzero(top >= 0)
+    shares = level_shares(top[rows, columns])
+    known = np.isfinite(shares)
+    put_glyphs(canvas, columns, rows, options.glyphs.selected, options.theme.text)
+    if (digits := ramp_for_values(options)) is not None:
+        steps = np.clip(np.nan_to_num(shares) * len(digits), 0, len(digits) - 1).astype(np.intp)
+        canvas.char[rows, columns] = np.where(known, np.array(list(digits))[steps], "?")
+    canvas.fg[rows[known], columns[known]] = legible(turbo(shares[known]), options.theme)
+
+
+def draw_pose(
+    canvas: Canvas,
+    points: Floats,
+    headings: Floats | None,
+    iid: int,
+    frame: MapFrame,
+    options: RenderOptions,
+    glyph: str,
+    colour: Rgb,
+) -> None:
+    """Draw a glyph at one of `points` (N, 2), and an arrow where its heading is known."""
+    place = frame.to_cells(np.asarray(points)[iid])[0]
+    if not (np.isfinite(place).all() and (place >= 0).all()):
+        return
+    column, row = int(place[0]), int(place[1])
+    if column >= canvas.width or row >= canvas.height:
+        return
+    one = np.array([column]), np.array([row])
+    put_glyphs(canvas, *one, glyph, colour)
+    if headings is not None and np.isfinite(headings[iid]):
+        arrow, across, down = heading_arrow(float(headings[iid]), frame.y_down, options.glyphs)
+        column, row = column + across, row + down
+        if 0 <= column < canvas.width and 0 <= row < canvas.height:
+            put_glyphs(canvas, np.array([column]), np.array([row]), arrow, colour)
+
+
+def layout_of_points(
+    data: MapInput,
+    model: MapModel,
+    size: Size,
+    viewport: Bounds | None,
+    options: RenderOptions,
+    mode_legend: ModeLegend | None = None,
+    notes: Sequence[LegendPart] = (),
+) -> MapLayout:
+    """Lay out a map whose selected points `mode_legend` explains (default: `value_legend`).
+
+    `viewport` is a world rectangle, by default the bounds. `notes` close the legend.
+    """
+    explain = mode_legend or value_legend
+
+    def legend(frame: MapFrame, width: int) -> list[LegendPart]:
+        parts = explain(data, model, options, width)
+        if model.heat_range is not None:
+            ramp = None if options.supports_shading else HEAT_RAMPS[options.ascii]
+            length = 12 if width >= 50 else 8
+            heat = data.heat_label, data.heat_unit, model.heat_range
+            parts.append(colour_bar(*heat, options, length, ramp=ramp, room=width))
+        return parts + map_legend(frame, width, model.others, data.clip is not None, options, notes)
+
+    area = viewport or default_view(data.bounds, data.truth, data.valid)
+    return layout_of_area(area, data.y_down, size, legend)
+
+
+def value_legend(
+    data: MapInput, model: MapModel, options: RenderOptions, width: int
+) -> list[LegendPart]:
+    """The colour bar of the points' values."""
+    ramp, length = ramp_for_values(options), 12 if width >= 50 else 8
+    values = data.value_label, data.value_unit, model.value_range
+    clipped = data.value_range is None
+    return [colour_bar(*values, options, length, ramp=ramp, room=width, clipped=clipped)]
+
+
+def map_legend(
+    frame: MapFrame,
+    width: int,
+    others: int,
+    clipped: bool,
+    options: RenderOptions,
+    notes: Sequence[LegendPart] = (),
+) -> list[LegendPart]:
+    """Legend parts of every map: scale bar, unselected points, notes, dimmed floor."""
+    theme = options.theme
+    parts = [scale_bar(frame.pitch, max(4, width // 6), options)]
+    if others:
+        grey = "⠿" if not options.ascii else options.glyphs.unselected
+        parts.append(text_part(((f"{grey} ", theme.unselected), ("not selected", theme.muted))))
+    parts += notes
+    if clipped:
+        how = "dim" if options.supports_shading else "blank"
+        parts.append(text_part(((f"{how}: not seen", theme.muted),)))
+    return parts
+
+
+def draw_point_map(
+    data: PointMap,
+    selection: SelectionIndices,
+    layout: MapLayout,
+    size: Size,
+    options: RenderOptions,
+    draw_selected: Callable[[Canvas], None],
+) -> Canvas:
+    """A map in `size` (columns, rows): floor, unselected points and rooms, then the selected."""
+    canvas = Canvas(*size, theme=options.theme)
+    chart = Canvas(layout.width, layout.height, options.theme)
+    draw_background(chart, data.ground, layout.frame, options)
+    dots = unselected_dots(data.truth, selection, layout.frame)
+    draw_dots(chart, dots, options.theme.unselected, options)
+    draw_room_names(chart, data.ground.rooms, layout.frame, options)
+    draw_selected(chart)
+    canvas.paste(chart, layout.x, layout.y)
+    if layout.axes:
+        draw_axes(canvas, layout, options)
+    draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
+    draw_mark(canvas, map_panel(layout), data.mark, options)
+    return canvas
+
+
+def draw_value_map(
+    data: MapInput, size: Size, options: RenderOptions, viewport: Bounds | None
+) -> Canvas:
+    """A map in `size` whose selected points are coloured by their values."""
+    model = map_model(data)
+    layout = layout_of_points(data, model, size, viewport, options)
+
+    def draw_selected(chart: Canvas) -> None:
+        draw_values(chart, data, model, layout.frame, options)
+        draw_cursor(chart, data, model.cursor, layout.frame, options)
+
+    return draw_point_map(data, model.selection, layout, size, options, draw_selected)
+
+
+def draw_cursor(
+    canvas: Canvas, data: MapInput, cursor: int | None, frame: MapFrame, options: RenderOptions
+) -> None:
+    """The true pose of the cursor's instance."""
+    if cursor is not None:
+        glyph, colour = options.glyphs.cursor, options.theme.cursor
+        draw_pose(canvas, data.truth, data.headings, cursor, frame, options, glyph, colour)

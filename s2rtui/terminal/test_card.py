@@ -1,0 +1,126 @@
+"""The test card of `s2r doctor`: samples of every kind of character and colour that views use."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable
+
+import numpy as np
+
+from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.colour import turbo
+from s2rtui.canvas.raster import draw_braille, draw_half_blocks
+from s2rtui.canvas.render_options import DIGITS, RenderOptions
+
+Rows = list[tuple[str, str]]
+LABEL = 22
+_NARROW = 60
+"""Below this width a state is written below its name."""
+
+
+def card_height(rows: Rows, width: int) -> int:
+    """The height of a card of `width` columns."""
+    lines = sum(max(1, len(_wrapped(state, width))) for _, state in rows)
+    narrow = width < _NARROW
+    advice = max(len(_wrapped(text, width, 0)) for text in _ADVICE.values())
+    return lines + (len(rows) + 2 * len(_SAMPLES) if narrow else len(_SAMPLES)) + 3 + advice
+
+
+def draw_card(rows: Rows, size: Size, options: RenderOptions | None = None) -> Canvas:
+    """Draw lines of text and samples below them in `size` (columns, rows)."""
+    options = options or RenderOptions()
+    canvas = Canvas(*size, theme=options.theme)
+    theme, width = options.theme, canvas.width
+    narrow = width < _NARROW
+    x, y = (2 if narrow else LABEL), 0
+    for name, state in rows:
+        canvas.text(0, y, name, theme.muted)
+        y += narrow
+        for line in _wrapped(state, width) or [""]:
+            canvas.text(x, y, line if not options.ascii else _plain(line), theme.text)
+            y += 1
+    canvas.text(0, y + 1, "what you should see", theme.text, bold=True)
+    y += 2
+    for label, draw in _SAMPLES:
+        canvas.text(0, y, label, theme.muted)
+        y += narrow
+        draw(canvas, x, y, options)
+        y += 1
+    for row, line in enumerate(_wrapped(_ADVICE[options.ascii], width, 0)):
+        canvas.text(0, y + 1 + row, line, theme.muted)
+    return canvas
+
+
+def _wrapped(text: str, width: int, label: int | None = None) -> list[str]:
+    """A state wrapped to the room beside its name, or below it."""
+    label = (2 if width < _NARROW else LABEL) if label is None else label
+    return textwrap.wrap(text, max(8, width - label))
+
+
+def _plain(text: str) -> str:
+    return text.encode("ascii", "replace").decode()
+
+
+def _roles(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
+    theme, glyphs = options.theme, options.glyphs
+    for glyph, name, ink in (
+        (glyphs.sim, "blue", theme.sim),
+        (glyphs.real, "red", theme.real),
+        (glyphs.truth, "gold", theme.truth),
+    ):
+        x = canvas.text(x, y, f"{glyph} {name}  ", ink, bold=True)
+
+
+def _scale(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
+    colours = turbo(np.linspace(0, 1, 40))
+    for place, colour in enumerate(colours):
+        ink = (int(colour[0]), int(colour[1]), int(colour[2]))
+        if options.supports_images:
+            canvas.put(x + place, y, " ", bg=ink)
+        else:
+            canvas.put(x + place, y, DIGITS[place * len(DIGITS) // 40], ink)
+
+
+def _picture(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
+    if not options.supports_images:
+        canvas.text(x, y, "shades: " + options.glyphs.shades, options.theme.text)
+        return
+    across = np.linspace(0, 1, 40)
+    rows = np.stack([turbo(across), turbo(1 - across)])
+    draw_half_blocks(canvas, x, y, rows)
+
+
+def _dots(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
+    if options.ascii:
+        canvas.text(x, y, "none: ASCII only", options.theme.text)
+        return
+    places = np.arange(80)
+    wave = np.rint(1.5 + 1.5 * np.sin(places / 6)).astype(np.intp)
+    dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
+    inside = (2 * x + places < dots.shape[1]) & (4 * y + wave < dots.shape[0])
+    dots[4 * y + wave[inside], 2 * x + places[inside]] = True
+    draw_braille(canvas, 0, 0, dots, np.array(options.theme.text, dtype=np.uint8))
+
+
+def _bars(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
+    canvas.text(x, y, ".#" if options.ascii else "▁▂▃▄▅▆▇█" * 4, options.theme.sim)
+
+
+def _lines(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
+    glyphs = options.glyphs
+    drawn = f"{' '.join(glyphs.arrows)}  {glyphs.scale_left}{glyphs.horizontal * 6}"
+    canvas.text(x, y, f"{drawn}{glyphs.scale_right}  {glyphs.vertical}", options.theme.text)
+
+
+_SAMPLES: tuple[tuple[str, Callable[[Canvas, int, int, RenderOptions], None]], ...] = (
+    ("sim, real, truth", _roles),
+    ("a scale, low to high", _scale),
+    ("a picture", _picture),
+    ("dots, 8 in a cell", _dots),
+    ("bars in eighths", _bars),
+    ("arrows and lines", _lines),
+)
+_ADVICE = {
+    True: "boxes or question marks disappear with --ascii; a UTF-8 locale shows more",
+    False: "boxes or question marks instead of these: use --ascii; wrong colours: --colour 256",
+}

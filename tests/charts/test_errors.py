@@ -1,0 +1,121 @@
+"""The histogram counts what is valid, lights what is selected and knows its median."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from s2rtui.canvas import DARK, ColourMode, RenderOptions
+from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.colour import mix
+from s2rtui.charts.errors.model import errors_model
+from s2rtui.charts.errors.terminal import draw_errors, errors_panels
+from s2rtui.charts.shared.bars import SOLID
+from tests.charts.examples import N, errors_input
+
+SIZE = 31
+columns = arrays.arrays(np.float64, SIZE, elements=st.floats(0, 20) | st.just(np.nan))
+masks = arrays.arrays(np.bool_, SIZE)
+PALETTE = RenderOptions(mode=ColourMode.PALETTE)
+
+
+def test_counts_are_all_valid_and_the_selected_of_them() -> None:
+    view = errors_input(valid=np.arange(N) != 0)
+    model = errors_model(view, 12)
+    assert model.sim.total.sum() == N - 1
+    assert model.real.highlighted.sum() == 9
+    assert (model.sim.highlighted <= model.sim.total).all()
+    assert model.edges[0] == 0
+    for side, errors in ((view.sim, model.sim), (view.real, model.real)):
+        expected, _ = np.histogram(np.minimum(side[1:], model.upper), model.edges)
+        np.testing.assert_array_equal(errors.total, expected)
+
+
+def test_beyond_the_edge_counts_into_the_last_bin_and_nan_nowhere() -> None:
+    errors = np.array([0.5, 99.0, np.nan])
+    ones = np.ones(3, dtype=np.bool_)
+    view = errors_input(sim=errors, real=errors, selected=ones, valid=ones, upper=1.0)
+    model = errors_model(view, 2)
+    assert model.sim.total.tolist() == [0, 2]
+    assert model.sim.beyond == 1
+
+
+@given(columns, columns, masks, masks, st.integers(1, 40))
+def test_medians_are_those_of_the_selected(sim, real, selected, valid, count) -> None:
+    view = errors_input(sim=sim, real=real, selected=selected, valid=valid, upper=5.0)
+    model = errors_model(view, count)
+    for column, errors in ((sim, model.sim), (real, model.real)):
+        own = column[selected & valid & np.isfinite(column)]
+        if own.size:
+            assert errors.median == pytest.approx(float(np.median(own)))
+        else:
+            assert math.isnan(errors.median)
+
+
+def test_median_is_written_and_stands_at_its_place_in_both_sides() -> None:
+    view = errors_input(upper=4.0)
+    canvas = draw_errors(view, (72, 11))
+    lines = canvas.lines()
+    for panel, column in zip(errors_panels(view, (72, 11)), (view.sim, view.real), strict=True):
+        middle = float(np.median(column[:10]))
+        at = int(panel.to_cells(middle, 0)[0])
+        assert canvas.char[panel.y, at] == "┊"
+        assert f"median {middle:.2g}" in lines[panel.y + 1]
+
+
+def test_cursor_stands_in_its_bin_on_each_side() -> None:
+    view = errors_input(cursor=7, upper=6.0)
+    canvas = draw_errors(view, (72, 11))
+    for panel, column in zip(errors_panels(view, (72, 11)), (view.sim, view.real), strict=True):
+        at = int(panel.to_cells(float(column[7]), 0)[0])
+        assert canvas.char[panel.y + panel.height - 1, at] == "◉"
+
+
+def test_an_invalid_cursor_is_not_drawn() -> None:
+    view = errors_input(cursor=0, valid=np.arange(N) != 0)
+    assert "◉" not in "".join(draw_errors(view, (72, 11)).lines())
+
+
+def test_bars_are_as_high_as_their_counts() -> None:
+    errors = np.repeat([0.5, 1.5, 2.5], [8, 4, 1])
+    ones = np.ones(errors.size, dtype=np.bool_)
+    view = errors_input(sim=errors, real=errors, selected=ones, valid=ones, upper=3.0)
+    canvas = draw_errors(view, (3, 4))
+    assert canvas.char[:2, 1:].tolist() == [[" ", " "], ["█", "▂"]]
+
+
+def test_selected_bars_have_their_sides_colour_and_the_rest_is_grey() -> None:
+    canvas = draw_errors(errors_input(), (60, 12))
+    inked = canvas.char[:, 12:] != " "
+    colours = {tuple(colour.tolist()) for colour in canvas.fg[:, 12:][inked]}
+    assert {DARK.sim, DARK.real} <= colours
+    grey = tuple(mix(DARK.background, DARK.unselected, SOLID).tolist())
+    assert grey in colours
+
+
+def test_selected_bars_differ_by_glyph_without_colours() -> None:
+    for options, highlighted in (
+        (RenderOptions(mode=ColourMode.NONE), "█"),
+        (RenderOptions(ascii=True), "#"),
+    ):
+        assert any(
+            highlighted in line for line in draw_errors(errors_input(), (60, 12), options).lines()
+        )
+
+
+def test_pending_range_is_framed_on_its_side_alone() -> None:
+    view = errors_input(mark=Mark("real", ((1.0, 0.0), (2.0, 0.0))), upper=6.0)
+    canvas = draw_errors(view, (72, 11), PALETTE)
+    sim, real = errors_panels(view, (72, 11))
+    first, last = (int(real.to_cells(x, 0)[0]) for x in (1.0, 2.0))
+    row = real.y
+    assert canvas.char[row, first] == "├"
+    assert canvas.char[row, last] == "┤"
+    ground = (canvas.bg == DARK.highlight).all(axis=-1)
+    assert ground[row, first : last + 1].all()
+    assert not ground[sim.y : sim.y + sim.height].any()

@@ -1,0 +1,68 @@
+"""The list: the rows that its order says, the cursor in view, cells that give back their rows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rtui.canvas import RenderOptions
+from s2rtui.charts.list.model import ListColumn, ListInput
+from s2rtui.charts.list.terminal import draw_list, list_layout, list_panels
+
+ROWS = np.random.default_rng(5).permutation(60)
+COLUMNS = (
+    ListColumn("iid", str, 6),
+    ListColumn("error", lambda iid: f"{iid / 7:.2f}", 8, sorts=True),
+    ListColumn("room", lambda iid: f"room {iid}", 10, right=False),
+)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(16, 60), st.integers(2, 80), st.none() | st.sampled_from(ROWS.tolist()))
+def test_every_line_is_the_row_of_its_place(width: int, height: int, cursor: int | None) -> None:
+    view = ListInput(ROWS, COLUMNS, cursor)
+    canvas, layout = draw_list(view, (width, height)), list_layout(view, (width, height))
+    lines = canvas.lines()
+    for y in range(height):
+        at = layout.row_at(y)
+        words = lines[y].split()
+        if at is None:
+            assert y == 0 or not words
+        else:
+            iid = int(ROWS[at])
+            wanted = [str(iid), f"{iid / 7:.2f}", "room", str(iid)]
+            assert words[int(iid == cursor) :] == wanted[: len(words) - int(iid == cursor)]
+    if cursor is not None:
+        marked = (canvas.bg == RenderOptions().theme.highlight).all(axis=-1).all(axis=1)
+        assert [int(ROWS[layout.row_at(int(y)) or 0]) for y in np.flatnonzero(marked)] == [cursor]
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(16, 60), st.integers(2, 80), st.sampled_from(ROWS.tolist()))
+def test_cells_and_rows_lead_to_each_other(width: int, height: int, cursor: int) -> None:
+    view = ListInput(ROWS, COLUMNS, cursor)
+    (panel,) = list_panels(view, (width, height))
+    layout = list_layout(view, (width, height))
+    for y in range(layout.top, layout.top + layout.shown):
+        _, row = panel.to_data(3.5, y + 0.5)
+        assert row == layout.row_at(y)
+        assert panel.to_cells(0.0, row)[1] == y + 0.5
+
+
+@pytest.mark.parametrize(("descending", "arrow"), [(True, "▼"), (False, "▲")])
+def test_the_sorting_column_shows_which_way(descending: bool, arrow: str) -> None:
+    view = ListInput(ROWS, COLUMNS, None, descending)
+    head = draw_list(view, (40, 5)).lines()[0]
+    assert head.split() == ["iid", f"error{arrow}", "room"]
+    assert (
+        "error" + ("v" if descending else "^")
+        in draw_list(view, (40, 5), RenderOptions(ascii=True)).lines()[0]
+    )
+
+
+def test_an_empty_list_says_so() -> None:
+    view = ListInput(ROWS[:0], COLUMNS)
+    assert draw_list(view, (40, 5)).lines()[0].strip() == "nothing is selected"
+    assert list_panels(view, (40, 5)) == ()

@@ -1,0 +1,172 @@
+"""The geo-map: places, scales, greys, heat and its glyphs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from s2rstore.records import Bounds
+from s2rtui.analysis.map_frame import fit_frame, panned, sample, zoomed
+from s2rtui.canvas import DARK, ColourMode, RenderOptions, heading_arrow
+from s2rtui.canvas.colour import legible, turbo
+from s2rtui.canvas.render_options import ASCII, UNICODE
+from s2rtui.charts.map.model import LINES_UP_TO, iids_with_error_lines
+from s2rtui.charts.map.terminal import draw_map, map_layout
+from s2rtui.charts.shared.map_model import map_model, sorted_by_value
+from tests.charts.examples import BOUNDS, map_input
+
+SIZE = (80, 26)
+
+
+def test_frame_keeps_the_aspect_and_centres_the_area() -> None:
+    frame = fit_frame(BOUNDS, 100, 100, True)
+    assert frame.pitch == pytest.approx(0.2)
+    assert frame.extent.y0 == pytest.approx(-5)
+    assert frame.to_cells([[0.0, 5.0]]).tolist() == [[0.0, 25.0]]
+
+
+@pytest.mark.parametrize("y_down", [True, False])
+def test_frame_turns_y_and_goes_back(y_down: bool) -> None:
+    frame = fit_frame(BOUNDS, 40, 20, y_down)
+    upper, lower = frame.to_cells([[5, 2], [5, 8]])[:, 1]
+    assert (upper < lower) == y_down
+    x, y = frame.to_world(7, 3)
+    assert frame.to_cells([[x, y]])[0] == pytest.approx([7.5, 3.5])
+
+
+def test_zoom_and_pan() -> None:
+    near = zoomed(BOUNDS, 2.0, (0.0, 0.0))
+    assert (near.x0, near.y0, near.x1, near.y1) == (0, 0, 10, 5)
+    moved = panned(near, 0.5, 1.0, y_down=False)
+    assert (moved.x0, moved.y0) == (5, -5)
+
+
+def test_sample_puts_image_rows_where_they_are_drawn() -> None:
+    image = np.array([[1.0, 2.0], [3.0, np.nan]])
+    square = Bounds(0, 0, 2, 2)
+    frame = fit_frame(square, 4, 4, True)
+    assert sample(image, square, frame, True)[[0, 0, 3], [0, 3, 0]].tolist() == [1, 2, 3]
+    assert np.isnan(sample(image, square, frame, True)[3, 3])
+    assert sample(image, square, frame, False)[0, 0] == 3
+
+
+def test_model_sorts_by_value_and_leaves_out_the_invalid() -> None:
+    view = map_input(cursor=3)
+    model = map_model(view)
+    assert sorted_by_value(view, model)[0].tolist() == list(range(45, 60))
+    assert (model.highlighted, model.others) == (15, 44)
+    assert model.cursor is None
+
+
+def test_selected_points_are_turbo_and_the_others_grey() -> None:
+    view = map_input(floor_plan=None, heat=None, rooms=(), cursor=None)
+    canvas = draw_map(view, SIZE)
+    layout = map_layout(view, SIZE)
+    column, row = np.floor(layout.frame.to_cells(view.truth)[59]).astype(int)
+    column += layout.x
+    assert canvas.char[row, column] == "●"
+    assert tuple(canvas.fg[row, column]) == tuple(legible(turbo([1.0]), DARK)[0])
+    column, row = np.floor(layout.frame.to_cells(view.truth)[20]).astype(int)
+    assert 0x2800 < ord(canvas.char[row, column + layout.x]) <= 0x28FF
+    assert tuple(canvas.fg[row, column + layout.x]) == DARK.unselected
+
+
+def test_digits_stand_for_values_without_colours() -> None:
+    view = map_input(floor_plan=None, heat=None, rooms=(), cursor=None)
+    options = RenderOptions(mode=ColourMode.NONE)
+    canvas, layout = draw_map(view, SIZE, options), map_layout(view, SIZE, None, options)
+    column, row = np.floor(layout.frame.to_cells(view.truth)[59]).astype(int)
+    assert canvas.char[row, column + layout.x] == "9"
+
+
+def test_full_mode_shows_three_marks_and_the_cursor_with_lines() -> None:
+    selected = np.zeros(60, dtype=np.bool_)
+    selected[[10, 30]] = True
+    view = map_input(mode="full", selected=selected, cursor=30, heat=None, rooms=())
+    text = "\n".join(draw_map(view, SIZE).lines()[:20])
+    for glyph in (UNICODE.sim, UNICODE.real, UNICODE.truth, UNICODE.cursor):
+        assert glyph in text
+    assert iids_with_error_lines(view, map_model(view)).tolist() == [10, 30]
+    assert any(arrow in text for arrow in UNICODE.arrows)
+
+
+def test_many_selected_draw_no_lines_but_the_cursors() -> None:
+    view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=8)
+    model = map_model(view)
+    assert iids_with_error_lines(view, model).tolist() == [8]
+    assert f"error lines for up to {LINES_UP_TO}" in "\n".join(draw_map(view, (100, 30)).lines())
+
+
+def test_zooming_in_on_a_few_of_many_draws_their_lines() -> None:
+    view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=None)
+    near = Bounds(16.0, 3.5, 18.0, 6.5)
+    frame = map_layout(view, SIZE, near).frame
+    cells = frame.to_cells(view.truth)
+    seen = ((cells >= 0) & (cells < (frame.width, frame.height // 2))).all(axis=1) & view.valid
+    assert 0 < seen.sum() <= LINES_UP_TO
+    assert (
+        iids_with_error_lines(view, map_model(view), frame).tolist()
+        == np.flatnonzero(seen).tolist()
+    )
+
+
+@pytest.mark.parametrize(
+    ("degrees", "y_down", "arrow", "step"),
+    [
+        (0, True, "→", (1, 0)),
+        (90, True, "↓", (0, 1)),
+        (90, False, "↑", (0, -1)),
+        (-135, True, "↖", (-1, -1)),
+    ],
+)
+def test_heading_arrows_point_as_drawn(
+    degrees: float, y_down: bool, arrow: str, step: tuple[int, int]
+) -> None:
+    assert heading_arrow(np.radians(degrees), y_down, UNICODE) == (arrow, *step)
+
+
+def test_arrows_are_eight_in_both_sets() -> None:
+    assert len(ASCII.arrows) == len(UNICODE.arrows) == 8
+
+
+def test_heat_is_turbo_where_it_is_and_absent_elsewhere() -> None:
+    plain = draw_map(map_input(heat=None, cursor=None), SIZE)
+    hot = draw_map(map_input(cursor=None), SIZE)
+    layout = map_layout(map_input(), SIZE)
+    column, row = layout.frame.to_cells([[5.0, 3.0]])[0].astype(int)
+    assert int(hot.bg[row, column + layout.x, 1]) > int(plain.bg[row, column + layout.x, 1]) + 60
+    column, row = layout.frame.to_cells([[15.0, 5.0]])[0].astype(int)
+    assert (hot.bg[row, column + layout.x] == plain.bg[row, column + layout.x]).all()
+
+
+def test_floor_plan_lies_dim_under_the_map() -> None:
+    view = map_input(heat=None, cursor=None, rooms=())
+    canvas, layout = draw_map(view, SIZE), map_layout(view, SIZE)
+    right = layout.frame.to_cells([[15.0, 5.0]])[0].astype(int)
+    left = layout.frame.to_cells([[5.0, 5.0]])[0].astype(int)
+    bright = canvas.bg[right[1], right[0] + layout.x].astype(int).sum()
+    dark = canvas.bg[left[1], left[0] + layout.x].astype(int).sum()
+    assert dark < bright < 3 * 170
+
+
+def test_legend_names_values_heat_and_scale() -> None:
+    text = "\n".join(draw_map(map_input(), (100, 30)).lines())
+    assert "shift" in text
+    assert "heat" in text
+    assert " m" in text
+    assert "not selected" in text
+    assert "x m" in text
+
+
+def test_viewport_changes_what_is_seen() -> None:
+    near = map_layout(map_input(), SIZE, Bounds(8, 4, 12, 6)).frame
+    assert near.pitch < map_layout(map_input(), SIZE).frame.pitch / 2
+
+
+def test_nothing_valid_and_nothing_known_still_draws() -> None:
+    nothing = np.zeros(60, dtype=np.bool_)
+    gone = np.full(60, np.nan)
+    for mode in ("colour", "glyph", "full"):
+        view = map_input(valid=nothing, values=gone, mode=mode, heat=np.full((3, 3), np.nan))
+        draw_map(view, SIZE)
+        draw_map(map_input(values=gone, mode=mode, truth=np.full((60, 2), np.nan)), SIZE)

@@ -1,0 +1,125 @@
+"""What else a map carries: clip, rooms, the mark, and the panel that turns cells into metres."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2rstore.records import Bounds, Room
+from s2rtui.canvas import DARK, ColourMode, RenderOptions
+from s2rtui.canvas.brush import Mark, panel_at
+from s2rtui.canvas.colour import mix
+from s2rtui.charts.compare.terminal import compare_panels
+from s2rtui.charts.map.terminal import draw_map, map_layout, map_panels
+from s2rtui.charts.shared.map_background import DIMMED
+from tests.charts.examples import compare_input, map_input
+
+SIZE = (80, 26)
+LEFT = np.array([[1, 1, 0, 0]] * 2)
+"""Only the left half of the map was seen."""
+
+
+def cell_at(x: float, y: float, options: RenderOptions | None = None) -> tuple[int, int]:
+    """Row and column of a point on the example's map."""
+    layout = map_layout(map_input(), SIZE, None, options)
+    column, row = layout.frame.to_cells([[x, y]])[0].astype(int)
+    return int(row), int(column) + layout.x
+
+
+@pytest.mark.parametrize("clip", [LEFT, LEFT.astype(bool), np.where(LEFT, 3.5, np.nan)])
+def test_what_was_not_seen_is_dimmed_and_the_rest_is_as_before(clip: np.ndarray) -> None:
+    view = map_input(cursor=None, rooms=())
+    before, after = draw_map(view, SIZE), draw_map(replace(view, clip=clip), SIZE)
+    seen, hidden = cell_at(5.0, 3.0), cell_at(15.0, 5.0)
+    assert (after.bg[seen] == before.bg[seen]).all()
+    expected = mix(before.bg[hidden], np.array(DARK.background), DIMMED)
+    assert (np.abs(after.bg[hidden].astype(int) - expected) <= 1).all()
+
+
+@pytest.mark.parametrize(
+    "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.ANSI)]
+)
+def test_glyphs_of_the_ground_are_dropped_where_nothing_was_seen(options: RenderOptions) -> None:
+    view = map_input(cursor=None, rooms=(), clip=1 - LEFT)
+    whole = draw_map(replace(view, clip=None), SIZE, options)
+    clipped = draw_map(view, SIZE, options)
+    hot, bright = cell_at(5.0, 3.0, options), cell_at(18.5, 5.0, options)
+    assert whole.char[hot] != " "
+    assert clipped.char[hot] == " "
+    assert clipped.char[bright] == whole.char[bright] != " "
+    assert "not seen" in "\n".join(draw_map(view, (110, 26), options).lines())
+
+
+def test_points_stay_where_the_ground_is_clipped() -> None:
+    view = map_input(cursor=None, rooms=(), clip=np.zeros((3, 3)))
+    assert sum(line.count("●") for line in draw_map(view, SIZE).lines()) > 5
+
+
+def test_rooms_have_names_and_outlines_only_when_asked() -> None:
+    view = map_input(cursor=None, floor_plan=None, heat=None)
+    named = draw_map(view, SIZE)
+    text = "\n".join(named.lines())
+    assert "hall" in text
+    assert "größer" in text
+    wall = cell_at(10.0, 3.6)
+    column = named.char[:, wall[1]]
+    assert sum(0x2800 < ord(glyph) <= 0x28FF for glyph in column.tolist()) > 8
+    plain = "\n".join(draw_map(replace(view, room_names=False), SIZE).lines())
+    assert "hall" not in plain
+
+
+def test_names_lie_over_the_unselected_and_under_the_selected() -> None:
+    along = np.linspace(1.0, 9.0, 60)
+    truth = np.stack([along, np.full(60, 5.0)], axis=1)
+    room = (Room("corridor", 0, 0, 0, 10, 10),)
+    view = map_input(truth=truth, rooms=room, cursor=None, heat=None, floor_plan=None)
+    nothing = replace(view, selected=np.zeros(60, dtype=np.bool_))
+    assert "corridor" in "\n".join(draw_map(nothing, SIZE).lines())
+    everything = replace(view, selected=np.ones(60, dtype=np.bool_))
+    assert "corridor" not in "\n".join(draw_map(everything, SIZE).lines())
+
+
+@given(
+    size=st.tuples(st.integers(1, 120), st.integers(1, 50)),
+    y_down=st.booleans(),
+    near=st.booleans(),
+    part=st.tuples(st.floats(0, 0.999), st.floats(0, 0.999)),
+)
+def test_cells_become_metres_and_back(
+    size: tuple[int, int], y_down: bool, near: bool, part: tuple[float, float]
+) -> None:
+    viewport = Bounds(3.0, 2.0, 6.0, 4.0) if near else None
+    for (panel,) in (
+        map_panels(map_input(y_down=y_down), size, None, viewport),
+        compare_panels(compare_input(y_down=y_down), size, None, viewport),
+    ):
+        assert (panel.name, panel.shape) == ("map", "plane")
+        column, row = panel.x + int(part[0] * panel.width), panel.y + int(part[1] * panel.height)
+        assert panel_at((panel,), column, row) is panel
+        back = panel.to_cells(*panel.to_data(column + 0.5, row + 0.5))
+        assert back == pytest.approx((column + 0.5, row + 0.5))
+
+
+def test_the_panel_is_where_points_are_drawn() -> None:
+    view = map_input(floor_plan=None, heat=None, rooms=(), cursor=None)
+    (panel,) = map_panels(view, SIZE)
+    column, row = panel.to_cells(*view.truth[59])
+    assert draw_map(view, SIZE).char[int(row), int(column)] == "●"
+
+
+@pytest.mark.parametrize("mode", ["colour", "glyph", "full"])
+@pytest.mark.parametrize(
+    "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
+)
+def test_a_mark_is_drawn_at_its_metres(mode: str, options: RenderOptions) -> None:
+    view = map_input(mode=mode, cursor=None, mark=Mark("map", ((2.0, 1.0), (12.0, 9.0))))
+    canvas = draw_map(view, SIZE, options)
+    (panel,) = map_panels(view, SIZE, options)
+    for corner in ((2.0, 1.0), (12.0, 9.0), (2.0, 9.0)):
+        column, row = (int(part) for part in panel.to_cells(*corner))
+        assert canvas.char[row, column] == "+"
+        assert tuple(canvas.fg[row, column]) == DARK.truth

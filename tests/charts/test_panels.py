@@ -1,0 +1,92 @@
+"""Panels of the views: cells become data and come back, inside the view and without overlap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2rtui.canvas import RenderOptions
+from s2rtui.canvas.brush import Panel
+from s2rtui.charts.errors.terminal import errors_panels
+from s2rtui.charts.orientation.terminal import orientation_panels
+from s2rtui.charts.rooms.terminal import rooms_panels
+from s2rtui.charts.umap.terminal import umap_panels
+from tests.charts.examples import errors_input, orientation_input, rooms_input, umap_input
+
+Surface = Callable[[tuple[int, int], RenderOptions], tuple[Panel, ...]]
+VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
+    "umap": (
+        lambda size, options: umap_panels(umap_input(), size, options),
+        "plane",
+        ("sim", "real"),
+    ),
+    "orientation": (
+        lambda size, options: orientation_panels(orientation_input(), size, options),
+        "turn",
+        ("sim", "truth", "real"),
+    ),
+    "upwards": (
+        lambda size, options: orientation_panels(orientation_input(y_down=False), size, options),
+        "turn",
+        ("sim", "truth", "real"),
+    ),
+    "rooms": (
+        lambda size, options: rooms_panels(rooms_input(), size, options),
+        "steps",
+        ("sim", "truth", "real"),
+    ),
+    "errors": (
+        lambda size, options: errors_panels(errors_input(), size, options),
+        "range",
+        ("sim", "real"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", VIEWS)
+@given(
+    width=st.integers(1, 200),
+    height=st.integers(1, 60),
+    ascii=st.booleans(),
+    across=st.floats(0, 0.999),
+    down=st.floats(0, 0.999),
+)
+def test_the_middle_of_a_cell_comes_back(
+    name: str, width: int, height: int, ascii: bool, across: float, down: float
+) -> None:
+    surface, shape, names = VIEWS[name]
+    panels = surface((width, height), RenderOptions(ascii=ascii))
+    assert tuple(panel.name for panel in panels) == names[: len(panels)]
+    for panel in panels:
+        assert panel.shape == shape
+        column = panel.x + int(across * panel.width)
+        row = panel.y + int(down * panel.height)
+        assert panel.holds(column, row)
+        data = panel.to_data(column + 0.5, row + 0.5)
+        back = panel.to_cells(*data)
+        assert panel.to_data(*back) == pytest.approx(data)
+        assert int(np.floor(back[0] + 1e-9)) == column
+        if shape != "steps":
+            assert int(np.floor(back[1] + 1e-9)) == row
+
+
+@pytest.mark.parametrize("name", VIEWS)
+@given(width=st.integers(1, 120), height=st.integers(1, 40))
+def test_panels_lie_within_the_view_and_apart(name: str, width: int, height: int) -> None:
+    seen = np.zeros((height, width), dtype=np.intp)
+    for panel in VIEWS[name][0]((width, height), RenderOptions()):
+        assert panel.x + panel.width <= width
+        assert panel.y + panel.height <= height
+        seen[panel.y : panel.y + panel.height, panel.x : panel.x + panel.width] += 1
+    assert seen.max() == 1
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_all_panels_are_there_at_the_usual_sizes(name: str) -> None:
+    surface, _, names = VIEWS[name]
+    for size in ((50, 9), (50, 10), (80, 22), (200, 56)):
+        assert tuple(panel.name for panel in surface(size, RenderOptions())) == names
