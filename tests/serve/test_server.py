@@ -133,4 +133,4 @@ def test_a_taken_port_is_one_line(serve: StartServer, tiny_store: Path, capsys) 
     server = serve()
     code = main(["serve", str(tiny_store), "--port", str(server.port)])
     assert code == 2
-    assert f"{server.port}: cannot be listened on" in capsys.readouterr().err
+    assert f"{server.port}: cannot listen" in capsys.readouterr().err
