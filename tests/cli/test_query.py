@@ -120,7 +120,7 @@ def test_a_predicted_room_that_is_none_is_missing(tiny_store: Path, capsys) -> N
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["all", "--columns", "iid,rubbish"], "rubbish: one of iid"),
+        (["all", "--columns", "iid,rubbish"], "rubbish: must be one of iid"),
         (["all", "--columns", "iid,iid", "--json"], "twice"),
         (["@nothing"], "saved selection"),
     ],

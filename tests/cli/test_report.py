@@ -177,7 +177,7 @@ def test_saved_selections_tags_and_notes(tiny_store: Path, tmp_path: Path) -> No
     assert page.said("blockquote") == ["<script>alert(1)</script> & more"]
     assert page.said("li").count("#door") == 1
     assert not page.named("script")
-    told = [text for text in page.said("p") if "cellar" in text or "Nothing" in text]
+    told = [text for text in page.said("p") if "cellar" in text or "No instance" in text]
     assert len(told) == 2
 
 
@@ -202,7 +202,7 @@ def test_one_run_alone_has_nothing_to_compare(tmp_path: Path) -> None:
         ).decode()
     )
     assert len(page.named("img")) == 1 + 4 + 3 * 4
-    assert "Nothing is selected." in page.said("p")
+    assert "No instance is selected." in page.said("p")
 
 
 def test_heat_lies_on_the_images_where_asked_for(tiny_store: Path) -> None:

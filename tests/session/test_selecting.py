@@ -241,7 +241,7 @@ def test_a_name_is_not_saved_as_part_of_itself(session: Session) -> None:
     for name in ("a", "b"):
         with pytest.raises(RequestError, match="is used by"):
             book.save(name, SavedSelection("@b | all", 1, "vanilla", 40))
-    with pytest.raises(RequestError, match="part of @b"):
+    with pytest.raises(RequestError, match="used by @b"):
         book.forget("a")
     assert session.notes.selections["a"].expression == "worst15"
 

@@ -1,110 +1,41 @@
-"""A night as one HTML page: no script, nothing from elsewhere, the plot inside."""
+"""The report of a night as one self-contained HTML page: no script, no external resource."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
-from html import escape
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 
 from s2rstore.security.printable_text import printable
-from s2rtools.nightly import report_model as c
+from s2rtools.nightly import report_model
 
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-_SIGNS = {"PASS": "●", "FAIL": "▲", "INCONCLUSIVE": "■", "ERROR": "▲", "SKIPPED": "·"}
-_STYLE = """
-:root { --ground: #fafaf8; --text: #1c212a; --muted: #626a78; --faint: #ced2d9; --soft: #e2e9f5;
-  --PASS: #1d5fce; --FAIL: #d02c30; --ERROR: #d02c30; --INCONCLUSIVE: #8a6000; --SKIPPED: #626a78; }
-* { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 66rem; padding: 2rem 1.5rem 4rem; background: var(--ground);
-  color: var(--text); font: 1rem/1.5 system-ui, "Segoe UI", "Noto Sans", "DejaVu Sans", sans-serif;
-  font-variant-numeric: tabular-nums; }
-h1 { margin: 0 0 .3rem; font-size: 2rem; line-height: 1.2; }
-h2 { margin: 2.5rem 0 .6rem; padding-top: 1rem; border-top: 3px solid var(--faint); }
-.lead { margin: 0 0 1rem; color: var(--muted); }
-.verdict { display: inline-block; margin: .6rem 0; padding: .35rem .9rem; border-left: 5px solid;
-  background: var(--soft); font-size: 1.3rem; font-weight: 700; }
-.PASS { color: var(--PASS); } .FAIL { color: var(--FAIL); }
-.ERROR { color: var(--ERROR); }
-.INCONCLUSIVE { color: var(--INCONCLUSIVE); } .SKIPPED { color: var(--SKIPPED); }
-td.word { font-weight: 600; white-space: nowrap; }
-.table { overflow-x: auto; }
-table { width: 100%; border-collapse: collapse; font-size: .93rem; }
-th, td { padding: .35rem .9rem .35rem 0; text-align: left; vertical-align: baseline; }
-thead th { border-bottom: 1.5px solid var(--muted); color: var(--muted); font-weight: 500; }
-tbody tr + tr > * { border-top: 1px solid var(--faint); }
-img { display: block; width: 100%; height: auto; border: 1px solid var(--faint); }
-dl { display: flex; flex-wrap: wrap; gap: .4rem 2.2rem; }
-dt { color: var(--muted); font-size: .8rem; } dd { margin: 0; overflow-wrap: anywhere; }
-"""
+_SYMBOLS = {"PASS": "●", "FAIL": "▲", "INCONCLUSIVE": "■", "ERROR": "▲", "SKIPPED": "·"}
+_NIGHTS_IN_ALT_TEXT = 7
 
 
-def page(told: c.Content, picture: bytes) -> str:
-    """The whole file; `picture` is a PNG."""
-    night = told.night
-    image = base64.b64encode(picture).decode()
-    parts = [
-        f'<h1>{_text(night.name)}</h1>\n<p class="lead">the gap of the night {night.night}</p>',
-        f'<p class="verdict {_text(night.outcome)}">{_signed(night.outcome)}</p>',
-        f"<p>{_text(told.checks[0].told)}</p>",
-        f'<img src="data:image/png;base64,{image}" alt="{_text(_spoken(told))}">',
-        "<h2>What was checked</h2>",
-        _table(c.CHECKS, c.check_rows(told)),
-    ]
-    if night.estimates:
-        names, rows = c.ESTIMATES, c.estimate_rows(told)
-        parts += ["<h2>The simulator's parameters</h2>", _table(names, rows)]
-    parts += ["<h2>Nights</h2>", _table(c.PAST, c.past_rows(told)), "<h2>About</h2>", _facts(told)]
-    return "\n".join([_head(told.title), "<body>", "<main>", *parts, "</main>", "</body>",
-                      "</html>", ""])  # fmt: skip
-
-
-def _head(title: str) -> str:
-    return "\n".join(
-        [
-            "<!doctype html>",
-            '<html lang="en">',
-            "<head>",
-            '<meta charset="utf-8">',
-            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>{_text(title)}</title>",
-            f"<style>{_STYLE}</style>",
-            "</head>",
-        ]
+def page(model: report_model.Content, plot: bytes) -> str:
+    """Return the HTML of a night; `plot` is a PNG, and every text is escaped and printable."""
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent), autoescape=True,
+        undefined=StrictUndefined, finalize=_printable, trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    newest = [f"{night.night} {night.outcome}" for night in model.past[-_NIGHTS_IN_ALT_TEXT:]]
+    return environment.get_template("html_report.html").render(
+        model=model,
+        symbols=_SYMBOLS,
+        summary=model.checks[0].told,
+        image=base64.b64encode(plot).decode(),
+        alt=f"Gap over {len(model.past)} nights; the last ones: {', '.join(newest)}",
+        checks=(report_model.CHECKS, report_model.check_rows(model)),
+        estimates=model.night.estimates
+        and (report_model.ESTIMATES, report_model.estimate_rows(model)),
+        nights=(report_model.PAST, report_model.past_rows(model)),
+        facts=report_model.facts(model.night),
     )
 
 
-def _spoken(told: c.Content) -> str:
-    """The plot in words."""
-    nights = [f"{night.night} {night.outcome}" for night in told.past[-7:]]
-    return f"Gap over {len(told.past)} nights; the last ones: {', '.join(nights)}"
-
-
-def _table(names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    head = "".join(f'<th scope="col">{_text(name)}</th>' for name in names)
-    body = "\n".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
-    return (
-        f'<div class="table"><table>\n<thead><tr>{head}</tr></thead>\n'
-        f"<tbody>\n{body}\n</tbody>\n</table></div>"
-    )
-
-
-def _cell(value: str) -> str:
-    if value in _SIGNS:
-        return f'<td class="word {value}">{_signed(value)}</td>'
-    return f"<td>{_text(value)}</td>"
-
-
-def _signed(word: str) -> str:
-    return f"{_SIGNS.get(word, '')} {_text(word)}"
-
-
-def _facts(told: c.Content) -> str:
-    rows = c.facts(told.night)
-    parts = [f"<div><dt>{_text(k)}</dt><dd>{_text(v)}</dd></div>" for k, v in rows]
-    return "<dl>\n" + "\n".join(parts) + "\n</dl>"
-
-
-def _text(text: str) -> str:
-    """Text as text, in printable characters."""
-    return escape(printable(text))
+def _printable(value: Any) -> Any:
+    return value if isinstance(value, Markup) else printable(str(value))
