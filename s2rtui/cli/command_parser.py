@@ -28,7 +28,7 @@ COMMANDS: dict[str, str] = {
     "show": "print the numbers of a view as a table",
     "export": "write a figure as PNG, SVG or PDF",
     "report": "write selections with their figures to one HTML file",
-    "snapshot": "write a picture of the application's screen after given keys",
+    "snapshot": "write a screenshot of the application after a sequence of keys",
     "verify": "check that a store is complete and undamaged",
     "prune": "delete files that no recent generation of a store needs",
     "doctor": "report what this machine and this terminal support",

@@ -84,10 +84,10 @@ def execute_command(options: argparse.Namespace) -> int:
 
 def _with_default_command(arguments: list[str]) -> list[str]:
     """Insert `tui` where the first word is a path: `s2r S.s2r` means `s2r tui S.s2r`."""
-    words = [word for word in arguments if not word.startswith("-")]
-    if not words or words[0] in COMMANDS:
+    first = next((word for word in arguments if not word.startswith("-")), None)
+    if first is None or first in COMMANDS:
         return arguments
-    is_path = words[0].rstrip("/").endswith(".s2r") or os.path.exists(words[0])
+    is_path = first.rstrip("/").endswith(".s2r") or os.path.exists(first)
     return ["tui", *arguments] if is_path else arguments
 
 

@@ -104,7 +104,7 @@ async def test_a_killed_server_leaves_nothing_running(serve: StartServer) -> Non
         (["--host", "0.0.0.0"], "--public"),
         (["--host", "::"], "--public"),
         (["--host", "example.org"], "ssh -L"),
-        (["--port", "0"], "1 .. 65535"),
+        (["--port", "0"], "1 to 65535"),
         (["--users", "0"], "--users"),
     ],
 )

@@ -80,20 +80,20 @@ def _fish_script(root: argparse.ArgumentParser) -> Iterator[str]:
 
 def _fish_argument(action: argparse.Action) -> str:
     """Return the options of `complete` for one argument."""
-    words = "".join(
+    settings = "".join(
         f" -l {name[2:]}" if name.startswith("--") else f" -s {name[1:]}"
         for name in action.option_strings
     )
     if action.option_strings and action.nargs != 0:
-        words += " -r"
+        settings += " -r"
     if action.choices is not None:
-        words += f" -a {_fish_quoted(' '.join(map(str, action.choices)))}"
+        settings += f" -a {_fish_quoted(' '.join(map(str, action.choices)))}"
     elif _is_path(action):
-        words += " -F"
+        settings += " -F"
     if action.help and action.option_strings:
         summary = action.help % {**vars(action), "prog": "s2r"}
-        words += f" -d {_fish_quoted(summary)}"
-    return words
+        settings += f" -d {_fish_quoted(summary)}"
+    return settings
 
 
 def _fish_quoted(text: str) -> str:

@@ -84,12 +84,12 @@ def _tables(scores: dict[str, Any]) -> list[str]:
         for r in scores["objects"]
     ]
     parts = (
-        ("Where heatmaps find the labelled changes",
+        ("Agreement of heatmaps with the labelled changes",
          ("run", "heatmap", "mode", "side", "place", "AUROC", "precision of top 5 %", "base rate",
           "n", "frames without"), heat),
-        ("Why reality is worse: mean position error, m",
+        ("Causes of the real error: mean position error, m",
          ("run", "factor", "alone", "costs", "all but it", "leaving it out gains", "n"), factors),
-        ("What restoring one object gains where it is seen, m",
+        ("Error reduction by restoring one object, in images that show it, m",
          ("run", "object", "name", "change", "gain", "n"), objects),
     )  # fmt: skip
     return [f"{title}\n\n{output.table(names, rows)}" for title, names, rows in parts]

@@ -1,4 +1,4 @@
-"""`s2r snapshot`: write the application's screen after given keys, as PNG or text."""
+"""`s2r snapshot`: write a screenshot of the application after a sequence of keys."""
 
 from __future__ import annotations
 

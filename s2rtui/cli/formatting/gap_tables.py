@@ -12,7 +12,7 @@ from s2rtui.cli.formatting.gap_details import details, with_interval
 
 
 def gap_text(report: dict[str, Any], with_details: bool = False, frozen: bool = False) -> str:
-    """Return the axes, the axes that are missing, and the outcome that the exit code stands for.
+    """Return the axes, the axes that are missing, and the outcome.
 
     `frozen`: a reference scale or a golden run was written from this report.
     """

@@ -23,9 +23,9 @@ def render_page(report: Report) -> str:
         loader=FileSystemLoader(_FOLDER), autoescape=True, undefined=StrictUndefined,
         finalize=_printable, trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    return environment.get_template("report.html").render(
-        report=report, dark_media=_DARK_MEDIA, style=Markup(_style(report))
-    )
+    template = environment.get_template("report.html")
+    style = Markup(_style(report))
+    return template.render(report=report, dark_media=_DARK_MEDIA, style=style).lstrip()
 
 
 def _printable(value: Any) -> Any:

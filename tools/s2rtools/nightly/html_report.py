@@ -23,7 +23,7 @@ def page(model: report_model.Content, plot: bytes) -> str:
         undefined=StrictUndefined, finalize=_printable, trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     newest = [f"{night.night} {night.outcome}" for night in model.past[-_NIGHTS_IN_ALT_TEXT:]]
-    return environment.get_template("html_report.html").render(
+    html = environment.get_template("html_report.html").render(
         model=model,
         symbols=_SYMBOLS,
         summary=model.checks[0].told,
@@ -35,6 +35,7 @@ def page(model: report_model.Content, plot: bytes) -> str:
         nights=(report_model.PAST, report_model.past_rows(model)),
         facts=report_model.facts(model.night),
     )
+    return html.lstrip()
 
 
 def _printable(value: Any) -> Any:
