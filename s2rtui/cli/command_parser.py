@@ -106,7 +106,7 @@ def build_parser(commands: Collection[str] = ()) -> CommandParser:
         command = subparsers.add_parser(
             name,
             help=summary,
-            description=f"{summary[0].upper()}{summary[1:]}.",
+            description=_sentence(summary),
             epilog=f"Example:\n  {module.EXAMPLE}",
         )
         command.add_argument(
@@ -114,7 +114,15 @@ def build_parser(commands: Collection[str] = ()) -> CommandParser:
         )
         module.add_arguments(command)
         command.set_defaults(execute=module.execute, command=name)
+        for actions in command._actions:
+            if isinstance(actions, argparse._SubParsersAction):
+                for entry in actions._choices_actions:
+                    actions.choices[entry.dest].description = _sentence(entry.help or "")
     return parser
+
+
+def _sentence(summary: str) -> str:
+    return f"{summary[:1].upper()}{summary[1:]}."
 
 
 def _version() -> str:

@@ -74,7 +74,7 @@ def _fish_script(root: argparse.ArgumentParser) -> Iterator[str]:
         for name, summary in subcommands.items():
             yield f"{prefix} -a {name} -d {_fish_quoted(summary)}"
         for action in parser._actions:
-            if not isinstance(action, argparse._SubParsersAction):
+            if not isinstance(action, argparse._SubParsersAction) and _fish_argument(action):
                 yield prefix + _fish_argument(action)
 
 
