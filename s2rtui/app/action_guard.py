@@ -37,7 +37,7 @@ class GuardedApp(App[None]):
         if built_in is not None and not replaced and name not in _HARMLESS:
             return f"not in a restricted session: {name.replace('_', ' ')}"
         action = named(name, parameters)
-        if action is None or self.access.grants(action.needs):
+        if action is None or self.access.allows(action.needs):
             return ""
         return f"not in a restricted session: {action.description}"
 

@@ -11,7 +11,7 @@ from s2rstore.metrics import similarity
 from s2rtui.app.key_names import key_shown
 from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
-from s2rtui.security import Need, Permissions
+from s2rtui.security import Capability, Permissions
 from s2rtui.session import Session, adjusting, display, instance_list
 from s2rtui.session.state import State
 
@@ -48,7 +48,7 @@ class Action:
     short: str = ""
     shown: str = ""
     when: When = "always"
-    needs: Need = ""
+    needs: Capability = ""
 
     @property
     def key(self) -> str:
@@ -280,7 +280,7 @@ def named(call: str, parameters: tuple[object, ...] = ()) -> Action | None:
 
 def offered(access: Permissions | None = None) -> list[Action]:
     """The actions that a session may run at all."""
-    return [action for action in ACTIONS if access is None or access.grants(action.needs)]
+    return [action for action in ACTIONS if access is None or access.allows(action.needs)]
 
 
 def footer(width: int, state: State, access: Permissions | None = None) -> list[tuple[str, str]]:

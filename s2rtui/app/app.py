@@ -85,8 +85,8 @@ class S2RApp(Brushes, Papers, Savings):
         self.feeding = LoadScheduler(self)
         self.arrivals = LoadResultHandler(self, self.feeding)
         self.drawing = Drawing(self)
-        self.access = access or Permissions.of(session.store.path)
-        self.files_at = pictures_at or self.access.pictures
+        self.access = access or Permissions.for_store(session.store.path)
+        self.files_at = pictures_at or self.access.output_dir
         self._size_class: SizeClass = "narrow"
         self._drawn_once = False
         self._sized = Size(0, 0)
@@ -133,7 +133,7 @@ class S2RApp(Brushes, Papers, Savings):
         state = self.session.state
         if self.session.notebook is not None:  # last: its file may be slow, or another's just now
             with contextlib.suppress(S2RError, OSError):
-                self.session.notebook.remember((*state.past, state.expression))
+                self.session.notebook.add_history((*state.past, state.expression))
 
     async def on_event(self, event: events.Event) -> None:
         if isinstance(event, events.Paste):

@@ -39,9 +39,9 @@ class Snapshot:
 
     def png(self, look: RenderOptions, size: tuple[int, int] | None = None) -> bytes:
         """As PNG, in the upper left of `size` pixels where given."""
-        from s2rtui.export.rasterizer import paint_png
+        from s2rtui.export.rasterizer import rasterize_png
 
-        return paint_png(self.lines, theme=look.theme, size=size)
+        return rasterize_png(self.lines, theme=look.theme, size=size)
 
 
 def is_key(name: str) -> bool:

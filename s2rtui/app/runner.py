@@ -15,8 +15,8 @@ from s2rtui.jobs import background_thread
 from s2rtui.security import Permissions
 from s2rtui.session import Session
 from s2rtui.terminal.capabilities import Terminal
-from s2rtui.user_data import notebook
 from s2rtui.user_data.notebook import Notebook
+from s2rtui.user_data.user_data_dir import is_first_start
 
 _PATIENCE = 0.3
 """Seconds that work in the background is given when the application is left."""
@@ -36,9 +36,9 @@ def run_app(
     fault of the program.
     """
     look = RenderOptions(mode=terminal.mode, ascii=terminal.ascii)
-    app = S2RApp(Session(path, run, partial(Notebook, patient=True), nights), look, access=access)
+    app = S2RApp(Session(path, run, partial(Notebook, tolerant=True), nights), look, access=access)
     app.safe_csv = safe_csv
-    app.first_run, app.terminal = notebook.first_run(), terminal
+    app.first_run, app.terminal = is_first_start(), terminal
     if terminal.graphics is not None:
         from s2rtui.app.inline_images import hang
 

@@ -1,4 +1,4 @@
-"""ctrl+c: what a command says then, and an end of those that do not hear it."""
+"""Handling of ctrl+c: the message that a command prints, and the end of commands that block."""
 
 from __future__ import annotations
 
@@ -9,29 +9,27 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable
-from functools import wraps
 from typing import Any
 
-CODE = 130
-PATIENCE = 1.0
-"""Seconds until a command that only reads is ended: a query may be in the middle of native code."""
+EXIT_CODE = 130
+GRACE_SECONDS = 1.0
+"""Time until a read-only command is ended: a query may be inside native code."""
 
-_READING = frozenset({"doctor", "query", "runs", "show", "sql"})
-"""Commands that lose nothing when they are cut short."""
-_GOES_ON = {
-    "precompute": "finished work units are kept, and the same command goes on from there",
-    "train": "what was trained is kept, and the same command goes on from there",
-    "demo": "finished stages are kept, and the same command goes on from there",
-    "ingest": "no store was made",
+_READ_ONLY = frozenset({"doctor", "query", "runs", "show", "sql"})
+"""Commands that lose nothing when they are ended at once."""
+_RESUME_HINTS = {
+    "precompute": "finished work units are kept; run the same command to continue",
+    "train": "the training state is kept; run the same command to continue",
+    "demo": "finished stages are kept; run the same command to continue",
+    "ingest": "no store was created",
 }
 _received = threading.Event()
 
 
-def watch(command: str | None) -> None:
-    """Note every SIGINT, also while native code keeps the interpreter from handling it.
+def watch_sigint(command: str | None) -> None:
+    """Note every SIGINT, even while native code keeps the interpreter from handling it.
 
-    For the main thread of a process that is one command.
+    Call it in the main thread of a process that executes one command.
     """
     source, sink = os.pipe()
     os.set_blocking(sink, False)
@@ -44,38 +42,24 @@ def _watch(source: int, command: str | None) -> None:
         if signal.SIGINT not in numbers:
             continue
         _received.set()
-        if command in _READING:
-            time.sleep(PATIENCE)
-            tell(command)
-            os._exit(CODE)
+        if command in _READ_ONLY:
+            time.sleep(GRACE_SECONDS)
+            report_interrupt(command)
+            os._exit(EXIT_CODE)
 
 
-def tell(command: str | None) -> None:
-    """One line: what an interrupted command has left. Silences what libraries leave undone."""
+def report_interrupt(command: str | None) -> None:
+    """Print one line about an interrupted command, and silence later warnings."""
     warnings.simplefilter("ignore")
-    rest = _GOES_ON.get(command or "")
-    print(f"s2r: interrupted; {rest}" if rest else "s2r: interrupted", file=sys.stderr, flush=True)
+    hint = _RESUME_HINTS.get(command or "")
+    print(f"s2r: interrupted; {hint}" if hint else "s2r: interrupted", file=sys.stderr, flush=True)
 
 
-def interruptible(options: argparse.Namespace) -> Any:
-    """Execute a command. Raises KeyboardInterrupt for whatever a library makes of SIGINT."""
+def execute_interruptibly(options: argparse.Namespace) -> Any:
+    """Execute a command; raise KeyboardInterrupt for any exception that follows a SIGINT."""
     try:
         return options.execute(options)
     except Exception as error:
         if _received.is_set():
             raise KeyboardInterrupt from error
         raise
-
-
-def ended_quietly(main: Callable[..., int]) -> Callable[..., int]:
-    """`main` with one line for a ctrl+c before its command has begun, or while it ends."""
-
-    @wraps(main)
-    def quiet(*arguments: Any) -> int:
-        try:
-            return main(*arguments)
-        except KeyboardInterrupt:
-            tell(None)
-            return CODE
-
-    return quiet

@@ -1,1 +1,1 @@
-"""Files made from a state: reports, rows, screenshots."""
+"""Export to files: figures, reports, rows, screenshots."""

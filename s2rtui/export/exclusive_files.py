@@ -1,4 +1,4 @@
-"""Files that replace no other one, and that appear when they are whole."""
+"""Creation of files that never overwrite another file and appear only when complete."""
 
 from __future__ import annotations
 
@@ -13,37 +13,40 @@ from s2rstore.errors import RequestError
 T = TypeVar("T")
 
 
-def numbered(folder: Path, stem: str, suffix: str) -> Iterator[Path]:
-    """`stem-001`, `stem-002`, ... without end."""
+def numbered_paths(folder: Path, stem: str, suffix: str) -> Iterator[Path]:
+    """Yield `stem-001`, `stem-002`, ... without end."""
     return (folder / f"{stem}-{number:03d}{suffix}" for number in count(1))
 
 
-def file(first: Path, fill: Callable[[Path], T], others: Iterable[Path] = ()) -> tuple[Path, T]:
-    """Fill a file, and give it the first name that no other one has; that name, what `fill` gave.
+def create_exclusive(
+    first: Path, fill: Callable[[Path], T], alternatives: Iterable[Path] = ()
+) -> tuple[Path, T]:
+    """Create a file under the first free name; return that name and the result of `fill`.
 
-    `others` are of the same folder and kind. Raises RequestError where all names are taken; what
-    `fill` raises leaves no file, and is told of the first name.
+    `fill` writes to a temporary name; if it raises, no file remains and the exception names
+    `first`. `alternatives` are in the same folder and have the same suffix. Raises RequestError
+    if all names are taken.
     """
-    beside = first.with_name(f".{secrets.token_hex(4)}.{first.name}")
+    temporary = first.with_name(f".{secrets.token_hex(4)}.{first.name}")
     try:
-        filled = fill(beside)
-        for name in chain((first,), others):
-            if _claimed(name):
-                beside.replace(name)
-                return name, filled
+        result = fill(temporary)
+        for name in chain((first,), alternatives):
+            if _reserve(name):
+                temporary.replace(name)
+                return name, result
     except RequestError as error:
-        raise RequestError(str(error).replace(str(beside), str(first))) from error
+        raise RequestError(str(error).replace(str(temporary), str(first))) from error
     except OSError as error:
-        if error.filename == str(beside):
+        if error.filename == str(temporary):
             error.filename = str(first)
         raise
     finally:
-        beside.unlink(missing_ok=True)
-    raise RequestError(f"{first}: is there already")
+        temporary.unlink(missing_ok=True)
+    raise RequestError(f"{first}: exists already; choose another name")
 
 
-def _claimed(name: Path) -> bool:
-    """Whether the name was free; an empty file has it now."""
+def _reserve(name: Path) -> bool:
+    """Create an empty file; return False if the name is taken."""
     try:
         with name.open("xb"):
             return True

@@ -1,7 +1,7 @@
-"""The screen as a picture: lines of styled segments painted cell by cell with Pillow.
+"""Rasterization of the screen: lines of styled segments become pixels, cell by cell.
 
-Box, block and braille characters are geometry, all others come from DejaVu Sans Mono, which
-matplotlib carries. The same lines give the same bytes.
+Box, block and braille characters are drawn as geometry, all others with DejaVu Sans Mono from
+matplotlib. Equal lines give equal bytes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ _BLANK = (" ", False)
 def _font(bold: bool, cell_width: int) -> ImageFont.FreeTypeFont:
     spec = find_spec("matplotlib")
     if spec is None or not spec.submodule_search_locations:
-        raise RequestError("pictures of the screen need matplotlib's fonts: install matplotlib")
+        raise RequestError(
+            "screenshots need the fonts of matplotlib; install it with `pip install matplotlib`"
+        )
     name = "DejaVuSansMono-Bold.ttf" if bold else "DejaVuSansMono.ttf"
     folder = Path(spec.submodule_search_locations[0]) / "mpl-data" / "fonts" / "ttf"
     return ImageFont.truetype(str(folder / name), size=cell_width / ADVANCE)
@@ -42,7 +44,7 @@ def _font(bold: bool, cell_width: int) -> ImageFont.FreeTypeFont:
 
 @lru_cache(8192)
 def _glyph(char: str, bold: bool, height: int, width: int) -> Mask:
-    """(height, width or twice that) uint8 ink of one character."""
+    """Return the coverage of one character, uint8 (height, width or twice that)."""
     cells = max(1, get_character_cell_size(char))
     drawn = glyph_mask(char, height, width * cells)
     if drawn is not None:
@@ -72,8 +74,8 @@ def _rgb(color: Color | None, default: Rgb) -> Rgb:
 
 
 @lru_cache(65536)
-def _inks(style: Style | None, theme: Theme) -> tuple[Rgb, Rgb, bool, bool]:
-    """Foreground, background, bold, underline of a style."""
+def _style_colours(style: Style | None, theme: Theme) -> tuple[Rgb, Rgb, bool, bool]:
+    """Return foreground, background, bold and underline of a style."""
     if style is None:
         return theme.text, theme.background, False, False
     fg, bg = _rgb(style.color, theme.text), _rgb(style.bgcolor, theme.background)
@@ -84,34 +86,34 @@ def _inks(style: Style | None, theme: Theme) -> tuple[Rgb, Rgb, bool, bool]:
     return fg, bg, bool(style.bold), bool(style.underline)
 
 
-class _Page:
-    """Cells as indices into a list of masks, with their colours."""
+class _CellGrid:
+    """Cells of the screen: indices into a list of glyph masks, and colours."""
 
     def __init__(self, columns: int, rows: int, height: int, width: int, theme: Theme) -> None:
         self.height, self.width, self.theme = height, width, theme
         self.masks: list[Mask] = [np.zeros((height, width), dtype=np.uint8)]
-        self.known: dict[tuple[str, bool, int], int] = {(*_BLANK, 0): 0}
+        self.mask_numbers: dict[tuple[str, bool, int], int] = {(*_BLANK, 0): 0}
         self.index = np.zeros((rows, columns), dtype=np.intp)
         self.fg = np.full((rows, columns, 3), theme.text, dtype=np.uint8)
         self.bg = np.full((rows, columns, 3), theme.background, dtype=np.uint8)
-        self.lined = np.zeros((rows, columns), dtype=np.bool_)
+        self.underlined = np.zeros((rows, columns), dtype=np.bool_)
 
     def mask(self, char: str, bold: bool, part: int) -> int:
-        """The number of a character's `part` (0, or 1 for the right half of a wide one)."""
+        """Return the mask of a character's `part`: 0, or 1 for the right half of a wide one."""
         key = (char, bold and char != " ", part)
-        if key not in self.known:
-            self.known[key] = len(self.masks)
+        if key not in self.mask_numbers:
+            self.mask_numbers[key] = len(self.masks)
             ink = _glyph(char, bold, self.height, self.width)
             self.masks.append(ink[:, part * self.width : (part + 1) * self.width])
-        return self.known[key]
+        return self.mask_numbers[key]
 
-    def line(self, row: int, segments: Iterable[Segment]) -> None:
+    def set_line(self, row: int, segments: Iterable[Segment]) -> None:
         column, columns = 0, self.index.shape[1]
         for text, style, control in segments:
             if control:
                 continue
             start = column
-            fg, bg, bold, underline = _inks(style, self.theme)
+            fg, bg, bold, underline = _style_colours(style, self.theme)
             for char in text:
                 size = get_character_cell_size(char)
                 for part in range(size):
@@ -120,15 +122,15 @@ class _Page:
                     column += 1
             span = slice(min(start, columns), min(column, columns))
             self.fg[row, span], self.bg[row, span] = fg, bg
-            self.lined[row, span] = underline
+            self.underlined[row, span] = underline
 
-    def row(self, number: int) -> NDArray[np.uint8]:
-        """(height, columns * width, 3) pixels of one row of cells."""
+    def row_pixels(self, number: int) -> NDArray[np.uint8]:
+        """Return the pixels (height, columns * width, 3) of one row of cells."""
         ink = np.stack([self.masks[index] for index in self.index[number]]).astype(np.int32)
-        lined = self.lined[number]
-        if lined.any():
+        underlined = self.underlined[number]
+        if underlined.any():
             at = round(self.height * 0.88)
-            ink[lined, at : at + max(1, self.width // 9)] = 255
+            ink[underlined, at : at + max(1, self.width // 9)] = 255
         ink = ink.transpose(1, 0, 2)[..., None]
         low = self.bg[number].astype(np.int32)[None, :, None, :]
         high = self.fg[number].astype(np.int32)[None, :, None, :]
@@ -136,42 +138,42 @@ class _Page:
         return mixed.astype(np.uint8).reshape(self.height, -1, 3)
 
 
-def paint(
+def rasterize(
     lines: Sequence[Iterable[Segment]],
     columns: int | None = None,
     theme: Theme = DARK,
     cell_width: int = 10,
     size: tuple[int, int] | None = None,
 ) -> Image.Image:
-    """Lines (Textual strips or lists of rich segments) as an RGB picture.
+    """Draw lines (Textual strips or lists of rich segments) as an RGB image.
 
-    A cell is `cell_width` x twice that in pixels; `theme` gives the colours where a style has
-    none; `columns` defaults to the longest line. `size` is that of the picture in pixels, where it
-    is not that of the cells: they stand in its upper left.
+    A cell has `cell_width` x twice that many pixels; `theme` provides default colours; `columns`
+    defaults to the longest line. `size` is the size of the image in pixels if it differs from that
+    of the cells, which are then in its upper left.
     """
-    held = [list(line) for line in lines]
+    rows = [list(line) for line in lines]
     if columns is None:
-        columns = max((sum(part.cell_length for part in line) for line in held), default=1)
-    cells = max(1, columns), max(1, len(held))
-    page = _Page(*cells, 2 * cell_width, cell_width, theme)
+        columns = max((sum(part.cell_length for part in line) for line in rows), default=1)
+    cells = max(1, columns), max(1, len(rows))
+    grid = _CellGrid(*cells, 2 * cell_width, cell_width, theme)
     whole = cells[0] * cell_width, cells[1] * 2 * cell_width
     picture = Image.new("RGB", size or whole, theme.background)
-    for row, line in enumerate(held):
-        page.line(row, line)
-    for row in range(cells[1]):  # one at a time: a large screen takes hundreds of MB as it is
-        picture.paste(Image.fromarray(page.row(row), mode="RGB"), (0, row * 2 * cell_width))
+    for row, line in enumerate(rows):
+        grid.set_line(row, line)
+    for row in range(cells[1]):  # row by row, because a large screen takes hundreds of MB
+        picture.paste(Image.fromarray(grid.row_pixels(row), mode="RGB"), (0, row * 2 * cell_width))
     return picture
 
 
-def paint_png(
+def rasterize_png(
     lines: Sequence[Iterable[Segment]],
     columns: int | None = None,
     theme: Theme = DARK,
     cell_width: int = 10,
     size: tuple[int, int] | None = None,
 ) -> bytes:
-    """`paint` as the bytes of a PNG."""
-    picture = paint(lines, columns, theme, cell_width, size)
+    """Return the image of `rasterize` as PNG bytes."""
+    picture = rasterize(lines, columns, theme, cell_width, size)
     stream = BytesIO()
     picture.save(stream, format="PNG", compress_level=6)
     return stream.getvalue()

@@ -1,4 +1,4 @@
-"""A scene without an application: the state that options describe, with all that a view needs."""
+"""Scenes without the application: the state that options describe, and the data of the views."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ from s2rtui.user_data.notebook import ReadNotebook
 
 @dataclass(frozen=True, slots=True)
 class SceneOptions:
-    """What the options of `show`, `export` and `report` ask for; None takes the usual.
+    """Options of `show`, `export` and `report`; None selects the default.
 
-    `heat` is KIND[:MODE]; `overlay` whose heat lies on the map; `sort` a column of the list.
+    `heat` is KIND[:MODE]; `overlay` names the instances whose heat is on the map; `sort` is a
+    column of the table view.
     """
 
     select: str = "all"
@@ -43,22 +44,22 @@ class SceneOptions:
 
 
 @contextmanager
-def staged(path: Path, wanted: SceneOptions, *views: View) -> Iterator[Scene]:
-    """The scene of some views; the store is closed afterwards. Raises RequestError.
+def open_scene(path: Path, options: SceneOptions, *views: View) -> Iterator[Scene]:
+    """Open a store and load the scene of some views. Raises RequestError.
 
-    An instance that nobody asked for is no cursor, except where a view shows one instance.
+    The scene has a cursor if an instance is requested or a view shows a single instance.
     """
-    session = Session(path, wanted.run, ReadNotebook, wanted.history)
+    session = Session(path, options.run, ReadNotebook, options.history)
     try:
-        described(session, wanted)
-        cursor = wanted.iid is not None or not views or any(view.single_instance for view in views)
-        yield fed(session, *views, cursor=cursor)
+        apply_options(session, options)
+        cursor = options.iid is not None or not views or any(view.single_instance for view in views)
+        yield load_scene(session, *views, cursor=cursor)
     finally:
         session.close()
 
 
-def fed(session: Session, *views: View, cursor: bool = True) -> Scene:
-    """The session's scene, with its cursor or without, and what workers bring for some views."""
+def load_scene(session: Session, *views: View, cursor: bool = True) -> Scene:
+    """Return the scene of a session, with the data that the views load in the background."""
     store, state = session.store, session.state
     state = state if cursor else replace(state, cursor=None)
     needed = {name for view in views for name in view.loads}
@@ -67,39 +68,41 @@ def fed(session: Session, *views: View, cursor: bool = True) -> Scene:
         if feed.name in needed and feed.wants(store, state) is not None:
             fields |= feed.read(store, state, _UncancelledContext())
     if state.overlay != "off" and "floor_heat" in fields and fields["floor_heat"] is None:
-        told = f"run {state.run} has no such map; --on selection gathers one"
-        raise RequestError(f"--heat {state.heat.label if state.heat else ''}: {told}")
+        label = state.heat.label if state.heat else ""
+        raise RequestError(
+            f"--heat {label}: run {state.run} has no stored map of it; use --on selection"
+        )
     return Scene(store, state, Resources(**fields), session.notes)
 
 
-def described(session: Session, wanted: SceneOptions) -> State:
-    """The session's state with what is wanted."""
+def apply_options(session: Session, options: SceneOptions) -> State:
+    """Set the state of a session to the options and return it. Raises RequestError."""
     known = session.store.instances.trajectory_names
-    for name in wanted.trajectories or ():
+    for name in options.trajectories or ():
         if name not in known:
-            raise RequestError(f"--trajectory {name}: one of {', '.join(known)}")
-    session.set(replace(session.state, trajectories=wanted.trajectories))
-    state = session.select(wanted.select)
-    overlay = wanted.overlay or ("run" if wanted.heat else "off")
+            raise RequestError(f"--trajectory {name}: must be one of {', '.join(known)}")
+    session.set(replace(session.state, trajectories=options.trajectories))
+    state = session.select(options.select)
+    overlay = options.overlay or ("run" if options.heat else "off")
     state = replace(
         state,
-        heat=_heat(session, state, wanted),
+        heat=_heat(session, state, options),
         overlay=overlay,
-        aggregate=wanted.aggregate,
-        map_mode=wanted.map_mode,
-        clip=wanted.clip,
-        room_names=wanted.room_names,
-        cursor=_cursor(state, wanted.iid),
-        other=_other(state, wanted.other),
-        descending=not wanted.ascending,
+        aggregate=options.aggregate,
+        map_mode=options.map_mode,
+        clip=options.clip,
+        room_names=options.room_names,
+        cursor=_cursor(state, options.iid),
+        other=_other(state, options.other),
+        descending=not options.ascending,
         past=(),
         message="",
     )
-    if wanted.sort is not None:
+    if options.sort is not None:
         known = instance_list.columns(session.notes)
-        if wanted.sort not in known:
-            raise RequestError(f"--sort {wanted.sort}: one of {', '.join(known)}")
-        state = replace(state, sort=wanted.sort)
+        if options.sort not in known:
+            raise RequestError(f"--sort {options.sort}: must be one of {', '.join(known)}")
+        state = replace(state, sort=options.sort)
     return session.set(state)
 
 
@@ -107,32 +110,32 @@ def _cursor(state: State, iid: int | None) -> int | None:
     if iid is None:
         return state.cursor if state.selected.any() else None
     if not 0 <= iid < state.base.size:
-        raise RequestError(f"--iid {iid}: 0 .. {state.base.size - 1}")
+        raise RequestError(f"--iid {iid}: must be 0 to {state.base.size - 1}")
     return iid
 
 
 def _other(state: State, name: str | None) -> str | None:
     if name is not None and (name not in state.runs or name == state.run):
         others = ", ".join(run for run in state.runs if run != state.run)
-        raise RequestError(f"--with {name}: one of {others or 'no other run'}")
+        raise RequestError(f"--with {name}: must be another run ({others or 'there is none'})")
     return name
 
 
-def _heat(session: Session, state: State, wanted: SceneOptions) -> HeatChoice | None:
+def _heat(session: Session, state: State, options: SceneOptions) -> HeatChoice | None:
     known = choices(session.store, state.run)
-    if not known and wanted.heat is None and wanted.side in (None, state.side):
+    if not known and options.heat is None and options.side in (None, state.side):
         return None
-    kind, _, mode = (wanted.heat or "").partition(":")
-    found = [pair for pair in known if kind in ("", pair[0]) and mode in ("", pair[1])]
-    if not found:
-        listed = ", ".join(f"{k}:{m}" if m else k for k, m in known) or "none"
-        asked = f"--heat {wanted.heat}" if wanted.heat else f"--side {wanted.side}"
-        raise RequestError(f"{asked}: run {state.run} has the heatmaps {listed}")
-    return HeatChoice(*found[0], wanted.side or state.side)
+    kind, _, mode = (options.heat or "").partition(":")
+    matches = [pair for pair in known if kind in ("", pair[0]) and mode in ("", pair[1])]
+    if not matches:
+        available = ", ".join(f"{k}:{m}" if m else k for k, m in known) or "none"
+        option = f"--heat {options.heat}" if options.heat else f"--side {options.side}"
+        raise RequestError(f"{option}: run {state.run} has the heatmaps {available}")
+    return HeatChoice(*matches[0], options.side or state.side)
 
 
 class _UncancelledContext:
-    """Somebody who waits for the whole answer."""
+    """Load context that is never cancelled and ignores progress."""
 
     def wanted(self) -> bool:
         return True

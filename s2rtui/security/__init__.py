@@ -1,5 +1,5 @@
-"""What a session may do, asked in one place, and made to hold for the whole process."""
+"""Permissions of a session, and their enforcement in the whole process."""
 
-from s2rtui.security.permissions import Need, Permissions
+from s2rtui.security.permissions import Capability, Permissions
 
-__all__ = ["Need", "Permissions"]
+__all__ = ["Capability", "Permissions"]

@@ -1,4 +1,4 @@
-"""What a session may do: whoever writes, takes a path or loads a model asks here first."""
+"""Permissions of a session: writing files and loading models."""
 
 from __future__ import annotations
 
@@ -8,55 +8,54 @@ from pathlib import Path
 from typing import Literal
 
 from s2rstore.errors import RequestError
-from s2rtui.user_data.folder import own_folder
+from s2rtui.user_data.user_data_dir import user_data_dir
 
-# What an action needs beyond reading the store and writing in the user's own folder.
-Need = Literal["", "models"]
+Capability = Literal["", "models"]
+"""What an action needs beyond reading the store and writing in the user data folder."""
 
 
 @dataclass(frozen=True, slots=True)
 class Permissions:
-    """A store, the user's own folder, and whether the session is confined to these two.
+    """A store, the user data folder, and whether the session is restricted to these two.
 
-    A restricted session loads no model, changes no store and writes in `own` alone.
+    A restricted session loads no model, changes no store and writes only in `user_data_dir`.
     """
 
     store: Path
-    own: Path
+    user_data_dir: Path
     restricted: bool = False
 
     @classmethod
-    def of(cls, store: Path, restricted: bool = False) -> Permissions:
-        """Of this user on `store`; makes the own folder of a restricted session where it can."""
-        own = own_folder().absolute()
+    def for_store(cls, store: Path, restricted: bool = False) -> Permissions:
+        """Return the permissions of this user; a restricted session creates its folder."""
+        folder = user_data_dir().absolute()
         if restricted:
             with suppress(OSError):
-                own.mkdir(mode=0o700, parents=True, exist_ok=True)
-        return cls(store.absolute(), own, restricted)
+                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        return cls(store.absolute(), folder, restricted)
 
     @property
-    def may_adjust(self) -> bool:
-        """Whether a model may be loaded, and a run of it registered and computed."""
+    def may_load_models(self) -> bool:
+        """Whether models may be loaded, and runs registered and computed."""
         return not self.restricted
 
-    def grants(self, need: Need) -> bool:
-        """Whether what an action needs is allowed: those that lack it are not offered."""
-        return need != "models" or self.may_adjust
+    def allows(self, capability: Capability) -> bool:
+        """Whether an action that needs a capability is offered."""
+        return capability != "models" or self.may_load_models
 
     def may_write(self, path: Path) -> bool:
-        return not self.restricted or _inside(path, self.own)
+        """Whether a path may be written."""
+        return not self.restricted or path.resolve().is_relative_to(self.user_data_dir.resolve())
 
     @property
-    def pictures(self) -> Path:
-        """The folder that snapshots and exports without a name go to."""
-        return self.own if self.restricted else Path.cwd()
+    def output_dir(self) -> Path:
+        """The folder for screenshots and exports without a folder in their name."""
+        return self.user_data_dir if self.restricted else Path.cwd()
 
-    def writable(self, path: Path) -> Path:
-        """`path`, or RequestError where it may not be written."""
+    def require_writable(self, path: Path) -> Path:
+        """Return `path`. Raises RequestError if it may not be written."""
         if not self.may_write(path):
-            raise RequestError(f"{path}: a restricted session writes in {self.own} only")
+            raise RequestError(
+                f"{path}: a restricted session can write only in {self.user_data_dir}"
+            )
         return path
-
-
-def _inside(path: Path, folder: Path) -> bool:
-    return path.resolve().is_relative_to(folder.resolve())

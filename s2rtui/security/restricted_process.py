@@ -1,4 +1,4 @@
-"""A restricted process: what `Permissions` forbids raises wherever it is tried, in any library."""
+"""Enforcement of permissions in the whole process by an audit hook, for code of any library."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import termios
 import threading
 import time
 import tty
-from collections.abc import Callable, Iterable, MutableMapping
+from collections.abc import Callable, MutableMapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -20,30 +20,30 @@ from s2rtui.security.permissions import Permissions
 
 WEB_DRIVER = "textual.drivers.web_driver:WebDriver"
 SERVER_VARIABLE = "S2R_SERVER"
-"""Names the process id of the server that started a session."""
+"""Environment variable with the process id of the server that started a session."""
 
 _PR_SET_PDEATHSIG = 1
 _DEVICES = ("/dev/null", "/dev/tty")
-_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
-_PROGRAMS = ("subprocess.Popen", "pty.spawn", "os.exec", "os.fork", "os.forkpty", "os.posix_spawn",
-             "os.spawn", "os.system")  # fmt: skip
-_NETWORK = ("socket.connect", "socket.bind", "socket.sendto", "socket.sendmsg")
-_MODELS = ("torch", "s2rtools", "openvino")
-# Which arguments of an event are paths that it changes.
-_CHANGES = {
+_WRITE_FLAGS = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+_PROCESS_EVENTS = ("subprocess.Popen", "pty.spawn", "os.exec", "os.fork", "os.forkpty",
+                   "os.posix_spawn", "os.spawn", "os.system")  # fmt: skip
+_NETWORK_EVENTS = ("socket.connect", "socket.bind", "socket.sendto", "socket.sendmsg")
+_MODEL_PACKAGES = ("torch", "s2rtools", "openvino")
+_PATH_EVENTS = {
     "os.chmod": 1, "os.chown": 1, "os.link": 2, "os.mkdir": 1, "os.remove": 1, "os.rename": 2,
     "os.rmdir": 1, "os.setxattr": 1, "os.symlink": 2, "os.truncate": 1, "os.utime": 1,
 }  # fmt: skip
+"""Audit events that change files, with the number of their leading arguments that are paths."""
 
 
 def is_served(environment: MutableMapping[str, str] | None = None) -> bool:
-    """Whether `s2r serve` started this process: pipes to a browser take the terminal's place."""
+    """Whether `s2r serve` started this process, with pipes to a browser in place of a terminal."""
     env = os.environ if environment is None else environment
     return env.get("TEXTUAL_DRIVER") == WEB_DRIVER
 
 
 def clean_environment(environment: MutableMapping[str, str]) -> None:
-    """Drop what would make Textual load code, write files, press keys or connect somewhere."""
+    """Remove variables that make Textual load code, write files, press keys or open connections."""
     served = is_served(environment)
     for name in [name for name in environment if name.startswith("TEXTUAL")]:
         del environment[name]
@@ -52,47 +52,49 @@ def clean_environment(environment: MutableMapping[str, str]) -> None:
 
 
 def end_with_parent(number: int = signal.SIGTERM, parent: int | None = None) -> None:
-    """Have this process ended by a signal when its parent ends, however that happens.
+    """Send `number` to this process when its parent process ends for any reason.
 
-    `parent` is the id of the process that started this one; where that has ended already, so does
-    this one. Linux does it in the kernel; elsewhere a thread looks every half second.
+    `parent` is the process id of the expected parent (default: the current parent); if that has
+    ended already, this process ends at once. Linux does this in the kernel; on other systems a
+    thread checks every half second.
     """
     parent = os.getppid() if parent is None else parent
     if sys.platform == "linux":
         with suppress(AttributeError, OSError):
             ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
     else:
-        threading.Thread(target=_watch, args=(parent, number), daemon=True).start()
+        threading.Thread(target=_poll_parent, args=(parent, number), daemon=True).start()
     if os.getppid() != parent:
         os._exit(1)
 
 
-def server_id(environment: MutableMapping[str, str] | None = None) -> int | None:
-    """The process id of the server of a served session."""
-    told = (os.environ if environment is None else environment).get(SERVER_VARIABLE, "")
-    return int(told) if told.isdecimal() else None
+def server_process_id(environment: MutableMapping[str, str] | None = None) -> int | None:
+    """Return the process id of the server of a served session."""
+    text = (os.environ if environment is None else environment).get(SERVER_VARIABLE, "")
+    return int(text) if text.isdecimal() else None
 
 
-def _watch(parent: int, number: int) -> None:
+def _poll_parent(parent: int, number: int) -> None:
     while os.getppid() == parent:
         time.sleep(0.5)
     os.kill(os.getpid(), number)
 
 
-def confine(access: Permissions) -> None:
-    """Hold this process to `access` until it ends: PermissionError for files, programs, network.
+def restrict_process(permissions: Permissions) -> None:
+    """Enforce permissions until the process ends.
 
-    A guard against mistakes of the program, not a sandbox against code that already runs in it.
+    Forbidden file changes, programs and network connections raise PermissionError. This protects
+    against defects of the program; it is no sandbox for hostile code inside the process.
     """
     clean_environment(os.environ)
-    os.environ["MPLCONFIGDIR"] = str(access.own / "matplotlib")
-    _silence_keys()
+    os.environ["MPLCONFIGDIR"] = str(permissions.user_data_dir / "matplotlib")
+    _disable_signal_keys()
     sys.dont_write_bytecode = True
-    sys.addaudithook(_hook(access))
+    sys.addaudithook(_audit_hook(permissions))
 
 
-def _silence_keys() -> None:
-    """Let ctrl+z and its like be keys from now on: one pressed now would stop the program."""
+def _disable_signal_keys() -> None:
+    """Turn off signals from keys such as ctrl+z, which would suspend the starting program."""
     if not os.isatty(0):
         return
     attributes = termios.tcgetattr(0)
@@ -100,45 +102,44 @@ def _silence_keys() -> None:
     termios.tcsetattr(0, termios.TCSANOW, attributes)
 
 
-def _hook(access: Permissions) -> Callable[[str, tuple[Any, ...]], None]:
-    watched: dict[str, Callable[[tuple[Any, ...]], None]] = {
-        "open": partial(_opened, access),
-        "import": _imported,
-        **{event: partial(_changed, access, count) for event, count in _CHANGES.items()},
-        **{event: partial(_refused, event) for event in (*_PROGRAMS, *_NETWORK)},
+def _audit_hook(permissions: Permissions) -> Callable[[str, tuple[Any, ...]], None]:
+    checks: dict[str, Callable[[tuple[Any, ...]], None]] = {
+        "open": partial(_check_open, permissions),
+        "import": _check_import,
+        **{
+            event: partial(_check_paths, permissions, count)
+            for event, count in _PATH_EVENTS.items()
+        },
+        **{event: partial(_refuse, event) for event in (*_PROCESS_EVENTS, *_NETWORK_EVENTS)},
     }
 
     def audit(event: str, arguments: tuple[Any, ...]) -> None:
-        check = watched.get(event)
+        check = checks.get(event)
         if check is not None:
             check(arguments)
 
     return audit
 
 
-def _opened(access: Permissions, arguments: tuple[Any, ...]) -> None:
+def _check_open(permissions: Permissions, arguments: tuple[Any, ...]) -> None:
     path, mode, flags = arguments
-    writes = any(letter in mode for letter in "wax+") if mode else bool(flags & _WRITING)
+    writes = any(letter in mode for letter in "wax+") if mode else bool(flags & _WRITE_FLAGS)
     if writes:
-        _check(access, [path])
+        _check_paths(permissions, 1, (path,))
 
 
-def _changed(access: Permissions, count: int, arguments: tuple[Any, ...]) -> None:
-    _check(access, arguments[:count])
-
-
-def _check(access: Permissions, paths: Iterable[Any]) -> None:
-    for path in paths:
+def _check_paths(permissions: Permissions, count: int, arguments: tuple[Any, ...]) -> None:
+    for path in arguments[:count]:
         if isinstance(path, int) or path in _DEVICES:
             continue
-        if not access.may_write(Path(os.fsdecode(path))):
-            raise PermissionError(1, "not in a restricted session", os.fsdecode(path))
+        if not permissions.may_write(Path(os.fsdecode(path))):
+            raise PermissionError(1, "not allowed in a restricted session", os.fsdecode(path))
 
 
-def _imported(arguments: tuple[Any, ...]) -> None:
-    if str(arguments[0]).split(".")[0] in _MODELS:
+def _check_import(arguments: tuple[Any, ...]) -> None:
+    if str(arguments[0]).split(".")[0] in _MODEL_PACKAGES:
         raise ImportError(f"{arguments[0]}: a restricted session loads no models")
 
 
-def _refused(event: str, arguments: tuple[Any, ...]) -> None:
-    raise PermissionError(1, f"{event}: not in a restricted session")
+def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
+    raise PermissionError(1, f"{event}: not allowed in a restricted session")

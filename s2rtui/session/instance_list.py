@@ -41,7 +41,9 @@ def columns(notes: Notes) -> tuple[str, ...]:
 def order(store: Store, state: State, notes: Notes) -> NDArray[np.intp]:
     """The selected iids in the list's order; ties by iid, what has no value last."""
     if state.sort == REMARK:
-        return _remarked_first(ArrayKey(notes.places), ArrayKey(state.selected), state.descending)
+        return _remarked_first(
+            ArrayKey(notes.remark_ranks), ArrayKey(state.selected), state.descending
+        )
     values = None if state.sort == "iid" else column(store, state, state.sort)
     return _order(ArrayKey(values), ArrayKey(state.selected), state.descending)
 

@@ -17,7 +17,7 @@ from s2rstore.language import (
     parse,
     to_text,
 )
-from s2rstore.metrics.top_k import top_k
+from s2rstore.metrics.top_k import first_largest, top_k
 from s2rstore.reader import Store
 from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity

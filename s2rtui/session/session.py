@@ -56,7 +56,7 @@ class Session:
         self.state = start.empty(self.store, run, self._history())
         first, told = start.finding(self.store, self.state.run)
         begun = with_heat(self.store, self.selected(self.state, first))
-        trouble = self.notebook.trouble if self.notebook else ""
+        trouble = self.notebook.error if self.notebook else ""
         self.state = replace(begun, past=(), message=trouble or told, is_error=bool(trouble))
 
     @property

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from s2rtui.terminal.capabilities import Terminal, detect
-from s2rtui.user_data.folder import own_folder
+from s2rtui.user_data.user_data_dir import user_data_dir
 
 Rows = list[tuple[str, str]]
 
@@ -36,7 +36,7 @@ def machine() -> Rows:
         ("python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
         ("processors", f"{os.cpu_count()}{flags}"),
         ("OMP_WAIT_POLICY", os.environ.get("OMP_WAIT_POLICY", "unset")),
-        ("data folder", str(own_folder())),
+        ("data folder", str(user_data_dir())),
     ]
 
 

@@ -1,1 +1,1 @@
-"""Files of the user: saved selections, notes, tags."""
+"""Files of the user, outside any store: notebooks with saved selections, notes and tags."""

@@ -1,13 +1,10 @@
-"""A notebook's file: what an entry is, and how entries are read and written.
-
-An entry that cannot be read is kept as it stands, and written back.
-"""
+"""Schema of the notebook file: decoding, encoding, and preservation of unreadable entries."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, TypeVar
 
 from s2rstore.errors import RequestError
@@ -21,9 +18,9 @@ V = TypeVar("V")
 
 @dataclass(frozen=True, slots=True)
 class SavedSelection:
-    """An expression with the generation and run that it was saved at, and its count there.
+    """An expression with the generation, run and number of instances at the time of saving.
 
-    `trajectories` are those that were in view; None means all of them.
+    `trajectories` are the visible ones; None means all.
     """
 
     expression: str
@@ -35,46 +32,47 @@ class SavedSelection:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What a user wrote about one instance."""
+    """Tags and note of one instance."""
 
     tags: tuple[str, ...] = ()
     note: str = ""
 
     @property
     def text(self) -> str:
-        """`#door #dark: looks overexposed`"""
+        """One line such as `#door #dark: looks overexposed`."""
         tags = " ".join(f"#{tag}" for tag in self.tags)
         return ": ".join(part for part in (tags, self.note) if part)
 
 
 @dataclass(frozen=True, slots=True)
-class Unread:
-    """Entries of a file that mean nothing to this program, as they stand there.
+class UnreadableEntries:
+    """Entries of a file that do not match the schema, unchanged.
 
-    `others` are whole sections.
+    `others` are whole sections; `reasons` has the error of each selection and remark by its key.
     """
 
     selections: Mapping[str, Any] = field(default_factory=dict)
     remarks: Mapping[str, Any] = field(default_factory=dict)
     others: Mapping[str, Any] = field(default_factory=dict)
+    reasons: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
         return len(self.selections) + len(self.remarks) + len(self.others)
 
 
-Pages = tuple[dict[str, SavedSelection], dict[int, Remark], tuple[str, ...], Unread]
+Content = tuple[dict[str, SavedSelection], dict[int, Remark], tuple[str, ...], UnreadableEntries]
 
 
 def is_notebook(content: Any, dataset_hash: str) -> bool:
-    """Whether parsed JSON is a notebook of a data set, in a version that can be written."""
+    """Return whether parsed JSON is a notebook of a data set in the supported version."""
     if not isinstance(content, dict):
         return False
     return content.get("version") == VERSION and content.get("dataset") == dataset_hash
 
 
-def read(content: dict[str, Any]) -> Pages:
-    """Selections, remarks, history, and what of the file is left as it is."""
+def decode(content: dict[str, Any]) -> Content:
+    """Return the selections, remarks and history of a file, and its unreadable entries."""
     others = {key: content[key] for key in content if key not in ("version", "dataset", *_SECTIONS)}
     sections = {key: content.get(key, {}) for key in _SECTIONS[:2]}
     for key, section in sections.items():
@@ -83,55 +81,64 @@ def read(content: dict[str, Any]) -> Pages:
     history = content.get("history", [])
     if not isinstance(history, list):
         others["history"], history = history, []
-    selections, odd = _entries(sections["selections"], _selection)
-    remarks, strange = _entries(sections["remarks"], _remark)
-    unread = Unread(odd, strange, others)
+    reasons: dict[str, str] = {}
+    selections, other_selections = _entries(sections["selections"], _selection, reasons)
+    remarks, other_remarks = _entries(sections["remarks"], _remark, reasons)
+    unread = UnreadableEntries(other_selections, other_remarks, others, reasons)
     return selections, remarks, tuple(_expression(str(text)) for text in history), unread
 
 
 def _entries(
-    section: Mapping[str, Any], parsed: Callable[[str, Any], tuple[K, V]]
+    section: Mapping[str, Any],
+    decode_entry: Callable[[str, Any], tuple[K, V]],
+    reasons: dict[str, str],
 ) -> tuple[dict[K, V], dict[str, Any]]:
-    """The entries that can be read, and the rest as it stands."""
-    known: dict[K, V] = {}
-    rest: dict[str, Any] = {}
+    """Return the readable entries and the others; `reasons` receives the errors of the others."""
+    readable: dict[K, V] = {}
+    unreadable: dict[str, Any] = {}
     for key, value in section.items():
         try:
-            name, entry = parsed(key, value)
-        except (KeyError, TypeError, ValueError, OverflowError, RequestError):
-            rest[key] = value
+            name, entry = decode_entry(key, value)
+        except (ValueError, RequestError) as error:
+            unreadable[key], reasons[key] = value, printable(str(error))
         else:
-            known[name] = entry
-    return known, rest
+            readable[name] = entry
+    return readable, unreadable
 
 
 def _selection(name: str, entry: Any) -> tuple[str, SavedSelection]:
-    if checked(name, "name") != name:
-        raise ValueError(name)
-    view = entry.get("trajectories") if isinstance(entry, dict) else None
-    found = SavedSelection(
-        _expression(str(entry["expression"])), int(entry["generation"]),
-        printable(str(entry["run"])), int(entry["count"]),
-        None if view is None else tuple(printable(str(part)) for part in view),
-    )  # fmt: skip
-    return name, found
+    if valid_name(name, "name") != name:
+        raise ValueError("name: blanks at its ends or a leading @ are not allowed")
+    saved = _converted(entry, SavedSelection)
+    names = saved.trajectories
+    return name, replace(
+        saved,
+        expression=_expression(saved.expression),
+        run=printable(saved.run),
+        trajectories=None if names is None else tuple(map(printable, names)),
+    )
 
 
-def _remark(iid: str, entry: Any) -> tuple[int, Remark]:
-    if str(int(iid)) != iid or not 0 <= int(iid) < 2**31:
-        raise ValueError(iid)
-    if not isinstance(entry["tags"], list):
-        raise TypeError(iid)
-    tags = tuple(str(tag) for tag in entry["tags"])
-    if any(checked(tag, "tag") != tag for tag in tags):
-        raise ValueError(iid)
-    return int(iid), Remark(tags, printable(str(entry["note"])))
+def _remark(key: str, entry: Any) -> tuple[int, Remark]:
+    if not key.isdecimal() or str(int(key)) != key or int(key) >= 2**31:
+        raise ValueError("key: must be the number of an instance")
+    remark = _converted(entry, Remark)
+    if not {"tags", "note"} <= set(entry) or any(valid_name(t, "tag") != t for t in remark.tags):
+        raise ValueError("must have a note, and tags without blanks at their ends")
+    return int(key), replace(remark, note=printable(remark.note))
+
+
+def _converted(entry: Any, schema: type[V]) -> V:
+    """Return an entry as a dataclass. Raises ValueError with the key and the allowed type."""
+    import msgspec
+
+    return msgspec.convert(entry, schema, strict=False)
 
 
 def _expression(text: str) -> str:
-    """An expression in printable characters, with the meaning that it has.
+    """Return an expression in printable characters with the same meaning.
 
-    What is escaped stands in quotation marks, where a backslash is written twice.
+    Escaped characters occur within quotation marks, where a backslash is doubled.
     """
     text = " ".join(text.splitlines()).replace("\t", " ") if not text.isprintable() else text
     if text.isprintable():
@@ -139,14 +146,14 @@ def _expression(text: str) -> str:
     return "".join(c if c.isprintable() else printable(c).replace("\\", "\\\\") for c in text)
 
 
-def written(
+def encode(
     dataset_hash: str,
     selections: Mapping[str, SavedSelection],
     remarks: Mapping[int, Remark],
     history: tuple[str, ...],
-    unread: Unread,
+    unread: UnreadableEntries,
 ) -> bytes:
-    """The file, with all that was left as it is."""
+    """Return the content of the file, including the unreadable entries."""
     content: dict[str, Any] = {
         "version": VERSION,
         "dataset": dataset_hash,
@@ -155,10 +162,7 @@ def written(
         },
         "remarks": {
             **unread.remarks,
-            **{
-                str(iid): {"tags": list(remark.tags), "note": remark.note}
-                for iid, remark in sorted(remarks.items())
-            },
+            **{str(iid): asdict(remark) for iid, remark in sorted(remarks.items())},
         },
         "history": list(history),
     }  # fmt: skip
@@ -167,9 +171,9 @@ def written(
     return (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode()
 
 
-def checked(name: str, what: str) -> str:
-    """A name of a selection or a tag, without blanks around it. Raises RequestError."""
+def valid_name(name: str, label: str) -> str:
+    """Return a name of a selection or a tag without blanks at its ends. Raises RequestError."""
     name = name.strip().lstrip("@")
     if not name or len(name) > 60 or not name.isprintable() or '"' in name or "\\" in name:
-        raise RequestError(f"{what}: 1 to 60 printable characters without quotes")
+        raise RequestError(f"{label}: must have 1 to 60 printable characters without quotes")
     return name

@@ -1,1 +1,1 @@
-"""The application in a browser, by textual-serve; needs the extra `serve`."""
+"""The application in a browser, with textual-serve; needs the extra `serve`."""

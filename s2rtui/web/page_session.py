@@ -1,4 +1,4 @@
-"""One page's application: a restricted `s2r tui` in a process of its own, behind pipes."""
+"""The application of one page: a restricted `s2r tui` in a subprocess, connected by pipes."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from pathlib import Path
 
 from s2rstore.security.printable_text import printable
 from s2rtui.security.restricted_process import SERVER_VARIABLE, WEB_DRIVER
-from s2rtui.web.protocol import LARGEST_PACKET, meta
+from s2rtui.web.protocol import MAX_PACKET_BYTES, meta
 
-PATIENCE = 1.0
-"""Seconds that a session may take to end in good order."""
-_READY = b"__GANGLION__\n"
-_PRELUDE_LINES = 10
-_MOST_WAITING = 1 << 18
-"""Bytes of input that wait for a busy session; more is dropped."""
-_TOLD = 2000
-"""Bytes of a failed session's last words that are shown."""
+EXIT_TIMEOUT = 1.0
+"""Time in seconds for a session to end regularly."""
+_START_MARKER = b"__GANGLION__\n"
+_MAX_LINES_BEFORE_START = 10
+_MAX_QUEUED_BYTES = 1 << 18
+"""Input that is queued for a busy session; more is dropped."""
+_MAX_ERROR_BYTES = 2000
+"""Standard error of a session that is kept for the message about its failure."""
 
 Send = Callable[[bytes], Awaitable[None]]
 
@@ -37,44 +37,52 @@ class PageSession:
         assert process.stdout is not None
         assert process.stderr is not None
         self._stdin, self._stdout = process.stdin, process.stdout
-        self._last_words = b""
-        self._listening = asyncio.create_task(self._listen(process.stderr))
+        self._errors = b""
+        self._error_reader = asyncio.create_task(self._read_errors(process.stderr))
 
     @classmethod
     async def start(cls, store: Path, size: tuple[int, int]) -> PageSession:
-        """A session on `store` of `size` columns and rows."""
+        """Start a session on `store` with `size` columns and rows."""
         environment = {
             **os.environ, "TEXTUAL_DRIVER": WEB_DRIVER, "TEXTUAL_COLOR_SYSTEM": "truecolor",
             SERVER_VARIABLE: str(os.getpid()), "COLUMNS": str(size[0]), "ROWS": str(size[1]),
         }  # fmt: skip
-        words = [sys.executable, "-P", "-m", "s2rtui", "tui", "--restricted", str(store.absolute())]
+        command = [
+            sys.executable,
+            "-P",
+            "-m",
+            "s2rtui",
+            "tui",
+            "--restricted",
+            str(store.absolute()),
+        ]
         return cls(
             await asyncio.create_subprocess_exec(
-                *words, stdin=PIPE, stdout=PIPE, stderr=PIPE, env=environment,
+                *command, stdin=PIPE, stdout=PIPE, stderr=PIPE, env=environment,
                 start_new_session=True,
             )
         )  # fmt: skip
 
-    async def _listen(self, errors: asyncio.StreamReader) -> None:
-        while words := await errors.read(4096):
-            self._last_words = (self._last_words + words)[-_TOLD:]
+    async def _read_errors(self, errors: asyncio.StreamReader) -> None:
+        while chunk := await errors.read(4096):
+            self._errors = (self._errors + chunk)[-_MAX_ERROR_BYTES:]
 
     def write(self, packet: bytes) -> None:
-        """Hand over input; dropped where the session has not read what it was given before."""
-        waiting = self._stdin.transport.get_write_buffer_size()
-        if waiting <= _MOST_WAITING and not self._stdin.is_closing():
+        """Send input to the session; drop it if too much input is queued."""
+        queued = self._stdin.transport.get_write_buffer_size()
+        if queued <= _MAX_QUEUED_BYTES and not self._stdin.is_closing():
             self._stdin.write(packet)
 
     async def forward(self, send: Send) -> None:
-        """Pass on what the session draws until it says that it is over, or ends."""
+        """Forward the output of the session until it ends."""
         with suppress(asyncio.IncompleteReadError, ConnectionError, ValueError):
-            for _ in range(_PRELUDE_LINES):
-                if await self._stdout.readline() == _READY:
+            for _ in range(_MAX_LINES_BEFORE_START):
+                if await self._stdout.readline() == _START_MARKER:
                     break
             while True:
                 head = await self._stdout.readexactly(5)
                 length = int.from_bytes(head[1:], "big")
-                if length > LARGEST_PACKET:
+                if length > MAX_PACKET_BYTES:
                     return
                 payload = await self._stdout.readexactly(length)
                 if head[:1] == b"D":
@@ -83,29 +91,28 @@ class PageSession:
                     return
 
     async def end(self) -> None:
-        """Ask the session to end, kill what is left of it, and say why where it had failed."""
+        """Ask the session to quit, kill remaining processes, and report a failure."""
         try:
             self.write(meta("quit"))
-            await asyncio.wait_for(asyncio.gather(self._drop_output(), self._ended()), PATIENCE)
+            await asyncio.wait_for(
+                asyncio.gather(self._drop_output(), self._process.wait()), EXIT_TIMEOUT
+            )
         except TimeoutError:
             self._kill()
-            await self._ended()
+            await self._process.wait()
         finally:
             self._kill()
-        self._listening.cancel()
-        if self._process.returncode and self._last_words and not self._killed:
-            told = self._last_words.decode(errors="replace").strip().splitlines() or [""]
-            print(f"s2r: a session ended: {printable(told[-1])}", file=sys.stderr)
+        self._error_reader.cancel()
+        if self._process.returncode and self._errors and not self._killed:
+            lines = self._errors.decode(errors="replace").strip().splitlines() or [""]
+            print(f"s2r: a session failed: {printable(lines[-1])}", file=sys.stderr)
 
     async def _drop_output(self) -> None:
         while await self._stdout.read(1 << 16):
             pass
 
-    async def _ended(self) -> None:
-        await self._process.wait()
-
     def _kill(self) -> None:
-        """End the process and all that it has started, if it still runs."""
+        """Kill the process group if the process still runs."""
         if self._process.returncode is None:
             self._killed = True
             with suppress(ProcessLookupError, PermissionError):

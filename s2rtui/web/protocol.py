@@ -1,7 +1,7 @@
-"""Messages between a page, the server and its session: checked before anything is done with them.
+"""Validated messages between a page, the server and its session.
 
-A page sends JSON texts `[kind, value]`. A session takes and gives packets: one letter, D for data
-or M for meta, the length in 4 bytes, big-endian, and the payload, which is JSON for M.
+A page sends JSON texts `[kind, value]`. A session reads and writes packets: one letter (D for data,
+M for meta), the length of the payload in 4 bytes, big-endian, and the payload, which is JSON for M.
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ from dataclasses import dataclass
 
 from s2rtui.terminal.size_limits import within_bounds
 
-LONGEST_MESSAGE = 1 << 17
-"""Bytes of one message of a page."""
-LARGEST_PACKET = 1 << 26
-"""Bytes of one packet of a session; a screen of the largest size takes less than half."""
-_LONGEST_PING = 64
-_LARGEST_SIZE = 1_000_000
+MAX_MESSAGE_BYTES = 1 << 17
+"""Largest message of a page."""
+MAX_PACKET_BYTES = 1 << 26
+"""Largest packet of a session; the largest screen needs less than half."""
+_MAX_PING_CHARACTERS = 64
+_MAX_CELLS = 1_000_000
 
 
 class MessageError(ValueError):
-    """A message that no page of this server sends."""
+    """Raised for a message that no page of this server sends."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ping:
-    """Asks for the same text back."""
+    """Request for a reply with the same text."""
 
     text: str
 
@@ -39,7 +39,7 @@ def meta(kind: str, **values: int) -> bytes:
 
 
 def read_message(text: str) -> bytes | Ping:
-    """The packet for the session that a page's message means. Raises MessageError."""
+    """Return the packet for the session, or the ping, of a page's message. Raises MessageError."""
     try:
         message = json.loads(text)
     except (ValueError, RecursionError):
@@ -52,22 +52,22 @@ def read_message(text: str) -> bytes | Ping:
         case ["resize", {"width": width, "height": height}]:
             columns, rows = within_bounds(_cells(width), _cells(height))
             return meta("resize", width=columns, height=rows)
-        case ["ping", str(sent)] if len(sent) <= _LONGEST_PING:
-            return Ping(sent)
+        case ["ping", str(text)] if len(text) <= _MAX_PING_CHARACTERS:
+            return Ping(text)
         case ["focus" | "blur" as kind]:
             return meta(kind)
     raise MessageError("unknown message")
 
 
 def _cells(value: object) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= _LARGEST_SIZE:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= _MAX_CELLS:
         raise MessageError("not a size")
     return value
 
 
-def first_size(width: str, height: str) -> tuple[int, int]:
-    """Columns and rows that the address of a page's socket names; 80 x 24 for anything else."""
-    short = width.isascii() and height.isascii() and len(width) < 8 and len(height) < 8
-    if not (short and width.isdecimal() and height.isdecimal()):
+def initial_size(width: str, height: str) -> tuple[int, int]:
+    """Return the columns and rows in the address of a page's socket; 80 x 24 if invalid."""
+    is_valid = width.isascii() and height.isascii() and len(width) < 8 and len(height) < 8
+    if not (is_valid and width.isdecimal() and height.isdecimal()):
         return 80, 24
     return within_bounds(int(width), int(height))

@@ -1,4 +1,4 @@
-"""Who is let in: requests that name this server strictly, from its own pages, with its token."""
+"""Admission of requests: a known host name, an own page as origin, and the token."""
 
 from __future__ import annotations
 
@@ -16,35 +16,34 @@ _HOST = re.compile(r"(\[[0-9a-f:.]+\]|[a-z0-9][a-z0-9._-]{0,252})(?::([0-9]{1,5}
 
 @dataclass(frozen=True, slots=True)
 class RequestCheck:
-    """What a request must show; `hosts` are the names allowed in it, None for any.
+    """Checks of a request; `hosts` are the allowed host names, None for any.
 
-    The port is free, so that the page works through a tunnel. The token is random for each start
-    of a server.
+    Any port is allowed, so that tunnels work. The token is random for each start of a server.
     """
 
     hosts: tuple[str, ...] | None = LOOPBACK
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24), repr=False)
 
     def check_address(self, request: web.Request) -> None:
-        """Refuse other hosts, and pages of other sites; HTTPBadRequest for a malformed host."""
-        given = request.headers.getall("Host", [])
-        found = _HOST.fullmatch(given[0]) if len(given) == 1 else None
-        if found is None or (found[2] is not None and not 1 <= int(found[2]) <= 65535):
+        """Refuse other hosts and other origins (403), and malformed hosts (400)."""
+        hosts = request.headers.getall("Host", [])
+        host = _HOST.fullmatch(hosts[0]) if len(hosts) == 1 else None
+        if host is None or (host[2] is not None and not 1 <= int(host[2]) <= 65535):
             raise web.HTTPBadRequest(text="malformed Host header\n")
-        if self.hosts is not None and found[1].lower() not in self.hosts:
-            raise web.HTTPForbidden(text="this server answers to loopback names only\n")
+        if self.hosts is not None and host[1].lower() not in self.hosts:
+            raise web.HTTPForbidden(text="this server accepts loopback host names only\n")
         for origin in request.headers.getall("Origin", []):
-            if origin.lower() != f"{request.scheme}://{given[0].lower()}":
-                raise web.HTTPForbidden(text="pages of other sites are not let in\n")
+            if origin.lower() != f"{request.scheme}://{hosts[0].lower()}":
+                raise web.HTTPForbidden(text="requests from pages of other sites are refused\n")
 
-    def check_token(self, given: str) -> None:
-        """HTTPForbidden for any text but the token."""
-        if not hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode()):
+    def check_token(self, token: str) -> None:
+        """Raise HTTPForbidden unless the token is correct."""
+        if not hmac.compare_digest(token.encode("utf-8", "replace"), self.token.encode()):
             raise web.HTTPForbidden(
-                text="token missing or wrong: open the whole address that `s2r serve` printed\n"
+                text="token missing or wrong; open the complete URL that `s2r serve` printed\n"
             )
 
 
-def in_address(host: str) -> str:
-    """A host as it stands in an address: IPv6 in brackets."""
+def url_host(host: str) -> str:
+    """Return a host as it is written in a URL: IPv6 addresses in brackets."""
     return f"[{host}]" if ":" in host else host

@@ -1,4 +1,4 @@
-"""Serves a store to browsers: one restricted application per page, nothing from elsewhere."""
+"""HTTP server for a store: one restricted application per page, no external resources."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from s2rstore.security.printable_text import printable
 from s2rtui.web.page_session import PageSession
-from s2rtui.web.protocol import LONGEST_MESSAGE, MessageError, Ping, first_size, read_message
-from s2rtui.web.request_check import LOOPBACK, RequestCheck, in_address
+from s2rtui.web.protocol import MAX_MESSAGE_BYTES, MessageError, Ping, initial_size, read_message
+from s2rtui.web.request_check import LOOPBACK, RequestCheck, url_host
 
 _FONT_SIZES = range(6, 49)
 _LIBRARY = Path(textual_serve.__file__).parent / "static"
@@ -42,19 +42,19 @@ _PAGE_POLICY = (
     "style-src 'self' 'unsafe-inline'; img-src 'self' data:; connect-src 'self' $socket; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 )
-_HEARTBEAT = 15.0
-_REQUEST_PATIENCE = 10.0
-"""Seconds until a connection without a complete request is dropped."""
-_CONNECTIONS = 64
-"""Connections at a time, beside those of the sessions."""
+_HEARTBEAT_SECONDS = 15.0
+_REQUEST_TIMEOUT = 10.0
+"""Time in seconds after which a connection without a complete request is dropped."""
+_MAX_CONNECTIONS = 64
+"""Concurrent connections beside those of the sessions."""
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 @dataclass(frozen=True, slots=True)
-class Served:
-    """What a server is asked to do: a store, where to listen, how many pages at a time.
+class ServerSettings:
+    """Store, address, and number of concurrent sessions.
 
-    `public` lets in requests by any name of this machine.
+    `public` accepts requests for any host name of this machine.
     """
 
     store: Path
@@ -65,37 +65,37 @@ class Served:
 
 
 class StoreServer:
-    """Opens a store for pages in a browser, each with a session of its own.
+    """Server of pages in a browser, each with its own session on the store.
 
-    Addresses in the page follow the one it was asked by, so that it works through a tunnel.
+    Addresses in the page derive from the address of the request, so that tunnels work.
     """
 
-    def __init__(self, served: Served) -> None:
-        self._served = served
-        self._title = printable(served.store.name or str(served.store.absolute()))
-        hosts = None if served.public else (*LOOPBACK, in_address(served.host).lower())
-        self._admission = RequestCheck(hosts)
+    def __init__(self, settings: ServerSettings) -> None:
+        self._settings = settings
+        self._title = printable(settings.store.name or str(settings.store.absolute()))
+        hosts = None if settings.public else (*LOOPBACK, url_host(settings.host).lower())
+        self._request_check = RequestCheck(hosts)
         self._sessions: set[asyncio.Task[None]] = set()
-        self._heard: WeakSet[asyncio.BaseTransport] = WeakSet()
-        self._page = Template(_file("page.html"))
-        self._script = _file("page.js")
+        self._active_transports: WeakSet[asyncio.BaseTransport] = WeakSet()
+        self._page = Template(_page_file("page.html"))
+        self._script = _page_file("page.js")
 
     @property
     def address(self) -> str:
-        """What to open, with the token."""
-        host = in_address(self._served.host)
-        return f"http://{host}:{self._served.port}/?token={self._admission.token}"
+        """The address to open, with the token."""
+        host = url_host(self._settings.host)
+        return f"http://{host}:{self._settings.port}/?token={self._request_check.token}"
 
     def serve(self) -> None:
-        """Serve until SIGINT or SIGTERM. Raises OSError where the port cannot be listened on."""
+        """Serve until SIGINT or SIGTERM. Raises OSError if it cannot listen on the port."""
         logging.basicConfig(level="WARNING", format="s2r: %(message)s")
-        logging.getLogger("aiohttp.server").addFilter(_is_own_fault)
+        logging.getLogger("aiohttp.server").addFilter(_is_server_fault)
         asyncio.run(self._serve())
 
     async def _serve(self) -> None:
-        loop, told = asyncio.get_running_loop(), asyncio.Event()
+        loop, stop = asyncio.get_running_loop(), asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, told.set)
+            loop.add_signal_handler(number, stop.set)
         runner = web.AppRunner(
             self._application(), handle_signals=False, access_log=None, keepalive_timeout=30,
             lingering_time=0, shutdown_timeout=0.5, handler_cancellation=True,
@@ -103,28 +103,28 @@ class StoreServer:
         await runner.setup()
         try:
             listening = await loop.create_server(
-                lambda: self._connection(runner), self._served.host, self._served.port
+                lambda: self._connection(runner), self._settings.host, self._settings.port
             )
-            print(f"{self._title}: {self.address} (ctrl+c ends it)", flush=True)
-            await told.wait()
+            print(f"{self._title}: {self.address} (press ctrl+c to stop)", flush=True)
+            await stop.wait()
             listening.close()
         finally:
             await self._end_sessions()
             await runner.cleanup()
 
     def _connection(self, runner: web.AppRunner) -> asyncio.Protocol:
-        """A protocol for a new connection; it is dropped where it sends no request in time."""
+        """Return the protocol of a new connection; it is dropped if no request arrives in time."""
         assert runner.server is not None
-        if len(runner.server.connections) >= _CONNECTIONS + self._served.users:
-            return _Refusal()
+        if len(runner.server.connections) >= _MAX_CONNECTIONS + self._settings.users:
+            return _RefusedConnection()
         protocol = runner.server()
         loop = asyncio.get_running_loop()
-        loop.call_later(_REQUEST_PATIENCE, self._drop_silent, protocol)
+        loop.call_later(_REQUEST_TIMEOUT, self._drop_inactive, protocol)
         return protocol
 
-    def _drop_silent(self, protocol: web.RequestHandler) -> None:
+    def _drop_inactive(self, protocol: web.RequestHandler) -> None:
         transport = protocol.transport
-        if transport is not None and transport not in self._heard:
+        if transport is not None and transport not in self._active_transports:
             transport.abort()
 
     async def _end_sessions(self) -> None:
@@ -133,7 +133,7 @@ class StoreServer:
         await asyncio.gather(*self._sessions, return_exceptions=True)
 
     def _application(self) -> web.Application:
-        application = web.Application(middlewares=[self._admit], client_max_size=1)
+        application = web.Application(middlewares=[self._check_request], client_max_size=1)
         application.router.add_get("/", self._index)
         application.router.add_get("/page.js", self._page_script)
         application.router.add_get("/ws", self._socket)
@@ -143,20 +143,20 @@ class StoreServer:
         return application
 
     @web.middleware
-    async def _admit(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+    async def _check_request(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if request.transport is not None:
-            self._heard.add(request.transport)
-        self._admission.check_address(request)
+            self._active_transports.add(request.transport)
+        self._request_check.check_address(request)
         return await handler(request)
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        """The page, with nothing in it that another machine would have to send."""
-        self._admission.check_token(request.query.get("token", ""))
-        asked = request.query.get("fontsize", "")
-        size = int(asked) if asked in map(str, _FONT_SIZES) else 16
+        """Return the page; it refers to no other server."""
+        self._request_check.check_token(request.query.get("token", ""))
+        font_size = request.query.get("fontsize", "")
+        size = int(font_size) if font_size in map(str, _FONT_SIZES) else 16
         scheme = "wss" if request.scheme == "https" else "ws"
         socket = f"{scheme}://{request.host}"
-        path = f"{socket}/ws/{self._admission.token}"
+        path = f"{socket}/ws/{self._request_check.token}"
         fields = {"title": self._title, "socket": path, "font": str(size)}
         text = self._page.substitute({name: html.escape(value) for name, value in fields.items()})
         policy = {"Content-Security-Policy": _PAGE_POLICY.replace("$socket", socket)}
@@ -166,25 +166,29 @@ class StoreServer:
         return web.Response(text=self._script, content_type="text/javascript")
 
     async def _library_file(self, request: web.Request) -> web.StreamResponse:
-        """A file of the terminal in the page; the folder has others, which are not served."""
+        """Return one of the files of textual-serve that the page needs."""
         name = request.match_info["name"]
         if name not in _LIBRARY_FILES:
             raise web.HTTPNotFound(text="no such file\n")
         return web.FileResponse(_LIBRARY / name)
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
-        given = request.match_info.get("token") or request.query.get("token", "")
-        self._admission.check_token(given)
-        if len(self._sessions) >= self._served.users:
-            told = f"all {self._served.users} sessions are taken\n"
-            raise web.HTTPServiceUnavailable(text=told)
+        self._request_check.check_token(
+            request.match_info.get("token") or request.query.get("token", "")
+        )
+        if len(self._sessions) >= self._settings.users:
+            text = f"all {self._settings.users} sessions are in use; try again later\n"
+            raise web.HTTPServiceUnavailable(text=text)
         socket = web.WebSocketResponse(
-            heartbeat=_HEARTBEAT, max_msg_size=LONGEST_MESSAGE, compress=False, timeout=0.5
+            heartbeat=_HEARTBEAT_SECONDS,
+            max_msg_size=MAX_MESSAGE_BYTES,
+            compress=False,
+            timeout=0.5,
         )
         if not socket.can_prepare(request):
             raise web.HTTPBadRequest(text="not a WebSocket\n")
-        # A task of its own: it ends its session also where the request is cancelled.
-        session = asyncio.create_task(self._hold(request, socket))
+        # A separate task ends its session even if the request is cancelled.
+        session = asyncio.create_task(self._connect_session(request, socket))
         self._sessions.add(session)
         session.add_done_callback(self._sessions.discard)
         try:
@@ -193,33 +197,33 @@ class StoreServer:
             session.cancel()
         return socket
 
-    async def _hold(self, request: web.Request, socket: web.WebSocketResponse) -> None:
-        """Join a page and a session until one of them ends; then end both."""
+    async def _connect_session(self, request: web.Request, socket: web.WebSocketResponse) -> None:
+        """Connect a page with a new session until one of them ends; then end both."""
         await socket.prepare(request)
-        size = first_size(request.query.get("width", ""), request.query.get("height", ""))
-        session = await PageSession.start(self._served.store, size)
-        ways = [
+        size = initial_size(request.query.get("width", ""), request.query.get("height", ""))
+        session = await PageSession.start(self._settings.store, size)
+        tasks = [
             asyncio.create_task(session.forward(socket.send_bytes)),
             asyncio.create_task(_listen(socket, session)),
         ]
         code = WSCloseCode.OK
         try:
-            await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-            if ways[1].done() and isinstance(ways[1].exception(), MessageError):
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            if tasks[1].done() and isinstance(tasks[1].exception(), MessageError):
                 code = WSCloseCode.POLICY_VIOLATION
         finally:
-            await _completed(_end(ways, session))
+            await _run_to_completion(_end(tasks, session))
         with suppress(ConnectionError, RuntimeError):
             await socket.close(code=code)
 
 
-def _is_own_fault(record: logging.LogRecord) -> bool:
-    """Whether a record is about more than a malformed request, which is answered with 400."""
+def _is_server_fault(record: logging.LogRecord) -> bool:
+    """Return False for log records of malformed requests, which are answered with status 400."""
     return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))
 
 
-class _Refusal(asyncio.Protocol):
-    """A connection too many."""
+class _RefusedConnection(asyncio.Protocol):
+    """Protocol that closes a connection beyond the limit."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
@@ -227,27 +231,27 @@ class _Refusal(asyncio.Protocol):
 
 
 async def _listen(socket: web.WebSocketResponse, session: PageSession) -> None:
-    """Pass on what the page sends until it closes. Raises MessageError."""
+    """Forward messages of the page until it closes. Raises MessageError."""
     async for message in socket:
         if message.type is not WSMsgType.TEXT:
             raise MessageError("not text")
-        meant = read_message(message.data)
-        if isinstance(meant, Ping):
-            await socket.send_json(["pong", meant.text])
+        content = read_message(message.data)
+        if isinstance(content, Ping):
+            await socket.send_json(["pong", content.text])
         else:
-            session.write(meant)
-        await asyncio.sleep(0)  # a page that floods does not keep the others waiting
+            session.write(content)
+        await asyncio.sleep(0)  # lets other sessions run while one page floods
 
 
-async def _end(ways: list[asyncio.Task[None]], session: PageSession) -> None:
-    for way in ways:
-        way.cancel()
-    await asyncio.gather(*ways, return_exceptions=True)
+async def _end(tasks: list[asyncio.Task[None]], session: PageSession) -> None:
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
     await session.end()
 
 
-async def _completed(work: Coroutine[Any, Any, None]) -> None:
-    """Wait for short work that cancelling the caller must not interrupt."""
+async def _run_to_completion(work: Coroutine[Any, Any, None]) -> None:
+    """Wait for a short coroutine that must not be interrupted when the caller is cancelled."""
     task = asyncio.create_task(work)
     while not task.done():
         with suppress(asyncio.CancelledError):
@@ -262,5 +266,5 @@ async def _add_headers(request: web.Request, response: web.StreamResponse) -> No
             response.headers.setdefault(name, value)
 
 
-def _file(name: str) -> str:
+def _page_file(name: str) -> str:
     return resources.files("s2rtui.web").joinpath(name).read_text(encoding="utf-8")

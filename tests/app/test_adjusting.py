@@ -306,7 +306,7 @@ async def test_without_the_tools_the_panel_says_how_to_get_them(
 
 
 async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
-    app = app_on(tiny_store, Permissions.of(tiny_store, restricted=True))
+    app = app_on(tiny_store, Permissions.for_store(tiny_store, restricted=True))
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         assert app.session.state.view != "adjust"

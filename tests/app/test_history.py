@@ -133,7 +133,7 @@ def test_a_restricted_session_knows_only_the_stores_own(store: Path, tiny_store:
     monkeypatch.setattr("s2rtui.terminal.capabilities.refuse_unusable", lambda **told: None)
     other = str(reader.history_path(store))
     assert main(["tui", str(tiny_store), "--restricted", "--history", other]) == 2
-    assert "a restricted session shows the store's own history only" in capsys.readouterr().err
+    assert "a restricted session shows only the history of the store" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

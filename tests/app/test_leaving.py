@@ -165,5 +165,5 @@ def test_a_fault_is_told_in_one_line(
     begun(screen).press("m")
     assert screen.wait_for_end(20) == 70
     assert after(screen) == (
-        "s2r: a fault of the program: KeyError: 'no such thing' (--debug shows where)"
+        "s2r: internal error: KeyError: 'no such thing' (--debug shows the traceback)"
     )

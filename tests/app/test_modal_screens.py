@@ -75,7 +75,7 @@ async def test_an_old_refusal_goes_with_the_next_selection_that_is_forgotten(
         await pilot.press("f", "d")
         await settle(app, pilot)
         title = app.screen.query_one("#selections-title", Static)
-        assert "@a is part of @b" in str(title.render())
+        assert "@a is used by @b" in str(title.render())
         await pilot.press("down", "d")
         await settle(app, pilot)
         assert str(title.render()) == "saved selections and history"

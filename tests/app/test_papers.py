@@ -19,7 +19,7 @@ from s2rtui.app.pilot import settle
 from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
-from s2rtui.export.exclusive_files import file, numbered
+from s2rtui.export.exclusive_files import create_exclusive, numbered_paths
 from s2rtui.export.rows import formats, selected_instances
 from s2rtui.jobs.background_thread import rest
 from s2rtui.security import Permissions
@@ -28,7 +28,7 @@ from s2rtui.user_data.notebook import Notebook, SavedSelection
 
 
 def app_on(store: Path, folder: Path, restricted: bool = False) -> S2RApp:
-    access = Permissions.of(store, restricted)
+    access = Permissions.for_store(store, restricted)
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions(), folder, access)
     app.feeding.rest_seconds = 0.001
     return app
@@ -97,10 +97,10 @@ def test_rows_of_what_is_selected_are_those_of_its_expression(
 ) -> None:
     monkeypatch.setattr(selected_instances, "_BLOCK", 7)
     with s2rstore.open(tiny_store) as store:
-        wanted = selected_instances.picked(store, expression)
+        wanted = selected_instances.selected_rows(store, expression)
         chosen = evaluation.select(store, expression)
         monkeypatch.setattr(evaluation, "sql", lambda *_: 1 / 0)
-        assert selected_instances.picked(store, expression, selected=chosen) == wanted
+        assert selected_instances.selected_rows(store, expression, selected=chosen) == wanted
 
 
 def test_a_fault_is_told_in_one_line(tiny_store: Path) -> None:
@@ -146,7 +146,7 @@ async def test_two_writes_at_a_time_are_two_files(
     tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     go_on = Event()
-    slow = formats.save
+    slow = formats.write_rows
 
     def slowly(*words: Any) -> None:
         assert go_on.wait(30)
@@ -175,7 +175,7 @@ async def test_two_writes_at_a_time_are_two_files(
 async def test_a_name_that_was_taken_meanwhile_is_not_replaced(
     tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    target, slow = tmp_path / "s2r-selection-001.csv", formats.save
+    target, slow = tmp_path / "s2r-selection-001.csv", formats.write_rows
 
     def meanwhile(*words: Any) -> None:
         target.write_text("another's")
@@ -209,13 +209,13 @@ async def test_a_report_can_be_tried_again_after_a_fault(
 
 
 def test_a_numbered_file_takes_the_next_name(tmp_path: Path) -> None:
-    names = numbered(tmp_path, "a", ".txt")
+    names = numbered_paths(tmp_path, "a", ".txt")
 
     def fill(path: Path) -> None:
         (tmp_path / "a-001.txt").write_text("another's")
         path.write_text("mine")
 
-    assert file(next(names), fill, names)[0] == tmp_path / "a-002.txt"
+    assert create_exclusive(next(names), fill, names)[0] == tmp_path / "a-002.txt"
     assert (tmp_path / "a-001.txt").read_text() == "another's"
     assert (tmp_path / "a-002.txt").read_text() == "mine"
     assert len(list(tmp_path.iterdir())) == 2

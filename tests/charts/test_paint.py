@@ -12,14 +12,14 @@ from rich.style import Style
 
 from s2rtui.canvas import DARK, Canvas, ColourMode
 from s2rtui.canvas.glyph_masks import glyph_mask
-from s2rtui.export.rasterizer import paint, paint_png
+from s2rtui.export.rasterizer import rasterize, rasterize_png
 from s2rtui.terminal.strips import to_strips
 
 RED = Style(color="#ff0000", bgcolor="#0000ff")
 
 
 def pixels(text: str, style: Style = RED) -> np.ndarray:
-    return np.asarray(paint([[Segment(text, style)]]))
+    return np.asarray(rasterize([[Segment(text, style)]]))
 
 
 def test_a_cell_is_ten_by_twenty() -> None:
@@ -34,7 +34,7 @@ def test_half_block_splits_the_cell_in_the_middle() -> None:
 
 def test_box_lines_join_across_cells() -> None:
     rows = [[Segment("┌─┐", RED)], [Segment("│ │", RED)], [Segment("└─┘", RED)]]
-    ink = np.asarray(paint(rows))[..., 0] == 255
+    ink = np.asarray(rasterize(rows))[..., 0] == 255
     middle = np.flatnonzero(ink[:, 15])
     assert ink[middle[0], 5:25].all()
     left = np.flatnonzero(ink[30])[0]
@@ -74,15 +74,15 @@ def test_wide_characters_fill_two_cells() -> None:
 
 
 def test_styles_without_colours_take_the_themes() -> None:
-    cell = np.asarray(paint([[Segment(" ", None)]]))
+    cell = np.asarray(rasterize([[Segment(" ", None)]]))
     assert (cell == DARK.background).all()
-    turned = np.asarray(paint([[Segment(" ", Style(reverse=True))]]))
+    turned = np.asarray(rasterize([[Segment(" ", Style(reverse=True))]]))
     assert (turned == DARK.text).all()
 
 
 def test_canvas_paints_the_same_from_every_run() -> None:
     canvas = Canvas(30, 4)
     canvas.text(2, 1, "sim ◆ real ◇", DARK.sim, bold=True)
-    first, second = (paint_png(to_strips(canvas, ColourMode.TRUECOLOR)) for _ in range(2))
+    first, second = (rasterize_png(to_strips(canvas, ColourMode.TRUECOLOR)) for _ in range(2))
     assert first == second
     assert Image.open(BytesIO(first)).size == (300, 80)

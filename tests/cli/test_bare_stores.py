@@ -13,7 +13,7 @@ from s2rtui.app.pilot import snapshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.cli import main
-from s2rtui.export.report import examples
+from s2rtui.export.report import worst_instances
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_a_picture_that_cannot_be_drawn_is_refused(
 
 def test_an_example_without_frames_stands_in_a_report(bare: Path) -> None:
     with s2rstore.open(bare) as store:
-        made = examples._images(instance_input(store, "vanilla", 5, None))
+        made = worst_instances._images(instance_input(store, "vanilla", 5, None))
     assert made == []
 
 

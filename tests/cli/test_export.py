@@ -17,7 +17,7 @@ from PIL import Image
 from s2rtui.canvas import DARK, LIGHT
 from s2rtui.charts.registry import BY_NAME, STORED, VIEWS
 from s2rtui.cli import main
-from s2rtui.export.scene import SceneOptions, staged
+from s2rtui.export.scene import SceneOptions, open_scene
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import nights
 
@@ -107,10 +107,10 @@ def test_options_change_gathered_heat(tiny_store: Path, tmp_path: Path, words: l
 
 
 def test_the_words_under_a_title_say_what_is_shown(tiny_store: Path) -> None:
-    with staged(tiny_store, SceneOptions("worst(3, gap)"), BY_NAME["map"]) as scene:
+    with open_scene(tiny_store, SceneOptions("worst(3, gap)"), BY_NAME["map"]) as scene:
         assert scene.caption == "tiny  ·  3 of 40 instances  ·  worst(3, gap)"
         assert scene.state.cursor is None
-    with staged(tiny_store, SceneOptions("worst(3, gap)"), BY_NAME["instance"]) as scene:
+    with open_scene(tiny_store, SceneOptions("worst(3, gap)"), BY_NAME["instance"]) as scene:
         gap = scene.store.run_columns("vanilla").real.error
         chosen = np.flatnonzero(scene.state.selected)
         assert scene.state.cursor == chosen[np.argmax(gap[chosen])]
@@ -118,7 +118,7 @@ def test_the_words_under_a_title_say_what_is_shown(tiny_store: Path) -> None:
 
 def test_counts_of_gathered_heat_are_pixels_and_absent_where_none_fell(tiny_store: Path) -> None:
     wanted = SceneOptions(heat="occlusion:rgb", overlay="selection", aggregate="count")
-    with staged(tiny_store, wanted, BY_NAME["map"]) as scene:
+    with open_scene(tiny_store, wanted, BY_NAME["map"]) as scene:
         view = BY_NAME["map"].input(scene)
         assert view.heat_unit == "pixels"
         assert view.heat_label.endswith("count")

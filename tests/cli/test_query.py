@@ -13,7 +13,7 @@ import pytest
 import s2rstore
 from s2rstore.language import evaluation
 from s2rtui.cli import main
-from s2rtui.export.rows.formats import save
+from s2rtui.export.rows.formats import write_rows
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 
 PLAIN = (
@@ -120,7 +120,7 @@ def test_a_predicted_room_that_is_none_is_missing(tiny_store: Path, capsys) -> N
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["all", "--columns", "iid,rubbish"], "rubbish: one of iid"),
+        (["all", "--columns", "iid,rubbish"], "rubbish: must be one of iid"),
         (["all", "--columns", "iid,iid", "--json"], "twice"),
         (["@nothing"], "saved selection"),
     ],
@@ -134,7 +134,7 @@ def test_a_wrong_request_says_what_there_is(
 
 def test_a_fact_stays_on_its_line(tmp_path: Path) -> None:
     target = tmp_path / "a.csv"
-    save(target, ["a"], [(1,)], {"expression": 'room:"x\ny\x1b[2J"'})
+    write_rows(target, ["a"], [(1,)], {"expression": 'room:"x\ny\x1b[2J"'})
     lines = target.read_text().splitlines()
     assert lines[0].startswith("# expression: ")
     assert "\x1b" not in lines[0]
@@ -143,13 +143,13 @@ def test_a_fact_stays_on_its_line(tmp_path: Path) -> None:
 
 def test_many_rows_are_written_at_once(tmp_path: Path) -> None:
     rows = [(n, n / 3 if n % 2 else None, None if n % 5 else "é") for n in range(50_000)]
-    save(tmp_path / "a.parquet", ["n", "x", "t"], rows)
+    write_rows(tmp_path / "a.parquet", ["n", "x", "t"], rows)
     with duckdb.connect() as connection:
         kept = connection.execute(f"SELECT * FROM '{tmp_path}/a.parquet' ORDER BY n").fetchall()
     assert kept == rows
 
 
 def test_no_rows_are_a_file_too(tmp_path: Path) -> None:
-    save(tmp_path / "a.parquet", ["n"], [])
+    write_rows(tmp_path / "a.parquet", ["n"], [])
     with duckdb.connect() as connection:
         assert connection.execute(f"SELECT * FROM '{tmp_path}/a.parquet'").fetchall() == []

@@ -15,8 +15,8 @@ from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
 from s2rstore.metrics import bootstrap, pose_metrics, run_metrics
 from s2rtui.cli import main
-from s2rtui.export.report.request import ReportRequest, RequestedSelection
-from s2rtui.export.report.write import report
+from s2rtui.export.report.build_report import render_report
+from s2rtui.export.report.report_request import ReportRequest, RequestedSelection
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import tiny
 
@@ -70,11 +70,11 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def page(tiny_store: Path) -> Page:
-    return Page(report(tiny_store, WORST).decode())
+    return Page(render_report(tiny_store, WORST).decode())
 
 
 def test_it_needs_nothing_else(tiny_store: Path) -> None:
-    text = report(tiny_store, WORST).decode()
+    text = render_report(tiny_store, WORST).decode()
     page = Page(text)
     assert not page.named("script")
     assert not page.named("link")
@@ -137,14 +137,14 @@ def test_all_runs_are_compared_on_the_same_instances(tiny_store: Path, page: Pag
 
 
 def test_the_same_bytes_again_and_a_date_only_where_given(tiny_store: Path) -> None:
-    first = report(tiny_store, WORST)
-    assert report(tiny_store, WORST) == first
+    first = render_report(tiny_store, WORST)
+    assert render_report(tiny_store, WORST) == first
     assert not re.search(rb"20\d\d-\d\d", re.sub(rb"base64,[^\"]+", b"", first))
 
 
 def test_dark_figures_follow_dark_screens(tiny_store: Path) -> None:
     request = ReportRequest((RequestedSelection("ids(3)"),))
-    page = Page(report(tiny_store, request).decode())
+    page = Page(render_report(tiny_store, request).decode())
     sources = page.named("source")
     assert len(sources) == 2 + 4
     assert all(
@@ -177,7 +177,7 @@ def test_saved_selections_tags_and_notes(tiny_store: Path, tmp_path: Path) -> No
     assert page.said("blockquote") == ["<script>alert(1)</script> & more"]
     assert page.said("li").count("#door") == 1
     assert not page.named("script")
-    told = [text for text in page.said("p") if "cellar" in text or "Nothing" in text]
+    told = [text for text in page.said("p") if "cellar" in text or "No instance" in text]
     assert len(told) == 2
 
 
@@ -197,20 +197,22 @@ def test_given_expressions_runs_and_saved_ones(tiny_store: Path, tmp_path: Path)
 def test_one_run_alone_has_nothing_to_compare(tmp_path: Path) -> None:
     path = tiny.build(tmp_path / "one.s2r", runs=("only",))
     page = Page(
-        report(
+        render_report(
             path, ReportRequest((RequestedSelection("none"), RequestedSelection("all")), dark=False)
         ).decode()
     )
     assert len(page.named("img")) == 1 + 4 + 3 * 4
-    assert "Nothing is selected." in page.said("p")
+    assert "No instance is selected." in page.said("p")
 
 
 def test_heat_lies_on_the_images_where_asked_for(tiny_store: Path) -> None:
     request = ReportRequest((RequestedSelection("ids(3)"),), heat="occlusion:rgb", dark=False)
-    page = Page(report(tiny_store, request).decode())
+    page = Page(render_report(tiny_store, request).decode())
     assert any("occlusion rgb" in text for text in page.said("figcaption"))
     plain = Page(
-        report(tiny_store, ReportRequest((RequestedSelection("ids(3)"),), dark=False)).decode()
+        render_report(
+            tiny_store, ReportRequest((RequestedSelection("ids(3)"),), dark=False)
+        ).decode()
     )
     assert [i["src"] for i in plain.named("img")] != [i["src"] for i in page.named("img")]
     assert not any("occlusion" in text for text in plain.said("figcaption"))
@@ -246,7 +248,7 @@ def test_an_unknown_name_is_refused_before_anything_is_drawn(tiny_store: Path) -
         (RequestedSelection("all"), RequestedSelection("@nobody")), runs=("dataaug",)
     )
     with pytest.raises(RequestError, match=r"no saved selection 'nobody', nor any other$"):
-        report(tiny_store, request, lambda done, total, what: begun.append(what))
+        render_report(tiny_store, request, lambda done, total, what: begun.append(what))
     assert not begun
 
 

@@ -48,7 +48,7 @@ def test_all_that_is_asked_for_is_written(store: Path, tmp_path: Path, capsys) -
     frozen = json.loads(ref.read_text())["axes"]["task"]
     low, high = (f"{frozen[f'anchor_{end}']:.3f}" for end in ("low", "high"))
     assert f"task: G 100 is {frozen['anchor']:.3f} ({low} .. {high}) m: the constant" in printed
-    assert "the scale was frozen of dataset tiny, run vanilla, expression all" in printed
+    assert "reference scale frozen from dataset tiny, run vanilla, expression all" in printed
     assert json.loads(out.read_text())["axes"][0]["floor"] == 0
 
 

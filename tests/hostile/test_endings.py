@@ -135,9 +135,9 @@ def test_sigterm_ends_a_snapshot_without_a_file(tiny_store: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("command", "kept"),
     [
-        ("ingest", "no store was made"),
+        ("ingest", "no store was created"),
         ("precompute", "finished work units are kept"),
-        ("train", "what was trained is kept"),
+        ("train", "the training state is kept"),
         ("verify", ""),
     ],
 )

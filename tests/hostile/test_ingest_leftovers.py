@@ -86,7 +86,7 @@ def test_an_interrupted_ingest_keeps_nothing_and_says_so(tmp_path: Path) -> None
     process.send_signal(signal.SIGINT)
     told = process.communicate(timeout=60)[1].decode()
     assert process.returncode == 130
-    assert told.strip().endswith("s2r: interrupted; nothing was kept")
+    assert told.strip().endswith("s2r was not created")
     assert not store.exists()
     assert not folder.exists()
 

@@ -71,7 +71,7 @@ from argparse import Namespace
 from pathlib import Path
 import numpy as np
 from s2rstore.arrays import stored_array
-from s2rtui import cli
+from s2rtui.cli.main import execute_command
 
 root = Path(sys.argv[1])
 path = root / "runs.zarr/vanilla/key9/large"
@@ -81,7 +81,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 rows = np.random.default_rng(0).random((64, 64, 64)).astype(np.float32)
 def write(options):
     stored_array.write_shard(path, 0, rows)
-raise SystemExit(cli._guarded(Namespace(execute=write, debug=False)))
+raise SystemExit(execute_command(Namespace(execute=write, debug=False)))
 """
 
 

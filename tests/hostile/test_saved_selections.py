@@ -153,7 +153,7 @@ def test_a_hash_is_a_hash(own_things: Path, text: object) -> None:
     with pytest.raises(RequestError, match="hexadecimal"):
         Notebook(text)  # type: ignore[arg-type]
     with pytest.raises(RequestError, match="hexadecimal"):
-        Notebook(text, patient=True)  # type: ignore[arg-type]
+        Notebook(text, tolerant=True)  # type: ignore[arg-type]
     assert layout.checked_hash("0123456789abcdef", "hash") == "0123456789abcdef"
 
 
@@ -232,7 +232,7 @@ def test_a_notebook_that_is_none(
     told = capsys.readouterr()
     assert code == (0 if make in (_deep_rest, _odd) else 2)
     assert told.err.count("\n") == code // 2
-    patient = Notebook("0" * 64, patient=True)
+    patient = Notebook("0" * 64, tolerant=True)
     if make in (_odd, _deep_rest):
         with contextlib.suppress(RequestError):  # a rest that is nested too deeply to be written
             patient.note(2, "seen\x1b[31m\u202e")

@@ -17,7 +17,7 @@ from s2rstore.gap_history import reader
 from s2rtools.gap.axes import AXES
 from s2rtools.nightly import config
 from s2rtools.nightly.metrics import metrics
-from s2rtui.cli import _parser
+from s2rtui.cli.command_parser import build_parser
 from tests.nightly.test_files import Samples, samples
 from tests.support.nights import Week
 
@@ -200,5 +200,5 @@ def test_the_workflow_judges_and_keeps_what_was_found() -> None:
 
 
 def _is_nightly(words: list[str]) -> None:
-    options = _parser(words).parse_args(words)
+    options = build_parser(["nightly"]).parse_args(words)
     assert options.config.name == "nightly.toml"

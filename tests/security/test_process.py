@@ -16,10 +16,10 @@ from s2rtui.security.restricted_process import WEB_DRIVER, clean_environment
 _CONFINED = """
 import json, os, socket, subprocess, sys
 from pathlib import Path
-from s2rtui.security import Access
-from s2rtui.security.restricted_process import confine
+from s2rtui.security import Permissions
+from s2rtui.security.restricted_process import restrict_process
 store, own, beside = map(Path, sys.argv[1:4])
-confine(Access(store, own, True))
+restrict_process(Permissions(store, own, True))
 (own / "mine.png").write_bytes(b"1")
 (own / "mine.png").rename(own / "still-mine.png")
 (own / "folder").mkdir()

@@ -31,31 +31,31 @@ def restricted(folder: Path) -> Permissions:
 @given(NAMES)
 def test_a_restricted_session_writes_in_its_own_folder_only(names: list[str]) -> None:
     access = restricted(Path("/srv"))
-    path = access.own.joinpath(*names)
+    path = access.user_data_dir.joinpath(*names)
     inside = Path("/srv/own") in [path.resolve(), *path.resolve().parents]
     assert access.may_write(path) == inside
 
 
 def test_links_do_not_lead_out(tmp_path: Path) -> None:
     access = restricted(tmp_path)
-    access.own.mkdir()
-    (access.own / "out").symlink_to(tmp_path)
-    assert access.may_write(access.own / "a.png")
-    assert not access.may_write(access.own / "out" / "a.png")
-    assert not access.may_write(access.own / "out" / "a.png")
+    access.user_data_dir.mkdir()
+    (access.user_data_dir / "out").symlink_to(tmp_path)
+    assert access.may_write(access.user_data_dir / "a.png")
+    assert not access.may_write(access.user_data_dir / "out" / "a.png")
+    assert not access.may_write(access.user_data_dir / "out" / "a.png")
 
 
 def test_the_store_is_read_and_never_written(tmp_path: Path) -> None:
     access = restricted(tmp_path)
     assert not access.may_write(access.store / "CURRENT.json")
-    with pytest.raises(RequestError, match="own only"):
-        access.writable(tmp_path / "a.png")
+    with pytest.raises(RequestError, match="can write only in"):
+        access.require_writable(tmp_path / "a.png")
 
 
 def test_an_ordinary_session_is_not_held_back(tmp_path: Path) -> None:
     access = Permissions(tmp_path / "s.s2r", tmp_path / "own")
-    assert access.may_adjust
-    assert access.writable(tmp_path / "a.png") == tmp_path / "a.png"
+    assert access.may_load_models
+    assert access.require_writable(tmp_path / "a.png") == tmp_path / "a.png"
     assert offered(access) == list(ACTIONS)
 
 

@@ -104,7 +104,7 @@ async def test_a_killed_server_leaves_nothing_running(serve: StartServer) -> Non
         (["--host", "0.0.0.0"], "--public"),
         (["--host", "::"], "--public"),
         (["--host", "example.org"], "ssh -L"),
-        (["--port", "0"], "1 .. 65535"),
+        (["--port", "0"], "1 to 65535"),
         (["--users", "0"], "--users"),
     ],
 )
@@ -133,4 +133,4 @@ def test_a_taken_port_is_one_line(serve: StartServer, tiny_store: Path, capsys) 
     server = serve()
     code = main(["serve", str(tiny_store), "--port", str(server.port)])
     assert code == 2
-    assert f"{server.port}: cannot be listened on" in capsys.readouterr().err
+    assert f"{server.port}: cannot listen" in capsys.readouterr().err

@@ -178,11 +178,11 @@ def test_a_patient_notebook_is_empty_until_its_file_is_mended(
     path = Session(tiny_store, notebooks=Notebook).book.path
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("{damaged")
-    session = Session(tiny_store, notebooks=partial(Notebook, patient=True))
+    session = Session(tiny_store, notebooks=partial(Notebook, tolerant=True))
     assert session.state.is_error
-    assert session.state.message.startswith(f"{path}: is no JSON (")
-    assert "mend it, or move it away" in session.state.message
-    with pytest.raises(RequestError, match="is no JSON"):
+    assert session.state.message.startswith(f"{path}: is not JSON (")
+    assert "repair it, or move it away" in session.state.message
+    with pytest.raises(RequestError, match="is not JSON"):
         session.book.note(3, "dark")
     assert path.read_text() == "{damaged"
     path.unlink()
@@ -239,9 +239,9 @@ def test_a_name_is_not_saved_as_part_of_itself(session: Session) -> None:
     book.save("a", SavedSelection("worst15", 1, "vanilla", 6))
     book.save("b", SavedSelection("@a & straight", 1, "vanilla", 3))
     for name in ("a", "b"):
-        with pytest.raises(RequestError, match="part of"):
+        with pytest.raises(RequestError, match="is used by"):
             book.save(name, SavedSelection("@b | all", 1, "vanilla", 40))
-    with pytest.raises(RequestError, match="part of @b"):
+    with pytest.raises(RequestError, match="used by @b"):
         book.forget("a")
     assert session.notes.selections["a"].expression == "worst15"
 

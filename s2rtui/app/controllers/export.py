@@ -14,7 +14,7 @@ from textual.message import Message
 from s2rstore.errors import RequestError, S2RError
 from s2rstore.reader import Store
 from s2rtui.app.controllers.prompt import Prompts
-from s2rtui.export.exclusive_files import file, numbered
+from s2rtui.export.exclusive_files import create_exclusive, numbered_paths
 from s2rtui.session import State
 from s2rtui.user_data.notebook import Notes
 
@@ -51,9 +51,9 @@ class Papers(Prompts):
 
     def _free(self, stem: str, suffix: str) -> Path:
         """The first name that is free. Raises RequestError where nothing may be written."""
-        names = numbered(self.files_at, stem, suffix)
+        names = numbered_paths(self.files_at, stem, suffix)
         free = (name for name in names if not name.exists() and name not in self._filing)
-        return self.access.writable(next(free))
+        return self.access.require_writable(next(free))
 
     def action_snapshot(self) -> None:
         """Write the screen as PNG beside earlier ones."""
@@ -62,8 +62,8 @@ class Papers(Prompts):
         try:
             target = self._free("s2r", ".png")
             png = screen_png(self)
-            others = numbered(self.files_at, "s2r", ".png")
-            made, _ = file(target, lambda path: path.write_bytes(png), others)
+            others = numbered_paths(self.files_at, "s2r", ".png")
+            made, _ = create_exclusive(target, lambda path: path.write_bytes(png), others)
         except (OSError, RequestError) as error:
             self.session.tell(_reason(error), is_error=True)
         else:
@@ -83,18 +83,18 @@ class Papers(Prompts):
                 self.session.tell("writing a report")
                 state, notes = self.session.state, self.session.notes
                 work = partial(self._report, self.session.store.path, state, notes)
-                self._begin_file(target, work, numbered(self.files_at, "s2r-report", _REPORT))
+                self._begin_file(target, work, numbered_paths(self.files_at, "s2r-report", _REPORT))
         self.show_message()
 
     def _report(self, store: Path, state: State, notes: Notes, path: Path) -> str:
         """In a thread of its own."""
-        from s2rtui.export.report.request import ReportRequest, RequestedSelection, saved
-        from s2rtui.export.report.write import report
+        from s2rtui.export.report.build_report import render_report
+        from s2rtui.export.report.report_request import ReportRequest, RequestedSelection, saved
 
         asked = saved(notes) or (RequestedSelection(state.expression),)
         runs = () if notes.selections else (state.run,)
         request = ReportRequest(asked, runs, state.trajectories)
-        path.write_bytes(report(store, request, self._going_on))
+        path.write_bytes(render_report(store, request, self._going_on))
         return ""
 
     def _going_on(self, done: int, total: int, what: str) -> None:
@@ -119,7 +119,7 @@ class Papers(Prompts):
         target = self._target(text.strip())
         if target.suffix not in FORMS:
             raise RequestError(f"{text}: must end in {', '.join(FORMS)}")
-        self.access.writable(target)
+        self.access.require_writable(target)
         if target.exists():
             raise RequestError(f"{target}: is there already")
         if target in self._filing:
@@ -140,12 +140,12 @@ class Papers(Prompts):
 
     def _write(self, store: Store, state: State, notes: Notes, path: Path) -> str:
         """In a thread of its own."""
-        from s2rtui.export.rows.formats import save
-        from s2rtui.export.rows.selected_instances import picked
+        from s2rtui.export.rows.formats import write_rows
+        from s2rtui.export.rows.selected_instances import selected_rows
 
         asked = state.expression, state.run, state.trajectories, notes
-        found = picked(store, *asked, selected=state.selected)
-        save(path, found.names, found.rows, found.facts.told(), self.safe_csv)
+        found = selected_rows(store, *asked, selected=state.selected)
+        write_rows(path, found.names, found.rows, found.facts.as_dict(), self.safe_csv)
         return f": {found.facts.count} instances"
 
     def _begin_file(self, target: Path, fill: Fill, others: Iterable[Path] = ()) -> None:
@@ -158,7 +158,7 @@ class Papers(Prompts):
         """In a thread of its own."""
         told, is_error = "", True
         try:
-            made, words = file(target, fill, others)
+            made, words = create_exclusive(target, fill, others)
             told, is_error = f"wrote {made}{words}", False
         except (S2RError, OSError) as error:
             if not self.is_running:

@@ -15,7 +15,7 @@ from s2rtui.app.screens.selections import SelectionsScreen
 from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.jobs.precompute_job import save_run
 from s2rtui.session import adjusting, display, shared_selection
-from s2rtui.user_data.notebook import Remark, at, checked
+from s2rtui.user_data.notebook import Remark, reference, valid_name
 
 Accept = Callable[[str], object]
 _OFFERS = 6
@@ -75,7 +75,7 @@ class Prompts(Desk):
 
     def _save(self, name: str) -> None:
         self.session.book.save(name, shared_selection.present(self.session))
-        self._tell_kept(f"saved as {at(checked(name, 'name'))}")
+        self._tell_kept(f"saved as {reference(valid_name(name, 'name'))}")
 
     def _tell_kept(self, told: str) -> None:
         """Tell what is kept, unless the present selection cannot follow, which is told then."""

@@ -17,7 +17,7 @@ from s2rtui.app.screens.modal import ModalBase
 from s2rtui.session import Session
 from s2rtui.session.saved_selection_diff import where
 from s2rtui.session.shared_selection import written
-from s2rtui.user_data.notebook import at
+from s2rtui.user_data.notebook import reference
 
 _MOST = 100
 _TITLE = "saved selections and history"
@@ -51,7 +51,7 @@ class SelectionsScreen(ModalBase[str | None]):
         options: list[Option] = []
         self._texts = {}
         for name, saved in notes.selections.items():
-            label = f"{at(name)}   {saved.expression}   {where(saved)}"
+            label = f"{reference(name)}   {saved.expression}   {where(saved)}"
             options.append(Option(Content(printable(label)), id=f"@{name}"))
             self._texts[f"@{name}"] = written(saved, self._session.store.dataset.hash)
         past = dict.fromkeys(reversed((*notes.history, *state.past, state.expression)))

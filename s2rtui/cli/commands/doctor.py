@@ -1,4 +1,4 @@
-"""`s2r doctor`: what this machine and terminal can do, and what is missing."""
+"""`s2r doctor`: report what this machine and this terminal support."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from dataclasses import replace
 
 from s2rtui.cli.formatting import rows as output
 
+EXAMPLE = "s2r doctor lab.s2r --graphics"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", nargs="?", help="also tell about this store")
+    parser.add_argument("store", nargs="?", help="store folder to report on as well")
     parser.add_argument("--graphics", action="store_true",
-                        help="also ask the terminal whether it draws pictures")  # fmt: skip
-    output.add_format(parser, with_parquet=False)
+                        help="query the terminal for its graphics protocol")  # fmt: skip
+    output.add_output_options(parser, with_parquet=False)
 
 
 def execute(options: argparse.Namespace) -> int:

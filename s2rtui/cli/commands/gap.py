@@ -1,4 +1,4 @@
-"""`s2r gap`: the reality gap of a run, measured, and judged by a frozen reference."""
+"""`s2r gap`: measure the reality gap of a run and judge it by a frozen reference."""
 
 from __future__ import annotations
 
@@ -12,70 +12,65 @@ if TYPE_CHECKING:
     from s2rtools.gap.gate.gate import GapRequest
 
 
+EXAMPLE = "s2r gap lab.s2r --reference reference.json --golden golden.json --details"
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path)
-    _add_evidence(parser)
-    _add_judges(parser)
-    parser.add_argument("--details", action="store_true", help="all figures of every axis")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--out", type=Path, help="write the report as JSON to this file, too")
-
-
-def _add_evidence(parser: argparse.ArgumentParser) -> None:
     from s2rtools.gap import defaults
     from s2rtools.gap.axes import AXES
 
-    parser.add_argument("--run", help="default: the first")
-    parser.add_argument("--select", default="all", metavar="EXPR", help="only these instances")
-    parser.add_argument(
-        "--axis", action="append", default=[], choices=AXES, help="only this (repeat)"
-    )
-    parser.add_argument(
+    parser.add_argument("store", type=Path, help="store folder")
+    parser.add_argument("--run", help="run to measure (default: the first)")
+    parser.add_argument("--select", default="all", metavar="EXPR",
+                        help="measure only the selected instances (default all)")  # fmt: skip
+    parser.add_argument("--axis", action="append", default=[], choices=AXES,
+                        help="measure only this axis (repeatable)")  # fmt: skip
+    visual = parser.add_argument_group("visual axis")
+    visual.add_argument("--features", type=Path, metavar="FILE",
+                        help="description of an image network whose features are compared "
+                        "(default: the embedding of the model)")  # fmt: skip
+    visual.add_argument("--anchor-run", metavar="RUN",
+                        help="run whose sim images define a gap of 100")  # fmt: skip
+    visual.add_argument("--pca", type=int, default=3, metavar="N",
+                        help="principal components of the features (default 3)")  # fmt: skip
+    motion = parser.add_argument_group("dynamics and delay axes")
+    motion.add_argument(
         "--drives", metavar="DIR",
         help="folder of drives (NAME/real.csv, sim.csv, untuned.csv, commands.csv), or "
-             f"`{defaults.ODOMETRY}` (default: those in the store)",
+        f"`{defaults.ODOMETRY}` (default: the drives in the store)",
     )  # fmt: skip
-    parser.add_argument("--rate", type=float, metavar="HZ",
-                        help="of odometry that was stored without times")  # fmt: skip
-    parser.add_argument(
-        "--features", type=Path, metavar="FILE",
-        help="description of an image network (default: the model's own embedding)",
-    )  # fmt: skip
-    parser.add_argument("--anchor-run", metavar="R",
-                        help="its sim images are the visual axis' bad state")  # fmt: skip
-    parser.add_argument("--topic", help="of the poses in ROS bags")
-    parser.add_argument("--dynamics", action="append", default=[], metavar="NAME=VALUE",
-                        help="of the axes of motion (repeat): horizons=0.5,1,2 (s); "
-                        "nrmse=travel|extent|deviation; align=rigid+reflection+scale, rpe=1s or "
-                        "poses, of APE and RPE; reach=1 (s), bad=period|untuned, period=0.05 of "
-                        "the delay; noise=0.002,0.003 (m, rad) of the real poses")  # fmt: skip
-
-
-def _add_judges(parser: argparse.ArgumentParser) -> None:
-    from s2rtools.gap import defaults
-
-    parser.add_argument("--freeze", type=Path, metavar="REF", help="write the scale to judge by")
-    parser.add_argument("--reference", type=Path, metavar="REF", help="judge by this scale")
-    parser.add_argument(
-        "--threshold", type=float, default=defaults.THRESHOLD, help="of G (default %(default)g)"
-    )
-    parser.add_argument("--freeze-golden", type=Path, metavar="FILE", help="accept today's errors")
-    parser.add_argument("--golden", type=Path, metavar="FILE", help="no worse than these errors")
-    parser.add_argument("--margin", type=float, default=defaults.MARGIN,
-                        help="of the golden run, in metres (default %(default)g)")  # fmt: skip
-    parser.add_argument(
-        "--seed", type=int, default=defaults.SEED, help="of the bootstraps (default %(default)s)"
-    )
-    parser.add_argument(
-        "--replicates",
-        type=int,
-        default=defaults.REPLICATES,
-        help="of the bootstraps (default %(default)s)",
-    )
-    parser.add_argument(
-        "--pca", type=int, default=3, metavar="N",
-        help="principal components of the features' divergence (default 3)",
-    )  # fmt: skip
+    motion.add_argument("--topic", help="ROS topic that carries the poses")
+    motion.add_argument("--rate", type=float, metavar="HZ",
+                        help="sampling rate of odometry that has no times")  # fmt: skip
+    motion.add_argument("--dynamics", action="append", default=[], metavar="NAME=VALUE",
+                        help="setting (repeatable): horizons=0.5,1,2 (s); "
+                        "nrmse=travel|extent|deviation; align=rigid+reflection+scale and rpe=1s "
+                        "or poses for APE and RPE; reach=1 (s), bad=period|untuned and "
+                        "period=0.05 for the delay; noise=0.002,0.003 (m, rad) of the real "
+                        "poses")  # fmt: skip
+    gate = parser.add_argument_group("gate")
+    gate.add_argument("--freeze", type=Path, metavar="FILE",
+                      help="write the reference scale that later runs are judged by")  # fmt: skip
+    gate.add_argument("--reference", type=Path, metavar="FILE",
+                      help="judge the gap by this reference scale")  # fmt: skip
+    gate.add_argument("--threshold", type=float, default=defaults.THRESHOLD, metavar="G",
+                      help="largest gap that passes (default %(default)g)")  # fmt: skip
+    gate.add_argument("--freeze-golden", type=Path, metavar="FILE",
+                      help="write the errors as the golden run")  # fmt: skip
+    gate.add_argument("--golden", type=Path, metavar="FILE",
+                      help="fail if errors are worse than this golden run")  # fmt: skip
+    gate.add_argument("--margin", type=float, default=defaults.MARGIN, metavar="METRES",
+                      help="tolerance of the golden run (default %(default)g)")  # fmt: skip
+    bootstrap = parser.add_argument_group("bootstrap")
+    bootstrap.add_argument("--seed", type=int, default=defaults.SEED,
+                           help="random seed (default %(default)s)")  # fmt: skip
+    bootstrap.add_argument("--replicates", type=int, default=defaults.REPLICATES,
+                           help="bootstrap replicates (default %(default)s)")  # fmt: skip
+    output = parser.add_argument_group("output")
+    output.add_argument("--details", action="store_true", help="print all figures of every axis")
+    output.add_argument("--json", action="store_true", help="print the report as JSON")
+    output.add_argument("--out", type=Path, metavar="FILE",
+                        help="write the report as JSON to this file as well")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -86,33 +81,33 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtools.gap.report import report
 
     request = _request(options)
-    _check_places(options)
-    made: dict[Path, str] = {}
+    _check_paths(options)
+    files: dict[Path, str] = {}
     with s2rstore.open(options.store) as store:
         evidence = gate.collect_evidence(store, request)
         if options.freeze_golden:
-            made[options.freeze_golden] = golden_run.text(golden_run.take(evidence))
+            files[options.freeze_golden] = golden_run.text(golden_run.take(evidence))
         judged = gate.judge_gap(evidence, request)
         if options.freeze:
-            judged, made[options.freeze] = gate.freeze(evidence, request, judged)
-        found = report(evidence, request.settings, judged)
-    froze = tuple(made)
-    text = json.dumps(found, indent=1, sort_keys=True, allow_nan=False) + "\n"
+            judged, files[options.freeze] = gate.freeze(evidence, request, judged)
+        result = report(evidence, request.settings, judged)
+    frozen = tuple(files)
+    text = json.dumps(result, indent=1, sort_keys=True, allow_nan=False) + "\n"
     if options.out:
-        made[options.out] = text
-    result_files.write_all({path: content.encode() for path, content in made.items()})
+        files[options.out] = text
+    result_files.write_all({path: content.encode() for path, content in files.items()})
     if options.json:
         sys.stdout.write(text)
     else:
-        from s2rtui.cli.formatting.gap_tables import tables
+        from s2rtui.cli.formatting.gap_tables import gap_text
 
-        print(tables(found, options.details, bool(froze)))
-    for path in froze:
+        print(gap_text(result, options.details, bool(frozen)))
+    for path in frozen:
         print(f"wrote {path}", file=sys.stderr)
-    return EXIT_CODES[report_outcome(found) or ("PASS" if froze else "INCONCLUSIVE")]
+    return EXIT_CODES[report_outcome(result) or ("PASS" if frozen else "INCONCLUSIVE")]
 
 
-def _check_places(options: argparse.Namespace) -> None:
+def _check_paths(options: argparse.Namespace) -> None:
     from s2rtools.common import result_files
 
     written = {"--freeze": options.freeze, "--freeze-golden": options.freeze_golden,
@@ -129,16 +124,17 @@ def _request(options: argparse.Namespace) -> GapRequest:
     from s2rtools.gap.gate.gate import GapRequest
 
     if options.freeze and options.reference:
-        raise RequestError("--freeze and --reference: one writes the scale, the other uses it")
+        raise RequestError("--freeze and --reference: one writes the scale, the other reads it")
     if options.freeze_golden and options.golden:
-        raise RequestError("--freeze-golden and --golden: one writes, the other uses it")
-    for name, fewest, most in (
+        raise RequestError("--freeze-golden and --golden: one writes the file, the other reads it")
+    for name, lowest, highest in (
         ("replicates", defaults.MIN_REPLICATES, defaults.MAX_REPLICATES),
         ("seed", 0, defaults.MAX_SEED),
         ("pca", 1, 50),
     ):
-        if not fewest <= getattr(options, name) <= most:
-            raise RequestError(f"--{name}: {fewest} .. {most}, not {getattr(options, name)}")
+        value = getattr(options, name)
+        if not lowest <= value <= highest:
+            raise RequestError(f"--{name} {value}: must be {lowest} to {highest}")
     return GapRequest(
         run=options.run,
         expression=options.select,

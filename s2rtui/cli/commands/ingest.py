@@ -1,4 +1,4 @@
-"""`s2r ingest`: make a store from paired images, or from the default world."""
+"""`s2r ingest`: create a store from paired images or from the synthetic world."""
 
 from __future__ import annotations
 
@@ -7,43 +7,47 @@ import sys
 from pathlib import Path
 from typing import Any
 
-_SHOWN = 5
+_LISTED_FILES = 5
+
+
+EXAMPLE = "s2r ingest csv pairs.csv --calibration lab.toml --store lab.s2r"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    layouts = parser.add_subparsers(metavar="LAYOUT", dest="layout", required=True)
-    pictures = layouts.add_parser(
-        "sim2realviz", help="a folder that holds traj1/, or the repository"
-    )
-    manifest = layouts.add_parser("csv", help="a CSV manifest with a header beside it")
-    world = layouts.add_parser("world", help="the default world, rendered; takes no PATH")
-    for files in (pictures, manifest):
-        files.add_argument("path", type=Path)
-        files.add_argument(
-            "--calibration", "--header", dest="header", type=Path,
-            help="TOML or JSON with bounds, rooms and cameras",
+    layouts = parser.add_subparsers(metavar="LAYOUT", title="layouts", dest="layout", required=True)
+    sim2realviz = layouts.add_parser("sim2realviz", help="folder in the Sim2RealViz layout")
+    manifest = layouts.add_parser("csv", help="CSV manifest of paired images")
+    world = layouts.add_parser("world", help="the synthetic world, rendered by this command")
+    for layout in (sim2realviz, manifest):
+        layout.add_argument("path", type=Path, help="folder or manifest to read")
+        layout.add_argument(
+            "--calibration", "--header", dest="header", type=Path, metavar="FILE",
+            help="TOML or JSON file with bounds, rooms and cameras",
         )  # fmt: skip
-        files.add_argument(
+        layout.add_argument(
             "--allow-outside", action="store_true",
-            help="read files that the data names outside of its folder, and tell which folders",
+            help="allow images outside the folder of the data, and list their folders",
         )  # fmt: skip
-    for layout in (pictures, manifest, world):
+    for layout in (sim2realviz, manifest, world):
         size = 128 if layout is world else 256
-        layout.add_argument("--store", type=Path, required=True, help="the store to make")
+        layout.add_argument("--store", type=Path, required=True, help="store folder to create")
         layout.add_argument("--trajectory", action="append", default=[],
-                            help="only this one (repeat)")  # fmt: skip
+                            help="read only this trajectory (repeatable)")  # fmt: skip
         layout.add_argument("--size", type=int, default=size,
-                            help=f"rows and columns of stored frames (default {size})")  # fmt: skip
-        layout.add_argument("--strict", action="store_true", help="refuse input with any problem")
-    world.add_argument("--seed", type=int, default=1, help="which building (default 1)")
-    world.add_argument("--instances", type=int, default=120, help="on each of the two trajectories")
-    world.add_argument(
-        "--survey", type=int, default=0,
-        help="a training set: so many random views, and one tour of its own",
-    )  # fmt: skip
-    world.add_argument(
+                            help=f"height and width of stored frames (default {size})")  # fmt: skip
+        layout.add_argument("--strict", action="store_true",
+                            help="refuse input that has any issue")  # fmt: skip
+    group = world.add_argument_group("world")
+    group.add_argument("--seed", type=int, default=1,
+                       help="random seed of the building (default 1)")  # fmt: skip
+    group.add_argument("--instances", type=int, default=120,
+                       help="instances of each of the two trajectories (default 120)")  # fmt: skip
+    group.add_argument("--survey", type=int, default=0, metavar="N",
+                       help="add a training set of N random views and one tour")  # fmt: skip
+    group.add_argument(
         "--factors", default="all", metavar="NAME[=SEVERITY],...",
-        help="what the real side differs by; all (at severity 1) by default, none",
+        help="differences between the real and the sim side: all (severity 1), none, or a list "
+        "(default all)",
     )  # fmt: skip
 
 
@@ -58,7 +62,7 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtui.cli.formatting.progress import reporter
 
     if not 16 <= options.size <= 2048:
-        raise RequestError("--size: 16 .. 2048")
+        raise RequestError(f"--size {options.size}: must be 16 to 2048")
     world = _world(options) if options.layout == "world" else {}
     frame = options.size, options.size
     header = getattr(options, "header", None)
@@ -68,24 +72,26 @@ def execute(options: argparse.Namespace) -> int:
     views = sum(len(s.sources) for rows in scan.trajectories.values() for s in rows)
     for folder, count in sorted(scan.outside_folders.items()):
         files = "1 file" if count == 1 else f"{count} files"
-        print(printable(f"outside of the data's folder: {folder} ({files})"), file=sys.stderr)
+        print(printable(f"read from outside the data folder: {folder} ({files})"), file=sys.stderr)
     command = shlex.join(["s2r", *sys.argv[1:]])
     try:
-        with reporter() as told:
-            told.begin("ingest", 2 * views)
-            build(scan, options.store, command, options.strict, told.advance, told.say)
+        with reporter() as progress:
+            progress.begin("ingest", 2 * views)
+            build(
+                scan, options.store, command, options.strict, progress.advance, progress.say
+            )  # fmt: skip
     except KeyboardInterrupt:
-        kept = f"{options.store} is complete" if options.store.exists() else "nothing was kept"
-        print(printable(f"s2r: interrupted; {kept}"), file=sys.stderr)
+        outcome = "is complete" if options.store.exists() else "was not created"
+        print(printable(f"s2r: interrupted; {options.store} {outcome}"), file=sys.stderr)
         return 130
     finally:
-        _report(scan.issues)
-    _tell(options.store)
+        _print_issues(scan.issues)
+    _print_summary(options.store)
     return 0
 
 
 def _world(options: argparse.Namespace) -> dict[str, Any]:
-    """What the world's recipe takes from the command line."""
+    """Return the options of the synthetic world."""
     from s2rtools.synthetic_world.factors import parse_factors
 
     return {
@@ -94,22 +100,22 @@ def _world(options: argparse.Namespace) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _report(problems: list[Any]) -> None:
-    """Print how many problems of each kind there were, with the first file names."""
+def _print_issues(issues: list[Any]) -> None:
+    """Print the number of issues of each kind, with the first files."""
     from s2rstore.security.printable_text import printable
 
     kinds: dict[str, list[Any]] = {}
-    for issue in problems:
+    for issue in issues:
         kinds.setdefault(issue.kind, []).append(issue)
-    for kind, found in kinds.items():
-        print(f"{kind}: {len(found)}", file=sys.stderr)
-        for issue in found[:_SHOWN]:
+    for kind, members in kinds.items():
+        print(f"{kind}: {len(members)}", file=sys.stderr)
+        for issue in members[:_LISTED_FILES]:
             print(printable(f"  {issue.file} {issue.detail}".rstrip()), file=sys.stderr)
-        if len(found) > _SHOWN:
-            print(f"  ... and {len(found) - _SHOWN} more", file=sys.stderr)
+        if len(members) > _LISTED_FILES:
+            print(f"  ... and {len(members) - _LISTED_FILES} more", file=sys.stderr)
 
 
-def _tell(path: Path) -> None:
+def _print_summary(path: Path) -> None:
     import s2rstore
 
     with s2rstore.open(path) as store:

@@ -1,31 +1,33 @@
-"""`s2r model`: register a weights file, or the models that come with the program."""
+"""`s2r model`: register a weights file or the pretrained models."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
+EXAMPLE = "s2r model add mine weights.safetensors --arch resposenet --store lab.s2r"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    actions = parser.add_subparsers(metavar="ACTION", required=True)
+    actions = parser.add_subparsers(metavar="ACTION", title="actions", required=True)
     add = actions.add_parser("add", help="register a weights file")
-    add.add_argument("name")
-    add.add_argument("file", type=Path, help=".pt / .pth state dict, .safetensors or TorchScript")
+    add.add_argument("name", help="name of the model")
     add.add_argument(
-        "--arch",
-        required=True,
-        help="posest, resposenet; with --trust also torchscript or module:factory",
+        "file", type=Path, help="state dict (.pt, .pth), .safetensors file or TorchScript module"
     )
-    add.add_argument("--store", type=Path, required=True)
+    add.add_argument("--arch", required=True,
+                     help="architecture: posest or resposenet; with --trust also torchscript or "
+                     "module:factory")  # fmt: skip
+    add.add_argument("--store", type=Path, required=True, help="store folder")
     add.add_argument(
-        "--convention",
-        help="HEADING[,FRAME] of the output: degrees, radians or cos_sin; map or habitat",
-    )
-    add.add_argument("--trust", action="store_true", help="allow formats that execute code")
+        "--convention", metavar="HEADING[,FRAME]",
+        help="convention of the output: degrees, radians or cos_sin; map or habitat",
+    )  # fmt: skip
+    add.add_argument("--trust", action="store_true", help="allow file formats that execute code")
     shipped = actions.add_parser(
-        "shipped", help="register the models of the default world, each with a run"
+        "shipped", help="register the pretrained models of the synthetic world, each with a run"
     )
-    shipped.add_argument("--store", type=Path, required=True)
+    shipped.add_argument("--store", type=Path, required=True, help="store folder")
     add.set_defaults(action=_add)
     shipped.set_defaults(action=_shipped)
 
@@ -40,11 +42,13 @@ def _add(options: argparse.Namespace) -> None:
 
     add_model(options.store, options.name, options.file, options.arch, options.convention,
               options.trust)  # fmt: skip
-    print(f"{options.store}: model {options.name} registered; `s2r run add` makes a run of it")
+    print(f"{options.store}: model {options.name} registered; next: `s2r run add`")
 
 
 def _shipped(options: argparse.Namespace) -> None:
-    from s2rtools.training import pretrained as shipped
+    from s2rtools.training import pretrained
 
-    added = shipped.add_pretrained_models(options.store)
-    print(f"{options.store}: {', '.join(added) or 'nothing'} registered; `s2r precompute` fills it")
+    added = pretrained.add_pretrained_models(options.store)
+    print(
+        f"{options.store}: {', '.join(added) or 'no new model'} registered; next: `s2r precompute`"
+    )

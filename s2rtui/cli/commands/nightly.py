@@ -1,4 +1,4 @@
-"""`s2r nightly`: the gap of one night, kept in a history and told in files."""
+"""`s2r nightly`: measure one night, add it to the gap history, write its reports."""
 
 from __future__ import annotations
 
@@ -15,18 +15,24 @@ if TYPE_CHECKING:
     from s2rtools.nightly.run import NightRun
 
 
+EXAMPLE = "s2r nightly nightly.toml"
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("config", type=Path, metavar="CONFIG.toml")
-    parser.add_argument("--night", metavar="YYYY-MM-DD", help="default: today, UTC")
-    parser.add_argument(
+    parser.add_argument("config", type=Path, metavar="CONFIG.toml", help="configuration file")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    date = parser.add_argument_group("date")
+    date.add_argument(
+        "--night", metavar="YYYY-MM-DD", help="date of the night (default: today, UTC)"
+    )
+    date.add_argument(
         "--far-night", action="store_true",
-        help="accept a date far from the newest night: over a month before it, or a year after it",
+        help="accept a date more than a month before or a year after the newest night",
     )  # fmt: skip
-    parser.add_argument(
+    date.add_argument(
         "--withdraw", metavar="YYYY-MM-DD",
-        help="measure nothing; take a night back, which stays in the history's table `withdrawn`",
+        help="measure nothing; move this night to the table `withdrawn` of the history",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true")
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -36,14 +42,14 @@ def execute(options: argparse.Namespace) -> int:
     config = configs.read(options.config)
     if options.withdraw is not None:
         return _withdraw(config, options)
-    done = nightly(config, _night(options.night), far=options.far_night)
+    result = nightly(config, _night(options.night), far=options.far_night)
     if options.json:
-        print(json.dumps(_facts(config, done), indent=1, sort_keys=True))
+        print(json.dumps(_as_dict(config, result), indent=1, sort_keys=True))
     else:
-        _tell(config, done)
-    if done.night.refused:
-        print(f"s2r: {done.night.reason}", file=sys.stderr)
-    return done.night.exit_code
+        _print_result(config, result)
+    if result.night.refused:
+        print(f"s2r: {result.night.reason}", file=sys.stderr)
+    return result.night.exit_code
 
 
 def _night(text: str | None) -> datetime.date:
@@ -56,7 +62,7 @@ def _night(text: str | None) -> datetime.date:
         return today
     night = _date("--night", text)
     if night > today + datetime.timedelta(days=7):
-        raise RequestError(f"--night {text}: later than a week from today, {today}")
+        raise RequestError(f"--night {text}: is more than a week after today ({today})")
     return night
 
 
@@ -68,7 +74,7 @@ def _date(option: str, text: str) -> datetime.date:
     try:
         return datetime.date.fromisoformat(text)
     except ValueError as error:
-        raise RequestError(f"{option} {text}: a date such as 2026-11-21") from error
+        raise RequestError(f"{option} {text}: is not a date; write it as 2026-11-21") from error
 
 
 def _withdraw(config: NightlyConfig, options: argparse.Namespace) -> int:
@@ -76,45 +82,47 @@ def _withdraw(config: NightlyConfig, options: argparse.Namespace) -> int:
     from s2rtools.nightly.withdraw import withdraw
 
     if options.night is not None:
-        raise RequestError("--withdraw measures nothing; leave out --night")
+        raise RequestError("--withdraw and --night: give one of them")
     night = _date("--withdraw", options.withdraw)
-    gone = withdraw(config, night)
+    withdrawn = withdraw(config, night)
     if options.json:
-        rows = [each.id for each in gone]
-        facts = {"name": config.name, "withdrawn": str(night), "rows": rows}
-        print(json.dumps({**facts, "history": str(config.history)}, indent=1, sort_keys=True))
+        rows = [each.id for each in withdrawn]
+        fields = {"name": config.name, "withdrawn": str(night), "rows": rows}
+        print(json.dumps({**fields, "history": str(config.history)}, indent=1, sort_keys=True))
     else:
-        print(f"{night}: withdrawn from {config.name}; kept in table `withdrawn` of "
-              f"{config.history}; its reports stay in {config.reports / str(night)}")  # fmt: skip
+        print(
+            f"{night}: withdrawn from {config.name} (moved to table `withdrawn` of "
+            f"{config.history}); its reports remain in {config.reports / str(night)}"
+        )
     return 0
 
 
-def _tell(config: NightlyConfig, done: NightRun) -> None:
+def _print_result(config: NightlyConfig, result: NightRun) -> None:
     from s2rtools.nightly.report_model import checks
 
-    night = done.night
+    night = result.night
     for check in checks(night):
         print(f"{check.outcome:<12}  {check.name}: {check.message}")
     print(f"\n{night.night}: {night.outcome}; reports in {config.reports / str(night.night)}")
-    if not done.new:
-        print("nothing new", file=sys.stderr)
-    elif not done.computed:
-        print("nothing new was recorded: the figures are those of an earlier night",
+    if not result.new:
+        print("no new evidence: the night is in the history already", file=sys.stderr)
+    elif not result.computed:
+        print("no new recordings: the figures are those of an earlier night",
               file=sys.stderr)  # fmt: skip
 
 
-def _facts(config: NightlyConfig, done: NightRun) -> dict[str, object]:
+def _as_dict(config: NightlyConfig, result: NightRun) -> dict[str, object]:
     from s2rtools.gap.report import plain
 
-    night = done.night
-    facts = {
+    night = result.night
+    fields = {
         "name": night.name, "night": str(night.night), "run": night.run, "key": night.key,
         "outcome": night.outcome, "exit_code": night.exit_code, "worst": night.worst,
         "gap": night.gap.value, "gap_low": night.gap.low, "gap_high": night.gap.high,
         "threshold": night.threshold, "reason": night.reason, "golden": night.golden,
-        "evidence_age": night.evidence_age, "stale": night.stale, "new": done.new,
-        "computed": done.computed, "history": str(config.history),
+        "evidence_age": night.evidence_age, "stale": night.stale, "new": result.new,
+        "computed": result.computed, "history": str(config.history),
         "reports": str(config.reports / str(night.night)),
         "metrics": config.metrics and str(config.metrics),
     }  # fmt: skip
-    return dict(plain(facts))
+    return dict(plain(fields))

@@ -1,4 +1,4 @@
-"""`s2r precompute`: compute what is missing for runs and publish it."""
+"""`s2r precompute`: compute and publish the missing predictions and heatmaps of runs."""
 
 from __future__ import annotations
 
@@ -7,18 +7,23 @@ from pathlib import Path
 
 from s2rtui.cli.formatting.progress import STYLES, reporter
 
+EXAMPLE = "s2r precompute lab.s2r --run bright --workers 4"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path)
-    parser.add_argument("--run", action="append", default=[], help="only this run (repeat)")
-    parser.add_argument("--kinds", help="heatmap kinds, comma separated (default: all)")
-    parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
-    parser.add_argument("--backend", default="torch",
-                        help="torch (default), torch-bfloat16, openvino, or auto")  # fmt: skip
-    parser.add_argument("--progress", choices=STYLES, default="auto",
-                        help="json: one object per line on standard output, for a program "
-                             "that starts this one; it ends with that program")  # fmt: skip
-    parser.add_argument("--trust", action="store_true", help="allow models that execute code")
+    parser.add_argument("store", type=Path, help="store folder")
+    parser.add_argument("--run", action="append", default=[],
+                        help="compute only this run (repeatable)")  # fmt: skip
+    parser.add_argument("--kinds", metavar="KIND,...", help="heatmap kinds (default: all)")
+    parser.add_argument("--trust", action="store_true",
+                        help="allow model formats that execute code")  # fmt: skip
+    execution = parser.add_argument_group("execution")
+    execution.add_argument("--workers", type=int, default=1, help="worker processes (default 1)")
+    execution.add_argument("--backend", default="torch",
+                           help="torch (default), torch-bfloat16, openvino, auto")  # fmt: skip
+    execution.add_argument("--progress", choices=STYLES, default="auto",
+                           help="json prints one object per line on standard output and ends "
+                           "together with the parent process")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -29,9 +34,9 @@ def execute(options: argparse.Namespace) -> int:
     if options.progress == "json":
         end_with_parent()
     if options.workers < 1:
-        raise RequestError("--workers: at least 1")
+        raise RequestError(f"--workers {options.workers}: must be at least 1")
     kinds = tuple(options.kinds.split(",")) if options.kinds else None
-    with reporter(options.progress) as told:
-        wanted = PrecomputeOptions(kinds, options.workers, options.backend, options.trust)
-        precompute(options.store, told, options.run, wanted)
+    with reporter(options.progress) as progress:
+        settings = PrecomputeOptions(kinds, options.workers, options.backend, options.trust)
+        precompute(options.store, progress, options.run, settings)
     return 0

@@ -1,4 +1,4 @@
-"""`s2r prune`: remove what no kept generation needs."""
+"""`s2r prune`: delete files that none of the newest generations needs."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from pathlib import Path
 
 from s2rtui.cli.formatting import rows
 
+EXAMPLE = "s2r prune lab.s2r --keep 1 --dry-run"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path)
-    parser.add_argument("--keep", type=int, default=3, help="generations to keep (default 3)")
-    parser.add_argument("--dry-run", action="store_true", help="only tell what would go")
-    rows.add_format(parser, with_parquet=False)
+    parser.add_argument("store", type=Path, help="store folder")
+    parser.add_argument("--keep", type=int, default=3, metavar="N",
+                        help="number of newest generations to keep (default 3)")  # fmt: skip
+    parser.add_argument("--dry-run", action="store_true", help="only list what would be deleted")
+    rows.add_output_options(parser, with_parquet=False)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -22,11 +25,11 @@ def execute(options: argparse.Namespace) -> int:
     from s2rstore.security.printable_text import printable
 
     if options.keep < 1:
-        raise RequestError("--keep: at least 1")
+        raise RequestError(f"--keep {options.keep}: must be at least 1")
     pruned = prune(options.store, options.keep, options.dry_run)
     for link in pruned.links:
-        told = printable(f"{options.store / link}: a symbolic link, left alone; remove it yourself")
-        print(f"note: {told}", file=sys.stderr)
+        print(f"note: {printable(str(options.store / link))}: a symbolic link is not deleted; "
+              "delete it yourself", file=sys.stderr)  # fmt: skip
     if options.format != "table":
         rows.write(("path",), [(path,) for path in pruned.paths], options)
         return 0

@@ -1,4 +1,4 @@
-"""`s2r query`: the instances that an expression selects."""
+"""`s2r query`: list the instances that an expression selects."""
 
 from __future__ import annotations
 
@@ -7,47 +7,56 @@ import sys
 
 from s2rtui.cli.formatting import rows
 
+EXAMPLE = "s2r query lab.s2r 'worst15 & room:right' --columns iid,room,real.error"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store")
-    parser.add_argument("expression", help="for example: 'worst15 & room:right - @handled'")
-    parser.add_argument("--run", help="the run that plain fields mean (default: the first)")
-    parser.add_argument("--trajectory", action="append", help="only these in view (repeat)")
-    parser.add_argument("--count", action="store_true", help="print only how many there are")
-    parser.add_argument(
+    parser.add_argument("store", help="store folder")
+    parser.add_argument("expression", help="selection, for example 'worst15 & room:right - @done'")
+    group = parser.add_argument_group("selection")
+    group.add_argument(
+        "--run", help="run whose errors the expression refers to (default: the first)"
+    )
+    group.add_argument("--trajectory", action="append",
+                       help="select from this trajectory only (repeatable)")  # fmt: skip
+    group.add_argument("--count", action="store_true", help="print only the number of instances")
+    group.add_argument(
         "--columns", metavar="F,...",
-        help="fields of the language, tags and note, for example iid,room,real.outlier,tags",
+        help="columns: fields of the selection language, tags and note; for example "
+        "iid,room,real.outlier,tags",
     )  # fmt: skip
-    parser.add_argument(
+    group.add_argument(
         "--with-expression", action="store_true",
-        help="write expression, run, generation and data set with the rows",
+        help="add the expression, run, generation and data set to the output",
     )  # fmt: skip
-    rows.add_format(parser)
+    rows.add_output_options(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
     import s2rstore
     from s2rstore.errors import RequestError
     from s2rstore.language import evaluation
-    from s2rtui.export.rows.selected_instances import picked
+    from s2rtui.export.rows.selected_instances import selected_rows
     from s2rtui.user_data.notebook import ReadNotebook
 
     with s2rstore.open(options.store) as store:
         run = store.run(options.run).run
-        known = {trajectory.trajectory for trajectory in store.trajectories}
+        known = [trajectory.trajectory for trajectory in store.trajectories]
         for name in options.trajectory or ():
             if name not in known:
-                raise RequestError(f"--trajectory {name}: not in {options.store}")
+                raise RequestError(
+                    f"--trajectory {name}: {options.store} has {', '.join(sorted(known))}"
+                )
         notes = ReadNotebook(store.dataset.hash).notes
-        asked = options.expression, run, options.trajectory
+        query = options.expression, run, options.trajectory
         if options.count:
-            text, parameters = evaluation.sql(store, *asked, notes.nodes)
+            text, parameters = evaluation.sql(store, *query, notes.nodes)
             print(store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0])
             return 0
         columns = options.columns.split(",") if options.columns else None
-        found = picked(store, *asked, notes, columns)
-    facts = found.facts.told() if options.with_expression else None
-    rows.write(found.names, found.rows, options, facts)
+        selection = selected_rows(store, *query, notes, columns)
+    metadata = selection.facts.as_dict() if options.with_expression else None
+    rows.write(selection.names, selection.rows, options, metadata)
     if options.format == "table" and options.out is None:
-        print(f"{found.facts.count} instances of run {run}", file=sys.stderr)
+        print(f"{selection.facts.count} instances of run {run}", file=sys.stderr)
     return 0

@@ -1,4 +1,4 @@
-"""`s2r report`: selections with their figures as one HTML file."""
+"""`s2r report`: write selections with their figures to one HTML file."""
 
 from __future__ import annotations
 
@@ -13,28 +13,35 @@ if TYPE_CHECKING:
     from s2rtui.cli.formatting.progress import Reporter
 
 
+EXAMPLE = "s2r report lab.s2r --select worst15 --out report.html"
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path)
-    parser.add_argument("--out", type=Path, required=True, help="F.html")
-    parser.add_argument("--title", default="", help="of the page")
-    parser.add_argument("--select", action="append", default=[], metavar="EXPR",
-                        help="an expression (repeat; default: your saved selections)")  # fmt: skip
-    parser.add_argument("--saved", action="store_true", help="your saved selections as well")
-    parser.add_argument("--run", action="append", default=[], help="in this run (repeat)")
-    parser.add_argument("--trajectory", action="append", help="only these in view (repeat)")
-    parser.add_argument("--with", dest="other", metavar="RUN",
-                        help="the run that the first is compared with")  # fmt: skip
-    parser.add_argument("--heat", metavar="KIND[:MODE]", help="on the images of instances")
-    parser.add_argument("--date", default="", help="printed as it is; without it there is none")
-    parser.add_argument("--light", action="store_true", help="no figures for dark screens")
+    parser.add_argument("store", type=Path, help="store folder")
+    content = parser.add_argument_group("content")
+    content.add_argument("--select", action="append", default=[], metavar="EXPR",
+                         help="selection expression (repeatable; default: your saved "
+                         "selections)")  # fmt: skip
+    content.add_argument("--saved", action="store_true", help="include your saved selections")
+    content.add_argument("--run", action="append", default=[], help="run to report (repeatable)")
+    content.add_argument("--trajectory", action="append",
+                         help="use only this trajectory (repeatable)")  # fmt: skip
+    content.add_argument("--with", dest="other", metavar="RUN",
+                         help="run to compare with the first run")  # fmt: skip
+    content.add_argument("--heat", metavar="KIND[:MODE]", help="heatmap on the example images")
+    page = parser.add_argument_group("page")
+    page.add_argument("--out", type=Path, required=True, help="output file, *.html")
+    page.add_argument("--title", default="", help="title of the page")
+    page.add_argument("--date", default="", help="date to print, as text (default: none)")
+    page.add_argument("--light", action="store_true", help="omit the figures for dark screens")
 
 
 def execute(options: argparse.Namespace) -> int:
     import s2rstore
     from s2rstore.errors import RequestError
     from s2rtui.cli.formatting.progress import reporter
-    from s2rtui.export.report.request import ReportRequest, selections
-    from s2rtui.export.report.write import report
+    from s2rtui.export.report.build_report import render_report
+    from s2rtui.export.report.report_request import ReportRequest, selections
     from s2rtui.user_data.notebook import ReadNotebook
 
     if options.out.suffix != ".html":
@@ -51,19 +58,19 @@ def execute(options: argparse.Namespace) -> int:
         date=options.date,
         dark=not options.light,
     )
-    with reporter() as told:
-        page = report(options.store, request, _steps(told))
+    with reporter() as progress:
+        page = render_report(options.store, request, _step_callback(progress))
     rows.write_file(options.out, page)
     return 0
 
 
-def _steps(reporter: Reporter) -> Callable[[int, int, str], None]:
-    """A callback that begins a stage of all steps and advances it."""
+def _step_callback(reporter: Reporter) -> Callable[[int, int, str], None]:
+    """Return a callback (steps done, total steps, next step) that advances one progress stage."""
 
-    def told(done: int, total: int, what: str) -> None:
+    def advance(done: int, total: int, next_step: str) -> None:
         if done == 0:
             reporter.begin("report", total)
         else:
             reporter.advance(1)
 
-    return told
+    return advance

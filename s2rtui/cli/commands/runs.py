@@ -1,4 +1,4 @@
-"""`s2r runs`: the runs of a store with their figures, beside the constant-prediction baseline."""
+"""`s2r runs`: list the runs of a store with accuracies, errors and the constant baseline."""
 
 from __future__ import annotations
 
@@ -17,9 +17,12 @@ _NAMES = (
 )  # fmt: skip
 
 
+EXAMPLE = "s2r runs lab.s2r --format csv"
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store")
-    output.add_format(parser)
+    parser.add_argument("store", help="store folder")
+    output.add_output_options(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -30,7 +33,7 @@ def execute(options: argparse.Namespace) -> int:
     rows = []
     with s2rstore.open(options.store) as store:
         for run in store.runs.values():
-            domains = [_described(run.domain(s), run.adjustments(s)) for s in SIDES]
+            domains = [_domain_text(run.domain(s), run.adjustments(s)) for s in SIDES]
             if run.key is None:
                 figures: list[object] = [None] * 9
                 note = "not computed: s2r precompute"
@@ -45,14 +48,15 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-def _side(found: SideMetrics) -> list[object]:
-    """Accuracy in percent, its interval, and the median error in metres."""
-    if found.n < 2:
+def _side(headline: SideMetrics) -> list[object]:
+    """Return accuracy (percent), its interval and the median error (metres)."""
+    if headline.n < 2:
         return [None, None, None]
-    span = f"{100 * found.accuracy.low:.1f}..{100 * found.accuracy.high:.1f}"
-    return [round(100 * found.accuracy.value, 1), span, round(found.median_error, 3)]
+    accuracy = headline.accuracy
+    interval = f"{100 * accuracy.low:.1f}..{100 * accuracy.high:.1f}"
+    return [round(100 * accuracy.value, 1), interval, round(headline.median_error, 3)]
 
 
-def _described(domain: str, chain: list[dict[str, object]]) -> str:
+def _domain_text(domain: str, chain: list[dict[str, object]]) -> str:
     steps = [f"{step['name']}={step['value']:g}" for step in chain]
     return domain + (f" ({', '.join(steps)})" if steps else "")

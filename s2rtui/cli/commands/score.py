@@ -1,4 +1,4 @@
-"""`s2r score`: how far heatmaps and reasons are right, on a world whose truth is known."""
+"""`s2r score`: score heatmaps and causes against the ground truth of the synthetic world."""
 
 from __future__ import annotations
 
@@ -8,48 +8,53 @@ import sys
 from pathlib import Path
 from typing import Any
 
+EXAMPLE = "s2r score world.s2r --instances 48"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path)
-    parser.add_argument(
-        "--run",
-        action="append",
-        default=[],
-        help="only this run (repeat); the store keeps the score of all alone",
-    )
-    parser.add_argument("--instances", type=int, default=120,
-                        help="of the counterfactual table (default 120)")  # fmt: skip
-    parser.add_argument("--seed", type=int, default=1, help="breaks ties (default 1)")
-    parser.add_argument("--no-keep", action="store_true", help="do not note the score in the store")
-    parser.add_argument("--trust", action="store_true", help="allow models that execute code")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--quiet", action="store_true", help="print no tables")
+    parser.add_argument("store", type=Path, help="store of the synthetic world")
+    scope = parser.add_argument_group("scope")
+    scope.add_argument(
+        "--run", action="append", default=[],
+        help="score only this run (repeatable); the result is then not saved in the store",
+    )  # fmt: skip
+    scope.add_argument("--instances", type=int, default=120,
+                       help="instances for the counterfactual tables (default 120)")  # fmt: skip
+    scope.add_argument("--seed", type=int, default=1,
+                       help="random seed that breaks ties (default 1)")  # fmt: skip
+    scope.add_argument("--trust", action="store_true",
+                       help="allow model formats that execute code")  # fmt: skip
+    output = parser.add_argument_group("output")
+    output.add_argument("--no-keep", action="store_true",
+                        help="do not save the score in the store")  # fmt: skip
+    output.add_argument("--json", action="store_true", help="print the result as JSON")
+    output.add_argument("--quiet", action="store_true", help="print no tables")
 
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtools.scoring import report
     from s2rtui.cli.formatting.progress import reporter
 
-    keeps = not options.no_keep and not options.run
-    if keeps:
-        _check_kept(options.store)
+    saves = not options.no_keep and not options.run
+    if saves:
+        _check_writable(options.store)
     settings = report.ScoreSettings(
         tuple(options.run), options.trust, options.instances, options.seed
     )
-    with reporter() as told:
-        found = report.score(options.store, settings, told)
-    if keeps:
-        report.save_report(options.store, found)
+    with reporter() as progress:
+        scores = report.score(options.store, settings, progress)
+    if saves:
+        report.save_report(options.store, scores)
     if options.json:
-        json.dump(found, sys.stdout, indent=1, sort_keys=True)
+        json.dump(scores, sys.stdout, indent=1, sort_keys=True)
         print()
     elif not options.quiet:
-        print("\n".join(_tables(found)))
+        print("\n".join(_tables(scores)))
     return 0
 
 
-def _check_kept(store: Path) -> None:
-    """Raises RequestError before the work where its result could not be kept."""
+def _check_writable(store: Path) -> None:
+    """Raise RequestError, before the work begins, if the score cannot be saved in the store."""
     import s2rstore
     from s2rstore.errors import RequestError
     from s2rstore.index.transaction import check_writable
@@ -58,39 +63,39 @@ def _check_kept(store: Path) -> None:
     try:
         check_writable(store)
     except RequestError as error:
-        raise RequestError(f"{error}; --no-keep scores without noting it") from error
+        raise RequestError(f"{error}; use --no-keep to print the score only") from error
 
 
-def _tables(found: dict[str, Any]) -> list[str]:
+def _tables(scores: dict[str, Any]) -> list[str]:
     from s2rtui.cli.formatting import rows as output
 
     heat = [
-        (r["run"], r["kind"], r["mode"], r["side"], r["place"], _of(r, "auroc"),
-         _of(r, "precision"), _number(r["base_rate"]), r["n"], r["without"])
-        for r in found["heatmaps"]
+        (r["run"], r["kind"], r["mode"], r["side"], r["place"], _interval(r, "auroc"),
+         _interval(r, "precision"), _number(r["base_rate"]), r["n"], r["without"])
+        for r in scores["heatmaps"]
     ]  # fmt: skip
     factors = [
-        (r["run"], r["factor"], _of(r, "alone"), _of(r, "cost"), _of(r, "without"),
-         _of(r, "gain"), r["n"])
-        for r in found["factors"]
+        (r["run"], r["factor"], _interval(r, "alone"), _interval(r, "cost"),
+         _interval(r, "without"), _interval(r, "gain"), r["n"])
+        for r in scores["factors"]
     ]  # fmt: skip
     objects = [
-        (r["run"], r["object"], r["name"], r["change"], _of(r, "gain"), r["n"])
-        for r in found["objects"]
+        (r["run"], r["object"], r["name"], r["change"], _interval(r, "gain"), r["n"])
+        for r in scores["objects"]
     ]
     parts = (
-        ("Where heatmaps find the labelled changes",
+        ("Agreement of heatmaps with the labelled changes",
          ("run", "heatmap", "mode", "side", "place", "AUROC", "precision of top 5 %", "base rate",
           "n", "frames without"), heat),
-        ("Why reality is worse: mean position error, m",
+        ("Causes of the real error: mean position error, m",
          ("run", "factor", "alone", "costs", "all but it", "leaving it out gains", "n"), factors),
-        ("What restoring one object gains where it is seen, m",
+        ("Error reduction by restoring one object, in images that show it, m",
          ("run", "object", "name", "change", "gain", "n"), objects),
     )  # fmt: skip
     return [f"{title}\n\n{output.table(names, rows)}" for title, names, rows in parts]
 
 
-def _of(row: dict[str, Any], name: str) -> str:
+def _interval(row: dict[str, Any], name: str) -> str:
     low, high = (_number(row[f"{name}_{end}"]) for end in ("low", "high"))
     return f"{_number(row[name])} ({low} .. {high})"
 

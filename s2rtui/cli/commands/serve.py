@@ -1,4 +1,4 @@
-"""`s2r serve`: the application on a store, in a browser on this machine."""
+"""`s2r serve`: serve the application on a store to browsers on this machine."""
 
 from __future__ import annotations
 
@@ -7,18 +7,24 @@ import ipaddress
 import os
 from pathlib import Path
 
-_INSTALL = "needs textual-serve; install it with `pip install 's2rtui[serve]'`"
+_INSTALL = "install it with `pip install 's2rtui[serve]'`"
+
+
+EXAMPLE = "s2r serve lab.s2r --port 8000"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path)
-    parser.add_argument("--host", default="127.0.0.1", help="address to listen on")
-    parser.add_argument("--port", type=int, default=8000)
-    parser.add_argument("--users", type=int, default=8, help="pages at a time (default 8)")
-    parser.add_argument(
+    parser.add_argument("store", type=Path, help="store folder")
+    network = parser.add_argument_group("network")
+    network.add_argument("--host", default="127.0.0.1",
+                         help="address to listen on (default 127.0.0.1)")  # fmt: skip
+    network.add_argument("--port", type=int, default=8000, help="TCP port (default 8000)")
+    network.add_argument("--users", type=int, default=8,
+                         help="sessions at the same time (default 8)")  # fmt: skip
+    network.add_argument(
         "--public", action="store_true",
-        help="allow other addresses than loopback: whoever has the address with its token "
-        "reads the store, and nothing is encrypted",
+        help="allow an address other than loopback; everybody who has the address with its token "
+        "can read the store, and the connection is not encrypted",
     )  # fmt: skip
 
 
@@ -29,18 +35,21 @@ def execute(options: argparse.Namespace) -> int:
     _check(options)
     s2rstore.open(options.store).close()
     try:
-        from s2rtui.web.server import Served, StoreServer
+        from s2rtui.web.server import ServerSettings, StoreServer
     except ModuleNotFoundError as error:
-        raise RequestError(f"serve: {error.name} is missing; it {_INSTALL}") from error
-    _prepare_environment()
-    where = options.host, options.port
-    served = Served(options.store, *where, options.users, options.public)
-    try:
-        StoreServer(served).serve()
-    except OSError as error:
-        told = f"{options.host}:{options.port}: cannot be listened on"
         raise RequestError(
-            f"{told} ({os.strerror(error.errno or 0)}); try another --port"
+            f"serve: the Python package {error.name} is missing; {_INSTALL}"
+        ) from error
+    _prepare_environment()
+    settings = ServerSettings(
+        options.store, options.host, options.port, options.users, options.public
+    )
+    try:
+        StoreServer(settings).serve()
+    except OSError as error:
+        reason = os.strerror(error.errno or 0)
+        raise RequestError(
+            f"{options.host}:{options.port}: cannot listen ({reason}); try another --port"
         ) from error
     return 0
 
@@ -49,13 +58,13 @@ def _check(options: argparse.Namespace) -> None:
     from s2rstore.errors import RequestError
 
     if not 1 <= options.port <= 65535:
-        raise RequestError(f"--port {options.port}: 1 .. 65535")
+        raise RequestError(f"--port {options.port}: must be 1 to 65535")
     if options.users < 1:
-        raise RequestError(f"--users {options.users}: at least 1")
+        raise RequestError(f"--users {options.users}: must be at least 1")
     if not options.public and not _is_loopback(options.host):
         raise RequestError(
-            f"--host {options.host}: others could reach it, and nothing is encrypted; "
-            "keep 127.0.0.1 and use `ssh -L`, or give --public where that is meant"
+            f"--host {options.host}: is reachable from other machines, without "
+            "encryption; use 127.0.0.1 with `ssh -L`, or confirm with --public"
         )
 
 
@@ -67,6 +76,6 @@ def _is_loopback(host: str) -> bool:
 
 
 def _prepare_environment() -> None:
-    """The terminal in the page is always the same, whatever this one is."""
+    """Describe the terminal in the page, which does not depend on this one."""
     os.environ.pop("NO_COLOR", None)
     os.environ.update(TERM="xterm-256color", COLORTERM="truecolor", LC_ALL="C.UTF-8")

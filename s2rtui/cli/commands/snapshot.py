@@ -1,4 +1,4 @@
-"""`s2r snapshot`: the application's screen after given keys, as PNG or text."""
+"""`s2r snapshot`: write a screenshot of the application after a sequence of keys."""
 
 from __future__ import annotations
 
@@ -8,16 +8,22 @@ from pathlib import Path
 
 from s2rtui.cli.formatting import rows
 
+EXAMPLE = "s2r snapshot lab.s2r --size 160x48 --keys w,right,space --out screen.png"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path)
-    parser.add_argument("--size", default="120x40", help="columns x rows (default 120x40)")
-    parser.add_argument("--keys", default="", help="comma separated, for example w,&,right,space")
-    parser.add_argument("--run", help="the run to begin with (default: the first)")
-    parser.add_argument("--ascii", action="store_true", help="ASCII characters only")
-    parser.add_argument("--colour", default="truecolor", help="truecolor, 256, 16 or none")
-    parser.add_argument("--light", action="store_true", help="light background")
-    parser.add_argument("--out", type=Path, required=True, help="F.png or F.txt")
+    parser.add_argument("store", type=Path, help="store folder")
+    parser.add_argument("--run", help="initial run (default: the first)")
+    parser.add_argument("--keys", default="", metavar="KEY,...",
+                        help="keys to press, for example w,&,right,space")  # fmt: skip
+    parser.add_argument("--out", type=Path, required=True, help="output file, *.png or *.txt")
+    screen = parser.add_argument_group("screen")
+    screen.add_argument("--size", default="120x40", metavar="COLUMNSxROWS",
+                        help="size in characters (default 120x40)")  # fmt: skip
+    screen.add_argument("--ascii", action="store_true", help="use ASCII characters only")
+    screen.add_argument("--colour", default="truecolor",
+                        help="truecolor, 256, 16 or none (default truecolor)")  # fmt: skip
+    screen.add_argument("--light", action="store_true", help="use a light background")
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -30,16 +36,20 @@ def execute(options: argparse.Namespace) -> int:
     try:
         mode = ColourMode(options.colour)
     except ValueError:
-        raise RequestError(f"--colour {options.colour}: truecolor, 256, 16 or none") from None
-    look = RenderOptions(LIGHT if options.light else DARK, mode, options.ascii)
+        raise RequestError(
+            f"--colour {options.colour}: must be truecolor, 256, 16 or none"
+        ) from None
+    render_options = RenderOptions(LIGHT if options.light else DARK, mode, options.ascii)
     from s2rtui.app.pilot import is_key, snapshot
 
     keys = [key.strip() for key in options.keys.split(",") if key.strip()]
     unknown = [key for key in keys if not is_key(key)]
     if unknown:
-        raise RequestError(f"--keys {unknown[0]}: no key; letters, or such as enter, right, tab")
-    shot = snapshot(options.store, size, keys, look, options.run)
-    content = shot.text.encode() if options.out.suffix == ".txt" else shot.png(look)
+        raise RequestError(
+            f"--keys {unknown[0]}: unknown key; use characters, or names such as enter, right, tab"
+        )
+    shot = snapshot(options.store, size, keys, render_options, options.run)
+    content = shot.text.encode() if options.out.suffix == ".txt" else shot.png(render_options)
     rows.write_file(options.out, content)
     return 0
 
@@ -48,7 +58,8 @@ def _size(text: str) -> tuple[int, int]:
     from s2rstore.errors import RequestError
     from s2rtui.terminal.size_limits import COLUMNS, ROWS
 
-    found = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text)
-    if not found or not (20 <= int(found[1]) <= COLUMNS and 5 <= int(found[2]) <= ROWS):
-        raise RequestError(f"--size {text}: 20x5 .. {COLUMNS}x{ROWS} columns x rows, as 120x40")
-    return int(found[1]), int(found[2])
+    size = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text)
+    if not size or not (20 <= int(size[1]) <= COLUMNS and 5 <= int(size[2]) <= ROWS):
+        limits = f"20x5 to {COLUMNS}x{ROWS}"
+        raise RequestError(f"--size {text}: must be columns x rows from {limits}, such as 120x40")
+    return int(size[1]), int(size[2])

@@ -1,4 +1,4 @@
-"""`s2r sql`: a query on the index, on a connection that can neither write nor reach other files."""
+"""`s2r sql`: run a query on the index; the connection is read-only and sees no other files."""
 
 from __future__ import annotations
 
@@ -20,23 +20,27 @@ DEFAULT_MEMORY = "400MB"
 
 _MEMORY = re.compile(r"(\d{1,6})(MB|GB)\Z")
 _BYTES = {"MB": 10**6, "GB": 10**9}
-_ROWS_AT_ONCE = 10_000
-_OVERHEAD = 100 * 10**6
-"""Bytes beside DuckDB's own: the rows as Python objects and the printed text."""
+_FETCH_ROWS = 10_000
+_OVERHEAD_BYTES = 100 * 10**6
+"""Memory beside that of DuckDB: the rows as Python objects and the printed text."""
+
+
+EXAMPLE = 's2r sql lab.s2r "SELECT run, avg(gap) FROM pair GROUP BY run"'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store")
-    parser.add_argument("sql", help="for example: SELECT run, avg(gap) FROM pair GROUP BY run")
-    parser.add_argument(
+    parser.add_argument("store", help="store folder")
+    parser.add_argument("sql", help="SQL statement (DuckDB)")
+    limits = parser.add_argument_group("limits")
+    limits.add_argument(
         "--timeout", type=float, default=DEFAULT_TIMEOUT, metavar="SECONDS",
-        help=f"stop the query after this time (default {DEFAULT_TIMEOUT:g})",
+        help=f"time after which the query is stopped (default {DEFAULT_TIMEOUT:g})",
     )  # fmt: skip
-    parser.add_argument(
+    limits.add_argument(
         "--memory", default=DEFAULT_MEMORY, metavar="SIZE",
-        help=f"memory for the query and its rows, such as 2GB (default {DEFAULT_MEMORY})",
+        help=f"memory limit of the query and its rows, such as 2GB (default {DEFAULT_MEMORY})",
     )  # fmt: skip
-    output.add_format(parser)
+    output.add_output_options(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -45,9 +49,9 @@ def execute(options: argparse.Namespace) -> int:
 
     size = _MEMORY.match(options.memory)
     if size is None or int(size[1]) == 0:
-        raise RequestError(f"--memory {options.memory}: a whole number of MB or GB, such as 2GB")
+        raise RequestError(f"--memory {options.memory}: must be whole MB or GB, such as 2GB")
     if not 0 < options.timeout < 1e6:
-        raise RequestError(f"--timeout {options.timeout:g}: seconds, more than 0")
+        raise RequestError(f"--timeout {options.timeout:g}: must be seconds, more than 0")
     with s2rstore.open(Path(options.store), options.memory) as store:
         names, rows = _run(store.connection(), options, int(size[1]) * _BYTES[size[2]])
     output.write(names, rows, options)
@@ -57,26 +61,27 @@ def execute(options: argparse.Namespace) -> int:
 def _run(
     connection: duckdb.DuckDBPyConnection, options: argparse.Namespace, memory: int
 ) -> tuple[list[str], Rows]:
-    """Column names and rows; RequestError where the query fails or reaches a limit.
+    """Return column names and rows. Raises RequestError if the query fails or reaches a limit.
 
-    The query runs in a thread of its own, so that this one hears ctrl-c.
+    The query runs in another thread, so that this one can handle ctrl+c.
     """
     import duckdb
 
     from s2rstore.errors import RequestError
     from s2rstore.security.memory_limit import bounded_memory
 
-    with bounded_memory(memory + _OVERHEAD), ThreadPoolExecutor(1) as pool:
+    with bounded_memory(memory + _OVERHEAD_BYTES), ThreadPoolExecutor(1) as pool:
         query = pool.submit(_fetch, connection, options.sql)
         try:
             names, rows = query.result(options.timeout)
         except TimeoutError:
             raise RequestError(
-                f"sql: stopped after {options.timeout:g} s; select less, or raise --timeout"
+                f"sql: the query was stopped after {options.timeout:g} s; "
+                "select less, or raise --timeout"
             ) from None
         except (MemoryError, duckdb.OutOfMemoryException):
             raise RequestError(
-                f"sql: stopped, it needs more than {options.memory} of memory; "
+                f"sql: the query was stopped at {options.memory} of memory; "
                 "select less, or raise --memory"
             ) from None
         except duckdb.Error as error:
@@ -87,7 +92,7 @@ def _run(
                 connection.interrupt()
                 wait([query], 0.05)
     if not names:
-        raise RequestError("sql: no statement that returns rows")
+        raise RequestError("sql: there is no statement that returns rows; give a SELECT")
     return names, rows
 
 
@@ -97,6 +102,6 @@ def _fetch(connection: duckdb.DuckDBPyConnection, sql: str) -> tuple[list[str], 
         return [], []
     names = [column[0] for column in result.description or ()]
     rows: Rows = []
-    while names and (fetched := result.fetchmany(_ROWS_AT_ONCE)):
+    while names and (fetched := result.fetchmany(_FETCH_ROWS)):
         rows += fetched
     return names, rows

@@ -1,4 +1,4 @@
-"""`s2r sysid`: a simulator's parameters from recorded drives, with intervals and warnings."""
+"""`s2r sysid`: identify simulator parameters from recorded drives, with intervals."""
 
 from __future__ import annotations
 
@@ -15,29 +15,38 @@ if TYPE_CHECKING:
     from s2rtools.sysid.parameter_space import Range
 
 
+EXAMPLE = "s2r sysid drives/ --simulator planar --out identified/"
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("drives", type=Path,
-                        help="folder of folders with real.csv, sim.csv, commands.csv")  # fmt: skip
-    parser.add_argument("--simulator", default="planar", help="planar or mujoco (default planar)")
-    parser.add_argument("--parameters",
-                        help="searched, as mass,friction (default: the simulator's); "
-                        "the latency always is")  # fmt: skip
-    parser.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE",
-                        help="a known value, as track=0.4 (repeat)")  # fmt: skip
-    parser.add_argument("--range", action="append", default=[], metavar="NAME=LOW..HIGH[:log]",
-                        help="where to search, as latency=0..0.5 (repeat)")  # fmt: skip
-    parser.add_argument("--topic", help="of poses, in ROS bags that have several")
-    parser.add_argument("--seeds", type=int, default=3, help="searches (default 3)")
-    parser.add_argument("--evaluations", type=int, help="of the simulator, per search")
-    parser.add_argument("--held-out", type=int, metavar="N",
-                        help="drives that only judge (default a quarter)")  # fmt: skip
-    parser.add_argument("--window", type=float, default=3.0,
-                        help="seconds between restarts from real states (default 3)")  # fmt: skip
-    parser.add_argument("--residual", action="store_true",
-                        help="learn what the simulator leaves; kept only if it helps")  # fmt: skip
-    parser.add_argument("--seed", type=int, default=1, help="of all chance (default 1)")
-    parser.add_argument("--out", type=Path, required=True, help="folder for the results")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+                        help="folder of drives: NAME/real.csv, sim.csv, commands.csv")  # fmt: skip
+    parser.add_argument("--topic", help="ROS topic that carries the poses")
+    model = parser.add_argument_group("simulator")
+    model.add_argument("--simulator", default="planar", help="planar or mujoco (default planar)")
+    model.add_argument("--parameters", metavar="NAME,...",
+                       help="parameters to estimate beside the latency, such as mass,friction "
+                       "(default: those of the simulator)")  # fmt: skip
+    model.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE",
+                       help="known parameter value, such as track=0.4 (repeatable)")  # fmt: skip
+    model.add_argument("--range", action="append", default=[], metavar="NAME=LOW..HIGH[:log]",
+                       help="search range, such as latency=0..0.5 (repeatable)")  # fmt: skip
+    search = parser.add_argument_group("search")
+    search.add_argument("--seeds", type=int, default=3, help="independent searches (default 3)")
+    search.add_argument("--seed", type=int, default=1, help="random seed (default 1)")
+    search.add_argument("--evaluations", type=int,
+                        help="evaluations of the simulator per search")  # fmt: skip
+    search.add_argument("--held-out", type=int, metavar="N",
+                        help="drives used for validation only (default: a quarter)")  # fmt: skip
+    search.add_argument("--window", type=float, default=3.0, metavar="SECONDS",
+                        help="time after which a simulation restarts from the recorded state "
+                        "(default 3)")  # fmt: skip
+    search.add_argument("--residual", action="store_true",
+                        help="train a network on the residuals; it is kept only if it helps "
+                        "on the held-out drives")  # fmt: skip
+    output = parser.add_argument_group("output")
+    output.add_argument("--out", type=Path, required=True, help="folder for the results")
+    output.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -53,72 +62,72 @@ def execute(options: argparse.Namespace) -> int:
     )  # fmt: skip
     report.check_writable(options.out)
     drives = read_drives(options.drives, options.topic)
-    with reporter() as told:
-        found = identify(drives, settings, told)
-        residual, coarse = None, None
+    with reporter() as progress:
+        identification = identify(drives, settings, progress)
+        residual, residual_error = None, None
         if options.residual:
             try:
-                residual = learn(found, told)
+                residual = learn(identification, progress)
             except InconclusiveError as error:
-                coarse = error
-    result = report.write(options.out, found, residual)
+                residual_error = error
+    result = report.write(options.out, identification, residual)
     if options.json:
         json.dump(result, sys.stdout, indent=1)
         print()
     else:
         print(report.table(result), end="")
-    _judge(str(options.drives), found)
-    if coarse is not None:
-        raise coarse
+    _check_conclusive(str(options.drives), identification)
+    if residual_error is not None:
+        raise residual_error
     return 0
 
 
-def _judge(drives: str, found: Identification) -> None:
-    """Raises InconclusiveError for estimates that are not to be trusted, with what to do."""
-    if found.at_ends:
+def _check_conclusive(drives: str, identification: Identification) -> None:
+    """Raise InconclusiveError for estimates that cannot be trusted."""
+    if identification.at_ends:
         raise InconclusiveError(
-            f"{drives}: {', '.join(found.at_ends)} at the end of the range; "
-            "give another with --range, or --fix what is known"
+            f"{drives}: {', '.join(identification.at_ends)} at a bound of the search range; "
+            "widen it with --range, or set known parameters with --fix"
         )
-    if found.identifiability.undetermined:
-        names_open = ", ".join(found.identifiability.undetermined)
+    if identification.identifiability.undetermined:
+        names = ", ".join(identification.identifiability.undetermined)
         raise InconclusiveError(
-            f"{drives}: these drives do not determine {names_open}; "
-            "record more varied drives, or --fix what is known"
+            f"{drives}: these drives do not determine {names}; "
+            "record more varied drives, or set known parameters with --fix"
         )
-    if found.unsettled:
+    if identification.unsettled:
         raise InconclusiveError(
-            f"{drives}: the search has not settled ({', '.join(found.unsettled)} outside "
-            "its interval); give more --evaluations or --seeds"
+            f"{drives}: the searches disagree ({', '.join(identification.unsettled)} outside "
+            "its interval); raise --evaluations or --seeds"
         )
 
 
 def _names(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(",") if name.strip())
     if not names:
-        raise RequestError("--parameters: give names, as mass,friction")
+        raise RequestError("--parameters: is empty; give names such as mass,friction")
     return names
 
 
-def _fixed(words: list[str]) -> dict[str, float]:
-    found = {}
-    for word in words:
-        name, _, value = word.partition("=")
+def _fixed(texts: list[str]) -> dict[str, float]:
+    values = {}
+    for text in texts:
+        name, _, value = text.partition("=")
         try:
-            found[name.strip()] = float(value)
+            values[name.strip()] = float(value)
         except ValueError:
-            raise RequestError(f"--fix {word}: give NAME=VALUE, as track=0.4") from None
-    return found
+            raise RequestError(f"--fix {text}: must be NAME=VALUE, such as track=0.4") from None
+    return values
 
 
-def _ranges(words: list[str]) -> dict[str, Range]:
+def _ranges(texts: list[str]) -> dict[str, Range]:
     from s2rtools.sysid.parameter_space import parse_range
 
-    found = {}
-    for word in words:
-        name, _, text = word.partition("=")
+    ranges = {}
+    for text in texts:
+        name, _, bounds = text.partition("=")
         try:
-            found[name.strip()] = parse_range(text)
+            ranges[name.strip()] = parse_range(bounds)
         except RequestError as error:
-            raise RequestError(f"--range {word}: NAME={error}") from None
-    return found
+            raise RequestError(f"--range {text}: NAME={error}") from None
+    return ranges

@@ -1,22 +1,27 @@
-"""`s2r train`: train a model with a recipe; registers the model and a run of it."""
+"""`s2r train`: train a model with a recipe and register it with a run."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
+EXAMPLE = "s2r train --recipe finetune --from vanilla --minutes 10 --store lab.s2r"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    parser.add_argument("--store", type=Path, required=True, help="store folder")
+    model = parser.add_argument_group("model")
+    model.add_argument(
         "--recipe", required=True, help="vanilla, dataaug, finetune (with --from) or perlin"
     )
-    parser.add_argument("--store", type=Path, required=True)
-    parser.add_argument("--from", dest="start", metavar="RUN", help="train this run's model on")
-    parser.add_argument("--name", help="of the model and the run (default: the recipe)")
-    parser.add_argument("--arch", default="resposenet", help="architecture (default resposenet)")
-    parser.add_argument("--minutes", type=float, default=2.0, help="time to train (default 2)")
-    parser.add_argument("--steps", type=int, help="batches to train, in place of --minutes")
-    parser.add_argument("--seed", type=int, default=0)
+    model.add_argument("--from", dest="start", metavar="RUN",
+                       help="continue with the model of this run")  # fmt: skip
+    model.add_argument("--name", help="name of the model and its run (default: the recipe)")
+    model.add_argument("--arch", default="resposenet", help="architecture (default resposenet)")
+    budget = parser.add_argument_group("budget")
+    budget.add_argument("--minutes", type=float, default=2.0, help="training time (default 2)")
+    budget.add_argument("--steps", type=int, help="number of batches, in place of --minutes")
+    budget.add_argument("--seed", type=int, default=0, help="random seed (default 0)")
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -25,19 +30,19 @@ def execute(options: argparse.Namespace) -> int:
 
     from s2rstore.errors import RequestError
     from s2rtools.training.train_into_store import TrainingRequest, train_into_store
-    from s2rtui.cli.formatting.progress import percent, reporter
+    from s2rtui.cli.formatting.progress import percent_callback, reporter
 
     if not 0 < options.minutes <= 10_000 or (options.steps is not None and options.steps < 1):
-        raise RequestError("--minutes, --steps: more than 0; --minutes at most 10000")
+        raise RequestError("--minutes, --steps: must be more than 0, and --minutes at most 10000")
     if not 0 <= options.seed < 2**31:
-        raise RequestError("--seed: 0 .. 2147483647")
+        raise RequestError("--seed: must be 0 to 2147483647")
     request = TrainingRequest(
         options.recipe, options.name, options.start, options.arch, options.minutes, options.steps,
         options.seed,
     )  # fmt: skip
     command = shlex.join(["s2r", *sys.argv[1:]])
-    with reporter() as told:
-        report = percent(told, f"train {options.name or options.recipe}")
+    with reporter() as progress:
+        report = percent_callback(progress, f"train {options.name or options.recipe}")
         name = train_into_store(options.store, request, report, command)
-    print(f"{options.store}: run {name} registered; `s2r precompute {options.store}` fills it")
+    print(f"{options.store}: run {name} registered; next: `s2r precompute {options.store}`")
     return 0

@@ -1,4 +1,4 @@
-"""`s2r verify`: does all that the published generation promises lie there, undamaged?"""
+"""`s2r verify`: check that the published generation is complete and undamaged."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from pathlib import Path
 
 from s2rtui.cli.formatting import rows
 
+EXAMPLE = "s2r verify lab.s2r"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path)
-    rows.add_format(parser, with_parquet=False)
+    parser.add_argument("store", type=Path, help="store folder")
+    rows.add_output_options(parser, with_parquet=False)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -19,13 +21,13 @@ def execute(options: argparse.Namespace) -> int:
     from s2rstore.security.printable_text import printable
 
     report = check(options.store)
-    found = report.damages
-    if found or options.format != "table":
-        rows.write(("where", "what"), [(d.where, d.what) for d in found], options)
+    damages = report.damages
+    if damages or options.format != "table":
+        rows.write(("where", "what"), [(d.where, d.what) for d in damages], options)
     for note in report.notes:
         print(f"note: {printable(note)}", file=sys.stderr)
-    if not found:
+    if not damages:
         quiet = options.format != "table" or options.out is not None
-        line = f"{printable(str(options.store))}: nothing wrong"
+        line = f"{printable(str(options.store))}: no damage found"
         print(line, file=sys.stderr if quiet else sys.stdout)
-    return 1 if found else 0
+    return 1 if damages else 0

@@ -1,4 +1,4 @@
-"""A gap's report as text."""
+"""The text of a gap report: axes, rank consistency, golden run and verdict."""
 
 from __future__ import annotations
 
@@ -8,38 +8,38 @@ from typing import Any
 from s2rstore.gap_history.gate_status import report_outcome
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rtui.cli.formatting import rows as output
-from s2rtui.cli.formatting.gap_details import bounds, details
+from s2rtui.cli.formatting.gap_details import details, with_interval
 
 
-def tables(found: dict[str, Any], with_details: bool = False, froze: bool = False) -> str:
-    """The axes, what could not be measured, and last what the exit code says.
+def gap_text(report: dict[str, Any], with_details: bool = False, frozen: bool = False) -> str:
+    """Return the axes, the axes that are missing, and the outcome.
 
-    `froze`: a scale or a golden run was taken of it.
+    `frozen`: a reference scale or a golden run was written from this report.
     """
-    return "\n".join([*_lines(found, with_details), _decided(found, froze)])
+    return "\n".join([*_lines(report, with_details), _outcome(report, frozen)])
 
 
-def _lines(found: dict[str, Any], with_details: bool) -> Iterator[str]:
+def _lines(report: dict[str, Any], with_details: bool) -> Iterator[str]:
     yield (
-        f"run {found['run']}, model {found['model']}, {found['selected']} instances "
-        f"({found['expression']})\n"
+        f"run {report['run']}, model {report['model']}, {report['selected']} instances "
+        f"({report['expression']})\n"
     )
-    yield _axes(found["axes"])
-    for each in found["axes"]:
-        yield from _said(each)
-    for each in found["axes"] if with_details else ():
-        yield f"\n{each['axis'].upper()}\nfloor {each['floor_is']}"
-        yield from details(each)
-    for axis, why in (found["absent"] | found["inconclusive"]).items():
-        yield f"  {axis}: not measured: {why}"
-    if found["across"]:
-        yield from _across(found["across"])
-    if found["golden"]:
-        yield _golden(found["golden"])
-    if found["reference"]:
-        made = found["reference"]["made_from"]
-        told = (f"{name} {made.get(name, '?')}" for name in ("dataset", "run", "expression"))
-        yield f"  the scale was frozen of {', '.join(told)}"
+    yield _axes(report["axes"])
+    for axis in report["axes"]:
+        yield from _notes(axis)
+    for axis in report["axes"] if with_details else ():
+        yield f"\n{axis['axis'].upper()}\nfloor {axis['floor_is']}"
+        yield from details(axis)
+    for name, reason in (report["absent"] | report["inconclusive"]).items():
+        yield f"  {name}: not measured: {reason}"
+    if report["across"]:
+        yield from _rank_consistency(report["across"])
+    if report["golden"]:
+        yield _golden(report["golden"])
+    if report["reference"]:
+        source = report["reference"]["made_from"]
+        parts = (f"{name} {source.get(name, '?')}" for name in ("dataset", "run", "expression"))
+        yield f"  reference scale frozen from {', '.join(parts)}"
 
 
 def _axes(axes: list[dict[str, Any]]) -> str:
@@ -47,64 +47,65 @@ def _axes(axes: list[dict[str, Any]]) -> str:
     names = ("axis", "m", f"value {level}", "floor", "unit", "n", f"G {level}")
     rows = [
         (
-            each["axis"], each["measure"], bounds(each, "value"), _floor(each), each["unit"],
-            each["n"], bounds(each, "gap", 1),
+            axis["axis"], axis["measure"], with_interval(axis, "value"), _floor(axis), axis["unit"],
+            axis["n"], with_interval(axis, "gap", 1),
         )
-        for each in axes
+        for axis in axes
     ]  # fmt: skip
     return output.table(names, rows)
 
 
 def _floor(axis: dict[str, Any]) -> str:
-    """Without an interval where nothing about it was measured."""
+    """Return the floor; without an interval if it is a constant."""
     if axis["floor_low"] == axis["floor"] == axis["floor_high"]:
         return f"{axis['floor']:g}"
-    return bounds(axis, "floor")
+    return with_interval(axis, "floor")
 
 
-def _said(axis: dict[str, Any]) -> Iterator[str]:
-    """What 100 is, and the notes."""
+def _notes(axis: dict[str, Any]) -> Iterator[str]:
+    """Yield the meaning of G = 100, and the notes."""
     if "anchor" in axis:
         yield (
-            f"  {axis['axis']}: G 100 is {bounds(axis, 'anchor')} {axis['unit']}: "
+            f"  {axis['axis']}: G 100 is {with_interval(axis, 'anchor')} {axis['unit']}: "
             f"{axis['anchor_state']}"
         )
     yield from (f"  {axis['axis']}: {note}" for note in axis["notes"])
 
 
-def _across(across: dict[str, Any]) -> Iterator[str]:
+def _rank_consistency(across: dict[str, Any]) -> Iterator[str]:
     if "refused" in across:
         yield f"  across runs: {across['refused']}"
         return
     for name, key in (("Sim-vs-Real correlation", "srcc"), ("MMRV", "mmrv")):
-        yield f"  across {len(across['runs'])} runs: {name} {bounds(across, key, 2)}"
+        yield f"  across {len(across['runs'])} runs: {name} {with_interval(across, key, 2)}"
 
 
 def _golden(golden: dict[str, Any]) -> str:
-    missing = f"{golden['missing']} of it are not here" if golden["missing"] else ""
-    told = (
-        f"golden run: {golden['outcome']}: mean real error changed by {bounds(golden, 'change')} m "
-        f"over {golden['n']} instances, margin {golden['margin']:g} m"
+    missing = f"{golden['missing']} of its instances are missing" if golden["missing"] else ""
+    text = (
+        f"golden run: {golden['outcome']}: mean real error changed by "
+        f"{with_interval(golden, 'change')} m over {golden['n']} instances, "
+        f"margin {golden['margin']:g} m"
     )
-    return "; ".join(part for part in (told, missing, golden["reason"]) if part)
+    return "; ".join(part for part in (text, missing, golden["reason"]) if part)
 
 
-def _decided(found: dict[str, Any], froze: bool) -> str:
-    word = report_outcome(found)
-    if word is None and froze:
-        return "\nnothing is judged yet: `--reference` and `--golden` judge by what was frozen"
-    if word is not None and not found["reference"]:
-        return f"\n{word}: by the golden run alone; `--reference REF.json` judges G, too"
-    told = _verdict(found["verdict"])
-    if word is not None and word != found["verdict"]["outcome"]:
-        told += f"\n{word}: with the golden run"
-    return told
+def _outcome(report: dict[str, Any], frozen: bool) -> str:
+    outcome = report_outcome(report)
+    if outcome is None and frozen:
+        return "\nnot judged yet: give the frozen files to --reference and --golden"
+    if outcome is not None and not report["reference"]:
+        return f"\n{outcome}: by the golden run alone; give --reference FILE to judge G as well"
+    text = _verdict(report["verdict"])
+    if outcome is not None and outcome != report["verdict"]["outcome"]:
+        text += f"\n{outcome}: with the golden run"
+    return text
 
 
 def _verdict(verdict: dict[str, Any]) -> str:
     if verdict["worst"] is None:
         return f"\n{verdict['outcome']}: {verdict['reason']}"
     return (
-        f"\n{verdict['outcome']}: gap {bounds(verdict, 'gap', 1)}, worst axis {verdict['worst']}; "
-        f"{verdict['reason']}"
+        f"\n{verdict['outcome']}: gap {with_interval(verdict, 'gap', 1)}, "
+        f"worst axis {verdict['worst']}; {verdict['reason']}"
     )

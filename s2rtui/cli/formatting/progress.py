@@ -1,4 +1,4 @@
-"""Progress of long work: a bar on a terminal, a line now and then in a log."""
+"""Progress of long operations: a bar on a terminal, occasional lines in a log, or JSON."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _LOG_SECONDS = 10.0
 
 
 class Reporter(Protocol):
-    """Told of stages of work: `begin` one of `total` steps, `advance` it, `say` a line."""
+    """Receiver of progress: `begin` a stage of `total` steps, `advance` it, `say` a line."""
 
-    def begin(self, what: str, total: int) -> None: ...
+    def begin(self, stage: str, total: int) -> None: ...
     def advance(self, steps: int) -> None: ...
     def say(self, line: str) -> None: ...
 
@@ -29,47 +29,48 @@ class LogReporter:
     """Writes a line to standard error at the start, every ten seconds and at the end of a stage."""
 
     def __init__(self) -> None:
-        self._what, self._total, self._done = "", 0, 0
-        self._started = self._told = 0.0
+        self._stage, self._total, self._done = "", 0, 0
+        self._started = self._last_line = 0.0
 
-    def begin(self, what: str, total: int) -> None:
-        self._what, self._total, self._done = what, total, 0
-        self._started = self._told = time.monotonic()
+    def begin(self, stage: str, total: int) -> None:
+        self._stage, self._total, self._done = stage, total, 0
+        self._started = self._last_line = time.monotonic()
 
     def advance(self, steps: int) -> None:
         self._done += steps
         now = time.monotonic()
         finished = self._done >= self._total
-        if finished or now - self._told >= _LOG_SECONDS:
-            self._told = now
-            self.say(f"{self._what}: {self._done}/{self._total}, {now - self._started:.0f} s")
+        if finished or now - self._last_line >= _LOG_SECONDS:
+            self._last_line = now
+            self.say(f"{self._stage}: {self._done}/{self._total}, {now - self._started:.0f} s")
 
     def say(self, line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
 
 class JsonReporter:
-    """Writes a JSON object per line to standard output, {"stage", "done", "total"} or {"said"};
-    goes on in silence when nobody reads them any more.
+    """Writes one JSON object per line to standard output: {"stage", "done", "total"} or {"said"}.
+
+    A closed pipe is ignored, so that the operation continues.
     """
 
     def __init__(self) -> None:
-        self._what, self._total, self._done = "", 0, 0
+        self._stage, self._total, self._done = "", 0, 0
 
-    def begin(self, what: str, total: int) -> None:
-        self._what, self._total, self._done = what, total, 0
+    def begin(self, stage: str, total: int) -> None:
+        self._stage, self._total, self._done = stage, total, 0
         self.advance(0)
 
     def advance(self, steps: int) -> None:
         self._done += steps
-        self._write({"stage": self._what, "done": self._done, "total": self._total})
+        self._write({"stage": self._stage, "done": self._done, "total": self._total})
 
     def say(self, line: str) -> None:
         self._write({"said": line})
 
-    def _write(self, told: dict[str, object]) -> None:
+    def _write(self, message: dict[str, object]) -> None:
         try:
-            print(json.dumps(told), flush=True)
+            print(json.dumps(message), flush=True)
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
@@ -81,8 +82,8 @@ class BarReporter:
         self._progress = progress
         self._task: Any = None
 
-    def begin(self, what: str, total: int) -> None:
-        self._task = self._progress.add_task(printable(what), total=total)
+    def begin(self, stage: str, total: int) -> None:
+        self._task = self._progress.add_task(printable(stage), total=total)
 
     def advance(self, steps: int) -> None:
         if self._task is not None:
@@ -92,9 +93,9 @@ class BarReporter:
         self._progress.console.print(printable(line), highlight=False, markup=False)
 
 
-def percent(told: Reporter, what: str) -> Callable[[float, float, float], None]:
-    """A callback (fraction done, last loss, seconds to go) that advances a stage of 100 steps."""
-    told.begin(what, 100)
+def percent_callback(reporter: Reporter, stage: str) -> Callable[[float, float, float], None]:
+    """Return a callback (fraction done, last loss, remaining seconds) of a stage of 100 steps."""
+    reporter.begin(stage, 100)
     done = 0
 
     def report(fraction: float, loss: float, seconds: float) -> None:
@@ -102,14 +103,14 @@ def percent(told: Reporter, what: str) -> Callable[[float, float, float], None]:
         steps = int(100 * fraction) - done
         if steps > 0:
             done += steps
-            told.advance(steps)
+            reporter.advance(steps)
 
     return report
 
 
 @contextmanager
 def reporter(style: Style = "auto") -> Iterator[Reporter]:
-    """The reporter that fits standard error, or JSON lines."""
+    """Yield a bar or a log on standard error, depending on whether it is a terminal, or JSON."""
     if style == "json":
         yield JsonReporter()
         return

@@ -1,4 +1,4 @@
-"""Rows as a table, CSV, JSON or Parquet: one door for every command that prints rows."""
+"""Output of rows as a table, CSV, JSON or Parquet, shared by all commands that print rows."""
 
 from __future__ import annotations
 
@@ -13,50 +13,47 @@ from typing import Any
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes
 from s2rstore.security.printable_text import printable
-from s2rtui.export.rows.formats import Rows, Told, csv_text, json_text, write_parquet
+from s2rtui.export.rows.formats import Metadata, Rows, csv_text, json_text, write_parquet
 
 FORMATS = ("table", "csv", "json", "parquet")
 
 
-def add_format(parser: argparse.ArgumentParser, with_parquet: bool = True) -> None:
+def add_output_options(parser: argparse.ArgumentParser, with_parquet: bool = True) -> None:
     """Add `--format`, `--json`, `--out` and `--safe-csv` to a command."""
-    formats = FORMATS if with_parquet else FORMATS[:-1]
-    parser.add_argument("--format", choices=formats, default="table")
-    parser.add_argument(
-        "--json",
-        action="store_const",
-        dest="format",
-        const="json",
-        help="the same as --format json",
-    )
-    parser.add_argument("--out", type=Path, help="write to this file, not to standard output")
-    add_safe_csv(parser)
+    group = parser.add_argument_group("output")
+    group.add_argument("--format", choices=FORMATS if with_parquet else FORMATS[:-1],
+                       default="table", help="output format (default table)")  # fmt: skip
+    group.add_argument("--json", action="store_const", dest="format", const="json",
+                       help="same as --format json")  # fmt: skip
+    group.add_argument("--out", type=Path, metavar="FILE",
+                       help="write to this file (default: standard output)")  # fmt: skip
+    add_safe_csv(group)
 
 
-def add_safe_csv(parser: argparse.ArgumentParser) -> None:
-    """Add `--safe-csv` to a command."""
+def add_safe_csv(parser: argparse._ActionsContainer) -> None:
+    """Add `--safe-csv` to a command or a group of options."""
     parser.add_argument(
         "--safe-csv", action="store_true",
-        help="CSV for spreadsheets: text that could run as a formula begins with an apostrophe",
+        help="write CSV for spreadsheets: text that could be a formula begins with an apostrophe",
     )  # fmt: skip
 
 
 def write(
-    names: Sequence[str], rows: Rows, options: argparse.Namespace, facts: Told | None = None
+    names: Sequence[str], rows: Rows, options: argparse.Namespace, metadata: Metadata | None = None
 ) -> None:
-    """Print rows in the chosen format, with facts about them where asked for.
+    """Write rows in the requested format to `--out` or standard output.
 
     Raises RequestError for Parquet without `--out`.
     """
     if options.format == "parquet":
         if options.out is None:
-            raise RequestError("--format parquet: give a file with --out")
-        write_parquet(names, rows, options.out, facts)
+            raise RequestError("--format parquet: needs --out FILE")
+        write_parquet(names, rows, options.out, metadata)
         return
     if options.format == "csv":
-        text = csv_text(names, rows, facts, options.safe_csv)
+        text = csv_text(names, rows, metadata, options.safe_csv)
     else:
-        text = {"table": table, "json": json_text}[options.format](names, rows, facts)
+        text = {"table": table, "json": json_text}[options.format](names, rows, metadata)
     if options.out is None:
         sys.stdout.write(text)
         return
@@ -64,7 +61,7 @@ def write(
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Whole or not at all, unless it is a device or a pipe. Raises RequestError."""
+    """Write a file atomically, or write to a device or pipe. Raises RequestError."""
     try:
         if path.exists() and not path.is_file():
             path.write_bytes(content)
@@ -74,8 +71,8 @@ def write_file(path: Path, content: bytes) -> None:
         raise RequestError(f"{path}: cannot be written ({error.strerror})") from error
 
 
-def table(names: Sequence[str], rows: Rows, facts: Told | None = None) -> str:
-    """Aligned columns under their names; before them a `key: value` line per fact."""
+def table(names: Sequence[str], rows: Rows, metadata: Metadata | None = None) -> str:
+    """Return aligned columns under their names, after one `key: value` line per metadata entry."""
     names = [_cell(name) for name in names]
     cells = [[_cell(value) for value in row] for row in rows]
     widths = [
@@ -94,8 +91,8 @@ def table(names: Sequence[str], rows: Rows, facts: Told | None = None) -> str:
         return "  ".join(padded).rstrip()
 
     rule = "  ".join("-" * width for width in widths)
-    told = [f"{key}: {_cell(value)}" for key, value in (facts or {}).items()]
-    return "\n".join([*told, line(names), rule, *(line(row) for row in cells)]) + "\n"
+    header = [f"{key}: {_cell(value)}" for key, value in (metadata or {}).items()]
+    return "\n".join([*header, line(names), rule, *(line(row) for row in cells)]) + "\n"
 
 
 def _cell(value: Any) -> str:

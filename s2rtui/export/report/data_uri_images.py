@@ -1,4 +1,4 @@
-"""Figures and images as data URIs, in the fewest bytes that look the same."""
+"""Figures and images as data URIs in the smallest WebP encoding that looks the same."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from s2rtui.canvas import DARK, LIGHT
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.paper import figure_format
 from s2rtui.charts.view import View
-from s2rtui.export.report.content import ReportImage, ReportTable
+from s2rtui.export.report.report_model import ReportImage, ReportTable
 
 _QUALITY = 92
-HALF = (1100, 760)
-_HALF_TYPE, _WIDE_TYPE = 1.45, 1.05
+_HALF_PAGE = (1100, 760)
+"""Size of a figure in pixels that takes half the width of the page."""
+_HALF_TYPE_SIZE, _WIDE_TYPE_SIZE = 1.45, 1.05
 
 
 def figure(
@@ -27,31 +28,34 @@ def figure(
     wide: tuple[int, int] | None = None,
     numbers: ReportTable | None = None,
 ) -> ReportImage:
-    """A view's figure, light and, if asked for, dark: `wide` pixels, or half a page."""
-    size = wide or HALF
+    """Draw a view for light and optionally dark screens.
+
+    `wide` is the size in pixels of a figure over the whole width of the page.
+    """
+    size = wide or _HALF_PAGE
     themes = (LIGHT, DARK) if dark else (LIGHT,)
-    with figure_format(type_size=_WIDE_TYPE if wide else _HALF_TYPE):
-        drawn = [_uri(Image.open(BytesIO(view.figure(scene, size, theme)))) for theme in themes]
+    with figure_format(type_size=_WIDE_TYPE_SIZE if wide else _HALF_TYPE_SIZE):
+        uris = [_data_uri(Image.open(BytesIO(view.figure(scene, size, theme)))) for theme in themes]
     return ReportImage(
-        drawn[0], size, view.summary(scene), dark=drawn[1] if dark else "", wide=wide is not None,
+        uris[0], size, view.summary(scene), dark=uris[1] if dark else "", wide=wide is not None,
         numbers=numbers,
     )  # fmt: skip
 
 
 def image(pixels: NDArray[np.uint8], alt: str, caption: str) -> ReportImage:
-    """An image (H, W, 3)."""
+    """Return an image (H, W, 3) as a `ReportImage`."""
     rows, columns = pixels.shape[:2]
-    return ReportImage(_uri(Image.fromarray(pixels)), (columns, rows), alt, caption)
+    return ReportImage(_data_uri(Image.fromarray(pixels)), (columns, rows), alt, caption)
 
 
-def _uri(picture: Image.Image) -> str:
-    """The smaller of a lossless and a nearly lossless WebP."""
-    plain = picture.convert("RGB")
-    found = [
-        _webp(plain, lossless=True, quality=60),
-        _webp(plain, lossless=False, quality=_QUALITY),
+def _data_uri(picture: Image.Image) -> str:
+    """Return the smaller of a lossless and a nearly lossless WebP encoding."""
+    rgb = picture.convert("RGB")
+    encodings = [
+        _webp(rgb, lossless=True, quality=60),
+        _webp(rgb, lossless=False, quality=_QUALITY),
     ]
-    return "data:image/webp;base64," + base64.b64encode(min(found, key=len)).decode()
+    return "data:image/webp;base64," + base64.b64encode(min(encodings, key=len)).decode()
 
 
 def _webp(picture: Image.Image, lossless: bool, quality: int) -> bytes:

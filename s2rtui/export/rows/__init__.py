@@ -1,1 +1,1 @@
-"""Rows for other programs: formats, and the instances of a selection with what it was true of."""
+"""Export of rows: file formats, and the instances of a selection with their metadata."""

@@ -1,4 +1,4 @@
-"""Rows as CSV, JSON and Parquet; `facts` say what they are, where a format has room for that."""
+"""Rows as CSV, JSON and Parquet, with metadata where the format has a place for it."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
-"""How a cell begins that a spreadsheet may run; the last four are the full-width signs."""
+"""First characters of a cell that a spreadsheet may run; the last four are full-width signs."""
 Rows = Sequence[Sequence[Any]]
-Told = Mapping[str, Any]
+Metadata = Mapping[str, Any]
 
 
 def csv_text(
-    names: Sequence[str], rows: Rows, facts: Told | None = None, safe: bool = False
+    names: Sequence[str], rows: Rows, metadata: Metadata | None = None, safe: bool = False
 ) -> str:
-    """A line of names, then the rows; before them a `# key: value` line per fact.
+    """Return a `# key: value` line per metadata entry, a line of names, and the rows.
 
-    `safe` text runs as a formula in no spreadsheet: every text is quoted, and begins with an
-    apostrophe where a formula could begin.
+    With `safe`, no spreadsheet runs a cell as a formula: every text is quoted, and an apostrophe
+    precedes text that could begin a formula.
     """
     buffer = io.StringIO()
     writer = csv.writer(
@@ -38,70 +38,79 @@ def csv_text(
         lineterminator="\n",
         quoting=csv.QUOTE_NONNUMERIC if safe else csv.QUOTE_MINIMAL,
     )
-    for key, value in (facts or {}).items():
-        fact = f"# {key}: {printable(' '.join(_text(value).splitlines()))}"
+    for key, value in (metadata or {}).items():
+        comment = f"# {key}: {printable(' '.join(_text(value).splitlines()))}"
         if safe:
-            writer.writerow([fact])
+            writer.writerow([comment])
         else:
-            buffer.write(f"{fact}\n")
-    writer.writerow([_literal(name) for name in names] if safe else names)
-    writer.writerows([[_literal(value) for value in row] for row in rows] if safe else rows)
+            buffer.write(f"{comment}\n")
+    writer.writerow([_spreadsheet_text(name) for name in names] if safe else names)
+    writer.writerows(
+        [[_spreadsheet_text(value) for value in row] for row in rows] if safe else rows
+    )
     return buffer.getvalue()
 
 
-def _literal(value: Any) -> Any:
-    """A cell that a spreadsheet takes as text, where it is text."""
+def _spreadsheet_text(value: Any) -> Any:
+    """Return a cell that a spreadsheet does not run as a formula."""
     if not isinstance(value, str):
         plain = value is None or isinstance(value, int | float | Decimal)
-        return value if plain else _literal(str(value))
+        return value if plain else _spreadsheet_text(str(value))
     return f"'{value}" if value.startswith(_FORMULA) else value
 
 
-def json_text(names: Sequence[str], rows: Rows, facts: Told | None = None) -> str:
-    """A list of objects; with facts an object of them whose `instances` is that list.
+def json_text(names: Sequence[str], rows: Rows, metadata: Metadata | None = None) -> str:
+    """Return a list of objects, or with metadata an object whose `instances` is that list.
 
-    Raises RequestError where two columns have one name.
+    Raises RequestError if two columns have the same name.
     """
-    _distinct(names)
-    listed = [{name: _plain(v) for name, v in zip(names, row, strict=True)} for row in rows]
-    whole = listed if facts is None else {**facts, "instances": listed}
-    return json.dumps(whole, indent=1, default=str, allow_nan=False) + "\n"
+    _check_unique(names)
+    objects = [{name: _json_value(v) for name, v in zip(names, row, strict=True)} for row in rows]
+    content = objects if metadata is None else {**metadata, "instances": objects}
+    return json.dumps(content, indent=1, default=str, allow_nan=False) + "\n"
 
 
-def save(
+def write_rows(
     target: Path,
     names: Sequence[str],
     rows: Rows,
-    facts: Told | None = None,
+    metadata: Metadata | None = None,
     safe_csv: bool = False,
 ) -> None:
-    """Write a file in the format that its end names. Raises RequestError, OSError."""
+    """Write a file in the format of its suffix. Raises RequestError, OSError."""
     if target.suffix == ".parquet":
-        write_parquet(names, rows, target, facts)
+        write_parquet(names, rows, target, metadata)
     else:
         is_csv = target.suffix == ".csv"
-        text = csv_text(names, rows, facts, safe_csv) if is_csv else json_text(names, rows, facts)
+        text = (
+            csv_text(names, rows, metadata, safe_csv)
+            if is_csv
+            else json_text(names, rows, metadata)
+        )
         target.write_text(text, encoding="utf-8")
 
 
 def write_parquet(
-    names: Sequence[str], rows: Rows, target: Path, facts: Told | None = None
+    names: Sequence[str], rows: Rows, target: Path, metadata: Metadata | None = None
 ) -> None:
-    """Columns go in by position, because their names are the user's text; facts as metadata.
+    """Write a Parquet file with `metadata` as its key-value metadata.
 
-    Raises RequestError where two columns have one name, or the file cannot be written.
+    The query refers to columns by position, because their names are text of the user. Raises
+    RequestError if two columns have the same name or the file cannot be written.
     """
     import duckdb
 
-    _distinct(names)
+    _check_unique(names)
     columns: dict[str, NDArray[Any]] = {}
     selected = []
     for number, name in enumerate(names):
-        kind, values, known = _column([row[number] for row in rows])
-        columns |= {f"v{number}": values, f"k{number}": known}
+        sql_type, values, present = _column([row[number] for row in rows])
+        columns |= {f"v{number}": values, f"k{number}": present}
         quoted = name.replace('"', '""')
-        selected.append(f'CASE WHEN k{number} THEN CAST(v{number} AS {kind}) END AS "{quoted}"')
-    options = "FORMAT parquet" + (f", KV_METADATA {{{_metadata(facts)}}}" if facts else "")
+        selected.append(f'CASE WHEN k{number} THEN CAST(v{number} AS {sql_type}) END AS "{quoted}"')
+    options = "FORMAT parquet" + (
+        f", KV_METADATA {{{_metadata_sql(metadata)}}}" if metadata else ""
+    )
     with duckdb.connect() as connection:
         connection.register("result", columns)
         query = f"SELECT {', '.join(selected)} FROM result"
@@ -112,8 +121,8 @@ def write_parquet(
             raise RequestError(f"{target}: cannot be written ({reason})") from error
 
 
-def _metadata(facts: Told) -> str:
-    return ", ".join(f"{_quoted(key)}: {_quoted(_text(value))}" for key, value in facts.items())
+def _metadata_sql(metadata: Metadata) -> str:
+    return ", ".join(f"{_quoted(key)}: {_quoted(_text(value))}" for key, value in metadata.items())
 
 
 def _quoted(text: str) -> str:
@@ -124,34 +133,34 @@ def _text(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, default=str)
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_json_value(item) for item in value]
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): _json_value(item) for key, item in value.items()}
     if isinstance(value, Decimal):
         value = float(value)
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _distinct(names: Sequence[str]) -> None:
+def _check_unique(names: Sequence[str]) -> None:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise RequestError(f"column {twice[0]!r} is there twice; name one of them with AS")
+        raise RequestError(f"column {twice[0]!r} appears twice; rename one of them with AS")
 
 
 def _column(values: list[Any]) -> tuple[str, NDArray[Any], NDArray[Any]]:
-    """The narrowest type that holds a column, its values, and which of them are there."""
+    """Return the narrowest SQL type of a column, its values, and a mask of those that are set."""
     import numpy as np
 
-    known = np.array([value is not None for value in values], dtype="bool")
-    kind, make, dtype, empty = _type([value for value in values if value is not None])
-    held = np.array([empty if value is None else make(value) for value in values], dtype=dtype)
-    return kind, held, known
+    present = np.array([value is not None for value in values], dtype="bool")
+    sql_type, convert, dtype, empty = _column_type([value for value in values if value is not None])
+    filled = np.array([empty if value is None else convert(value) for value in values], dtype=dtype)
+    return sql_type, filled, present
 
 
-def _type(values: list[Any]) -> tuple[str, Callable[[Any], Any], str, Any]:
-    """SQL type, what brings values there, the array's type, and what stands for no value."""
+def _column_type(values: list[Any]) -> tuple[str, Callable[[Any], Any], str, Any]:
+    """Return the SQL type, the conversion, the numpy type, and a filler for missing values."""
     if values and all(isinstance(value, bool) for value in values):
         return "BOOLEAN", bool, "bool", False
     if values and all(isinstance(v, int) and abs(v) < 2**63 for v in values):

@@ -103,6 +103,7 @@ def html(report: NightReport, plot: bytes) -> str:
         estimate_columns=ESTIMATE_COLUMNS,
         night_columns=NIGHT_COLUMNS,
     )
+    return html.lstrip()
 
 
 def _printable(value: object) -> object:

@@ -1,30 +1,30 @@
-"""What a report says, before it is a page: texts, tables and pictures."""
+"""Content of a report before it is rendered: texts, tables and images."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-Cells = Sequence[Sequence[str]]
 Facts = Sequence[tuple[str, str]]
+"""Names with their values."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReportTable:
-    """Cells as they are printed; the first names its row, the others are numbers or `texts`."""
+    """Formatted cells; the first column names the rows, the others are numbers or `texts`."""
 
     caption: str
     names: Sequence[str]
-    rows: Cells
+    rows: Sequence[Sequence[str]]
     note: str = ""
     texts: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class ReportImage:
-    """A picture as a data URI, on light ground and, where it has one, on dark.
+    """An image as a data URI for light screens and, optionally, for dark ones.
 
-    `alt` says with numbers what is on it; `wide` asks for the page's whole width.
+    `alt` describes it with its numbers; a `wide` image takes the whole width of the page.
     """
 
     light: str
@@ -38,7 +38,7 @@ class ReportImage:
 
 @dataclass(frozen=True, slots=True)
 class Example:
-    """One instance: its numbers, what else is known of it, its images, the user's remark."""
+    """One instance: numbers, facts, images, and the user's tags and note."""
 
     iid: int
     table: ReportTable
@@ -55,13 +55,13 @@ class RunPart:
     run: str
     summary: str
     table: ReportTable
-    pictures: Sequence[ReportImage]
+    images: Sequence[ReportImage]
     examples: Sequence[Example]
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A selection; `problem` says why there is nothing to tell of it."""
+    """A selection; `problem` is the reason why it has no content."""
 
     title: str
     expression: str
@@ -74,12 +74,12 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The page: its front, then a section per selection."""
+    """The page: an overview of all runs, then a section per selection."""
 
     title: str
     subtitle: str
     facts: Facts
     findings: Sequence[str]
     runs: ReportTable
-    pictures: Sequence[ReportImage]
-    sections: Sequence[Section] = field(default=())
+    images: Sequence[ReportImage]
+    sections: Sequence[Section] = ()

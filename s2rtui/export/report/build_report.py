@@ -1,0 +1,243 @@
+"""Evaluation of a report request: selections, tables and figures become a `Report`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from s2rstore.errors import RequestError
+from s2rstore.metrics import run_metrics, store_summary
+from s2rtui.charts.registry import BY_NAME
+from s2rtui.charts.view import Scene
+from s2rtui.export.report import metric_tables
+from s2rtui.export.report.data_uri_images import figure
+from s2rtui.export.report.html_page import render_page
+from s2rtui.export.report.report_model import Report, ReportImage, ReportTable, RunPart, Section
+from s2rtui.export.report.report_request import ReportRequest, RequestedSelection, StepCallback
+from s2rtui.export.report.worst_instances import worst_instances
+from s2rtui.export.scene import SceneOptions, apply_options, load_scene
+from s2rtui.session import Session
+from s2rtui.user_data.notebook import ReadNotebook
+
+_SELECTION_VIEWS = ("map", "errors", "rooms", "orientation")
+_WIDE_PIXELS = 1500
+_HASH_CHARACTERS = 16
+
+
+def render_report(
+    store: Path, request: ReportRequest, on_step: StepCallback = lambda done, total, step: None
+) -> bytes:
+    """Return the HTML of a report; equal store, notebook and request give equal bytes.
+
+    Raises RequestError for runs, trajectories or columns that do not exist.
+    """
+    session = Session(store, None, ReadNotebook)
+    try:
+        return render_page(build_report(session, request, on_step)).encode()
+    finally:
+        session.close()
+
+
+def build_report(session: Session, request: ReportRequest, on_step: StepCallback) -> Report:
+    """Evaluate the selections and draw all figures. Raises RequestError as `render_report`."""
+    plan = [(selection, _runs(session, request, selection)) for selection in request.selections]
+    for selection, runs in plan:
+        if selection.saved is None:
+            for run in runs:
+                _set_state(session, request, run, selection.expression)
+    steps = _Steps(on_step, 1 + sum(len(runs) for _, runs in plan))
+    steps.next("overview")
+    store, state = session.store, session.state
+    facts = [
+        ("data set", store.dataset.name),
+        ("data set hash", store.dataset.hash[:_HASH_CHARACTERS]),
+        ("store", f"{store.path.name}, generation {store.generation}"),
+        ("instances", f"{len(store.instances)} in {_trajectories(request, session)}"),
+        ("accuracy", f"1 − error / {store.dataset.accuracy_scale:.4g} m, at least 0"),
+    ]
+    overview = _overview_images(session, request)
+    sections = [_section(session, request, selection, runs, steps) for selection, runs in plan]
+    steps.next("")
+    caption = "All runs, over the instances that are new to each model"
+    return Report(
+        title=request.title or f"{store.dataset.name}: simulation and reality",
+        subtitle=request.date,
+        facts=facts,
+        findings=_findings(session),
+        runs=metric_tables.compared_runs(store, state.runs, None, caption),
+        images=overview,
+        sections=sections,
+    )
+
+
+def _findings(session: Session) -> list[str]:
+    """Return the findings, without the lines of single runs, which have a table."""
+    runs = tuple(f"  {run}: " for run in session.store.runs)
+    return [
+        line.strip()
+        for line in store_summary.summary_lines(session.store)
+        if not line.startswith(runs)
+    ]
+
+
+class _Steps:
+    """Counter of the steps that are done; announces the next one."""
+
+    def __init__(self, on_step: StepCallback, total: int) -> None:
+        self._on_step, self._total, self._done = on_step, total, -1
+
+    def next(self, step: str) -> None:
+        self._done += 1
+        self._on_step(self._done, self._total, step)
+
+
+def _trajectories(request: ReportRequest, session: Session) -> str:
+    names = request.trajectories or session.store.instances.trajectory_names
+    return ("trajectory " if len(names) == 1 else "trajectories ") + ", ".join(names)
+
+
+def _runs(
+    session: Session, request: ReportRequest, selection: RequestedSelection
+) -> tuple[str, ...]:
+    """Return the runs in which a selection is reported."""
+    for run in request.runs:
+        if session.store.run(run).key is None:
+            raise RequestError(f"--run {run}: has no results; run `s2r precompute`")
+    if request.runs:
+        return request.runs
+    saved_run = selection.saved.run if selection.saved else ""
+    return (saved_run,) if saved_run in session.state.runs else session.state.runs[:1]
+
+
+def _set_state(
+    session: Session, request: ReportRequest, run: str, expression: str, room_names: bool = True
+) -> None:
+    """Put the session into the state that shows a selection in a run."""
+    session.set(replace(session.state, trajectories=request.trajectories))
+    session.select("all")
+    session.put_run(run)
+    other = request.other if request.other != run else None
+    options = SceneOptions(
+        select=expression, run=run, trajectories=request.trajectories, other=other,
+        heat=request.heat, overlay="off", room_names=room_names,
+    )  # fmt: skip
+    apply_options(session, options)
+
+
+def _scene(session: Session, *names: str) -> Scene:
+    """Load the scene of some views, without a cursor."""
+    views = [BY_NAME[name] for name in names]
+    return load_scene(session, *views, cursor=False)
+
+
+def _overview_images(session: Session, request: ReportRequest) -> list[ReportImage]:
+    """Draw the overview, and the first run compared with the best other run in reality."""
+    runs = session.state.runs
+    first = request.runs[0] if request.runs else runs[0]
+    others = [run for run in runs if run != first]
+    best = max(others, key=lambda run: _real_accuracy(session, run)) if others else None
+    _set_state(session, replace(request, other=request.other or best), first, "all", False)
+    scene = _scene(session, "overview", "compare")
+    size = (_WIDE_PIXELS, min(1200, 420 + 90 * len(runs)))
+    images = [figure(BY_NAME["overview"], scene, request.dark, size)]
+    if best is not None:
+        compare = BY_NAME["compare"]
+        numbers = _numbers(scene, "compare", compare.summary(scene))
+        images.append(figure(compare, scene, request.dark, (_WIDE_PIXELS, 640), numbers))
+    return images
+
+
+def _real_accuracy(session: Session, run: str) -> float:
+    value = run_metrics.side_metrics(session.store, run, "real").accuracy.value
+    return value if value == value else -1.0
+
+
+def _section(
+    session: Session,
+    request: ReportRequest,
+    selection: RequestedSelection,
+    runs: tuple[str, ...],
+    steps: _Steps,
+) -> Section:
+    parts: list[RunPart] = []
+    facts: list[tuple[str, str]] = []
+    table = remarks = None
+    for run in runs:
+        steps.next(f"{selection.title} in {run}")
+        try:
+            _set_state(session, request, run, selection.expression)
+        except RequestError as error:
+            return Section(
+                selection.title, selection.expression, problem=f"Cannot be evaluated: {error}"
+            )
+        state, store = session.state, session.store
+        facts.append((f"count in {run}" if len(runs) > 1 else "count", f"{state.count} instances"))
+        if not parts:
+            facts += _saved_facts(selection, session)
+            caption = f"The instances that it selects in {run}, in every run"
+            table = metric_tables.compared_runs(
+                store, state.runs, state.selected & state.base, caption
+            )
+            remarks = metric_tables.remarks(session.notes, state.selected)
+        if state.selected.any():
+            parts.append(_part(session, request, run))
+    if not parts:
+        return Section(
+            selection.title, selection.expression, facts, problem="No instance is selected."
+        )
+    comparison = table if len(session.state.runs) > 1 else None
+    return Section(selection.title, selection.expression, facts, comparison, remarks, parts)
+
+
+def _saved_facts(selection: RequestedSelection, session: Session) -> Iterator[tuple[str, str]]:
+    """Yield the state in which a saved selection was saved."""
+    saved = selection.saved
+    if saved is None:
+        return
+    view = f" in {', '.join(saved.trajectories)}" if saved.trajectories else ""
+    state = f"{saved.count} instances of run {saved.run} at generation {saved.generation}"
+    yield "saved", state + view
+    if saved.run not in session.state.runs:
+        yield "run", f"{saved.run} is not in this store; evaluated in {session.state.run}"
+
+
+def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
+    scene = _scene(session, *_SELECTION_VIEWS)
+    state, store = session.state, session.store
+    images = []
+    for name in _SELECTION_VIEWS:
+        numbers = None
+        if name in ("errors", "rooms"):
+            numbers = _numbers(scene, name, BY_NAME[name].summary(scene))
+        images.append(figure(BY_NAME[name], scene, request.dark, numbers=numbers))
+    heat = state.heat if request.heat else None
+    return RunPart(
+        run,
+        _summary(session, run),
+        metric_tables.sides(store, run, state.selected & state.base),
+        images,
+        worst_instances(scene, heat),
+    )
+
+
+def _summary(session: Session, run: str) -> str:
+    """Return the number of instances, and how many of them are training data of the model."""
+    state = session.state
+    trained = state.selected & state.base & ~run_metrics.held_out(session.store, run)
+    summary = f"{state.count} instances."
+    if trained.any():
+        summary += (
+            f" The model was trained on {int(trained.sum())} of them: they appear in the figures "
+            "and are left out of the table."
+        )
+    return summary
+
+
+def _numbers(scene: Scene, name: str, caption: str) -> ReportTable:
+    names, rows = BY_NAME[name].numbers(scene)
+    return ReportTable(caption, names, [[_cell(value) for value in row] for row in rows])
+
+
+def _cell(value: object) -> str:
+    return metric_tables.number(value) if isinstance(value, float) else str(value)

@@ -1,0 +1,65 @@
+"""The request for a report: selections, runs, and options of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from s2rstore.errors import RequestError
+from s2rtui.user_data.notebook import Notes, SavedSelection
+
+StepCallback = Callable[[int, int, str], None]
+"""Receives the number of steps done, their total, and the name of the next step."""
+
+
+@dataclass(frozen=True, slots=True)
+class RequestedSelection:
+    """An expression; `name` and `saved` are set for a saved selection of the notebook."""
+
+    expression: str
+    name: str = ""
+    saved: SavedSelection | None = None
+
+    @property
+    def title(self) -> str:
+        return f"@{self.name}" if self.name else self.expression
+
+
+@dataclass(frozen=True, slots=True)
+class ReportRequest:
+    """Selections and options of a report.
+
+    Without `runs`, a saved selection uses its own run and other selections use the first run.
+    `heat` is KIND[:MODE] for the images of instances; `date` is printed unchanged.
+    """
+
+    selections: tuple[RequestedSelection, ...]
+    runs: tuple[str, ...] = ()
+    trajectories: tuple[str, ...] | None = None
+    other: str | None = None
+    heat: str | None = None
+    title: str = ""
+    date: str = ""
+    dark: bool = True
+
+
+def saved(notes: Notes) -> tuple[RequestedSelection, ...]:
+    """Return all saved selections of a notebook, ordered by name."""
+    return tuple(
+        RequestedSelection(selection.expression, name, selection)
+        for name, selection in sorted(notes.selections.items())
+    )
+
+
+def selections(
+    notes: Notes, expressions: tuple[str, ...], with_saved: bool
+) -> tuple[RequestedSelection, ...]:
+    """Return the requested expressions, preceded by the saved selections where requested.
+
+    Without expressions all saved selections are used. Raises RequestError if there are none.
+    """
+    unsaved = tuple(RequestedSelection(expression) for expression in expressions)
+    stored = saved(notes) if with_saved or not unsaved else ()
+    if not stored and not unsaved:
+        raise RequestError("there is no saved selection of this data set; give --select EXPR")
+    return (*stored, *unsaved)

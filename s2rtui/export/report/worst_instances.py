@@ -1,0 +1,87 @@
+"""The worst instances of a selection in a report: images, poses, errors, tags and note."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from s2rtui.charts.instance.model import instance_input
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.axis_scale import short_number
+from s2rtui.charts.shared.instance_model import (
+    InstanceInput,
+    InstanceModel,
+    instance_model,
+    panel_pixels,
+)
+from s2rtui.export.report.data_uri_images import image
+from s2rtui.export.report.metric_tables import number
+from s2rtui.export.report.report_model import Example, ReportImage, ReportTable
+from s2rtui.session import HeatChoice, instance_list
+from s2rtui.user_data.notebook import Remark
+
+WORST_COUNT = 3
+_ZERO_SHARE = 0.005
+"""Share of the upper end of a scale below which its lower end is printed as 0."""
+
+
+def worst_instances(scene: Scene, heat: HeatChoice | None) -> list[Example]:
+    """Return the selected instances with the largest real errors; `heat` overlays their images."""
+    by_error = replace(scene.state, sort="real.error", descending=True)
+    rows = instance_list.order(scene.store, by_error, scene.notes)[:WORST_COUNT].tolist()
+    return [_example(scene, int(iid), heat) for iid in rows]
+
+
+def _example(scene: Scene, iid: int, heat: HeatChoice | None) -> Example:
+    instance = instance_input(scene.store, scene.state.run, iid, heat)
+    remark = scene.notes.remarks.get(iid, Remark())
+    return Example(
+        iid, _pose_table(instance), instance.notes, _images(instance), remark.tags, remark.note
+    )  # fmt: skip
+
+
+def _pose_table(instance: InstanceInput) -> ReportTable:
+    names = ("", "x", "y", "heading", "error", "heading error")
+    rows = []
+    if instance.truth is not None:
+        x, y, heading = instance.truth
+        degrees = number(math.degrees(heading), 1, "°")
+        rows.append(("truth", number(x, 2, "m"), number(y, 2, "m"), degrees, "", ""))
+    for role, side in (("sim", instance.sim), ("real", instance.real)):
+        if (pose := side.pose) is not None:
+            rows.append(
+                (role, number(pose.x, 2, "m"), number(pose.y, 2, "m"),
+                 number(math.degrees(pose.heading), 1, "°"), number(pose.error, 2, "m"),
+                 number(math.degrees(pose.heading_error), 1, "°"))
+            )  # fmt: skip
+    return ReportTable(f"Poses of instance {instance.iid}", names, rows)
+
+
+def _images(instance: InstanceInput) -> list[ReportImage]:
+    model = instance_model(instance)
+    scale = ""
+    if model.heat_range is not None:
+        low, high = model.heat_range
+        low = low if abs(low) > _ZERO_SHARE * abs(high) else 0.0
+        scale = f", {model.heat_name} {short_number(low, 2)} to {short_number(high, 2)} {instance.unit}".rstrip()
+    images = []
+    for channel, label in (("rgb", "image"), ("depth", "depth")):
+        for role, side in (("sim", instance.sim), ("real", instance.real)):
+            if not side.rgb.size or (channel == "depth" and side.depth is None):
+                continue
+            pixels = panel_pixels(side, channel, model, instance, side.rgb.shape[:2])
+            heat_scale = (
+                scale if side.heat is not None and instance.over in (channel, "both") else ""
+            )
+            depth_scale = _depth_range(model, channel)
+            caption = f"{side.title or role}, {label}{depth_scale}{heat_scale}"
+            error = f", position error {side.pose.error:.2f} m" if side.pose is not None else ""
+            alt = f"Instance {instance.iid}: {role} {label}{error}"
+            images.append(image(pixels, alt, caption))
+    return images
+
+
+def _depth_range(model: InstanceModel, channel: str) -> str:
+    if channel != "depth" or model.depth_range is None:
+        return ""
+    return f" 0 to {short_number(model.depth_range[1], 2)} m"
