@@ -1,72 +1,79 @@
-"""Draws the state of an application: a line of status, the views, lines of words and keys."""
+"""Draw the state: status line, views, message line and footer."""
 
 from __future__ import annotations
 
+from typing import Protocol
+
+from textual.geometry import Size
+
 from s2rtui.app.actions import footer
-from s2rtui.app.controllers.prompt import Prompts
-from s2rtui.app.layout import SMALLEST
-from s2rtui.app.status_line import StatusLine, message, shown, status_line
+from s2rtui.app.controllers.host import ControllerHost
+from s2rtui.app.controllers.prompt import PromptController
+from s2rtui.app.layout import MIN_SIZE
+from s2rtui.app.status_line import StatusLine, message_text, status_line
+from s2rtui.app.titled_view import TitledView
 from s2rtui.app.widgets.bar import Bar, Piece
-from s2rtui.app.widgets.plot import PlotView
-from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.charts.registry import VIEWS
 
 
-class Drawing:
-    """Draws what has changed since it was drawn last."""
-
-    def __init__(self, app: Prompts) -> None:
-        self._app = app
+class RendererHost(ControllerHost, Protocol):
+    """What is drawn on: the host's widgets and size."""
 
     @property
-    def possible(self) -> bool:
-        """Whether there is a screen to draw on: not while it is being taken down."""
-        return bool(self._app.query("#status"))
+    def size(self) -> Size:
+        """Columns and rows of the screen."""
 
-    def all(self) -> None:
-        """The whole state."""
-        before, text, after = self.status
-        self._bar("status").say(before, (text, "bold"), after)
-        self.words()
-        self._keys()
-        self._views()
+    @property
+    def bars(self) -> dict[str, Bar]:
+        """The lines of text by name; empty while the screen is being closed."""
 
-    def too_small(self) -> None:
-        """That there is no room for views."""
-        wanted = "x".join(str(number) for number in SMALLEST)
-        self._bar("status").say(f"the terminal is too small: needs {wanted}")
+
+class Renderer:
+    """Draws what has changed since the last drawing."""
+
+    def __init__(self, host: RendererHost, prompt: PromptController) -> None:
+        self._host, self._prompt = host, prompt
+
+    def draw(self) -> None:
+        """Draw the whole state."""
+        bars = self._host.bars
+        before, expression, after = self.status
+        bars["status"].show(before, (expression, "bold"), after)
+        self.draw_message()
+        bars["keys"].show(*self._key_pieces())
+        scene = self._host.scene
+        for view in VIEWS:
+            plot = self._host.plot(view.name)
+            if plot.placed:
+                plot.show(TitledView(view, scene))
+            else:
+                plot.clear()
+
+    def draw_too_small(self) -> None:
+        """Say that the terminal is too small for any view."""
+        columns, rows = MIN_SIZE
+        self._host.bars["status"].show(f"the terminal is too small: it needs {columns}x{rows}")
 
     @property
     def status(self) -> StatusLine:
-        app = self._app
-        return status_line(app.session.store, app.session.state, app.size.width, app.look)
+        """The status line that fits the screen."""
+        host, session = self._host, self._host.session
+        return status_line(session.store, session.state, host.size.width, host.render_options)
 
-    def words(self) -> None:
-        """The line of messages alone."""
-        if self.possible:
-            state = self._app.session.state
-            text = message(state, self._app.resources)
-            classes = "error" if state.is_error else "whole" if self._app.prompting else ""
-            self._bar("message").say(text, classes=classes)
+    def draw_message(self) -> None:
+        """Draw the message line alone."""
+        if bar := self._host.bars.get("message"):
+            state = self._host.session.state
+            classes = "error" if state.is_error else "whole" if self._prompt.is_open else ""
+            bar.show(message_text(state, self._host.resources), classes=classes)
 
-    def _keys(self) -> None:
-        app = self._app
-        pairs = footer(app.size.width - 2, app.session.state, app.access)
-        if app.prompting:
-            pairs = app.query_one(QueryInput).keys
+    def _key_pieces(self) -> list[Piece]:
+        host = self._host
+        if self._prompt.is_open:
+            pairs = host.query_line.keys
+        else:
+            pairs = footer(host.size.width - 2, host.session.state, host.access)
         pieces: list[Piece] = []
-        for key, word in pairs:
-            pieces += ["  " if pieces else "", (key, "bold"), f" {word}"]
-        self._bar("keys").say(*pieces)
-
-    def _views(self) -> None:
-        scene = self._app.scene
-        for view in VIEWS:
-            widget = self._app.query_one(f"#{view.name}", PlotView)
-            if widget.placed:
-                widget.show(*shown(view, scene))
-            else:
-                widget.clear()
-
-    def _bar(self, name: str) -> Bar:
-        return self._app.query_one(f"#{name}", Bar)
+        for key, label in pairs:
+            pieces += ["  " if pieces else "", (key, "bold"), f" {label}"]
+        return pieces

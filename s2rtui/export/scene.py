@@ -63,7 +63,7 @@ def fed(session: Session, *views: View, cursor: bool = True) -> Scene:
     needed = {name for view in views for name in view.feeds}
     fields: Fields = {}
     for feed in LOADERS:
-        if feed.name in needed and feed.wants(store, state) is not None:
+        if feed.name in needed and feed.request_key(store, state) is not None:
             fields |= feed.read(store, state, _UncancelledContext())
     if state.overlay != "off" and "grid" in fields and fields["grid"] is None:
         told = f"run {state.run} has no such map; --on selection gathers one"
@@ -77,7 +77,7 @@ def described(session: Session, wanted: SceneOptions) -> State:
     for name in wanted.trajectories or ():
         if name not in known:
             raise RequestError(f"--trajectory {name}: one of {', '.join(known)}")
-    session.set(replace(session.state, trajectories=wanted.trajectories))
+    session.set_state(replace(session.state, trajectories=wanted.trajectories))
     state = session.select(wanted.select)
     overlay = wanted.overlay or ("run" if wanted.heat else "off")
     state = replace(
@@ -99,7 +99,7 @@ def described(session: Session, wanted: SceneOptions) -> State:
         if wanted.sort not in known:
             raise RequestError(f"--sort {wanted.sort}: one of {', '.join(known)}")
         state = replace(state, sort=wanted.sort)
-    return session.set(state)
+    return session.set_state(state)
 
 
 def _cursor(state: State, iid: int | None) -> int | None:
@@ -131,13 +131,13 @@ def _heat(session: Session, state: State, wanted: SceneOptions) -> HeatChoice | 
 
 
 class _UncancelledContext:
-    """Somebody who waits for the whole answer."""
+    """A request that is never cancelled."""
 
-    def wanted(self) -> bool:
+    def is_wanted(self) -> bool:
         return True
 
-    def progress(self, share: float) -> bool:
+    def report_progress(self, share: float) -> bool:
         return True
 
-    def bring(self, fields: Fields) -> None:
+    def publish(self, fields: Fields) -> None:
         return None

@@ -114,7 +114,7 @@ def gathered(
     return np.where(found > 0, found, np.nan) if aggregate == "count" else found
 
 
-def share_told(state: State) -> str:
+def sample_note(state: State) -> str:
     """` (2000 of 5301 instances)` where a selection is too large to be gathered as a whole."""
     count = int(np.count_nonzero(state.selected))
     return f" ({MOST_GATHERED} of {count} instances)" if count > MOST_GATHERED else ""

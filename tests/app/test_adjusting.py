@@ -39,7 +39,7 @@ def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def app_on(store: Path, access: Permissions | None = None) -> S2RApp:
     app = S2RApp(Session(store), RenderOptions(), access=access)
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
@@ -180,7 +180,7 @@ async def test_one_run_is_saved_at_a_time(
         assert "run one: checking" in take(app).text
         await pilot.press("S")
         await pilot.pause()
-        assert not app.prompting
+        assert not app.prompt.is_open
         assert "run one is still being saved" in take(app).text
         with pytest.raises(RequestError, match="run one is still being saved"):
             app.begin_saving("two", lambda: slow(computed, "two"))
@@ -190,14 +190,14 @@ async def test_one_run_is_saved_at_a_time(
         assert app.session.state.message == "run one: nothing is saved here"
         await pilot.press("S")
         await pilot.pause()
-        assert app.prompting
+        assert app.prompt.is_open
 
 
 async def test_a_saving_that_breaks_down_is_told(
     computed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*_: object) -> None:
-        raise ModuleNotFoundError("No module named 'torch'", name="torch")
+        raise ModuleNotFoundError("No module find_action 'torch'", name="torch")
 
     monkeypatch.setattr(prompt, "save_run", broken)
     app = app_on(computed)

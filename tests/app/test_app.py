@@ -24,7 +24,7 @@ SIZES = [(80, 24), (120, 40), (200, 60)]
 
 def app_on(store: Path, look: RenderOptions | None = None, at: Path | None = None) -> S2RApp:
     app = S2RApp(Session(store), look or RenderOptions(), at)
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
@@ -53,7 +53,7 @@ async def test_every_key_twice(tiny_store: Path, tmp_path: Path, size: tuple[int
             for key in action.keys:
                 await pilot.press(key, key)
                 await sound(app, pilot, key)
-                while isinstance(app.screen, ModalScreen) or app.prompting:
+                while isinstance(app.screen, ModalScreen) or app.prompt.is_open:
                     await pilot.press("escape")
         await sound(app, pilot, "escape")
         assert len(list(tmp_path.glob("s2r-*.png"))) == 2
@@ -216,7 +216,8 @@ def test_starting_the_application_loads_no_heavy_package(tiny_store: Path) -> No
     import sys
 
     code = (
-        "import sys; from s2rtui import cli; from s2rtui.terminal import capabilities; from s2rtui.app.app import S2RApp;"
+        "import sys; from s2rtui import cli; from s2rtui.terminal import capabilities;"
+        "from s2rtui.app.app import S2RApp;"
         "capabilities.refuse_unusable = lambda: None; S2RApp.run = lambda app, mouse: print('run');"
         f"assert cli.main(['tui', {str(tiny_store)!r}]) == 0;"
         "print([m for m in ('torch', 'matplotlib', 'zarr', 'scipy', 'cv2', 'PIL', 's2rtools', "
@@ -241,13 +242,13 @@ async def test_escape_is_offered_while_something_is_begun(tiny_store: Path) -> N
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        assert "escape leave" not in take(app).text
+        assert "escape cancel" not in take(app).text
         for begin in ("x", "vertical_line"):
             await pilot.press(begin)
             await settle(app, pilot)
-            assert "escape leave" in take(app).text
+            assert "escape cancel" in take(app).text
             await pilot.press("escape")
             await settle(app, pilot)
-            assert "escape leave" not in take(app).text
+            assert "escape cancel" not in take(app).text
         await pilot.press("slash", "escape")
-        assert not app.prompting
+        assert not app.prompt.is_open

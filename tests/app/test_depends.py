@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from s2rstore.records import Bounds
-from s2rtui.app.status_line import shown
+from s2rtui.app.titled_view import TitledView
 from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.canvas.brush_surface import Mark
 from s2rtui.charts.registry import VIEWS
@@ -48,7 +48,7 @@ STATES: dict[str, Callable[[Session, State], object]] = {
     "brush": lambda _, state: Brush("map", Mark("map", BOX)),
     "lasso": lambda _, state: not state.lasso,
     "other": lambda _, state: state.runs[-1],
-    "awaited": lambda _, state: PendingTarget(state.runs[1], state.generation),
+    "pending": lambda _, state: PendingTarget(state.runs[1], state.generation),
     "adjust": lambda _, state: replace(ADJUST, values=((SLIDER.key, 1.2),)),
     "map_mode": lambda _, state: "full",
     "overlay": lambda _, state: "run",
@@ -64,6 +64,7 @@ STATES: dict[str, Callable[[Session, State], object]] = {
     "history": lambda _, state: HistoryFile(Path("gap.duckdb"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
+    "keeps_message": lambda _, state: not state.keeps_message,
     "past": lambda _, state: ("all",),
     "future": lambda _, state: ("all",),
 }
@@ -88,7 +89,7 @@ RESOURCES: dict[str, Callable[[Resources], object]] = {
 }
 NEVER_DRAWN = {
     "newest", "trajectories", "expression", "operator", "lasso", "message", "is_error", "past",
-    "future", "centre", "progress", "saving", "awaited",
+    "future", "centre", "progress", "saving", "pending", "keeps_message",
 }  # fmt: skip
 
 
@@ -130,8 +131,8 @@ def scene(request: pytest.FixtureRequest, scenes: dict[str, Scene]) -> Scene:
 
 
 def drawn(view: View, scene: Scene) -> tuple[Canvas, object]:
-    draw, depends = shown(view, scene)
-    return draw(SIZE, RenderOptions()), depends
+    drawing = TitledView(view, scene)
+    return drawing.draw(SIZE, RenderOptions()), drawing.cache_key
 
 
 def same(first: Canvas, second: Canvas) -> bool:
@@ -209,9 +210,10 @@ def test_what_failed_is_not_being_loaded(session: Session, name: str, feed: str)
     failed = Resources(failed={feed: "no luck"})
     keys, texts = [], []
     for resources in (Resources(), failed):
-        draw, depends = shown(view, Scene(session.store, state, resources))
-        keys.append(depends)
-        texts.append("\n".join("".join(row) for row in draw((160, 20), RenderOptions()).char))
+        drawing = TitledView(view, Scene(session.store, state, resources))
+        keys.append(drawing.cache_key)
+        canvas = drawing.draw((160, 20), RenderOptions())
+        texts.append("\n".join("".join(row) for row in canvas.char))
     assert keys[0] != keys[1]
     assert "no luck" not in texts[0]
     assert "no luck" in texts[1]

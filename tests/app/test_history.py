@@ -57,13 +57,13 @@ def test_a_night_that_is_added_is_seen(tmp_path: Path, tiny_store: Path) -> None
 
     async def looked() -> tuple[str, str]:
         app = S2RApp(Session(week.config.store), RenderOptions())
-        app.feeding.rest_seconds = 0.001
+        app.load_scheduler.debounce_seconds = 0.001
         async with app.run_test(size=(120, 40)) as pilot:
             await pilot.press("G")
             await settle(app, pilot)
             before = take(app).text
             await asyncio.to_thread(week.night, 5)
-            app._watch()
+            app.load_results.check_store()
             await settle(app, pilot)
             return before, take(app).text
 

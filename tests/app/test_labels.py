@@ -29,7 +29,7 @@ SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
 
 def app_on(store: Path) -> S2RApp:
     app = S2RApp(Session(store), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
@@ -41,7 +41,7 @@ async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
 
 async def press_and_go_on(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
     """What is read after these keys comes much later."""
-    app.feeding.rest_seconds = LATE
+    app.load_scheduler.debounce_seconds = LATE
     for key in keys:
         await pilot.press(key)
         await pilot.pause()
@@ -69,7 +69,7 @@ async def test_pictures_keep_their_name_until_others_are_there(
         assert shown == before + (", run vanilla" if key == "r" else "")
         assert other(after) in coming
         assert f"3 instance  {before}"[:30] in take(app).text
-        app.feeding.rest_seconds = 0.001
+        app.load_scheduler.debounce_seconds = 0.001
         await press(app, pilot, key)
         assert "loading" not in told(app, "instance")
 
@@ -166,7 +166,7 @@ async def test_every_feed_tells_its_own_progress(tiny_store: Path) -> None:
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "o", "C")
         for feed, share in (("heat on the map", 0.25), ("what was seen", 0.5)):
-            app.on_load_progressed(LoadProgressed(feed, app.feeding._ticket[feed], share))
+            app.on_load_progressed(LoadProgressed(feed, app.load_scheduler._ticket[feed], share))
         app.on_load_progressed(LoadProgressed("live", -1, 0.9))
         await pilot.pause()
         text = take(app).text
@@ -180,7 +180,7 @@ async def test_every_feed_tells_its_own_progress(tiny_store: Path) -> None:
 def _answer(app: S2RApp, feed: str):
     from s2rtui.app.messages import LoadCompleted
 
-    return LoadCompleted(feed, app.feeding._ticket[feed], {})
+    return LoadCompleted(feed, app.load_scheduler._ticket[feed], {})
 
 
 async def test_a_slow_feed_starves_no_other(

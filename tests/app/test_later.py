@@ -20,7 +20,7 @@ async def test_pictures_come_although_the_process_stands_still(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     app, leaps, clock = S2RApp(Session(tiny_store), RenderOptions()), count(), _time.get_time
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(120, 40)) as pilot:
         monkeypatch.setattr(_time, "get_time", lambda: clock() + 0.01 * next(leaps))
         await asyncio.wait_for(settle(app, pilot), 20)

@@ -52,7 +52,7 @@ def test_the_status_line_leaves_out_what_says_least(session: Session) -> None:
         "".join(status_line(session.store, state, width, RenderOptions()))
         for width in range(30, 120)
     ]
-    words = ("traj all", "tiny.s2r", "is there: g", "run vanilla")
+    words = ("traj all", "tiny.s2r", "available, press g", "run vanilla")
     first = [next(i for i, line in enumerate(lines) if word in line) for word in words]
     assert first == sorted(first, reverse=True)
     assert len(set(first)) == len(first)
@@ -61,11 +61,11 @@ def test_the_status_line_leaves_out_what_says_least(session: Session) -> None:
 @pytest.mark.parametrize("size", [(40, 12), (80, 24)])
 async def test_long_errors_are_read_whole(tiny_store: Path, size: tuple[int, int]) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
         told = "a long story " * (6 if size[0] == 40 else 12) + "with an end"
-        app.session.tell(told, is_error=True)
+        app.session.show_message(told, is_error=True)
         app.refresh_views()
         await settle(app, pilot)
         words = " ".join(take(app).text.split())

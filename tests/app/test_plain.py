@@ -44,10 +44,12 @@ async def test_every_screen_is_ascii(
     tiny_store: Path, size: tuple[int, int], keys: tuple[str, ...]
 ) -> None:
     session = Session(tiny_store, notebooks=Notebook)
-    session.book.save("Flur links │ 廊下", shared_selection.present(session))
-    session.book.note(session.state.cursor or 0, "überbelichtet …")
+    session.writable_notebook.save(
+        "Flur links │ 廊下", shared_selection.current_selection(session.state)
+    )
+    session.writable_notebook.note(session.state.cursor or 0, "überbelichtet …")
     app = S2RApp(session, RenderOptions(ascii=True))
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
         await pressed(app, pilot, *keys)

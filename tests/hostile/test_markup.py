@@ -129,7 +129,7 @@ async def drive(app: S2RApp, pilot: Pilot[None]) -> None:
         assert app.fault is None, action.name
         assert app.is_running, action.name
         take(app)
-        while isinstance(app.screen, ModalScreen) or app.prompting:
+        while isinstance(app.screen, ModalScreen) or app.prompt.is_open:
             await pilot.press("escape")
 
 
@@ -141,7 +141,7 @@ async def test_the_whole_application_parses_no_markup_of_a_store(
                      remarks={"3": {"tags": ["[/", "CLICK"], "note": hostile.MARKUP}},
                      history=[hostile.MARKUP])  # fmt: skip
     app = S2RApp(Session(poisoned_store, "vanilla", Notebook), RenderOptions(), tmp_path)
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(150, 44)) as pilot:
         await settle(app, pilot)
         await drive(app, pilot)
@@ -150,7 +150,7 @@ async def test_the_whole_application_parses_no_markup_of_a_store(
         await pilot.press(*"CLICK")
         await pilot.pause()
         await pilot.press("escape", "escape")
-        app.tell_refusal(hostile.MARKUP)
+        app.show_error(hostile.MARKUP)
         await pilot.pause()
         assert app.is_running
     assert app.fault is None
@@ -162,10 +162,10 @@ async def test_a_room_is_text_and_not_an_action(own_store: Path, name: str) -> N
     hostile.edit(own_store, ("UPDATE room SET room = ? || room", [name]),
                  ("UPDATE instance SET room = ? || room", [name]))  # fmt: skip
     app = S2RApp(Session(own_store), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(160, 44)) as pilot:
         await settle(app, pilot)
-        app.session.choose(f'room:"{name}right"')
+        app.session.select(f'room:"{name}right"')
         app.refresh_views()
         await pilot.pause()
         assert f"{name}right" in "".join(seg.text for line in take(app).lines for seg in line)
@@ -186,11 +186,11 @@ async def test_names_of_a_folder_a_tag_and_a_saved_selection(
         book.save(name, SavedSelection("worst15", 1, "vanilla", 6))
     book.toggle_tag([3], "[ tag")
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(160, 44)) as pilot:
         await settle(app, pilot)
         assert "[ [@click=app.quit].s2r" in app.status_text()
-        app.session.choose('@"[b"')
+        app.session.select('@"[b"')
         app.refresh_views()
         await pilot.press("f")
         await pilot.pause()

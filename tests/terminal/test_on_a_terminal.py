@@ -61,7 +61,7 @@ def seen(tiny_store: Path) -> InstanceInput:
 
     async def read() -> InstanceInput:
         app = S2RApp(Session(tiny_store), RenderOptions())
-        app.feeding.rest_seconds = 0.001
+        app.load_scheduler.debounce_seconds = 0.001
         async with app.run_test(size=(120, 40)) as pilot:
             await settle(app, pilot)
             assert app.resources.pictures is not None
@@ -150,7 +150,7 @@ def test_nothing_is_left_in_the_screen_that_is_left(visit: Visit) -> None:
 
 async def test_a_terminal_that_draws_none_is_told_so(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     hang(app, of_answer(ATTRIBUTES))
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -158,4 +158,4 @@ async def test_a_terminal_that_draws_none_is_told_so(tiny_store: Path) -> None:
     assert "half blocks stay" in shown
     assert "▀" in shown
     assert PLACEHOLDER not in shown
-    assert app.wall is None
+    assert app.image_host is None

@@ -51,7 +51,7 @@ class QueryInput(Input):
         """Pairs of key and word that mean something in the open line."""
         completing = [("tab", "complete")] if self._completes else []
         earlier = [("up", "earlier")] if self._history else []
-        return [("enter", "done"), *completing, *earlier, ("escape", "leave")]
+        return [("enter", "done"), *completing, *earlier, ("escape", "cancel")]
 
     def on_mount(self) -> None:
         self.can_focus = False

@@ -55,7 +55,7 @@ class CompareView(View):
         state, other = scene.state, run_differences.other_run(scene.state)
         if other is None:
             return ()
-        if not pending_target.is_ready(scene.store, other):
+        if not pending_target.run_is_loaded(scene.store, other):
             return other, "loading"
         return state.generation, identity(self.input(scene, other)), state.viewport
 
@@ -65,7 +65,7 @@ class CompareView(View):
         if other is None:
             canvas.text(0, 0, "nothing to compare with", look.theme.muted)
             return canvas
-        if not pending_target.is_ready(scene.store, other):
+        if not pending_target.run_is_loaded(scene.store, other):
             canvas.text(0, 0, f"loading run {other}", look.theme.muted)
             return canvas
         notes = run_differences.differences(scene.store, scene.state.run, other)
@@ -138,7 +138,7 @@ class CompareView(View):
 
     def surface(self, scene: Scene, size: Size, look: RenderOptions) -> Sequence[Panel]:
         other = run_differences.other_run(scene.state)
-        if other is None or not pending_target.is_ready(scene.store, other):
+        if other is None or not pending_target.run_is_loaded(scene.store, other):
             return ()
         top = self._top(scene, size)
         maps = (size[1] - top) // 2 if self._both(size) else 0
@@ -153,7 +153,7 @@ class CompareView(View):
         points = view_inputs.truth_points(scene.store)
         nearest = view_inputs.nearest(points, scene.state.base, point)
         if nearest is not None:
-            session.put_cursor(nearest)
+            session.set_cursor(nearest)
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area(panel, mark, "box", "lasso")

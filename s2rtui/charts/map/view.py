@@ -15,7 +15,7 @@ from s2rtui.charts.map import terminal
 from s2rtui.charts.shared import inputs, view_inputs
 from s2rtui.charts.view import Pane, Pixels, Scene, Table, View, area
 from s2rtui.session import Session
-from s2rtui.session.heatmaps import share_told
+from s2rtui.session.heatmaps import sample_note
 
 _TITLES = {
     "colour": "distance between the sim and the real prediction",
@@ -41,7 +41,7 @@ class MapView(View):
     def told(self, scene: Scene) -> str:
         state, told = scene.state, _TOLD[scene.state.map_mode]
         if state.clip:
-            saw = f"what the selection saw{share_told(state)}"
+            saw = f"what the selection saw{sample_note(state)}"
             failed = scene.resources.failed.get("what was seen")
             if scene.resources.seen_on_map(state) is not None:
                 told += f", {saw}"
@@ -120,7 +120,7 @@ class MapView(View):
         points = view_inputs.truth_points(scene.store)
         nearest = view_inputs.nearest(points, scene.state.base, point)
         if nearest is not None:
-            session.put_cursor(nearest)
+            session.set_cursor(nearest)
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area(panel, mark, "box", "lasso")

@@ -104,7 +104,7 @@ class OverviewView(View):
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         if panel.name in session.state.runs:
-            session.put_run(panel.name)
+            session.set_run(panel.name)
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         side = scene.resources.lines.side if scene.resources.lines else scene.state.side

@@ -66,7 +66,7 @@ class RoomsView(View):
 
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         mark = Mark(panel.name, (point, point))
-        session.choose(self.meaning(scene, panel, mark))
+        session.select(self.meaning(scene, panel, mark))
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return named(mark, _FIELDS[panel.name], scene.store.instances.room_names)

@@ -69,7 +69,7 @@ class UmapView(View):
     def press(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         nearest = view_inputs.nearest(self._points(scene, panel), scene.state.base, point)
         if nearest is not None:
-            session.put_cursor(nearest)
+            session.set_cursor(nearest)
 
     def meaning(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area(panel, mark, f"umap.{panel.name}", f"umap.{panel.name}.lasso")

@@ -93,9 +93,9 @@ def _staged(
     session: Session, request: ReportRequest, run: str, expression: str, room_names: bool = True
 ) -> None:
     """The session at a selection in a run."""
-    session.set(replace(session.state, trajectories=request.trajectories))
+    session.set_state(replace(session.state, trajectories=request.trajectories))
     session.select("all")
-    session.put_run(run)
+    session.set_run(run)
     other = request.other if request.other != run else None
     wanted = SceneOptions(
         select=expression, run=run, trajectories=request.trajectories, other=other,

@@ -1,0 +1,76 @@
+"""What controllers need of the application."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+from textual.geometry import Region
+from textual.message import Message
+from textual.screen import Screen
+
+from s2rtui.app.widgets.plot import PlotView
+from s2rtui.app.widgets.query_input import QueryInput
+from s2rtui.canvas import RenderOptions
+from s2rtui.charts.view import Resources, Scene
+from s2rtui.jobs.background_thread import BackgroundJobs
+from s2rtui.security import Permissions
+from s2rtui.session import Session
+
+
+class ControllerHost(Protocol):
+    """The application as controllers see it: its session, its services and its widgets."""
+
+    session: Session
+    resources: Resources
+    render_options: RenderOptions
+    access: Permissions
+    jobs: BackgroundJobs
+    output_folder: Path
+
+    @property
+    def scene(self) -> Scene:
+        """What the views are drawn from now."""
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the application still takes messages."""
+
+    @property
+    def screen(self) -> Screen[Any]:
+        """The screen on top."""
+
+    @property
+    def query_line(self) -> QueryInput:
+        """The input line at the foot."""
+
+    def plot(self, view: str) -> PlotView:
+        """The widget of a view."""
+
+    def is_placed(self, view: str) -> bool:
+        """Whether the layout always shows a view, whatever pane is in front."""
+
+    def visible_regions(self) -> list[tuple[str, Region]]:
+        """Name and screen region of every view on the screen."""
+
+    def status_text(self) -> str:
+        """The status line in plain text."""
+
+    def refresh_views(self) -> None:
+        """Draw the state and request the data it needs."""
+
+    def refresh_message(self) -> None:
+        """Draw the message line alone."""
+
+    def show_error(self, text: str) -> None:
+        """Show an error in the message line."""
+
+    def post(self, message: Message) -> None:
+        """Post a message from any thread; ignored once the application has ended."""
+
+    def open_screen(self, screen: Screen[Any], on_result: Callable[[Any], None]) -> None:
+        """Open a modal screen and call `on_result` with what it returns."""
+
+    def run_action_soon(self, action: str) -> None:
+        """Run a Textual action once the present message is handled."""
