@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -12,14 +12,13 @@ from textual import events
 from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.filter import LineFilter
-from textual.geometry import Region, Size
+from textual.geometry import Size
 from textual.message import Message
 from textual.screen import Screen
 from textual.widgets import Input
 
 from s2rstore.errors import S2RError
 from s2rstore.security.printable_text import printable_lines
-from s2rtui.app import layout
 from s2rtui.app.action_guard import GuardedApp
 from s2rtui.app.actions import ACTIONS, BY_NAME, find_action, permitted_actions
 from s2rtui.app.call_later import call_after
@@ -29,7 +28,6 @@ from s2rtui.app.controllers.load_results import LoadResultController
 from s2rtui.app.controllers.navigation import NavigationController
 from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.controllers.run_save import RunSaveController
-from s2rtui.app.layout import PaneRectangle, SizeClass
 from s2rtui.app.load_scheduler import LoadScheduler
 from s2rtui.app.messages import (
     BackgroundFailed,
@@ -49,13 +47,12 @@ from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.canvas import ColourMode, RenderOptions
-from s2rtui.charts.registry import BY_NAME as VIEW_BY_NAME
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.view import Resources, Scene
 from s2rtui.jobs import background_thread
 from s2rtui.jobs.background_thread import BackgroundJobs
 from s2rtui.security import Permissions
-from s2rtui.session import Session, adjusting, display, shared_selection
+from s2rtui.session import Session, display, shared_selection
 from s2rtui.terminal.ascii_filter import AsciiFilter
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.image_host import ImageHost
@@ -83,6 +80,7 @@ class S2RApp(GuardedApp):
     export: ExportController
     run_save: RunSaveController
     navigation: NavigationController
+    renderer: Renderer
 
     def __init__(
         self,
@@ -109,12 +107,10 @@ class S2RApp(GuardedApp):
         self.run_save = RunSaveController(self, self.prompt)
         self.navigation = NavigationController(self)
         self.load_results = LoadResultController(self, self.load_scheduler, self.run_save)
-        self.renderer = Renderer(self, self.prompt)
+        self.renderer = Renderer(self, self.prompt, self.load_scheduler)
         self.is_first_start = False
         self.terminal: Terminal | None = None
         self.image_host: ImageHost | None = None
-        self._size_class: SizeClass = "narrow"
-        self._is_loading_started = False
         self._drawn_size = Size(0, 0)
 
     def compose(self) -> ComposeResult:
@@ -124,7 +120,7 @@ class S2RApp(GuardedApp):
             PlotView(view.name, options, _COLOUR_TOLERANCE.get(view.name, 0), self.image_host)
             for view in VIEWS
         ]
-        yield Panes(views, self._pane_rectangles)
+        yield Panes(views, self.renderer.pane_rectangles)
         yield Bar("message")
         yield QueryInput()
         yield Bar("keys")
@@ -139,9 +135,9 @@ class S2RApp(GuardedApp):
     def on_mount(self) -> None:
         self._set_size(self.size)
         self.refresh_views()
-        self.call_after_refresh(self._start_loading)
+        self.call_after_refresh(self.renderer.start_loading)
         # A key may open another screen before the first drawing.
-        call_after(self, _FIRST_DRAWING_SECONDS, self._start_loading)
+        call_after(self, _FIRST_DRAWING_SECONDS, self.renderer.start_loading)
         self.set_interval(CHECK_SECONDS, self.load_results.check_store)
         if not self.is_headless:
             end_on_signals(self.exit)
@@ -171,68 +167,27 @@ class S2RApp(GuardedApp):
 
     def _set_size(self, size: Size) -> None:
         self._drawn_size = size
-        self._size_class = layout.size_class(size.width, size.height)
-        self.default_screen.set_classes(self._size_class)
-
-    def _pane_rectangles(self, width: int, height: int) -> Mapping[str, PaneRectangle]:
-        state = self.session.state
-        rows = VIEW_BY_NAME["overview"].height(self.scene, width) + 1
-        request = layout.LayoutRequest(state.view, state.centre, state.tab, rows)
-        return layout.arrange(self._size_class, width, height, request)
+        self.default_screen.set_classes(self.renderer.set_size(size))
 
     # --- the host of the controllers ---------------------------------------------------------
 
     @property
     def scene(self) -> Scene:
         """What the views are drawn from now."""
-        return Scene(self.session.store, self.session.state, self.resources, self.session.notes)
+        return self.renderer.scene
 
     @property
     def query_line(self) -> QueryInput:
         """The input line at the foot."""
         return self.query_one(QueryInput)
 
-    @property
-    def bars(self) -> dict[str, Bar]:
-        """The lines of text by name; empty while the screen is being closed."""
-        return {str(bar.id): bar for bar in self.query(Bar)}
-
-    def plot(self, view: str) -> PlotView:
-        """The widget of a view."""
-        return self.query_one(f"#{view}", PlotView)
-
-    def is_placed(self, view: str) -> bool:
-        """Whether the wide layout shows a view."""
-        return self._size_class == "wide" and self.plot(view).placed
-
-    def visible_regions(self) -> list[tuple[str, Region]]:
-        """Name and screen region of every view on the screen."""
-        plots = [self.plot(view.name) for view in VIEWS]
-        return [(str(plot.id), plot.region) for plot in plots if plot.placed and plot.region.area]
-
     def refresh_views(self) -> None:
         """Draw the state and request the data it needs."""
-        if not self.bars:
-            return  # the screen is being closed
-        state = self.session.dispatch(adjusting.follow_run)
-        if self._size_class == "tiny":
-            self.renderer.draw_too_small()
-            return
-        if self._is_loading_started:
-            restarted = self.load_scheduler.request(self.session.store, state)
-            if restarted.loaders:
-                self.resources = self.resources.asked(restarted.loaders, restarted.cleared)
-        arrangement = (self._size_class, state.view, state.centre, state.tab, len(state.runs))
-        self.query_one(Panes).place(arrangement)
-        self.renderer.draw()
-
-    def refresh_message(self) -> None:
-        """Draw the message line alone."""
-        self.renderer.draw_message()
+        self.renderer.refresh()
 
     def status_text(self) -> str:
         """The status line in plain text."""
-        return "".join(self.renderer.status)
+        return self.renderer.status_text()
 
     def show_error(self, text: str) -> None:
         """Show an error in the message line."""
@@ -257,18 +212,10 @@ class S2RApp(GuardedApp):
         ascii_filter = [AsciiFilter()] if self.render_options.ascii else []
         return [*super().get_line_filters(), *ascii_filter]
 
-    # --- loading -----------------------------------------------------------------------------
-
-    def _start_loading(self) -> None:
-        """Start background loading, which would delay the first drawing."""
-        if not self._is_loading_started:
-            self._is_loading_started = True
-            self.refresh_views()
-
     @property
     def settled(self) -> bool:
         """Whether everything that the state needs is loaded and no job runs."""
-        return self._is_loading_started and self.load_scheduler.settled and not self.jobs.unfinished
+        return self.renderer.settled and not self.jobs.unfinished
 
     # --- messages ----------------------------------------------------------------------------
 
@@ -382,7 +329,7 @@ class S2RApp(GuardedApp):
     def action_help_quit(self) -> None:
         """Textual binds ctrl+c to this."""
         self.session.show_message(f"{BY_NAME['quit'].key} quits")
-        self.refresh_message()
+        self.renderer.refresh_message()
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         state = self.session.state

@@ -36,7 +36,8 @@ def evaluate(
     masks = evaluation.context(store, state.run, state.trajectories, notes.nodes)
     selected = mask(node, masks)
     messages = ["" if selected.any() else "nothing is selected"]
-    messages.append(saved_selection_diff.describe_saved_names(node, state, masks, notes))
+    if notes.selections:
+        messages.append(saved_selection_diff.describe_saved_names(node, state, masks, notes))
     base = context.base_populations.mask(store, state, masks)
     past, future = history
     return replace(

@@ -9,7 +9,7 @@ import numpy as np
 from s2rstore.errors import RequestError
 from s2rstore.language import Node, parse
 from s2rstore.reader import Store
-from s2rtui.session import pending_target, saved_selection_diff, selection
+from s2rtui.session import adjusting, pending_target, saved_selection_diff, selection
 from s2rtui.session.context import SessionContext
 from s2rtui.session.evaluation import evaluate
 from s2rtui.session.heatmaps import with_heat
@@ -182,7 +182,7 @@ def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) ->
     if target.saved is not None:
         message = saved_selection_diff.describe_move(result, base, target.saved)
         result = replace(result, message=message)
-    return with_heat(context.store, result)
+    return adjusting.follow_run(context, with_heat(context.store, result))
 
 
 def _evaluate_present(context: SessionContext, state: State) -> State:

@@ -183,7 +183,7 @@ async def test_one_run_is_saved_at_a_time(
         assert not app.prompt.is_open
         assert "run one is still being saved" in take(app).text
         with pytest.raises(RequestError, match="run one is still being saved"):
-            app.begin_saving("two", lambda: slow(computed, "two"))
+            app.run_save.save("two", lambda: slow(computed, "two"))
         go_on.set()
         await settle(app, pilot)
         assert started == ["one"]

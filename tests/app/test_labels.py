@@ -197,7 +197,7 @@ async def test_a_slow_feed_starves_no_other(
         return {}
 
     changed = tuple(
-        replace(feed, read=slow, wants=lambda _, state: (state.cursor,), rests=False)
+        replace(feed, read=slow, request_key=lambda _, state: (state.cursor,), is_debounced=False)
         if feed.name == "live" else feed for feed in LOADERS
     )  # fmt: skip
     monkeypatch.setattr(load_scheduler, "LOADERS", changed)

@@ -24,7 +24,7 @@ class Bench:
         self.told.append("read")
         return {}
 
-    def leave(self) -> None:
+    def release(self) -> None:
         self.told.append("leave")
 
 
@@ -32,7 +32,7 @@ async def test_without_its_panel_the_model_rests_and_goes(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = Bench()
-    monkeypatch.setattr(live_prediction, "_BENCH", bench)
+    monkeypatch.setattr(live_prediction, "_PREDICTOR", bench)
     app = S2RApp(Session(tiny_store), RenderOptions())
     app.load_scheduler.debounce_seconds, app.load_scheduler.release_seconds = 0.001, 0.05
     async with app.run_test(size=(120, 40)) as pilot:

@@ -13,7 +13,7 @@ import pytest
 
 from bench.support.screen import RIGHT, Screen
 from s2rtui.app.app import S2RApp
-from s2rtui.app.inline_images import hang
+from s2rtui.app.inline_images import enable_inline_images
 from s2rtui.app.pilot import settle, take
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.colour import DEPTH_SHADES
@@ -151,7 +151,7 @@ def test_nothing_is_left_in_the_screen_that_is_left(visit: Visit) -> None:
 async def test_a_terminal_that_draws_none_is_told_so(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
-    hang(app, of_answer(ATTRIBUTES))
+    enable_inline_images(app, of_answer(ATTRIBUTES))
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         shown = take(app).text

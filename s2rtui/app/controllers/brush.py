@@ -30,12 +30,12 @@ class BrushController:
 
     def panels(self, view: View) -> Sequence[Panel]:
         """The panels of a view on the screen; none if it is hidden."""
-        widget = self._host.plot(view.name)
+        widget = self._host.renderer.plot(view.name)
         width, height = widget.size
         if not widget.placed or height <= TITLE_ROWS:
             return ()
         size = (width, height - TITLE_ROWS)
-        return view.surface(self._host.scene, size, self._host.render_options)
+        return view.surface(self._host.renderer.scene, size, self._host.render_options)
 
     def _present(self) -> tuple[Brush, Panel] | None:
         """The brush and its panel; None if there is none on the screen."""
@@ -48,7 +48,7 @@ class BrushController:
 
     def _show(self, brush: Brush | None) -> None:
         self._host.session.dispatch(display.set_brush, brush)
-        self._host.refresh_views()
+        self._host.renderer.refresh()
 
     # --- keys --------------------------------------------------------------------------------
 
@@ -61,13 +61,13 @@ class BrushController:
             self._host.session.show_message(
                 f"nothing to brush in {view.name}: choose the map or a chart"
             )
-            self._host.refresh_views()
+            self._host.renderer.refresh()
             return
         names = (state.side, state.run)
         self._start_on(view, next((p for p in panels if p.name in names), panels[0]))
 
     def _start_on(self, view: View, panel: Panel) -> None:
-        point = view.at(self._host.scene, panel)
+        point = view.at(self._host.renderer.scene, panel)
         self._show(brushing.started(view.name, panel, point, self._host.session.state.lasso))
 
     def next_panel(self) -> None:
@@ -109,7 +109,7 @@ class BrushController:
     def toggle_lasso(self) -> None:
         """Switch between lasso and box."""
         self._host.session.dispatch(display.toggle_lasso)
-        self._host.refresh_views()
+        self._host.renderer.refresh()
 
     def _select(self, brush: Brush, panel: Panel, operator: Operator | None = None) -> bool:
         """Whether the mark could be selected; an error is shown, and the brush stays."""
@@ -119,12 +119,12 @@ class BrushController:
                 mark = replace(mark, points=brushing.outline(brush))
                 if len(mark.points) < 3:
                     raise RequestError("a lasso needs three corners: space sets one")
-            expression = view.meaning(self._host.scene, panel, mark)
+            expression = view.meaning(self._host.renderer.scene, panel, mark)
             self._host.session.select(expression, operator)
         except S2RError as error:
             self._host.show_error(str(error))
             return False
-        self._host.refresh_views()
+        self._host.renderer.refresh()
         return True
 
     # --- the mouse ---------------------------------------------------------------------------
@@ -132,11 +132,11 @@ class BrushController:
     @property
     def is_dragging(self) -> bool:
         """Whether the mouse is drawing a mark or moving a slider."""
-        return any(self._host.plot(view.name).dragging for view in VIEWS)
+        return any(self._host.renderer.plot(view.name).dragging for view in VIEWS)
 
     def drop_drag(self) -> None:
         """End an unfinished mouse stroke without a mark."""
-        dropped = [view for view in VIEWS if self._host.plot(view.name).abandon()]
+        dropped = [view for view in VIEWS if self._host.renderer.plot(view.name).abandon()]
         self._drag_panel = None
         if dropped:
             self._host.session.dispatch(display.drop_brush)
@@ -154,10 +154,10 @@ class BrushController:
         if panel is not None:
             middle = message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5
             try:
-                view.press(session, self._host.scene, panel, panel.to_data(*middle))
+                view.press(session, self._host.renderer.scene, panel, panel.to_data(*middle))
             except S2RError as error:
                 session.show_message(str(error), is_error=True)
-        self._host.refresh_views()
+        self._host.renderer.refresh()
 
     def _stroke_panel(self, stroke: Stroke) -> Panel | None:
         """The panel that a stroke began on, where its view shows it now."""
@@ -176,15 +176,15 @@ class BrushController:
         if stroke.view not in BY_NAME:
             return
         view, session = BY_NAME[stroke.view], self._host.session
-        if not stroke.done and not self._host.plot(view.name).dragging:
+        if not stroke.done and not self._host.renderer.plot(view.name).dragging:
             return  # the stroke was dropped meanwhile
         panel = self._stroke_panel(stroke)
         if panel is None:
             return
         session.dispatch(display.activate, view.name)
         start, *trail = ((x + 0.5, y - TITLE_ROWS + 0.5) for x, y in (stroke.start, *stroke.trail))
-        if view.drag(session, self._host.scene, panel, panel.to_data(*trail[-1])):
-            self._host.refresh_views()
+        if view.drag(session, self._host.renderer.scene, panel, panel.to_data(*trail[-1])):
+            self._host.renderer.refresh()
             return
         lasso = (start, *trail) if session.state.lasso else ()
         brush = brushing.dragged(view.name, panel, start, trail[-1], lasso)
@@ -192,7 +192,7 @@ class BrushController:
             self._show(brush)
         elif not self._select(brush, panel):
             session.dispatch(display.drop_brush)
-            self._host.refresh_views()
+            self._host.renderer.refresh()
 
     def on_wheeled(self, message: PlotView.Wheeled) -> None:
         """Zoom the map or move through the list."""
@@ -207,4 +207,4 @@ class BrushController:
             session.dispatch(display.zoom, _WHEEL_ZOOM**steps, point)
         elif view.name == "list":
             session.dispatch(instance_list.move, -turn.steps)
-        self._host.refresh_views()
+        self._host.renderer.refresh()

@@ -38,7 +38,7 @@ class ExportController:
             self._in_progress.discard(message.finished)
         if message.text:
             self._host.session.show_message(message.text, message.is_error)
-            self._host.refresh_message()
+            self._host.renderer.refresh_message()
 
     def write_screenshot(self) -> None:
         """Write the screen as PNG; it is taken now and encoded in the background."""
@@ -55,7 +55,7 @@ class ExportController:
         """Write the saved selections, or the present one if none is saved, as HTML."""
         if any(path.suffix == _REPORT for path in self._in_progress):
             self._host.session.show_message("a report is being written")
-            self._host.refresh_message()
+            self._host.renderer.refresh_message()
             return
         session = self._host.session
         write = partial(self._report, session.store, session.state, session.notes)
@@ -88,7 +88,7 @@ class ExportController:
         hint = f"a file for the selection: {', '.join(ROW_FORMATS)}"
         self._host.session.show_message(hint)
         self._prompt.ask(self.write_selection, name, hint)
-        self._host.refresh_message()
+        self._host.renderer.refresh_message()
 
     def write_selection(self, text: str) -> None:
         """Write the selected rows; raises RequestError for a file that may not be written."""
@@ -140,7 +140,7 @@ class ExportController:
         else:
             self._host.session.show_message(message)
             self._export(target, write, numbered(self._host.output_folder, stem, suffix))
-        self._host.refresh_message()
+        self._host.renderer.refresh_message()
 
     def _export(self, target: Path, write: WriteFile, alternatives: Iterable[Path] = ()) -> None:
         """Write a file in a background thread; `alternatives` are used if the name is taken."""

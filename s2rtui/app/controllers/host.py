@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-from textual.geometry import Region
 from textual.message import Message
 from textual.screen import Screen
 
-from s2rtui.app.widgets.plot import PlotView
 from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.canvas import RenderOptions
-from s2rtui.charts.view import Resources, Scene
+from s2rtui.charts.view import Resources
 from s2rtui.jobs.background_thread import BackgroundJobs
 from s2rtui.security import Permissions
 from s2rtui.session import Session
 
+if TYPE_CHECKING:
+    from s2rtui.app.renderer import Renderer
+
 
 class ControllerHost(Protocol):
-    """The application as controllers see it: its session, its services and its widgets."""
+    """The application as controllers see it: its session and its services."""
 
     session: Session
     resources: Resources
@@ -28,10 +29,7 @@ class ControllerHost(Protocol):
     access: Permissions
     jobs: BackgroundJobs
     output_folder: Path
-
-    @property
-    def scene(self) -> Scene:
-        """What the views are drawn from now."""
+    renderer: Renderer
 
     @property
     def is_running(self) -> bool:
@@ -44,24 +42,6 @@ class ControllerHost(Protocol):
     @property
     def query_line(self) -> QueryInput:
         """The input line at the foot."""
-
-    def plot(self, view: str) -> PlotView:
-        """The widget of a view."""
-
-    def is_placed(self, view: str) -> bool:
-        """Whether the layout always shows a view, whatever pane is in front."""
-
-    def visible_regions(self) -> list[tuple[str, Region]]:
-        """Name and screen region of every view on the screen."""
-
-    def status_text(self) -> str:
-        """The status line in plain text."""
-
-    def refresh_views(self) -> None:
-        """Draw the state and request the data it needs."""
-
-    def refresh_message(self) -> None:
-        """Draw the message line alone."""
 
     def show_error(self, text: str) -> None:
         """Show an error in the message line."""

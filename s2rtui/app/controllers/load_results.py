@@ -34,7 +34,7 @@ class LoadResultController:
         elif message.error:
             host.session.show_message(message.error, is_error=True)
         host.resources = host.resources.fed(message.loader, message.fields, message.error)
-        host.refresh_views()
+        host.renderer.refresh()
 
     def _complete_pending(self, error: str, fresh: Store | None) -> None:
         """Show the pending target, or say why it cannot be loaded."""
@@ -54,7 +54,7 @@ class LoadResultController:
         resources = self._host.resources
         progress = {**resources.progress, message.loader: message.share}
         self._host.resources = replace(resources, progress=progress)
-        self._host.refresh_message()
+        self._host.renderer.refresh_message()
 
     def check_store(self) -> None:
         """Close stores that nothing reads, and look for a newer generation or gap history."""
@@ -69,7 +69,7 @@ class LoadResultController:
         if error != self._store_error:
             self._show_store_error(error)
         if has_updates:
-            self._host.refresh_views()
+            self._host.renderer.refresh()
 
     def _show_store_error(self, error: str) -> None:
         """Show once that the store cannot be read, and clear that once it can."""
@@ -78,4 +78,4 @@ class LoadResultController:
             session.show_message(error, is_error=True)
         elif session.state.is_error and session.state.message == before:
             session.show_message("")
-        self._host.refresh_message()
+        self._host.renderer.refresh_message()

@@ -19,11 +19,11 @@ class NavigationController:
     def show_view(self, name: str) -> None:
         """Send the keys to a view, and bring it to the front of its pane if it is hidden."""
         session = self._host.session
-        if self._host.is_placed(name):
+        if self._host.renderer.is_placed(name):
             session.dispatch(display.activate, name)
         else:
             session.dispatch(display.show_view, name, BY_NAME[name].pane)
-        self._host.refresh_views()
+        self._host.renderer.refresh()
 
     def show_next_view(self, steps: int) -> None:
         """Show the view `steps` keys after the active one."""
@@ -36,9 +36,9 @@ class NavigationController:
         self._host.open_screen(JumpScreen(self._targets()), self._jump_to)
 
     def _targets(self) -> list[Target]:
-        regions = self._host.visible_regions()
+        regions = self._host.renderer.visible_regions()
         targets = [Target(region.x, region.y, f"view('{name}')") for name, region in regions]
-        status = self._host.status_text()
+        status = self._host.renderer.status_text()
         for part, action in (("traj ", "do('trajectory')"), ("run ", "do('next_run')"),
                              (self._host.session.state.expression[:6], "do('edit')")):  # fmt: skip
             column = status.find(part)

@@ -47,20 +47,19 @@ class PromptController:
     def _close(self) -> None:
         self._accept = None
         self._host.query_line.close()
-        self._host.refresh_views()
+        self._host.renderer.refresh()
 
     def submit(self, event: Input.Submitted) -> None:
         """Pass the text on; if it cannot be used, show why and keep the line open."""
         if self._accept is None:
             return
-        self._host.session.show_message("")
         try:
             self._accept(event.value)
         except (S2RError, OSError) as error:
             self._host.session.show_message(str(error), is_error=True)
             if isinstance(error, ExpressionError):
                 event.input.cursor_position = min(error.column - 1, len(event.value))
-            self._host.refresh_message()
+            self._host.renderer.refresh_message()
             return
         self._close()
 
@@ -70,7 +69,7 @@ class PromptController:
         more = len(message.options) - _MAX_OFFERS
         text = "  ".join(offers) + (f"  and {more} more" if more > 0 else "")
         self._host.session.show_message(text or "no completion")
-        self._host.refresh_message()
+        self._host.renderer.refresh_message()
 
     # --- expressions -------------------------------------------------------------------------
 
@@ -108,7 +107,7 @@ class PromptController:
                 self._host.session.dispatch(shared_selection.select_text, text)
             except S2RError as error:
                 self._host.session.show_message(str(error), is_error=True)
-        self._host.refresh_views()
+        self._host.renderer.refresh()
 
     # --- the notebook ------------------------------------------------------------------------
 
@@ -134,20 +133,19 @@ class PromptController:
         """The present instance; a message says so if there is none."""
         if (iid := self._host.session.state.cursor) is None:
             self._host.session.show_message(f"no instance for a {purpose}: select some")
-            self._host.refresh_views()
+            self._host.renderer.refresh()
         return iid
 
     def edit_note(self) -> None:
         """Edit the note on the present instance."""
         if (iid := self._cursor("note")) is None:
             return
-        session = self._host.session
-        note = session.notes.remarks.get(iid, Remark()).note
-        self.ask(
-            lambda text: session.writable_notebook.note(iid, text),
-            note,
-            f"a note on instance {iid}",
-        )
+        note = self._host.session.notes.remarks.get(iid, Remark()).note
+        self.ask(partial(self._save_note, iid), note, f"a note on instance {iid}")
+
+    def _save_note(self, iid: int, text: str) -> None:
+        self._host.session.writable_notebook.note(iid, text)
+        self._host.session.show_message("")
 
     def edit_tag(self) -> None:
         """Set or remove a tag of the present instance, or of the whole selection."""

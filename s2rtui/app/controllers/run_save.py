@@ -35,7 +35,7 @@ class RunSaveController:
             else:
                 self._load_sliders()
                 session.dispatch(display.show_view, "adjust", "tab")
-        self._host.refresh_views()
+        self._host.renderer.refresh()
 
     def _load_sliders(self) -> None:
         session = self._host.session
@@ -54,7 +54,7 @@ class RunSaveController:
         adjust = self._host.session.state.adjust
         if adjust is None or not adjust.sliders:
             self._host.session.show_message("nothing to save: there are no sliders")
-            self._host.refresh_views()
+            self._host.renderer.refresh()
         elif self._refusal:
             self._host.show_error(self._refusal)
         else:
@@ -69,6 +69,7 @@ class RunSaveController:
         if adjust is not None:
             root, chains = self._host.session.store.path, adjusting.adjustment_chains(adjust)
             self.save(name, partial(save_run, root, name, adjust.run, chains))
+        self._host.session.show_message("")
 
     @property
     def _refusal(self) -> str:
@@ -124,7 +125,7 @@ class RunSaveController:
         run, progress, session = message.run, message.progress, self._host.session
         if progress.is_running:
             self._show_progress(f"run {run}: {progress.fraction:.0%}, {progress.stage}")
-            self._host.refresh_message()
+            self._host.renderer.refresh_message()
             return
         self._saving = None
         self._show_progress("")
@@ -139,7 +140,7 @@ class RunSaveController:
         else:
             reason = progress.error or progress.outcome
             session.show_message(f"run {run}: {reason}", is_error=progress.outcome == "failed")
-        self._host.refresh_views()
+        self._host.renderer.refresh()
 
     def _show_progress(self, text: str) -> None:
         self._host.resources = replace(self._host.resources, saving=text)

@@ -52,9 +52,8 @@ class Panes(Widget, can_focus=False):
     def __init__(self, views: list[PlotView], arrange: Arrange) -> None:
         super().__init__(id="views")
         self._views = views
-        self._arrange = arrange
         self._pane_layout = PaneLayout(arrange)
-        self._arrangement: tuple[object, ...] = ()
+        self._rectangles: Mapping[str, PaneRectangle] = {}
 
     @property
     def layout(self) -> Layout:
@@ -66,19 +65,19 @@ class Panes(Widget, can_focus=False):
     def on_resize(self) -> None:
         self.post_message(self.Arranged())
 
-    def _available_size(self) -> tuple[int, int]:
+    @property
+    def available_size(self) -> tuple[int, int]:
         """The size, estimated from the screen before the first layout."""
         if self.size.area:
             return self.size.width, self.size.height
         return self.app.size.width, max(0, self.app.size.height - BARS)
 
-    def place(self, arrangement: tuple[object, ...]) -> None:
-        """Lay the views out again if `arrangement`, what the layout depends on, has changed."""
-        rectangles = self._arrange(*self._available_size())
+    def place(self, rectangles: Mapping[str, PaneRectangle]) -> None:
+        """Tell each view whether it has a rectangle; lay them out again if these have changed."""
         for view in self._views:
             view.placed = (view.id or "") in rectangles
             if not view.placed:
                 view.abandon()
-        if arrangement != self._arrangement:
-            self._arrangement = arrangement
+        if rectangles != self._rectangles:
+            self._rectangles = rectangles
             self._views[0].refresh(layout=True)  # makes the parent lay out its children
