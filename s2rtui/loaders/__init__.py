@@ -22,7 +22,8 @@ LOADERS: tuple[Loader, ...] = (
     Loader("history", gap_history.history_key, gap_history.read_history, ("history",)),
     Loader(
         "live", live_prediction.live_key, live_prediction.read_live,
-        ("live", "live_of", "live_grid"), is_debounced=False, shows_outdated=True, release=live_prediction.release,
+        ("live", "live_of", "live_grid"), is_debounced=False, shows_outdated=True,
+        release=live_prediction.release,
     ),
 )  # fmt: skip
 

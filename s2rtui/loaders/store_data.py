@@ -42,8 +42,10 @@ def read_run(store: Store, state: State, context: LoadContext) -> Fields:
 
 
 def other_key(store: Store, state: State) -> Key | None:
-    other = pending_target.comparison_to_load(store, state)
-    return None if other is None else (state.generation, other)
+    other = other_run(state) if state.centre == "compare" else None
+    if other is None or pending_target.run_is_loaded(store, other):
+        return None
+    return (state.generation, other)
 
 
 def read_other(store: Store, state: State, context: LoadContext) -> Fields:

@@ -14,7 +14,6 @@ from s2rstore.language.syntax_tree import Bend, Extreme, Field, Like, leaves
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.session.context import SessionContext
-from s2rtui.session.run_differences import other_run
 from s2rtui.session.state import PendingTarget, State
 
 MAX_HISTORY = 100
@@ -76,12 +75,6 @@ def load_columns(store: Store, target: PendingTarget, is_wanted: Callable[[], bo
         base_population(context)
         if target.node is not None:
             mask(target.node, context)
-
-
-def comparison_to_load(store: Store, state: State) -> str | None:
-    """The compared run if it is on the screen and not loaded yet."""
-    other = other_run(state) if state.centre == "compare" else None
-    return other if other is not None and not run_is_loaded(store, other) else None
 
 
 # --- targets ---------------------------------------------------------------------------------

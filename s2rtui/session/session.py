@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,7 @@ class Session:
         self.notebook = notebooks(self.store.dataset.hash) if notebooks else None
         self.defers_loading = False
         self._retired: list[Store] = []
+        self._is_branch = False
         self._base_populations = BasePopulations()
         self._gap_history = (
             gap_history.resolve() if gap_history else reader.path_in(self.store.path)
@@ -76,6 +78,18 @@ class Session:
             raise RequestError("this session has no notebook: nothing can be saved")
         return self.notebook
 
+    def branch(self) -> Session:
+        """An independent session on the same open store and notes, for a background thread.
+
+        It starts on the first run with everything selected, and closes nothing.
+        """
+        branch = copy(self)
+        branch.defers_loading, branch._is_branch = False, True
+        branch._base_populations, branch._retired = BasePopulations(), []
+        initial = _initial_state(self.store, None, self.state.history)
+        branch._state = with_heat(self.store, initial)
+        return branch
+
     def close(self) -> None:
         """Close all stores."""
         self.store.close()
@@ -97,7 +111,8 @@ class Session:
             self._retired.append(self.store)
             self.store = opened
         self._state = state
-        self.store.in_use = runs_in_use(state)
+        if not self._is_branch:
+            self.store.in_use = runs_in_use(state)
         return state
 
     def set_state(self, state: State) -> State:

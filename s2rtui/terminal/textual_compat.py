@@ -15,6 +15,8 @@ from functools import partial
 from types import ModuleType
 from typing import Any
 
+from rich.console import Console
+from rich.segment import Segment
 from textual import events
 from textual._xterm_parser import BRACKETED_PASTE_END, XTermParser
 from textual.app import App
@@ -61,6 +63,43 @@ class QuietApp(App[None]):
 def screen_strips(screen: Screen[Any]) -> list[Strip]:
     """What a screen shows now, line by line; only the compositor has it as text with styles."""
     return screen._compositor.render_strips()
+
+
+class LazyStrip(Strip):
+    """A strip that makes its segments and its escape codes only when they are needed.
+
+    Textual's strips hold segments in `_segments` and codes in `_render_cache`, and have no public
+    way to compute either late.
+    """
+
+    __slots__ = ("_lazy_segments",)
+
+    def __init__(self, cell_length: int) -> None:
+        self._lazy_segments: list[Segment] | None = None
+        super().__init__((), cell_length)
+
+    def make_segments(self) -> list[Segment]:
+        """The styled text of the strip."""
+        raise NotImplementedError
+
+    def encode(self) -> str:
+        """The text with escape codes."""
+        raise NotImplementedError
+
+    @property
+    def _segments(self) -> list[Segment]:
+        if self._lazy_segments is None:
+            self._lazy_segments = self.make_segments()
+        return self._lazy_segments
+
+    @_segments.setter
+    def _segments(self, empty: list[Segment]) -> None:
+        """The base class assigns an empty list at the start."""
+
+    def render(self, console: Console) -> str:
+        if self._render_cache is None:
+            self._render_cache = self.encode()
+        return self._render_cache
 
 
 class _BoundedParser(XTermParser):

@@ -14,7 +14,7 @@ from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.messages import ExportProgressed
 from s2rtui.app.screenshot import Screenshot
 from s2rtui.export.exclusive_files import file, numbered
-from s2rtui.session import State
+from s2rtui.session import Session, State
 from s2rtui.user_data.notebook import Notes
 
 ROW_FORMATS = (".csv", ".json", ".parquet")
@@ -58,18 +58,18 @@ class ExportController:
             self._host.renderer.refresh_message()
             return
         session = self._host.session
-        write = partial(self._report, session.store, session.state, session.notes)
+        write = partial(self._report, session.branch(), session.state, session.notes)
         self._export_numbered("s2r-report", _REPORT, write, "writing a report")
 
-    def _report(self, store: Store, state: State, notes: Notes, path: Path) -> str:
+    def _report(self, session: Session, state: State, notes: Notes, path: Path) -> str:
         """Runs in a background thread."""
         from s2rtui.export.report.request import ReportRequest, RequestedSelection, saved
-        from s2rtui.export.report.write import report
+        from s2rtui.export.report.write import session_report
 
         selections = saved(notes) or (RequestedSelection(state.expression),)
         runs = () if notes.selections else (state.run,)
         request = ReportRequest(selections, runs, state.trajectories)
-        path.write_bytes(report(store.path, request, self._report_progress))
+        path.write_bytes(session_report(session, request, self._report_progress))
         return ""
 
     def _report_progress(self, done: int, total: int, step: str) -> None:

@@ -20,6 +20,11 @@ def report(
     """
     session = Session(store, None, ReadNotebook)
     try:
-        return page(gather(session, request, told)).encode()
+        return session_report(session, request, told)
     finally:
         session.close()
+
+
+def session_report(session: Session, request: ReportRequest, told: Told) -> bytes:
+    """The HTML of a report on a session's open store, whose state it changes; see `report`."""
+    return page(gather(session, request, told)).encode()
