@@ -34,6 +34,20 @@ GROUPS: dict[Group, str] = {
 }
 
 
+TERMS = {
+    "instance": "one recorded pose with its images",
+    "run": "one model on a sim and a real domain, with adjustments",
+    "error": "distance between the predicted and the true position, m",
+    "gap": "real error minus sim error, m",
+    "shift": "distance between the sim and the real prediction, m",
+    "outlier": "distance to the nearest training images in the embedding",
+    "straight": "heading changes by less than 10 degrees over 7 images",
+    "accuracy": "1 - error / scale of the data set, at least 0",
+    "generation": "one published, unchangeable state of the store",
+}
+"""The project's own terms on the screen, for the help."""
+
+
 @dataclass(frozen=True, slots=True)
 class Action:
     """One action with a unique `name`.
@@ -130,7 +144,7 @@ _OPERATORS = (
 _BRUSHING = (
     Action("brush", ("x",), "brush", "start a brush in this view, by keys", short="brush",
            command=lambda app: app.brush.start(), when="still"),
-    Action("brush_select", ("enter",), "brush", "select the instances inside", short="select",
+    Action("brush_select", ("enter",), "brush", "select the instances inside", short="apply",
            command=lambda app: app.brush.apply(None), when="brushing"),
     Action("brush_intersect", ("ampersand",), "brush", "intersect the selection with them",
            command=lambda app: app.brush.apply("intersect"), short="and", shown="&",
@@ -352,7 +366,7 @@ def footer(width: int, state: State, access: Permissions | None = None) -> list[
 
 
 def help_text(access: Permissions | None = None) -> str:
-    """The permitted actions by group, in plain text."""
+    """The permitted actions by group, then the terms, in plain text."""
     lines = []
     for group, title in GROUPS.items():
         lines.append(title)
@@ -362,4 +376,6 @@ def help_text(access: Permissions | None = None) -> str:
             if action.group == group and action.description
         ]
         lines.append("")
-    return "\n".join(lines).rstrip()
+    lines.append("Terms")
+    lines += [f"  {term:<18}{meaning}" for term, meaning in TERMS.items()]
+    return "\n".join(lines)
