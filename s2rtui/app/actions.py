@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from s2rstore.metrics import similarity
-from s2rtui.app.key_names import key_shown
+from s2rtui.app.key_names import key_label
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.shared import view_inputs
 from s2rtui.security import Need, Permissions
@@ -40,7 +40,7 @@ TERMS = {
     "error": "distance between the predicted and the true position, m",
     "gap": "real error minus sim error, m",
     "shift": "distance between the sim and the real prediction, m",
-    "outlier": "distance to the nearest training images in the embedding",
+    "outlier": "distance to similar images in the embedding; 1 is the median",
     "straight": "heading changes by less than 10 degrees over 7 images",
     "accuracy": "1 - error / scale of the data set, at least 0",
     "generation": "one published, unchangeable state of the store",
@@ -71,14 +71,14 @@ class Action:
 
     @property
     def key(self) -> str:
-        return self.shown or key_shown(self.keys[0])
+        return self.shown or key_label(self.keys[0])
 
     @property
     def all_keys(self) -> str:
         """All keys, as `z  +  =`; a label for a group of keys stands alone."""
         if " " in self.shown:
             return self.shown
-        return "  ".join([self.key, *(key_shown(name) for name in self.keys[1:])])
+        return "  ".join([self.key, *(key_label(name) for name in self.keys[1:])])
 
     @property
     def call(self) -> str:

@@ -11,7 +11,7 @@ _UNICODE = {short: long for long, short in KEY_NAME_REPLACEMENTS.items()}
 _WORDS = {"pagedown": "page down", "pageup": "page up"}
 
 
-def key_shown(name: str) -> str:
+def key_label(name: str) -> str:
     """A key of Textual's name in ASCII: `=` of `equals_sign`, `shift+left` as it is."""
     *held, last = name.split("+") if len(name) > 1 else [name]
     long, word = _UNICODE.get(last, last).upper(), _WORDS.get(last, last)

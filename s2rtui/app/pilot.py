@@ -34,7 +34,7 @@ def is_key(name: str) -> bool:
         return False
 
 
-def take(app: S2RApp) -> Screenshot:
+def take_screenshot(app: S2RApp) -> Screenshot:
     """What the application shows now."""
     return Screenshot.of(app.screen)
 
@@ -91,4 +91,4 @@ async def _snapshot(
         for key in keys:
             await pilot.press(key)
             await settle(app, pilot)
-        return take(app)
+        return take_screenshot(app)

@@ -21,9 +21,9 @@ from s2rtui.session import Session, State
 from s2rtui.session.provenance import (
     HeatProvenance,
     InstanceProvenance,
-    about,
-    heat_of,
-    seen_of,
+    heat_provenance,
+    instance_provenance,
+    visible_floor_key,
 )
 from s2rtui.user_data.notebook import Notes
 
@@ -71,8 +71,9 @@ class Resources:
     def heat_on_map(self, state: State) -> Grid | None:
         """What lies on the floor: the heat asked for, or that of the image being adjusted."""
         if state.adjusting and state.overlay == "instance":
-            return self.live_grid if self.live_of == about(state) else None
-        return self.grid if self.grid_of and self.grid_of.name == heat_of(state).name else None
+            return self.live_grid if self.live_of == instance_provenance(state) else None
+        is_present = self.grid_of and self.grid_of.name == heat_provenance(state).name
+        return self.grid if is_present else None
 
     def heat_note(self, state: State) -> str:
         """Whose heat lies on the map, where that is not the present instance's or selection's."""
@@ -82,7 +83,7 @@ class Resources:
 
     def seen_on_map(self, state: State) -> Grid | None:
         """The floor that the present selection has seen."""
-        return self.seen if state.clip and self.seen_of == seen_of(state) else None
+        return self.seen if state.clip and self.seen_of == visible_floor_key(state) else None
 
     def adjusted(self, state: State) -> InstanceInput | None:
         """The instance that is being adjusted, as the present run's model sees it."""

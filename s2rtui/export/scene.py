@@ -12,7 +12,7 @@ from s2rstore.records import Side
 from s2rtui.charts.view import Resources, Scene, View
 from s2rtui.loaders import LOADERS, Fields
 from s2rtui.session import HeatChoice, Session, State, instance_list
-from s2rtui.session.heatmaps import choices
+from s2rtui.session.heatmaps import heatmap_choices
 from s2rtui.session.state import Aggregate, MapMode, Overlay
 from s2rtui.user_data.notebook import ReadNotebook
 
@@ -118,7 +118,7 @@ def _other(state: State, name: str | None) -> str | None:
 
 
 def _heat(session: Session, state: State, wanted: SceneOptions) -> HeatChoice | None:
-    known = choices(session.store, state.run)
+    known = heatmap_choices(session.store, state.run)
     if not known and wanted.heat is None and wanted.side in (None, state.side):
         return None
     kind, _, mode = (wanted.heat or "").partition(":")

@@ -13,7 +13,7 @@ from s2rstore.reader import Store
 from s2rtui.charts.adjust.adjusted_instance import live_input
 from s2rtui.loaders.loader import Fields, LoadContext
 from s2rtui.session import adjusting
-from s2rtui.session.provenance import about
+from s2rtui.session.provenance import instance_provenance
 from s2rtui.session.state import State
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class LivePredictor:
                 heat = state.heat if state.heat and state.heat.kind in kinds else None
                 ready = heat is not None and any(key[0] == heat.kind for key in result.heat)
                 shown = live_input(store, state, result, heat if ready else None)
-                fields = {"live": shown, "live_of": about(state), "live_grid": None}
+                fields = {"live": shown, "live_of": instance_provenance(state), "live_grid": None}
                 if ready and heat is not None:
                     fields["live_grid"] = model.floor_grid(result, heat.kind, heat.side, heat.mode)
                 context.publish(fields)

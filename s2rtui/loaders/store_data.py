@@ -14,7 +14,7 @@ from s2rtui.charts.shared import view_inputs
 from s2rtui.charts.view import RunAccuracies
 from s2rtui.loaders.loader import Fields, Key, LoadContext
 from s2rtui.session import heatmaps, pending_target
-from s2rtui.session.provenance import about, heat_of, seen_of
+from s2rtui.session.provenance import heat_provenance, instance_provenance, visible_floor_key
 from s2rtui.session.run_differences import other_run
 from s2rtui.session.session import INDEX_MEMORY
 from s2rtui.session.state import State
@@ -109,18 +109,18 @@ def pictures_key(store: Store, state: State) -> Key | None:
 def read_pictures(store: Store, state: State, context: LoadContext) -> Fields:
     assert state.cursor is not None
     pictures = view_inputs.instance_input(store, state.run, state.cursor, state.heat)
-    return {"pictures": pictures, "pictures_of": about(state)}
+    return {"pictures": pictures, "pictures_of": instance_provenance(state)}
 
 
 def grid_key(store: Store, state: State) -> Key | None:
     if state.heat is None or state.overlay == "off":
         return None
-    return (heat_of(state),)
+    return (heat_provenance(state),)
 
 
 def read_grid(store: Store, state: State, context: LoadContext) -> Fields:
     grid = _grid(store, state, context)
-    return {"grid": grid, "grid_of": None if grid is None else heat_of(state)}
+    return {"grid": grid, "grid_of": None if grid is None else heat_provenance(state)}
 
 
 def _grid(store: Store, state: State, context: LoadContext) -> NDArray[np.float32] | None:
@@ -131,10 +131,10 @@ def _grid(store: Store, state: State, context: LoadContext) -> NDArray[np.float3
         if state.cursor is None:
             return None
         return heatmaps.instance_grid(store, state.run, state.heat, state.cursor)
-    iids = evenly(np.flatnonzero(state.selected), heatmaps.MOST_GATHERED)
+    iids = evenly(np.flatnonzero(state.selected), heatmaps.MAX_GATHERED)
     if not iids.size:
         return None
-    return heatmaps.gathered(
+    return heatmaps.selection_grid(
         store, state.run, state.heat, iids, state.aggregate, context.report_progress
     )
 
@@ -142,13 +142,13 @@ def _grid(store: Store, state: State, context: LoadContext) -> NDArray[np.float3
 def seen_key(store: Store, state: State) -> Key | None:
     if not state.clip:
         return None
-    return seen_of(state)
+    return visible_floor_key(state)
 
 
 def read_seen(store: Store, state: State, context: LoadContext) -> Fields:
-    iids = evenly(np.flatnonzero(state.selected), heatmaps.MOST_GATHERED)
-    seen = heatmaps.seen(store, state.run, state.side, iids, context.report_progress)
-    return {"seen": seen, "seen_of": seen_of(state)}
+    iids = evenly(np.flatnonzero(state.selected), heatmaps.MAX_GATHERED)
+    seen = heatmaps.visible_floor(store, state.run, state.side, iids, context.report_progress)
+    return {"seen": seen, "seen_of": visible_floor_key(state)}
 
 
 def evenly(iids: NDArray[np.intp], most: int) -> NDArray[np.intp]:

@@ -9,7 +9,7 @@ from typing import TypeVar
 from s2rstore.records import Side
 from s2rtui.analysis.map_frame import panned, within, zoomed
 from s2rtui.session.context import SessionContext
-from s2rtui.session.heatmaps import choices, sample_note
+from s2rtui.session.heatmaps import heatmap_choices, sample_note
 from s2rtui.session.run_differences import other_run
 from s2rtui.session.state import AGGREGATES, MAP_MODES, OVERLAYS, Brush, State
 
@@ -34,7 +34,7 @@ def change_mode(context: SessionContext, state: State) -> State:
 
 def _change_heat(context: SessionContext, state: State, steps: int, same_kind: bool) -> State:
     heat = state.heat
-    options = choices(context.store, state.run)
+    options = heatmap_choices(context.store, state.run)
     if heat is None or not options:
         return state.with_message(f"run {state.run} has no heatmaps; `s2r precompute` makes them")
     if same_kind:

@@ -18,7 +18,7 @@ _INSTEAD = {
 }  # fmt: skip
 
 
-def plain(text: str) -> str:
+def to_ascii(text: str) -> str:
     """The text in ASCII, as wide as it was: letters without accents, `?` for what has no like."""
     return text if text.isascii() else "".join(_character(char) for char in text)
 
@@ -36,4 +36,4 @@ class AsciiFilter(LineFilter):
     """Turns every line of every screen into ASCII."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
-        return [Segment(plain(text), style, control) for text, style, control in segments]
+        return [Segment(to_ascii(text), style, control) for text, style, control in segments]

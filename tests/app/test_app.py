@@ -12,8 +12,8 @@ from textual.widgets import Input
 
 from s2rtui.app.actions import ACTIONS, footer, help_text
 from s2rtui.app.app import S2RApp
-from s2rtui.app.key_names import key_shown
-from s2rtui.app.pilot import settle, snapshot, take
+from s2rtui.app.key_names import key_label
+from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.brush_surface import Mark
@@ -109,7 +109,7 @@ async def test_small_terminals_do_not_break(tiny_store: Path, size: tuple[int, i
     async with app.run_test(size=size) as pilot:
         await pilot.press("w", "right", "3", "1")
         await settle(app, pilot)
-        text = take(app).text
+        text = take_screenshot(app).text
         assert text.strip()
 
 
@@ -120,7 +120,7 @@ async def test_resizing_changes_the_layout(tiny_store: Path) -> None:
         for size in ((80, 24), (120, 40), (20, 5), (200, 60)):
             await pilot.resize_terminal(*size)
             await settle(app, pilot)
-        assert "errors" in take(app).text
+        assert "errors" in take_screenshot(app).text
 
 
 async def test_an_expression_is_written_corrected_and_applied(tiny_store: Path) -> None:
@@ -140,7 +140,7 @@ async def test_an_expression_is_written_corrected_and_applied(tiny_store: Path) 
         await pilot.pause()
         assert app.session.state.expression == "worst15 & room:right"
         assert app.focused is None
-        assert "worst15 & room:right" in take(app).text
+        assert "worst15 & room:right" in take_screenshot(app).text
         await pilot.press("slash", "escape", "w")
         await pilot.pause()
         assert app.session.state.expression == "worst15"
@@ -232,7 +232,7 @@ def test_keys_are_shown_as_they_stand_on_a_keyboard() -> None:
     assert any(line.startswith("z  +  =  ") for line in lines)
     for action in ACTIONS:
         for key in action.keys:
-            shown = key_shown(key)
+            shown = key_label(key)
             assert shown.isascii()
             assert "_" not in shown
             assert len(shown) == 1 or shown.split("+")[-1].replace(" ", "") == key.split("+")[-1]
@@ -242,13 +242,13 @@ async def test_escape_is_offered_while_something_is_begun(tiny_store: Path) -> N
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        assert "escape cancel" not in take(app).text
+        assert "escape cancel" not in take_screenshot(app).text
         for begin in ("x", "vertical_line"):
             await pilot.press(begin)
             await settle(app, pilot)
-            assert "escape cancel" in take(app).text
+            assert "escape cancel" in take_screenshot(app).text
             await pilot.press("escape")
             await settle(app, pilot)
-            assert "escape cancel" not in take(app).text
+            assert "escape cancel" not in take_screenshot(app).text
         await pilot.press("slash", "escape")
         assert not app.prompt.is_open

@@ -18,7 +18,12 @@ from s2rtui.charts.shared import view_inputs
 from s2rtui.charts.view import Resources, RunAccuracies, Scene, View
 from s2rtui.loaders import store_data
 from s2rtui.session import HeatChoice, Session, State
-from s2rtui.session.provenance import HeatProvenance, about, heat_of, seen_of
+from s2rtui.session.provenance import (
+    HeatProvenance,
+    heat_provenance,
+    instance_provenance,
+    visible_floor_key,
+)
 from s2rtui.session.state import Adjust, Brush, HistoryFile, PendingTarget, Slider
 from s2rtui.user_data.notebook import Notes, Remark
 from tests.support import gaps, tiny
@@ -109,14 +114,14 @@ def scenes(session: Session) -> dict[str, Scene]:
     grid = np.arange(16, dtype=np.float32).reshape(4, 4)
     fed = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
     pictures, live = (view_inputs.instance_input(store, state.run, i, state.heat) for i in (0, 2))
-    of = {"pictures_of": about(state), "live_of": about(state)}
+    of = {"pictures_of": instance_provenance(state), "live_of": instance_provenance(state)}
     plain = Scene(store, state, Resources(**fed, pictures=pictures, live=live, **of))
     heated = replace(plain.resources, grid=grid, seen=grid > 7, live_grid=grid[::-1])
     rich = replace(
         state, overlay="selection", clip=True, map_mode="glyph", room_names=True, sort="gap",
         brush=Brush("umap", Mark("real", BOX)), heat=HeatChoice("activation", "loss"), cursor=4,
     )  # fmt: skip
-    heated = replace(heated, grid_of=heat_of(rich), seen_of=seen_of(rich))
+    heated = replace(heated, grid_of=heat_provenance(rich), seen_of=visible_floor_key(rich))
     sliding = replace(state, view="adjust", tab="adjust", adjust=ADJUST, overlay="instance")
     return {
         "plain": plain,

@@ -14,13 +14,13 @@ from textual.pilot import Pilot
 from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
 from s2rtui.app.messages import LoadProgressed
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.shared import view_inputs
 from s2rtui.loaders import LOADERS
 from s2rtui.session import Session
-from s2rtui.session.provenance import about
+from s2rtui.session.provenance import instance_provenance
 from s2rtui.session.state import Adjust, Slider
 
 LATE = 60.0
@@ -68,7 +68,7 @@ async def test_pictures_keep_their_name_until_others_are_there(
         shown, _, coming = told(app, "instance").partition(" (loading ")
         assert shown == before + (", run vanilla" if key == "r" else "")
         assert other(after) in coming
-        assert f"3 instance  {before}"[:30] in take(app).text
+        assert f"3 instance  {before}"[:30] in take_screenshot(app).text
         app.load_scheduler.debounce_seconds = 0.001
         await press(app, pilot, key)
         assert "loading" not in told(app, "instance")
@@ -142,7 +142,9 @@ async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
         adjust = Adjust(state.run, ((SLIDER.key, 1.0),), 0, (SLIDER,))
         shown = view_inputs.instance_input(session.store, state.run, state.cursor, None)
         grid = np.ones((4, 4), dtype=np.float32)
-        found = replace(app.resources, live=shown, live_of=about(state), live_grid=grid)
+        found = replace(
+            app.resources, live=shown, live_of=instance_provenance(state), live_grid=grid
+        )
         here = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")
 
         def scene(**changes: object):
@@ -169,7 +171,7 @@ async def test_every_feed_tells_its_own_progress(tiny_store: Path) -> None:
             app.on_load_progressed(LoadProgressed(feed, app.load_scheduler._ticket[feed], share))
         app.on_load_progressed(LoadProgressed("live", -1, 0.9))
         await pilot.pause()
-        text = take(app).text
+        text = take_screenshot(app).text
         assert "heat on the map 25%, what was seen 50%" in text
         app.on_load_completed(_answer(app, "what was seen"))
         assert app.resources.progress == {"heat on the map": 0.25}

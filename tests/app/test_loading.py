@@ -22,7 +22,7 @@ from s2rtools.precompute.registry import add_run
 from s2rtui.app import pilot as headless
 from s2rtui.app.app import S2RApp
 from s2rtui.app.messages import RunSaveProgressed
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.brush_surface import Mark
 from s2rtui.jobs.precompute_job import JobProgress
@@ -88,7 +88,7 @@ async def test_keys_go_on_while_a_run_is_read(store: Path, gate: threading.Event
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "r")
         assert app.session.state.run == "vanilla"
-        assert "run vanilla (loading b)" in take(app).text
+        assert "run vanilla (loading b)" in take_screenshot(app).text
         await press(app, pilot, "w", "n", "m")
         state = app.session.state
         assert (state.run, state.expression, state.map_mode) == ("vanilla", "worst15", "glyph")
@@ -102,7 +102,7 @@ async def test_keys_go_on_while_a_run_is_read(store: Path, gate: threading.Event
                 "ORDER BY error DESC LIMIT 6"
             )
         assert set(np.flatnonzero(state.selected)) == {iid for (iid,) in worst}
-        assert "loading" not in take(app).text.splitlines()[0]
+        assert "loading" not in take_screenshot(app).text.splitlines()[0]
 
 
 async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
@@ -182,7 +182,7 @@ async def test_an_undone_expression_waits_for_its_columns(lossy: Lossy) -> None:
     past = app.session.state.past
     await press(app, pilot, "u")
     assert app.session.state.expression == "all"
-    assert "run vanilla (selecting)" in take(app).text
+    assert "run vanilla (selecting)" in take_screenshot(app).text
     lossy.opened.set()
     await settle(app, pilot)
     state = app.session.state
@@ -196,7 +196,7 @@ async def test_an_undo_that_waits_is_taken_back_by_redo(lossy: Lossy) -> None:
     app, pilot = lossy.app, lossy.pilot
     before = app.session.state
     await press(app, pilot, "u", "U")
-    assert "(selecting)" not in take(app).text
+    assert "(selecting)" not in take_screenshot(app).text
     lossy.opened.set()
     await settle(app, pilot)
     after = app.session.state
@@ -298,7 +298,7 @@ async def test_the_newest_run_wins(store: Path, gate: threading.Event) -> None:
     app = app_on(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "r", "r")
-        assert "(loading c)" in take(app).text
+        assert "(loading c)" in take_screenshot(app).text
         gate.set()
         await settle(app, pilot)
         assert app.session.state.run == "c"
@@ -318,11 +318,11 @@ async def test_the_other_run_is_read_elsewhere(store: Path, gate: threading.Even
     app = app_on(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "9")
-        assert "loading run b" in take(app).text
+        assert "loading run b" in take_screenshot(app).text
         gate.set()
         await settle(app, pilot)
-        assert "loading" not in take(app).text
-        assert "b better" in take(app).text or "▲" in take(app).text
+        assert "loading" not in take_screenshot(app).text
+        assert "b better" in take_screenshot(app).text or "▲" in take_screenshot(app).text
 
 
 async def test_a_run_that_cannot_be_read_is_told(

@@ -14,7 +14,7 @@ from s2rstore.errors import RequestError
 from s2rtui.app.actions import ACTIONS
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers import prompt
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.tour import TourScreen
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.brush_surface import Panel
@@ -99,7 +99,7 @@ async def test_escape_drops_a_brush_and_a_pending_operator(tiny_store: Path) -> 
         await press(app, pilot, "w", "x", "escape")
         assert app.session.state.brush is None
         await press(app, pilot, "vertical_line")
-        assert "| _" in take(app).text
+        assert "| _" in take_screenshot(app).text
         await press(app, pilot, "escape")
         assert app.session.state.operator == "replace"
         assert app.session.state.expression == "worst15"
@@ -224,7 +224,7 @@ async def test_notes_and_tags_are_written_and_shown_in_the_list(tiny_store: Path
         await pilot.press(*"glass", "enter")
         await settle(app, pilot)
         await press(app, pilot, "8")
-        assert "#door: glass" in take(app).text
+        assert "#door: glass" in take_screenshot(app).text
         await press(app, pilot, "slash")
         app.query_line.value = "@door"
         await press(app, pilot, "enter")
@@ -238,7 +238,7 @@ async def test_a_selection_is_saved_found_and_taken_again(tiny_store: Path) -> N
         await pilot.press(*"bad", "enter")
         await settle(app, pilot)
         await press(app, pilot, "c", "f")
-        assert "@bad" in take(app).text
+        assert "@bad" in take_screenshot(app).text
         await press(app, pilot, "enter")
         assert app.session.state.expression == "worst15"
         await press(app, pilot, "f", "d", "escape")
@@ -284,7 +284,7 @@ async def test_two_runs_are_compared(tiny_store: Path) -> None:
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "9")
-        text = take(app).text
+        text = take_screenshot(app).text
         assert "vanilla and dataaug" in text
         columns = [app.session.store.run_columns(run).real.error for run in ("vanilla", "dataaug")]
         better = int((columns[0] - columns[1] > 0.05).sum())
@@ -318,9 +318,9 @@ async def test_screens_over_the_views_open_and_close(
     async with app.run_test(size=size) as pilot:
         for key, shown in (("D", "what you should see"), ("T", "reality is red"), ("f", "history")):
             await press(app, pilot, key)
-            assert shown in take(app).text
+            assert shown in take_screenshot(app).text
             await press(app, pilot, "escape")
-        assert "overview" in take(app).text or "map" in take(app).text
+        assert "overview" in take_screenshot(app).text or "map" in take_screenshot(app).text
 
 
 async def test_tab_goes_to_the_next_view_and_the_next_panel(tiny_store: Path) -> None:

@@ -17,7 +17,7 @@ from textual.widgets import Static
 import s2rtui
 from s2rtui.app.actions import ACTIONS
 from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.widgets.bar import Bar
 from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
@@ -128,7 +128,7 @@ async def drive(app: S2RApp, pilot: Pilot[None]) -> None:
         await settle(app, pilot)
         assert app.fault is None, action.name
         assert app.is_running, action.name
-        take(app)
+        take_screenshot(app)
         while isinstance(app.screen, ModalScreen) or app.prompt.is_open:
             await pilot.press("escape")
 
@@ -168,8 +168,9 @@ async def test_a_room_is_text_and_not_an_action(own_store: Path, name: str) -> N
         app.session.select(f'room:"{name}right"')
         app.refresh_views()
         await pilot.pause()
-        assert f"{name}right" in "".join(seg.text for line in take(app).lines for seg in line)
-        metas = [seg.style.meta for line in take(app).lines for seg in line if seg.style]
+        segments = [segment for line in take_screenshot(app).lines for segment in line]
+        assert f"{name}right" in "".join(segment.text for segment in segments)
+        metas = [segment.style.meta for segment in segments if segment.style]
         assert not any("@click" in meta for meta in metas)
         for column in range(0, 160, 4):
             await pilot.click(Static, offset=(column, 0))

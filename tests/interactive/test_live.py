@@ -20,8 +20,8 @@ from s2rtools.interactive import LiveModel, LiveResult
 from s2rtools.interactive.recent import RecentValues
 from s2rtools.precompute.pipeline import precompute
 from s2rtools.precompute.registry import add_run
-from s2rtui.session.heatmaps import choices, instance_grid
-from s2rtui.session.model_input import seen
+from s2rtui.session.heatmaps import heatmap_choices, instance_grid
+from s2rtui.session.model_input import model_input
 from s2rtui.session.state import HeatChoice
 from tests.support.quiet import Quiet
 
@@ -59,10 +59,10 @@ def same_as_stored(store: Store, run: str, result: LiveResult, live: LiveModel) 
             assert getattr(shown, name) == pytest.approx(getattr(stored, name)[iid], abs=1e-4)
         assert angles.distance(shown.heading, stored.heading[iid]) < 1e-4
         assert shown.heading_error == pytest.approx(stored.heading_error[iid], abs=1e-4)
-        picture = seen(store, store.run(run), side, iid)
+        picture = model_input(store, store.run(run), side, iid)
         assert (picture.rgb == shown.rgb).all()
         np.testing.assert_array_equal(picture.depth, shown.depth)
-        for kind, mode in choices(store, run):
+        for kind, mode in heatmap_choices(store, run):
             mine = result.heatmap(kind, side, mode)
             theirs = store.heatmap(run, kind, side, iid, mode)
             assert mine.shape == theirs.shape

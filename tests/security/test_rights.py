@@ -13,7 +13,7 @@ from s2rstore.errors import RequestError
 from s2rtui.app import actions
 from s2rtui.app.actions import ACTIONS, Action, find_action, footer, help_text, permitted_actions
 from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
 from s2rtui.session import Session, display
@@ -103,7 +103,7 @@ async def test_a_refused_action_says_so(tiny_store: Path, tmp_path: Path) -> Non
         await pilot.press("d")
         await settle(app, pilot)
         assert app.session.state.heat == before
-        assert "not in a restricted session: mist in the images" in take(app).text
+        assert "not in a restricted session: mist in the images" in take_screenshot(app).text
         titles = [command.title for command in app.get_system_commands(app.screen)]
         assert len(titles) > 10
         assert not any("mist in the images" in title for title in titles)

@@ -13,7 +13,7 @@ from s2rstore.index.transaction import edit
 from s2rstore.language import ExpressionError
 from s2rtui.charts.shared.view_inputs import instance_input, map_input, overview_rows
 from s2rtui.session import Session, display, navigation
-from s2rtui.session.heatmaps import choices, instance_grid, run_grid
+from s2rtui.session.heatmaps import heatmap_choices, instance_grid, run_grid
 from tests.support import tiny
 
 
@@ -145,7 +145,7 @@ def test_views_get_the_stores_numbers(session: Session) -> None:
     found = instance_input(session.store, "vanilla", 5, session.state.heat)
     assert found.real.pose.error == columns.real.error[5]
     assert np.isnan(found.sim.depth).any()
-    assert choices(session.store, "vanilla")[0] == ("activation", "loss")
+    assert heatmap_choices(session.store, "vanilla")[0] == ("activation", "loss")
 
 
 def test_one_instances_heat_lies_on_the_map(session: Session) -> None:

@@ -28,7 +28,7 @@ from s2rtui.terminal.graphics.image_manager import (
     KittyImageManager,
     pixel_size,
 )
-from s2rtui.terminal.graphics.probe import Graphics, of_answer
+from s2rtui.terminal.graphics.probe import Graphics, parse_answer
 from s2rtui.terminal.strips import to_strips
 from tests.support.kitty import (
     ANSWER,
@@ -115,13 +115,13 @@ class Terminals:
     ],
 )
 def test_the_terminal_says_itself_what_it_draws(answer: bytes, pictures: bool, told: str) -> None:
-    found = of_answer(answer)
+    found = parse_answer(answer)
     assert found.pictures is pictures
     assert told in found.told
 
 
 def test_the_size_of_a_cell_is_the_terminals() -> None:
-    assert of_answer(ANSWER.replace(CELL, b"\x1b[6;31;15t")).cell == (15, 31)
+    assert parse_answer(ANSWER.replace(CELL, b"\x1b[6;31;15t")).cell == (15, 31)
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_tmux_is_asked_for_its_terminal(
 ) -> None:
     monkeypatch.setattr(probe, "_ask_tmux", lambda: answer)
     monkeypatch.setattr(probe, "_here", lambda: True)
-    found = probe.ask(TRUE, {"TMUX": "/tmp/tmux,1,0"})
+    found = probe.probe_terminal(TRUE, {"TMUX": "/tmp/tmux,1,0"})
     assert (found.pictures, found.in_tmux) == (pictures, pictures)
     assert told in found.told
 
@@ -154,7 +154,7 @@ def test_nothing_is_asked_where_no_picture_can_be(
 ) -> None:
     monkeypatch.setattr(probe, "_ask_terminal", lambda: pytest.fail("asked"))
     monkeypatch.setattr(probe, "_here", lambda: True)
-    assert "256 colours" in probe.ask(terminal, {}).told
+    assert "256 colours" in probe.probe_terminal(terminal, {}).told
 
 
 def test_ascii_and_pictures_exclude_each_other(

@@ -9,7 +9,7 @@ from s2rstore.errors import RequestError
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.charts.instance import terminal
 from s2rtui.charts.view import Pixels, Scene, Table, View
-from s2rtui.session.provenance import about
+from s2rtui.session.provenance import instance_provenance
 
 
 class InstanceView(View):
@@ -25,7 +25,7 @@ class InstanceView(View):
         state, resources = scene.state, scene.resources
         if state.cursor is None:
             return "none"
-        wanted = about(state).told(state)
+        wanted = instance_provenance(state).told(state)
         failed = resources.failed.get("pictures")
         if resources.pictures is None or resources.pictures_of is None:
             return f"{wanted}: {failed}" if failed else f"{wanted}, loading"

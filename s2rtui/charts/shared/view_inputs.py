@@ -28,7 +28,7 @@ from s2rtui.charts.shared.inputs import (
     UmapInput,
 )
 from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
-from s2rtui.session.model_input import ModelInput, seen
+from s2rtui.session.model_input import ModelInput, model_input
 from s2rtui.session.state import HeatChoice, State
 
 Pixels = NDArray[np.uint8]
@@ -134,7 +134,7 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
     room = truth.room[iid]
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
     columns = store.run_columns(run)
-    sim, real = (seen(store, store.run(run), side, iid) for side in SIDES)
+    sim, real = (model_input(store, store.run(run), side, iid) for side in SIDES)
     return InstanceInput(
         iid=iid,
         sim=_side(store, run, iid, "sim", heat, sim),

@@ -45,7 +45,7 @@ class Graphics:
     in_tmux: bool = False
 
 
-def ask(terminal: Terminal, environment: Mapping[str, str] | None = None) -> Graphics:
+def probe_terminal(terminal: Terminal, environment: Mapping[str, str] | None = None) -> Graphics:
     """Ask the terminal, or tmux about its terminal."""
     env = os.environ if environment is None else environment
     if terminal.ascii or not RenderOptions(mode=terminal.mode).fine:
@@ -54,14 +54,14 @@ def ask(terminal: Terminal, environment: Mapping[str, str] | None = None) -> Gra
         return Graphics(False, "no terminal to ask")
     if env.get("TMUX"):
         return _of_tmux(_ask_tmux())
-    return of_answer(_ask_terminal())
+    return parse_answer(_ask_terminal())
 
 
 def _here() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty()
 
 
-def of_answer(answer: bytes) -> Graphics:
+def parse_answer(answer: bytes) -> Graphics:
     """What the answers to `_question` say."""
     if not _ATTRIBUTES.search(answer):
         return Graphics(False, f"the terminal did not answer within {PATIENCE:.0f} s")
