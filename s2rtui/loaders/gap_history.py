@@ -1,4 +1,4 @@
-"""The history of nightly gaps, which may change at any time: read anew whenever its file does."""
+"""Load the history of nightly gaps whenever its file changes."""
 
 from __future__ import annotations
 

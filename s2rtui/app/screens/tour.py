@@ -37,7 +37,7 @@ def tour_text() -> str:
     lines += [f"  {BY_NAME[name].key:<5}{text}" for name, text in _STEPS]
     help_key = BY_NAME["help"].key
     return "\n".join(
-        [*lines, "", f"  {help_key}    all keys and terms", "", "press any key to begin"]
+        [*lines, "", f"  {help_key}    all keys and terms", "", "any key begins"]
     )
 
 
