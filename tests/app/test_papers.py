@@ -138,7 +138,7 @@ async def test_what_is_no_path_is_refused(tiny_store: Path, tmp_path: Path, name
     app = app_on(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        with pytest.raises(RequestError, match="is no path"):
+        with pytest.raises(RequestError, match="is not a path"):
             app.export.write_selection(name)
 
 
@@ -186,7 +186,7 @@ async def test_a_name_that_was_taken_meanwhile_is_not_replaced(
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "w", "F", "enter")
-        assert app.session.state.message == f"{target}: exists already"
+        assert app.session.state.message == f"{target}: is there already"
     assert target.read_text() == "another's"
     assert not list(tmp_path.glob(".*csv"))
 
