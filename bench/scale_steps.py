@@ -21,7 +21,8 @@ from s2rtui.charts.shared.map_model import map_model, value_range
 from s2rtui.charts.shared.points import highest_levels, unselected_dots
 from s2rtui.charts.umap.model import umap_model
 from s2rtui.charts.umap.terminal import umap_layout
-from s2rtui.session import Brush, Session, display, instance_list, run_differences
+from s2rtui.charts.view import Scene
+from s2rtui.session import Brush, Session, display, instance_list, run_differences, selection
 from s2rtui.session.state import Operator
 
 Step = Callable[[], object]
@@ -38,8 +39,8 @@ def changes(session: Session, turn: int) -> list[tuple[str, Step]]:
 
     def join(operator: Operator, expression: str) -> Step:
         def joined() -> None:
-            session.expect(operator)
-            session.choose(expression)
+            session.dispatch(selection.set_operator, operator)
+            session.select(expression)
 
         return joined
 
@@ -107,23 +108,23 @@ def moves(session: Session, turn: int) -> list[tuple[str, Step]]:
         x, y = 2.0 + 0.4 * turn, 3.0 + 0.2 * turn
         box = ((x, y), (x + 4, y + 3))
         points = (box[0], (x + 4, y), box[1], (x, y + 3)) if lasso else box
-        return lambda: session.set(
+        return lambda: session.set_state(
             replace(session.state, brush=Brush(view, Mark(panel, points, lasso)))
         )
 
     def sort() -> None:
-        instance_list.next_column(session)
+        session.dispatch(instance_list.sort_by_next_column)
         instance_list.order(session.store, session.state, session.notes)
 
     return [
         ("box moved on the map", mark("map", "map", False)),
         ("lasso moved on the map", mark("map", "map", True)),
         ("box moved on the embedding", mark("umap", "real", False)),
-        ("brush left", lambda: display.leave(session)),
+        ("brush left", lambda: session.dispatch(display.cancel_input)),
         ("cursor to the next instance", lambda: session.move_cursor(1)),
-        ("zoom", lambda: display.zoom(session, 1 / 0.8)),
-        ("pan", lambda: display.pan(session, 0.1, 0.0)),
-        ("map mode", lambda: display.change_map_mode(session)),
+        ("zoom", lambda: session.dispatch(display.zoom, 1 / 0.8)),
+        ("pan", lambda: session.dispatch(display.pan, 0.1, 0.0)),
+        ("map mode", lambda: session.dispatch(display.change_map_mode)),
         ("another trajectory", session.change_trajectory),
         ("list by another column", sort),
         ("run seen before", lambda: session.change_run((-1) ** turn)),

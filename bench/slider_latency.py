@@ -30,7 +30,7 @@ async def _measured(store: Path, run: str | None, moves: int) -> list[float]:
     found: list[float] = []
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        await app.run_action("adjust")
+        await app.run_action("do('adjust')")
         await _until(app, None, _LOADING)
         await settle(app, pilot)
         for _ in range(moves):

@@ -1,4 +1,4 @@
-"""An application whose actions, wherever they are called from, ask the session's `Permissions`."""
+"""Refuse actions that the session's permissions do not allow."""
 
 from __future__ import annotations
 
@@ -9,34 +9,34 @@ from textual.actions import ActionParseResult
 from textual.app import App
 from textual.dom import DOMNode
 
-from s2rstore.security.printable_text import printable
-from s2rtui.app.actions import named
+from s2rtui.app.actions import find_action
 from s2rtui.security.permissions import Permissions
+from s2rtui.terminal.textual_compat import QuietApp
 
-# Of Textual's own actions, those that neither write a file nor leave the screen.
 _HARMLESS = frozenset(
     {"bell", "command_palette", "focus", "focus_next", "focus_previous", "help_quit", "quit"}
 )
+"""Textual's own actions that neither write a file nor leave the screen."""
 
 
-class GuardedApp(App[None]):
-    """Refuses what `access` does not allow, and says so; Textual's own actions by a list."""
+class GuardedApp(QuietApp):
+    """Checks every action, wherever it is called from; of Textual's own only a list is allowed."""
 
     access: Permissions
 
-    def tell_refusal(self, told: str) -> None:
-        """Show why an action did not run."""
-        self.notify(printable(told), severity="warning", markup=False)
+    def show_error(self, text: str) -> None:
+        """Show why an action was refused."""
+        raise NotImplementedError
 
     def refusal(self, name: str, parameters: tuple[object, ...] = ()) -> str:
-        """Why an action of the application may not run; empty where it may."""
+        """Why an action may not run; empty if it may."""
         if not self.access.restricted:
             return ""
         built_in = getattr(App, f"action_{name}", None)
-        replaced = getattr(type(self), f"action_{name}", None) is not built_in
-        if built_in is not None and not replaced and name not in _HARMLESS:
+        is_replaced = getattr(type(self), f"action_{name}", None) is not built_in
+        if built_in is not None and not is_replaced and name not in _HARMLESS:
             return f"not in a restricted session: {name.replace('_', ' ')}"
-        action = named(name, parameters)
+        action = find_action(name, parameters)
         if action is None or self.access.allows(action.needs):
             return ""
         return f"not in a restricted session: {action.description}"
@@ -52,8 +52,8 @@ class GuardedApp(App[None]):
     ) -> bool:
         space, name, parameters = actions.parse(action) if isinstance(action, str) else action
         if space == "app" or (not space and default_namespace in (None, self)):
-            told = self.refusal(name, parameters)
-            if told:
-                self.tell_refusal(told)
+            reason = self.refusal(name, parameters)
+            if reason:
+                self.show_error(reason)
                 return True
         return await super().run_action(action, default_namespace, namespaces)

@@ -1,19 +1,22 @@
-"""Every action once: key map, footer, help and palette are made from this table."""
+"""The action registry: key bindings, footer, help and command palette are made from it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from s2rstore.metrics import similarity
-from s2rtui.app.key_names import key_shown
+from s2rtui.app.key_names import key_label
 from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
 from s2rtui.security import Capability, Permissions
-from s2rtui.session import Session, adjusting, display, instance_list
+from s2rtui.session import Session, adjusting, display, instance_list, navigation, selection
+from s2rtui.session.context import Reducer, SessionContext
 from s2rtui.session.state import State
+
+if TYPE_CHECKING:
+    from s2rtui.app.app import S2RApp
 
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
 When = Literal["always", "begun", "still", "plain", "brushing", "list", "adjust", "elsewhere"]
@@ -31,13 +34,28 @@ GROUPS: dict[Group, str] = {
 }
 
 
+TERMS = {
+    "instance": "one recorded pose with its images",
+    "run": "one model on a sim and a real domain, with adjustments",
+    "error": "distance between the predicted and the true position, m",
+    "gap": "real error minus sim error, m",
+    "shift": "distance between the sim and the real prediction, m",
+    "outlier": "distance to similar images in the embedding; 1 is the median",
+    "straight": "heading changes by less than 10 degrees over 7 images",
+    "accuracy": "1 - error / scale of the data set, at least 0",
+    "generation": "one published, unchangeable state of the store",
+}
+"""The project's own terms on the screen, for the help."""
+
+
 @dataclass(frozen=True, slots=True)
 class Action:
-    """`name` is unique. `do` changes the session; without it the application has `action_NAME`.
+    """One action with a unique `name`.
 
-    `keys` are Textual's names, the first one shown (as `shown`); `short` is the footer's word, if
-    any; `when` says in which situation the keys mean this; `needs` what a session must be allowed
-    to do for the action to be offered.
+    `do` changes the session, `command` calls a controller of the application; with neither, the
+    application has a method `action_NAME`. `keys` are Textual's names; the first one is displayed
+    (as `shown`). `short` is the label in the footer, if any. `when` is the situation in which the
+    keys mean this action, `needs` the permission that it requires.
     """
 
     name: str
@@ -49,25 +67,27 @@ class Action:
     shown: str = ""
     when: When = "always"
     needs: Capability = ""
+    command: Callable[[S2RApp], object] | None = None
 
     @property
     def key(self) -> str:
-        return self.shown or key_shown(self.keys[0])
+        return self.shown or key_label(self.keys[0])
 
     @property
     def all_keys(self) -> str:
-        """`z  +  =`; what is shown for a group of keys stands alone."""
+        """All keys, as `z  +  =`; a label for a group of keys stands alone."""
         if " " in self.shown:
             return self.shown
-        return "  ".join([self.key, *(key_shown(name) for name in self.keys[1:])])
+        return "  ".join([self.key, *(key_label(name) for name in self.keys[1:])])
 
     @property
     def call(self) -> str:
-        """The action as Textual calls it."""
-        return self.name if self.do is None else f"do('{self.name}')"
+        """The action string for Textual."""
+        is_method = self.do is None and self.command is None
+        return self.name if is_method else f"do('{self.name}')"
 
     def applies(self, state: State) -> bool:
-        """Whether it means something in a state."""
+        """Whether the action is available in a state."""
         brushing = state.brush is not None
         return {
             "always": True,
@@ -81,211 +101,259 @@ class Action:
         }[self.when]
 
 
-def _choose(expression: str) -> Callable[[Session], object]:
-    return lambda session: session.choose(expression)
+def _dispatch(reducer: Reducer, **arguments: Any) -> Callable[[Session], object]:
+    return lambda session: session.dispatch(reducer, **arguments)
 
 
-def _choose_alike(session: Session) -> object:
-    """The present instance and those that the run sees alike, on the side that is shown."""
-    state = session.state
+def _select(expression: str) -> Callable[[Session], object]:
+    return _dispatch(selection.select, expression=expression)
+
+
+def _select_similar(context: SessionContext, state: State) -> State:
+    """Select the present instance and its nearest neighbours in the run's embedding."""
     if state.cursor is None:
-        return session.tell("no instance to find others alike: select some")
-    if not similarity.can_compare(session.store, state.run):
-        told = f"run {state.run} has no embeddings to compare; `s2r precompute` makes them"
-        return session.tell(told)
+        return state.with_message("no instance to compare with: select some")
+    if not similarity.can_compare(context.store, state.run):
+        return state.with_message(
+            f"run {state.run} has no embeddings to compare; `s2r precompute` makes them"
+        )
     function = "sim.like" if state.side == "sim" else "like"
-    return session.choose(f"{function}({state.cursor}, {NEIGHBOURS})")
+    expression = f"{function}({state.cursor}, {NEIGHBOURS})"
+    return selection.select(context, state, expression)
 
 
 _OPERATORS = (
     Action(
-        "intersect", ("ampersand",), "select", "next selection: only what both have",
-        lambda s: s.expect("intersect"), "and", "&", "still",
+        "intersect", ("ampersand",), "select", "intersect with the next selection",
+        _dispatch(selection.set_operator, operator="intersect"), "and", "&", "still",
     ),
     Action(
-        "union", ("vertical_line",), "select", "next selection: in addition",
-        lambda s: s.expect("union"), "", "|", "still",
+        "union", ("vertical_line",), "select", "add the next selection",
+        _dispatch(selection.set_operator, operator="union"), "", "|", "still",
     ),
     Action(
-        "subtract", ("minus",), "select", "next selection: taken out",
-        lambda s: s.expect("subtract"), "", "-", "still",
+        "subtract", ("minus",), "select", "subtract the next selection",
+        _dispatch(selection.set_operator, operator="subtract"), "", "-", "still",
     ),
     Action(
-        "complement", ("exclamation_mark",), "select", "all but these",
-        Session.complement, "", "!", "still",
+        "complement", ("exclamation_mark",), "select", "complement: all other instances",
+        _dispatch(selection.complement), "", "!", "still",
     ),
 )  # fmt: skip
 
 _BRUSHING = (
-    Action("brush", ("x",), "brush", "brush in this view, by keys", short="brush", when="still"),
-    Action("brush_apply('')", ("enter",), "brush", "select what is inside", short="select",
+    Action("brush", ("x",), "brush", "start a brush in this view, by keys", short="brush",
+           command=lambda app: app.brush.start(), when="still"),
+    Action("brush_select", ("enter",), "brush", "select the instances inside", short="apply",
+           command=lambda app: app.brush.apply(None), when="brushing"),
+    Action("brush_intersect", ("ampersand",), "brush", "intersect the selection with them",
+           command=lambda app: app.brush.apply("intersect"), short="and", shown="&",
            when="brushing"),
-    Action("brush_apply('intersect')", ("ampersand",), "brush", "... intersected with the present",
-           short="and", shown="&", when="brushing"),
-    Action("brush_apply('union')", ("vertical_line",), "brush", "... in addition",
-           short="or", shown="|", when="brushing"),
-    Action("brush_apply('subtract')", ("minus",), "brush", "... taken out",
-           short="less", shown="-", when="brushing"),
-    Action("brush_move(-1, 0)", ("left",), "brush", "move the mark", shown="arrows",
-           short="move", when="brushing"),
-    Action("leave", ("escape",), "brush", "leave a mark, an operator, a line",
-           short="leave", when="begun"),
-    Action("brush_move(1, 0)", ("right",), "brush", "", when="brushing"),
-    Action("brush_move(0, -1)", ("up",), "brush", "", when="brushing"),
-    Action("brush_move(0, 1)", ("down",), "brush", "", when="brushing"),
-    Action("brush_stretch(-1, 0)", ("shift+left",), "brush", "move its far corner",
-           shown="shift+arrows", when="brushing"),
-    Action("brush_stretch(1, 0)", ("shift+right",), "brush", "", when="brushing"),
-    Action("brush_stretch(0, -1)", ("shift+up",), "brush", "", when="brushing"),
-    Action("brush_stretch(0, 1)", ("shift+down",), "brush", "", when="brushing"),
-    Action("brush_scale(-1)", ("z",), "brush", "smaller", short="smaller", when="brushing"),
-    Action("brush_scale(1)", ("Z",), "brush", "larger", short="larger", when="brushing"),
-    Action("brush_corner", ("space",), "brush", "a corner of the lasso", when="brushing"),
-    Action("brush_panel", ("tab",), "brush", "the view's next panel", short="panel",
+    Action("brush_union", ("vertical_line",), "brush", "add them to the selection",
+           command=lambda app: app.brush.apply("union"), short="or", shown="|", when="brushing"),
+    Action("brush_subtract", ("minus",), "brush", "subtract them from the selection",
+           command=lambda app: app.brush.apply("subtract"), short="less", shown="-",
            when="brushing"),
-    Action("lasso", ("L",), "brush", "brush with a lasso or a box"),
+    Action("brush_left", ("left",), "brush", "move the brush",
+           command=lambda app: app.brush.move(-1, 0), shown="arrows", short="move",
+           when="brushing"),
+    Action("leave", ("escape",), "brush", "cancel the brush, the operator or the input line",
+           short="cancel", when="begun"),
+    Action("brush_right", ("right",), "brush", "", command=lambda app: app.brush.move(1, 0),
+           when="brushing"),
+    Action("brush_up", ("up",), "brush", "", command=lambda app: app.brush.move(0, -1),
+           when="brushing"),
+    Action("brush_down", ("down",), "brush", "", command=lambda app: app.brush.move(0, 1),
+           when="brushing"),
+    Action("brush_stretch_left", ("shift+left",), "brush", "move its far corner",
+           command=lambda app: app.brush.stretch(-1, 0), shown="shift+arrows", when="brushing"),
+    Action("brush_stretch_right", ("shift+right",), "brush", "",
+           command=lambda app: app.brush.stretch(1, 0), when="brushing"),
+    Action("brush_stretch_up", ("shift+up",), "brush", "",
+           command=lambda app: app.brush.stretch(0, -1), when="brushing"),
+    Action("brush_stretch_down", ("shift+down",), "brush", "",
+           command=lambda app: app.brush.stretch(0, 1), when="brushing"),
+    Action("brush_shrink", ("z",), "brush", "shrink the brush", short="smaller",
+           command=lambda app: app.brush.scale(-1), when="brushing"),
+    Action("brush_grow", ("Z",), "brush", "enlarge the brush", short="larger",
+           command=lambda app: app.brush.scale(1), when="brushing"),
+    Action("brush_corner", ("space",), "brush", "set a corner of the lasso",
+           command=lambda app: app.brush.set_corner(), when="brushing"),
+    Action("brush_panel", ("tab",), "brush", "brush the next panel of the view", short="panel",
+           command=lambda app: app.brush.next_panel(), when="brushing"),
+    Action("lasso", ("L",), "brush", "brush with a lasso or with a box",
+           command=lambda app: app.brush.toggle_lasso()),
 )  # fmt: skip
 
 _ADJUSTING = (
     Action("adjust", ("a",), "adjust", "adjust images live", short="adjust", when="plain",
-           needs="models"),
-    Action("slider_up", ("up",), "adjust", "another slider",
-           lambda s: adjusting.choose(s, -1), shown="up, down", when="adjust"),
-    Action("slider_down", ("down",), "adjust", "", lambda s: adjusting.choose(s, 1),
+           needs="models", command=lambda app: app.run_save.open_sliders()),
+    Action("slider_up", ("up",), "adjust", "choose another slider",
+           _dispatch(adjusting.choose_slider, steps=-1), shown="up, down", when="adjust"),
+    Action("slider_down", ("down",), "adjust", "", _dispatch(adjusting.choose_slider, steps=1),
            when="adjust"),
-    Action("less", ("left",), "adjust", "move the slider; with shift five steps",
-           lambda s: adjusting.move(s, -1), "slider", "<- ->", "adjust"),
-    Action("more", ("right",), "adjust", "", lambda s: adjusting.move(s, 1), when="adjust"),
-    Action("much_less", ("shift+left",), "adjust", "", lambda s: adjusting.move(s, -5),
+    Action("less", ("left",), "adjust", "move the slider; with shift by five steps",
+           _dispatch(adjusting.move_slider, steps=-1), "slider", "<- ->", "adjust"),
+    Action("more", ("right",), "adjust", "",
+           _dispatch(adjusting.move_slider, steps=1), when="adjust"),
+    Action("much_less", ("shift+left",), "adjust", "", _dispatch(adjusting.move_slider, steps=-5),
            when="adjust"),
-    Action("much_more", ("shift+right",), "adjust", "", lambda s: adjusting.move(s, 5),
+    Action("much_more", ("shift+right",), "adjust", "", _dispatch(adjusting.move_slider, steps=5),
            when="adjust"),
-    Action("neutral", ("backspace",), "adjust", "all sliders to neutral", adjusting.reset,
+    Action("neutral", ("backspace",), "adjust", "reset all sliders to neutral",
+           _dispatch(adjusting.reset_sliders),
            "neutral", when="adjust"),
-    Action("save_run", ("S",), "adjust", "save the adjustments as a run, for all images",
-           short="save run", when="adjust", needs="models"),
+    Action("save_run", ("S",), "adjust",
+           "save the adjustments as a run and compute it for all images",
+           short="save run", when="adjust", needs="models",
+           command=lambda app: app.run_save.ask_name()),
 )  # fmt: skip
 
 ACTIONS: tuple[Action, ...] = (
-    Action("worst_real", ("w",), "select", "worst 15 % in reality (min)", _choose("worst15"),
+    Action("worst_real", ("w",), "select", "worst 15 % in reality (min)", _select("worst15"),
            "worst", when="still"),
-    Action("best_real", ("b",), "select", "best 15 % in reality (max)", _choose("best15"),
+    Action("best_real", ("b",), "select", "best 15 % in reality (max)", _select("best15"),
            "best", when="still"),
     Action("worst_sim", ("W",), "select", "worst 15 % in simulation",
-           _choose("worst(15%, sim.error)"), when="still"),
+           _select("worst(15%, sim.error)"), when="still"),
     Action("best_sim", ("B",), "select", "best 15 % in simulation",
-           _choose("best(15%, sim.error)"), when="still"),
-    Action("straight", ("i",), "select", "straight driving", _choose("straight"), when="still"),
-    Action("curved", ("j",), "select", "curves", _choose("curved"), when="still"),
-    Action("alike", ("l",), "select", "what the model sees like this instance", _choose_alike,
+           _select("best(15%, sim.error)"), when="still"),
+    Action("straight", ("i",), "select", "straight driving (turn below 10 degrees)",
+           _select("straight"), when="still"),
+    Action("curved", ("j",), "select", "curves (turn of 10 degrees or more)",
+           _select("curved"), when="still"),
+    Action("alike", ("l",), "select", "instances whose embeddings are most similar to this one",
+           _dispatch(_select_similar),
            when="still"),
-    Action("all", ("c",), "select", "select all", lambda s: s.select("all"), "clear",
+    Action("all", ("c",), "select", "select all",
+           lambda session: session.select("all", "replace"), "clear",
            when="still"),
     *_OPERATORS,
     *_BRUSHING,
     *_ADJUSTING,
-    Action("edit", ("slash",), "select", "write an expression", None, "query", "/", "still"),
-    Action("undo", ("u",), "select", "the expression before this one", Session.undo),
-    Action("redo", ("U",), "select", "the expression after this one", Session.redo),
+    Action("edit", ("slash",), "select", "type a selection expression", None, "query", "/", "still",
+           command=lambda app: app.prompt.edit_expression()),
+    Action("undo", ("u",), "select", "undo: the previous expression", _dispatch(selection.undo)),
+    Action("redo", ("U",), "select", "redo: the next expression", _dispatch(selection.redo)),
     Action("copy", ("y",), "select", "copy the expression to the clipboard"),
-    Action("save_selection", ("at",), "select", "save the selection by name", shown="@"),
-    Action("write_selection", ("F",), "select", "write the selection: CSV, JSON, Parquet"),
-    Action("selections", ("f",), "select", "saved selections and history"),
+    Action("save_selection", ("at",), "select", "save the selection under a name", shown="@",
+           command=lambda app: app.prompt.save_selection()),
+    Action("write_selection", ("F",), "select", "export the selection: CSV, JSON, Parquet",
+           command=lambda app: app.export.ask_selection_file()),
+    Action("selections", ("f",), "select", "saved selections and history",
+           command=lambda app: app.prompt.choose_selection()),
     Action("next_instance", ("n",), "move", "next instance",
-           lambda s: s.move_cursor(1), when="still"),
+           _dispatch(navigation.move_cursor, steps=1), when="still"),
     Action("previous_instance", ("p",), "move", "previous instance",
-           lambda s: s.move_cursor(-1), when="still"),
+           _dispatch(navigation.move_cursor, steps=-1), when="still"),
     Action("instance_right", ("right",), "move", "next instance",
-           lambda s: s.move_cursor(1), "instance", "->", "plain"),
+           _dispatch(navigation.move_cursor, steps=1), "instance", "->", "plain"),
     Action("instance_left", ("left",), "move", "previous instance",
-           lambda s: s.move_cursor(-1), "", "<-", "plain"),
+           _dispatch(navigation.move_cursor, steps=-1), "", "<-", "plain"),
     Action("next_row", ("down",), "move", "next row of the list",
-           lambda s: instance_list.move(s, 1), when="list"),
+           _dispatch(instance_list.move, steps=1), when="list"),
     Action("previous_row", ("up",), "move", "previous row of the list",
-           lambda s: instance_list.move(s, -1), when="list"),
-    Action("page_down", ("pagedown",), "move", "a page of the list onwards",
-           lambda s: instance_list.move(s, 20), when="list"),
-    Action("page_up", ("pageup",), "move", "a page of the list back",
-           lambda s: instance_list.move(s, -20), when="list"),
-    Action("next_run", ("r",), "move", "next run", lambda s: s.change_run(1), "run",
+           _dispatch(instance_list.move, steps=-1), when="list"),
+    Action("page_down", ("pagedown",), "move", "next page of the list",
+           _dispatch(instance_list.move, steps=20), when="list"),
+    Action("page_up", ("pageup",), "move", "previous page of the list",
+           _dispatch(instance_list.move, steps=-20), when="list"),
+    Action("next_run", ("r",), "move", "next run", _dispatch(navigation.change_run, steps=1), "run",
            when="still"),
-    Action("previous_run", ("R",), "move", "previous run", lambda s: s.change_run(-1),
+    Action("previous_run", ("R",), "move", "previous run",
+           _dispatch(navigation.change_run, steps=-1),
            when="still"),
-    Action("run_below", ("down",), "move", "next run", lambda s: s.change_run(1),
+    Action("run_below", ("down",), "move", "next run", _dispatch(navigation.change_run, steps=1),
            when="elsewhere"),
-    Action("run_above", ("up",), "move", "previous run", lambda s: s.change_run(-1),
+    Action("run_above", ("up",), "move", "previous run", _dispatch(navigation.change_run, steps=-1),
            when="elsewhere"),
-    Action("trajectory", ("t",), "move", "next trajectory in view", Session.change_trajectory,
+    Action("trajectory", ("t",), "move", "next trajectory, or all",
+           _dispatch(navigation.change_trajectory),
            when="still"),
     Action("next_heat", ("h",), "heat", "next heatmap kind",
-           partial(display.change_heat, steps=1), "heat"),
+           _dispatch(display.change_heat, steps=1), "heat"),
     Action("previous_heat", ("H",), "heat", "previous heatmap kind",
-           partial(display.change_heat, steps=-1)),
-    Action("mode", ("v",), "heat", "next mode of the kind", display.change_mode),
+           _dispatch(display.change_heat, steps=-1)),
+    Action("mode", ("v",), "heat", "next mode of this heatmap kind",
+           _dispatch(display.change_mode)),
     Action("overlay", ("o",), "heat", "heat on the map: off, instance, selection, run",
-           display.change_overlay, "on map"),
+           _dispatch(display.change_overlay), "on map"),
     Action("aggregate", ("A",), "heat", "heat on the map: mean, max, sum, count",
-           display.change_aggregate),
-    Action("side", ("d",), "heat", "side that is shown: real or sim", display.change_side),
-    Action("map_mode", ("m",), "map", "map: colour, glyph or full", display.change_map_mode,
+           _dispatch(display.change_aggregate)),
+    Action("side", ("d",), "heat", "side whose heatmaps are shown: real or sim",
+           _dispatch(display.change_side)),
+    Action("map_mode", ("m",), "map", "map mode: colour, glyph or full",
+           _dispatch(display.change_map_mode),
            "map"),
     Action("zoom_in", ("z", "plus", "equals_sign"), "map", "zoom in at the instance",
-           partial(display.zoom, factor=1 / 0.6), when="still"),
-    Action("zoom_out", ("Z",), "map", "zoom out", partial(display.zoom, factor=0.6),
+           _dispatch(display.zoom, factor=1 / 0.6), when="still"),
+    Action("zoom_out", ("Z",), "map", "zoom out", _dispatch(display.zoom, factor=0.6),
            when="still"),
-    Action("zoom_all", ("0",), "map", "the whole map", partial(display.zoom, factor=0)),
+    Action("zoom_all", ("0",), "map", "the whole map", _dispatch(display.zoom, factor=0)),
     Action("pan_left", ("shift+left",), "map", "move the map",
-           partial(display.pan, across=-0.2, down=0), shown="shift+arrows", when="plain"),
-    Action("pan_right", ("shift+right",), "map", "", partial(display.pan, across=0.2, down=0),
+           _dispatch(display.pan, across=-0.2, down=0), shown="shift+arrows", when="plain"),
+    Action("pan_right", ("shift+right",), "map", "", _dispatch(display.pan, across=0.2, down=0),
            when="plain"),
-    Action("pan_up", ("shift+up",), "map", "", partial(display.pan, across=0, down=-0.2),
+    Action("pan_up", ("shift+up",), "map", "", _dispatch(display.pan, across=0, down=-0.2),
            when="still"),
-    Action("pan_down", ("shift+down",), "map", "", partial(display.pan, across=0, down=0.2),
+    Action("pan_down", ("shift+down",), "map", "", _dispatch(display.pan, across=0, down=0.2),
            when="still"),
-    Action("clip", ("C",), "map", "dim what the selection has not seen", display.toggle_clip),
-    Action("room_names", ("N",), "map", "room names", display.toggle_room_names),
-    Action("sort", ("full_stop",), "review", "list: sort by the next column",
-           instance_list.next_column, shown="."),
-    Action("reverse", ("comma",), "review", "list: reverse the order", instance_list.reverse,
+    Action("clip", ("C",), "map", "dim the floor that no selected instance has seen",
+           _dispatch(display.toggle_clip)),
+    Action("room_names", ("N",), "map", "show or hide room names",
+           _dispatch(display.toggle_room_names)),
+    Action("sort", ("full_stop",), "review", "sort the list by the next column",
+           _dispatch(instance_list.sort_by_next_column), shown="."),
+    Action("reverse", ("comma",), "review", "reverse the order of the list",
+           _dispatch(instance_list.reverse),
            shown=","),
-    Action("other_run", ("k",), "review", "compare with the next run", display.change_other),
-    Action("note", ("e",), "review", "note on this instance"),
-    Action("tag", ("number_sign",), "review", "tag this instance", shown="#"),
+    Action("other_run", ("k",), "review", "compare with the next run",
+           _dispatch(display.change_other)),
+    Action("note", ("e",), "review", "write a note on this instance",
+           command=lambda app: app.prompt.edit_note()),
+    Action("tag", ("number_sign",), "review", "tag this instance", shown="#",
+           command=lambda app: app.prompt.edit_tag()),
     *(
         Action(f"view('{view.name}')", (view.key,), "views", view.description)
         for view in VIEWS
         if view.from_store
     ),
-    Action("next_view", ("tab",), "views", "next view", short="view", when="still"),
-    Action("previous_view", ("shift+tab",), "views", "previous view", when="still"),
-    Action("jump", ("space",), "views", "jump to anything by a letter", when="still"),
-    Action("move_on", ("g",), "program", "move on to the newest generation", Session.move_on),
-    Action("snapshot", ("s",), "program", "write the screen as PNG", short="snapshot"),
-    Action("report", ("E",), "program", "write a report of the saved selections (HTML)"),
-    Action("doctor", ("D",), "program", "what this terminal can do"),
-    Action("tour", ("T",), "program", "the tour again"),
-    Action("help", ("question_mark",), "program", "all keys", short="help", shown="?"),
+    Action("next_view", ("tab",), "views", "next view", short="view", when="still",
+           command=lambda app: app.navigation.show_next_view(1)),
+    Action("previous_view", ("shift+tab",), "views", "previous view", when="still",
+           command=lambda app: app.navigation.show_next_view(-1)),
+    Action("jump", ("space",), "views", "jump to a view by a letter", when="still",
+           command=lambda app: app.navigation.jump()),
+    Action("newest_generation", ("g",), "program", "open the newest generation of the store",
+           Session.open_newest_generation),
+    Action("snapshot", ("s",), "program", "write the screen as PNG", short="snapshot",
+           command=lambda app: app.export.write_screenshot()),
+    Action("report", ("E",), "program", "write a report of the saved selections (HTML)",
+           command=lambda app: app.export.write_report()),
+    Action("doctor", ("D",), "program", "check what this terminal supports"),
+    Action("tour", ("T",), "program", "show the introduction again"),
+    Action("help", ("question_mark",), "program", "list all keys", short="help", shown="?"),
     Action("quit", ("q",), "program", "quit", short="quit"),
 )  # fmt: skip
 BY_NAME = {action.name: action for action in ACTIONS}
 
 
-def named(call: str, parameters: tuple[object, ...] = ()) -> Action | None:
-    """The action that Textual calls by a name and parameters; None where it is not registered."""
+def find_action(call: str, parameters: tuple[object, ...] = ()) -> Action | None:
+    """The action of a Textual action name and parameters; None if it is not registered."""
     if call == "do":
         return BY_NAME.get(str(parameters[0]))
     listed = ", ".join(repr(parameter) for parameter in parameters)
     return BY_NAME.get(f"{call}({listed})" if parameters else call)
 
 
-def offered(access: Permissions | None = None) -> list[Action]:
-    """The actions that a session may run at all."""
+def permitted_actions(access: Permissions | None = None) -> list[Action]:
+    """The actions that the session's permissions allow."""
     return [action for action in ACTIONS if access is None or access.allows(action.needs)]
 
 
 def footer(width: int, state: State, access: Permissions | None = None) -> list[tuple[str, str]]:
-    """Pairs of key and word that fit into `width` columns; help and quit always do, if anything."""
-    applicable = [a for a in offered(access) if a.short and a.applies(state)]
+    """(key, label) pairs that fit into `width` columns; help and quit have priority."""
+    applicable = [a for a in permitted_actions(access) if a.short and a.applies(state)]
     words = [(action.key, action.short) for action in applicable]
     last = [pair for pair in words if pair[1] in ("help", "quit")]
     room = width - sum(len(key) + len(word) + 3 for key, word in last)
@@ -298,14 +366,16 @@ def footer(width: int, state: State, access: Permissions | None = None) -> list[
 
 
 def help_text(access: Permissions | None = None) -> str:
-    """All actions that are offered, by group, in plain text."""
+    """The permitted actions by group, then the terms, in plain text."""
     lines = []
     for group, title in GROUPS.items():
         lines.append(title)
         lines += [
             f"  {action.all_keys:<18}{action.description}"
-            for action in offered(access)
+            for action in permitted_actions(access)
             if action.group == group and action.description
         ]
         lines.append("")
-    return "\n".join(lines).rstrip()
+    lines.append("Terms")
+    lines += [f"  {term:<18}{meaning}" for term, meaning in TERMS.items()]
+    return "\n".join(lines)

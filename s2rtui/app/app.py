@@ -1,37 +1,44 @@
-"""The application: keys change the session's state, and every view draws that one state."""
+"""The Textual application: key bindings, widgets, and handlers that delegate to controllers."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from textual import events
 from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
-from textual.driver import Driver
+from textual.filter import LineFilter
 from textual.geometry import Size
+from textual.message import Message
 from textual.screen import Screen
+from textual.widgets import Input
 
 from s2rstore.errors import S2RError
 from s2rstore.security.printable_text import printable_lines
-from s2rtui.app import layout
-from s2rtui.app.actions import ACTIONS, BY_NAME, named, offered
-from s2rtui.app.call_later import later
-from s2rtui.app.controllers import navigation
-from s2rtui.app.controllers.brush import Brushes
-from s2rtui.app.controllers.export import Papers
-from s2rtui.app.controllers.load_results import LoadResultHandler
-from s2rtui.app.controllers.run_save import Savings
-from s2rtui.app.layout import PaneRectangle, SizeClass
+from s2rtui.app.action_guard import GuardedApp
+from s2rtui.app.actions import ACTIONS, BY_NAME, find_action, permitted_actions
+from s2rtui.app.call_later import call_after
+from s2rtui.app.controllers.brush import BrushController
+from s2rtui.app.controllers.export import ExportController
+from s2rtui.app.controllers.load_results import LoadResultController
+from s2rtui.app.controllers.navigation import NavigationController
+from s2rtui.app.controllers.prompt import PromptController
+from s2rtui.app.controllers.run_save import RunSaveController
 from s2rtui.app.load_scheduler import LoadScheduler
-from s2rtui.app.messages import LoadCompleted, LoadProgressed
-from s2rtui.app.renderer import Drawing
+from s2rtui.app.messages import (
+    BackgroundFailed,
+    ExportProgressed,
+    LoadCompleted,
+    LoadProgressed,
+    RunSaveProgressed,
+)
+from s2rtui.app.renderer import Renderer
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.screens.help import HelpScreen
-from s2rtui.app.screens.jump import JumpScreen
 from s2rtui.app.screens.tour import TourScreen
 from s2rtui.app.signals import end_on_signals
 from s2rtui.app.theme import textual_theme
@@ -40,24 +47,25 @@ from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.canvas import ColourMode, RenderOptions
-from s2rtui.charts.registry import BY_NAME as VIEW_BY_NAME
 from s2rtui.charts.registry import VIEWS
-from s2rtui.charts.scene import Resources
+from s2rtui.charts.scene import Resources, Scene
 from s2rtui.jobs import background_thread
+from s2rtui.jobs.background_thread import BackgroundJobs
 from s2rtui.security import Permissions
-from s2rtui.session import Session, adjusting, display, shared_selection
+from s2rtui.session import Session, display, shared_selection
+from s2rtui.terminal.ascii_filter import AsciiFilter
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.image_host import ImageHost
-from s2rtui.terminal.textual_compat import bounded
 
-WATCH_SECONDS = 2.0
-_FIRST_SCREEN = 0.5
-"""Seconds that the first screen is waited for before anything is read."""
-_PICTURE_TOLERANCE = {"map": 12, "instance": 12}
+CHECK_SECONDS = 2.0
+"""Interval of the checks for a newer generation."""
+_FIRST_DRAWING_SECONDS = 0.5
+"""Loading starts after the first drawing, at the latest after this time."""
+_COLOUR_TOLERANCE = {"map": 12, "instance": 12}
 
 
-class S2RApp(Brushes, Papers, Savings):
-    """One store, one user, one screen."""
+class S2RApp(GuardedApp):
+    """One user's application on one store."""
 
     CSS_PATH = "app.tcss"
     TITLE = "s2r"
@@ -67,71 +75,82 @@ class S2RApp(Brushes, Papers, Savings):
         for action in ACTIONS
     ]
 
+    brush: BrushController
+    prompt: PromptController
+    export: ExportController
+    run_save: RunSaveController
+    navigation: NavigationController
+    renderer: Renderer
+
     def __init__(
         self,
         session: Session,
-        look: RenderOptions,
-        pictures_at: Path | None = None,
+        render_options: RenderOptions,
+        output_folder: Path | None = None,
         access: Permissions | None = None,
     ) -> None:
-        """`pictures_at` is the folder that files are written to (default: here, if allowed)."""
-        super().__init__(ansi_color=look.mode in (ColourMode.ANSI, ColourMode.NONE))
+        """`output_folder` is where files are written (default: the folder of the permissions)."""
+        super().__init__(ansi_color=render_options.mode in (ColourMode.ANSI, ColourMode.NONE))
         self.animation_level = "none"
-        self._wear(look)
+        self._set_theme(render_options)
         self.session = session
-        session.waits = True
-        self.look = look
-        self.resources = Resources()
-        self.feeding = LoadScheduler(self)
-        self.arrivals = LoadResultHandler(self, self.feeding)
-        self.drawing = Drawing(self)
+        session.defers_loading = True
+        self.render_options = render_options
         self.access = access or Permissions.for_store(session.store.path)
-        self.files_at = pictures_at or self.access.output_dir
-        self._size_class: SizeClass = "narrow"
-        self._drawn_once = False
-        self._sized = Size(0, 0)
-        self.first_run = False
+        self.output_folder = output_folder or self.access.output_dir
+        self.resources = Resources()
+        self.jobs = BackgroundJobs(lambda text: self.post(BackgroundFailed(text)))
+        self.load_scheduler = LoadScheduler(self)
+        self.brush = BrushController(self)
+        self.prompt = PromptController(self)
+        self.export = ExportController(self, self.prompt)
+        self.run_save = RunSaveController(self, self.prompt)
+        self.navigation = NavigationController(self)
+        self.load_results = LoadResultController(self, self.load_scheduler, self.run_save)
+        self.renderer = Renderer(self, self.prompt, self.load_scheduler)
+        self.is_first_start = False
         self.terminal: Terminal | None = None
-        self.wall: ImageHost | None = None
-
-    def get_driver_class(self) -> type[Driver]:
-        return bounded(super().get_driver_class())
+        self.image_host: ImageHost | None = None
+        self._drawn_size = Size(0, 0)
 
     def compose(self) -> ComposeResult:
         yield Bar("status")
+        options = self.render_options
         views = [
-            PlotView(view.name, self.look, _PICTURE_TOLERANCE.get(view.name, 0), self.wall)
+            PlotView(view.name, options, _COLOUR_TOLERANCE.get(view.name, 0), self.image_host)
             for view in VIEWS
         ]
-        yield Panes([*views], self._places)
+        yield Panes(views, self.renderer.pane_rectangles)
         yield Bar("message")
         yield QueryInput()
         yield Bar("keys")
 
-    def _wear(self, look: RenderOptions) -> None:
-        """Colours before anything is laid out: a theme set later styles every widget anew."""
-        theme = textual_theme(look.theme)
+    def _set_theme(self, options: RenderOptions) -> None:
+        """Set the colours before layout; a theme set later restyles every widget."""
+        theme = textual_theme(options.theme)
         self.register_theme(theme)
         self.set_reactive(S2RApp.theme, theme.name)
         self.stylesheet.set_variables(self.get_css_variables())
 
     def on_mount(self) -> None:
-        self._resized(self.size.width, self.size.height)
+        self._set_size(self.size)
         self.refresh_views()
-        self.call_after_refresh(self._feed)
-        later(self, _FIRST_SCREEN, self._feed)  # a key may put another screen before the first
-        self.set_interval(WATCH_SECONDS, self._watch)
+        self.call_after_refresh(self.renderer.start_loading)
+        # A key may open another screen before the first drawing.
+        call_after(self, _FIRST_DRAWING_SECONDS, self.renderer.start_loading)
+        self.set_interval(CHECK_SECONDS, self.load_results.check_store)
         if not self.is_headless:
             end_on_signals(self.exit)
-        if self.first_run:
+        if self.is_first_start:
             self.action_tour()
 
     def on_unmount(self) -> None:
-        self.feeding.stop()
-        self.leave_savings()
-        background_thread.start("closing", self.session.close)
+        self.load_scheduler.stop()
+        self.jobs.close()
+        self.run_save.close()
+        background_thread.run_in_thread("closing", self.session.close)
         state = self.session.state
-        if self.session.notebook is not None:  # last: its file may be slow, or another's just now
+        if self.session.notebook is not None:  # last, because its file may be slow or locked
             with contextlib.suppress(S2RError, OSError):
                 self.session.notebook.add_history((*state.past, state.expression))
 
@@ -141,148 +160,155 @@ class S2RApp(Brushes, Papers, Savings):
         await super().on_event(event)
 
     def on_resize(self, event: events.Resize) -> None:
-        if event.size != self._sized:
-            self.drop_drag()
-        self._resized(event.size.width, event.size.height)
+        if event.size != self._drawn_size:
+            self.brush.drop_drag()
+        self._set_size(event.size)
         self.refresh_views()
 
-    def _resized(self, width: int, height: int) -> None:
-        self._sized = Size(width, height)
-        self._size_class = layout.size_class(width, height)
-        self.default_screen.set_classes(self._size_class)
+    def _set_size(self, size: Size) -> None:
+        self._drawn_size = size
+        self.default_screen.set_classes(self.renderer.set_size(size))
 
-    def _places(self, width: int, height: int) -> Mapping[str, PaneRectangle]:
-        state = self.session.state
-        rows = VIEW_BY_NAME["overview"].height(self.scene, width) + 1
-        wanted = layout.LayoutRequest(state.view, state.centre, state.tab, rows)
-        return layout.arrange(self._size_class, width, height, wanted)
+    # --- the host of the controllers ---------------------------------------------------------
 
-    # --- drawing -----------------------------------------------------------------------------
+    @property
+    def scene(self) -> Scene:
+        """What the views are drawn from now."""
+        return self.renderer.scene
+
+    @property
+    def query_line(self) -> QueryInput:
+        """The input line at the foot."""
+        return self.query_one(QueryInput)
+
+    def refresh_views(self) -> None:
+        """Draw the state and request the data it needs."""
+        self.renderer.refresh()
+
+    def status_text(self) -> str:
+        """The status line in plain text."""
+        return self.renderer.status_text()
+
+    def show_error(self, text: str) -> None:
+        """Show an error in the message line."""
+        self.session.show_message(text, is_error=True)
+        self.refresh_views()
+
+    def post(self, message: Message) -> None:
+        """Post a message from any thread; ignored once the application has ended."""
+        with contextlib.suppress(RuntimeError):  # the event loop is closed
+            self.post_message(message)
+
+    def open_screen(self, screen: Screen[Any], on_result: Callable[[Any], None]) -> None:
+        """Open a modal screen and call `on_result` with what it returns."""
+        self.push_screen(screen, on_result)
+
+    def run_action_soon(self, action: str) -> None:
+        """Run a Textual action once the present message is handled."""
+        self.call_next(self.run_action, action)
+
+    def get_line_filters(self) -> list[LineFilter]:
+        """Textual's filters, and ASCII output if requested."""
+        ascii_filter = [AsciiFilter()] if self.render_options.ascii else []
+        return [*super().get_line_filters(), *ascii_filter]
+
+    @property
+    def settled(self) -> bool:
+        """Whether everything that the state needs is loaded and no job runs."""
+        return self.renderer.settled and not self.jobs.unfinished
+
+    # --- messages ----------------------------------------------------------------------------
 
     def on_panes_arranged(self) -> None:
         self.refresh_views()
 
-    def refresh_views(self) -> None:
-        if not self.drawing.possible:
-            return  # an answer that comes while the screen is being taken down
-        state = adjusting.follow(self.session)
-        if self._size_class == "tiny":
-            self.drawing.too_small()
-            return
-        if self._drawn_once:
-            asked = self.feeding.ask(self.session.store, state)
-            if asked.anew:
-                self.resources = self.resources.with_requested(asked.anew, asked.emptied)
-        self.query_one(Panes).place(self._wanted_places())
-        self.drawing.all()
-
-    def status_text(self) -> str:
-        """The status line in plain text."""
-        return "".join(self.drawing.status)
-
-    def show_message(self) -> None:
-        self.drawing.words()
-
-    def _plot(self, name: str) -> PlotView:
-        return self.query_one(f"#{name}", PlotView)
-
-    def _wanted_places(self) -> tuple[object, ...]:
-        state = self.session.state
-        return (self._size_class, state.view, state.centre, state.tab, len(state.runs))
-
-    # --- workers -----------------------------------------------------------------------------
-
-    def _feed(self) -> None:
-        """Once the first screen stands, which workers would only delay."""
-        if not self._drawn_once:
-            self._drawn_once = True
-            self.refresh_views()
-
-    @property
-    def settled(self) -> bool:
-        """Whether all that threads bring is that of the state."""
-        return self._drawn_once and self.feeding.settled and not self.under_way
-
     def on_load_completed(self, message: LoadCompleted) -> None:
-        self.arrivals.fed(message)
+        self.load_results.on_completed(message)
 
     def on_load_progressed(self, message: LoadProgressed) -> None:
-        self.arrivals.progressed(message)
+        self.load_results.on_progressed(message)
 
-    def _watch(self) -> None:
-        self.arrivals.watch()
+    def on_export_progressed(self, message: ExportProgressed) -> None:
+        self.export.on_progressed(message)
+
+    def on_run_save_progressed(self, message: RunSaveProgressed) -> None:
+        self.run_save.on_progressed(message)
+
+    def on_background_failed(self, message: BackgroundFailed) -> None:
+        self.show_error(message.text)
+
+    def on_plot_view_pressed(self, message: PlotView.Pressed) -> None:
+        self.brush.on_pressed(message)
+
+    def on_plot_view_dragged(self, message: PlotView.Dragged) -> None:
+        self.brush.on_dragged(message)
+
+    def on_plot_view_wheeled(self, message: PlotView.Wheeled) -> None:
+        self.brush.on_wheeled(message)
+
+    def on_query_input_offered(self, message: QueryInput.Offered) -> None:
+        self.prompt.show_completions(message)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        self.prompt.submit(event)
 
     # --- actions -----------------------------------------------------------------------------
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Whether an action means something now."""
-        begun = action == "leave" and (self.prompting or self.dragging)
-        known = None if begun else named(action, parameters)
-        if known is not None and not known.applies(self.session.state):
+        """Whether an action is available now."""
+        cancels = action == "leave" and (self.prompt.is_open or self.brush.is_dragging)
+        registered = None if cancels else find_action(action, parameters)
+        if registered is not None and not registered.applies(self.session.state):
             return False
         return super().check_action(action, parameters)
 
     def action_do(self, name: str) -> None:
-        """A change of the session, by its name in the registry."""
-        change = BY_NAME[name].do
-        assert change is not None
+        """Run an action of the registry by its name."""
+        action = BY_NAME[name]
+        if action.command is not None:
+            action.command(self)
+            return
+        assert action.do is not None
         try:
-            change(self.session)
+            action.do(self.session)
         except S2RError as error:
-            self.session.tell(str(error), is_error=True)
+            self.session.show_message(str(error), is_error=True)
         self.refresh_views()
 
     def action_view(self, name: str) -> None:
-        placed = self._size_class == "wide" and self._plot(name).placed
-        navigation.to(self.session, name, placed)
-        self.refresh_views()
+        self.navigation.show_view(name)
 
     def action_focus_next(self) -> None:
-        """Textual's screens bind tab to this: here it means the next panel or view."""
-        self._tab("brush_panel", "next_view")
+        """Textual binds tab to this; outside of modal screens it shows the next panel or view."""
+        self._move_focus("brush_panel", "next_view")
 
     def action_focus_previous(self) -> None:
-        self._tab("brush_panel", "previous_view")
+        self._move_focus("brush_panel", "previous_view")
 
-    def _tab(self, brushing: str, otherwise: str) -> None:
-        if self.screen is self.default_screen and not self.prompting:
-            name = brushing if self.session.state.brush is not None else otherwise
-            getattr(self, f"action_{name}")()
+    def _move_focus(self, brushing: str, otherwise: str) -> None:
+        if self.screen is self.default_screen and not self.prompt.is_open:
+            self.action_do(brushing if self.session.state.brush is not None else otherwise)
         else:
             self.screen.focus_next()
 
-    def action_next_view(self) -> None:
-        self.action_view(navigation.beside(self.session.state.view, 1))
-
-    def action_previous_view(self) -> None:
-        self.action_view(navigation.beside(self.session.state.view, -1))
-
     def action_leave(self) -> None:
-        """Drop what is begun: a line of text, a brush, a pending operator."""
-        if self.prompting:
-            self.close_prompt()
+        """Cancel the input line, or the brush and the pending operator."""
+        if self.prompt.is_open:
+            self.prompt.cancel()
         else:
-            self.drop_drag()
-            display.leave(self.session)
+            self.brush.drop_drag()
+            self.session.dispatch(display.cancel_input)
             self.refresh_views()
 
     def action_copy(self) -> None:
-        self.copy_to_clipboard(shared_selection.shared_text(self.session))
-        self.session.tell("copied the expression with what it was evaluated on")
+        session = self.session
+        saved = shared_selection.current_selection(session.state)
+        self.copy_to_clipboard(shared_selection.shared_text(saved, session.store.dataset.hash))
+        session.show_message("copied the expression, with run, generation and count")
         self.refresh_views()
 
-    def action_jump(self) -> None:
-        plots = [self._plot(view.name) for view in VIEWS]
-        regions = [(str(p.id), p.region) for p in plots if p.placed and p.region.area]
-        found = navigation.targets(regions, self.status_text(), self.session.state.expression)
-        self.push_screen(JumpScreen(found), self._jumped)
-
-    async def _jumped(self, action: str | None) -> None:
-        if action:
-            await self.run_action(action)
-
     def action_doctor(self) -> None:
-        self.push_screen(DoctorScreen(self.look, self.terminal))
+        self.push_screen(DoctorScreen(self.render_options, self.terminal))
 
     def action_tour(self) -> None:
         self.push_screen(TourScreen())
@@ -291,8 +317,8 @@ class S2RApp(Brushes, Papers, Savings):
         self.push_screen(HelpScreen(self.access))
 
     def action_command_palette(self) -> None:
-        """The palette's frame is not ASCII; the help screen lists the same actions."""
-        if self.look.ascii:
+        """Open the palette; its frame is not ASCII, so ASCII mode opens the help instead."""
+        if self.render_options.ascii:
             self.action_help()
         else:
             super().action_command_palette()
@@ -301,13 +327,13 @@ class S2RApp(Brushes, Papers, Savings):
         self.exit()
 
     def action_help_quit(self) -> None:
-        """What ctrl+c is bound to."""
-        self.session.tell(f"{BY_NAME['quit'].key} quits")
-        self.show_message()
+        """Textual binds ctrl+c to this."""
+        self.session.show_message(f"{BY_NAME['quit'].key} quits")
+        self.renderer.refresh_message()
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         state = self.session.state
-        for action in offered(self.access):
+        for action in permitted_actions(self.access):
             if action.description and action.applies(state):
                 run = partial(self.run_action, action.call)
                 yield SystemCommand(f"{action.description} ({action.key})", action.group, run)

@@ -1,7 +1,7 @@
-"""Calls made once after a while.
+"""Delayed calls that are also made when the process was suspended meanwhile.
 
-Textual's one-shot timers skip what is overdue: one that starts while the process stands still, for
-as long as it is to wait, is never heard of.
+Textual's one-shot timers skip a call that is overdue, so a process that stands still for as long as
+the delay would lose it.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from collections.abc import Callable
 from textual.message_pump import MessagePump
 
 
-def later(pump: MessagePump, seconds: float, call: Callable[[], object]) -> asyncio.TimerHandle:
-    """Have `pump` call it after so many seconds, unless the handle is cancelled before."""
-    return asyncio.get_running_loop().call_later(seconds, pump.call_next, call)
+def call_after(
+    pump: MessagePump, seconds: float, callback: Callable[[], object]
+) -> asyncio.TimerHandle:
+    """Call `callback` in a message pump after a delay, unless the handle is cancelled before."""
+    return asyncio.get_running_loop().call_later(seconds, pump.call_next, callback)

@@ -1,4 +1,4 @@
-"""Pictures in true pixels in an application, from its start to its end."""
+"""Set up inline images in true pixels for an application."""
 
 from __future__ import annotations
 
@@ -13,38 +13,34 @@ from s2rtui.terminal.graphics.image_manager import KittyImageManager
 from s2rtui.terminal.graphics.probe import Graphics
 
 
-def hang(app: S2RApp, graphics: Graphics) -> None:
-    """Give an application that is not yet running what the terminal draws, or say why not."""
+def enable_inline_images(app: S2RApp, graphics: Graphics) -> None:
+    """Show images in true pixels once the application runs, or say why that is impossible."""
     if not graphics.pictures:
-        app.session.tell(f"--graphics: {graphics.told}; half blocks stay")
+        app.session.show_message(f"--graphics: {graphics.told}; images are drawn as half blocks")
         return
 
-    def write(text: str) -> None:
-        if app._driver is not None:
-            app._driver.write(text)
-
-    def anew() -> None:
+    def attach_all() -> None:
         for plot in app.query(PlotView):
-            plot.hang()
+            plot.attach_images()
 
-    def ready() -> None:
-        with suppress(RuntimeError):  # the loop is closed
-            app.call_later(anew)
+    def on_ready() -> None:
+        with suppress(RuntimeError):  # the event loop is closed
+            app.call_later(attach_all)
 
-    def tell(error: Exception) -> None:
-        app.post(BackgroundFailed(f"pictures: {type(error).__name__}: {error}"))
+    def report_error(error: Exception) -> None:
+        app.post(BackgroundFailed(f"inline images: {type(error).__name__}: {error}"))
 
-    wall = KittyImageManager(graphics, write, ready, tell)
+    images = KittyImageManager(graphics, app.write_to_terminal, on_ready, report_error)
 
     class Driver(LinuxDriver):
-        """Leaves no picture behind in the screen that it leaves, for a while or for good."""
+        """Deletes the images when the application leaves the terminal's screen."""
 
         def start_application_mode(self) -> None:
             super().start_application_mode()
-            app.call_later(anew)
+            app.call_later(attach_all)
 
         def stop_application_mode(self) -> None:
-            wall.take_down()
+            images.delete_all()
             super().stop_application_mode()
 
-    app.wall, app.driver_class = wall, Driver
+    app.image_host, app.driver_class = images, Driver

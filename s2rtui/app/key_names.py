@@ -1,4 +1,4 @@
-"""Names of keys: Textual's words for them, and what stands on a keyboard."""
+"""Labels of keys: Textual's names turned into what a keyboard shows."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ _UNICODE = {short: long for long, short in KEY_NAME_REPLACEMENTS.items()}
 _WORDS = {"pagedown": "page down", "pageup": "page up"}
 
 
-def key_shown(name: str) -> str:
-    """A key of Textual's name in ASCII: `=` of `equals_sign`, `shift+left` as it is."""
+def key_label(name: str) -> str:
+    """The ASCII label of a Textual key name: `=` for `equals_sign`, `shift+left` unchanged."""
     *held, last = name.split("+") if len(name) > 1 else [name]
     long, word = _UNICODE.get(last, last).upper(), _WORDS.get(last, last)
     for spelled in (long.replace("_", " "), long.replace("_", "-")):

@@ -1,154 +1,166 @@
-"""Runs feeds for an application, each in a thread of its own: the newest request wins."""
+"""Run loaders in background threads, one per loader; the newest request wins."""
 
 from __future__ import annotations
 
 import traceback
 from asyncio import TimerHandle
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 
+from textual.app import App
+from textual.message import Message
+
 from s2rstore.errors import S2RError
 from s2rstore.reader import Store
-from s2rtui.app.call_later import later
-from s2rtui.app.controllers.base import Desk
+from s2rtui.app.call_later import call_after
 from s2rtui.app.messages import BackgroundFailed, LoadCompleted, LoadProgressed
-from s2rtui.jobs.background_thread import Lane
+from s2rtui.jobs.background_thread import LatestOnlyWorker
 from s2rtui.loaders import LOADERS, Fields, Key, Loader
 from s2rtui.session.state import State
 
-REST_SECONDS = 0.15
-AWAY_SECONDS = 120.0
-"""How long what a feed holds is kept after it was wanted last."""
+DEBOUNCE_SECONDS = 0.15
+"""Delay before a debounced loader starts, so that it waits for repeated keys."""
+RELEASE_SECONDS = 120.0
+"""How long what a loader holds is kept after it was last requested."""
 
 
 @dataclass
 class RestartedLoads:
-    """Feeds that were asked anew, and the fields that are empty from now on."""
+    """The loaders whose request has changed, and the fields to clear."""
 
-    anew: set[str] = field(default_factory=set)
-    emptied: Fields = field(default_factory=dict)
+    loaders: set[str] = field(default_factory=set)
+    cleared: Fields = field(default_factory=dict)
 
 
 class LoadScheduler:
-    """The requests under way: per feed the one that is read, and the newest one."""
+    """Per loader, the request that is being read and the newest one."""
 
-    def __init__(self, app: Desk) -> None:
-        self.app = app
-        self._lanes = {feed.name: Lane(feed.name, partial(self._raised, feed)) for feed in LOADERS}
-        self._wanted: dict[str, Key | None] = {}
-        self._ticket: dict[str, int] = {feed.name: 0 for feed in LOADERS}
-        self._answered: dict[str, int] = {feed.name: 0 for feed in LOADERS}
-        self._rest: dict[str, TimerHandle] = {}
-        self._away: dict[str, TimerHandle] = {}
-        self.rest_seconds, self.away_seconds = REST_SECONDS, AWAY_SECONDS
+    def __init__(self, app: App[None]) -> None:
+        self._app = app
+        self._workers = {
+            loader.name: LatestOnlyWorker(loader.name, partial(self._report_failure, loader))
+            for loader in LOADERS
+        }
+        self._requested: dict[str, Key | None] = {}
+        self._ticket: dict[str, int] = {loader.name: 0 for loader in LOADERS}
+        self._answered: dict[str, int] = {loader.name: 0 for loader in LOADERS}
+        self._debounce: dict[str, TimerHandle] = {}
+        self._release: dict[str, TimerHandle] = {}
+        self.debounce_seconds, self.release_seconds = DEBOUNCE_SECONDS, RELEASE_SECONDS
 
     @property
     def idle(self) -> bool:
-        """Whether no thread reads anything, or is about to."""
-        return not self._rest and all(lane.idle for lane in self._lanes.values())
+        """Whether no thread reads anything or is about to."""
+        return not self._debounce and all(worker.idle for worker in self._workers.values())
 
     @property
     def settled(self) -> bool:
-        """Whether all that was wanted has come."""
+        """Whether every request is answered."""
         return self._answered == self._ticket
 
-    def ask(self, store: Store, state: State) -> RestartedLoads:
-        """Start what the state wants anew."""
-        asked = RestartedLoads()
-        for feed in LOADERS:
-            wanted = feed.wants(store, state)
-            if feed.name in self._wanted and wanted == self._wanted[feed.name]:
+    def request(self, store: Store, state: State) -> RestartedLoads:
+        """Start the loaders whose key differs from their last request."""
+        restarted = RestartedLoads()
+        for loader in LOADERS:
+            key = loader.request_key(store, state)
+            if loader.name in self._requested and key == self._requested[loader.name]:
                 continue
-            asked.anew.add(feed.name)
-            self._wanted[feed.name] = wanted
-            self._ticket[feed.name] += 1
-            for timers in (self._rest, self._away):
-                if feed.name in timers:
-                    timers.pop(feed.name).cancel()
-            if wanted is None:
-                self._answered[feed.name] = self._ticket[feed.name]
-                asked.emptied.update(dict.fromkeys(feed.empty))
-                self._let_go(feed)
+            restarted.loaders.add(loader.name)
+            self._requested[loader.name] = key
+            self._ticket[loader.name] += 1
+            for timers in (self._debounce, self._release):
+                if loader.name in timers:
+                    timers.pop(loader.name).cancel()
+            if key is None:
+                self._answered[loader.name] = self._ticket[loader.name]
+                restarted.cleared.update(dict.fromkeys(loader.cleared_fields))
+                self._release_later(loader)
             else:
-                self._start(feed, self._ticket[feed.name], store, state)
-        return asked
+                self._start(loader, self._ticket[loader.name], store, state)
+        return restarted
 
-    def _start(self, feed: Loader, ticket: int, store: Store, state: State) -> None:
-        read = partial(self._read, feed, ticket, store, state)
-        if not feed.rests:
-            self._lanes[feed.name].put(read)
+    def _start(self, loader: Loader, ticket: int, store: Store, state: State) -> None:
+        read = partial(self._read, loader, ticket, store, state)
+        if not loader.is_debounced:
+            self._workers[loader.name].put(read)
             return
 
-        def rested() -> None:
-            if self.current(feed.name, ticket):
-                del self._rest[feed.name]  # a timer keeps what it calls, and with it the store
-                self._lanes[feed.name].put(read)
+        def start() -> None:
+            if self.is_newest(loader.name, ticket):
+                del self._debounce[loader.name]  # a timer keeps its callback, and so the store
+                self._workers[loader.name].put(read)
 
-        self._rest[feed.name] = later(self.app, self.rest_seconds, rested)
+        self._debounce[loader.name] = call_after(self._app, self.debounce_seconds, start)
 
-    def _let_go(self, feed: Loader) -> None:
-        """Have a feed leave after a while in which nothing of it is wanted."""
-        if feed.leave is not None and self._lanes[feed.name].begun:
-            leave = partial(self._lanes[feed.name].put, feed.leave)
-            self._away[feed.name] = later(self.app, self.away_seconds, leave)
+    def _release_later(self, loader: Loader) -> None:
+        """Release what a loader holds unless it is requested again soon."""
+        if loader.release is not None and self._workers[loader.name].was_used:
+            release = partial(self._workers[loader.name].put, loader.release)
+            self._release[loader.name] = call_after(self._app, self.release_seconds, release)
 
-    def _read(self, feed: Loader, ticket: int, store: Store, state: State) -> None:
-        """In the feed's thread."""
-        caller = _Caller(self, feed, ticket)
-        if not caller.wanted():
+    def _read(self, loader: Loader, ticket: int, store: Store, state: State) -> None:
+        """Runs in the loader's thread."""
+        context = _RequestContext(self, loader, ticket)
+        if not context.is_wanted():
             return
         try:
-            fields = feed.read(store, state, caller)
-        except Exception as error:  # whatever it was, the screen goes on and says so
-            empty = dict.fromkeys(feed.empty)
-            told = str(error) or type(error).__name__
+            fields = loader.read(store, state, context)
+        except Exception as error:  # reported on the screen, whatever it is
+            cleared = dict.fromkeys(loader.cleared_fields)
+            reason = str(error) or type(error).__name__
             if not isinstance(error, S2RError | OSError | ValueError):
-                self.app.log.error(traceback.format_exc())
-                told = f"{feed.name}: {told}"
-            self.app.post(LoadCompleted(feed.name, ticket, empty, " ".join(told.split())))
+                self._app.log.error(traceback.format_exc())
+                reason = f"{loader.name}: {reason}"
+            self.post(LoadCompleted(loader.name, ticket, cleared, " ".join(reason.split())))
             return
-        self.app.post(LoadCompleted(feed.name, ticket, fields))
+        self.post(LoadCompleted(loader.name, ticket, fields))
 
-    def _raised(self, feed: Loader, error: Exception) -> None:
-        """In the feed's thread: what was done in it beside reading."""
-        self.app.post(BackgroundFailed(f"{feed.name}: {type(error).__name__}: {error}"))
+    def post(self, message: Message) -> None:
+        """Post a message to the application from any thread."""
+        with suppress(RuntimeError):  # the event loop is closed
+            self._app.post_message(message)
 
-    def current(self, feed: str, ticket: int) -> bool:
-        """Whether a ticket is that of the newest request."""
-        return ticket == self._ticket[feed]
+    def _report_failure(self, loader: Loader, error: Exception) -> None:
+        """Runs in the loader's thread, for errors outside of reading."""
+        self.post(BackgroundFailed(f"{loader.name}: {type(error).__name__}: {error}"))
+
+    def is_newest(self, loader: str, ticket: int) -> bool:
+        """Whether a ticket is that of the loader's newest request."""
+        return ticket == self._ticket[loader]
 
     def stop(self) -> None:
-        """Nothing is wanted any more; nobody waits for what is under way."""
-        for feed in LOADERS:
-            self._ticket[feed.name] += 1
-            self._lanes[feed.name].end(feed.leave)
+        """Cancel all requests; threads that are reading are not waited for."""
+        for loader in LOADERS:
+            self._ticket[loader.name] += 1
+            self._workers[loader.name].end(loader.release)
 
     def accept(self, message: LoadCompleted) -> bool:
-        """Whether an answer is to the newest request, or a part that may be older."""
-        if not self.current(message.feed, message.ticket):
-            return message.partly and self._wanted[message.feed] is not None
-        if not message.partly:
-            self._answered[message.feed] = message.ticket
+        """Whether a result is still requested; a partial one may be outdated."""
+        if not self.is_newest(message.loader, message.ticket):
+            return message.partial and self._requested[message.loader] is not None
+        if not message.partial:
+            self._answered[message.loader] = message.ticket
         return True
 
 
-class _Caller:
-    """One request of one feed, in the feed's thread."""
+class _RequestContext:
+    """The `LoadContext` of one request, used in the loader's thread."""
 
-    def __init__(self, feeding: LoadScheduler, feed: Loader, ticket: int) -> None:
-        self._feeding, self._feed, self._ticket = feeding, feed, ticket
+    def __init__(self, scheduler: LoadScheduler, loader: Loader, ticket: int) -> None:
+        self._scheduler, self._loader, self._ticket = scheduler, loader, ticket
 
-    def wanted(self) -> bool:
-        return self._feeding.current(self._feed.name, self._ticket)
+    def is_wanted(self) -> bool:
+        return self._scheduler.is_newest(self._loader.name, self._ticket)
 
-    def progress(self, share: float) -> bool:
-        wanted = self.wanted()
-        if wanted and share < 1:
-            self._feeding.app.post(LoadProgressed(self._feed.name, self._ticket, share))
-        return wanted
+    def report_progress(self, share: float) -> bool:
+        is_wanted = self.is_wanted()
+        if is_wanted and share < 1:
+            self._scheduler.post(LoadProgressed(self._loader.name, self._ticket, share))
+        return is_wanted
 
-    def bring(self, fields: Fields) -> None:
-        if self._feed.follows or self.wanted():
-            self._feeding.app.post(
-                LoadCompleted(self._feed.name, self._ticket, fields, partly=True)
+    def publish(self, fields: Fields) -> None:
+        if self._loader.shows_outdated or self.is_wanted():
+            self._scheduler.post(
+                LoadCompleted(self._loader.name, self._ticket, fields, partial=True)
             )

@@ -1,38 +1,58 @@
-"""What workers tell the application."""
+"""Messages from background threads to the application, named after what happened."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from textual.message import Message
 
+from s2rtui.jobs.precompute_job import JobProgress
+
 
 @dataclass
 class LoadCompleted(Message):
-    """Fields of `Resources` from a feed; `ticket` numbers the request, the newest one counts.
+    """A loader returned fields of `Resources`; `ticket` is the number of its request.
 
-    `partly` means that more is to come.
+    `partial`: more fields of the same request follow.
     """
 
-    feed: str
+    loader: str
     ticket: int
     fields: dict[str, Any] = field(default_factory=dict)
     error: str = ""
-    partly: bool = False
+    partial: bool = False
 
 
 @dataclass
 class LoadProgressed(Message):
-    """The share of a feed's work that is done."""
+    """A loader has done a share (0 .. 1) of its work."""
 
-    feed: str
+    loader: str
     ticket: int
     share: float
 
 
 @dataclass
+class ExportProgressed(Message):
+    """An export has a message; `finished` is its target once it is written or has failed."""
+
+    text: str
+    finished: Path | None = None
+    is_error: bool = False
+
+
+@dataclass
+class RunSaveProgressed(Message):
+    """The computation of a saved run has advanced."""
+
+    run: str
+    progress: JobProgress
+
+
+@dataclass
 class BackgroundFailed(Message):
-    """A work in the background ended by a fault."""
+    """A background job ended with an unexpected error."""
 
     text: str

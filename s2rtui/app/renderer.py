@@ -1,72 +1,133 @@
-"""Draws the state of an application: a line of status, the views, lines of words and keys."""
+"""Draw the state: status line, views, message line and footer; request the data it needs."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from textual.geometry import Region, Size
+
+from s2rtui.app import layout
 from s2rtui.app.actions import footer
-from s2rtui.app.controllers.prompt import Prompts
-from s2rtui.app.layout import SMALLEST
-from s2rtui.app.status_line import StatusLine, message, shown, status_line
+from s2rtui.app.controllers.prompt import PromptController
+from s2rtui.app.layout import MIN_SIZE, PaneRectangle, SizeClass
+from s2rtui.app.load_scheduler import LoadScheduler
+from s2rtui.app.status_line import StatusLine, message_text, status_line
+from s2rtui.app.titled_view import TitledView
 from s2rtui.app.widgets.bar import Bar, Piece
+from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
-from s2rtui.app.widgets.query_input import QueryInput
-from s2rtui.charts.registry import VIEWS
+from s2rtui.charts.registry import BY_NAME, VIEWS
+from s2rtui.charts.scene import Scene
+
+if TYPE_CHECKING:
+    from s2rtui.app.app import S2RApp
 
 
-class Drawing:
-    """Draws what has changed since it was drawn last."""
+class Renderer:
+    """Draws what has changed since the last drawing."""
 
-    def __init__(self, app: Prompts) -> None:
-        self._app = app
+    def __init__(
+        self, app: S2RApp, prompt: PromptController, load_scheduler: LoadScheduler
+    ) -> None:
+        self._app, self._prompt, self._load_scheduler = app, prompt, load_scheduler
+        self._size_class: SizeClass = "narrow"
+        self._is_loading_started = False
+
+    def set_size(self, size: Size) -> SizeClass:
+        """Set the size of the screen; returns its class."""
+        self._size_class = layout.size_class(size.width, size.height)
+        return self._size_class
+
+    def start_loading(self) -> None:
+        """Start background loading, which would delay the first drawing."""
+        if not self._is_loading_started:
+            self._is_loading_started = True
+            self.refresh()
 
     @property
-    def possible(self) -> bool:
-        """Whether there is a screen to draw on: not while it is being taken down."""
-        return bool(self._app.query("#status"))
+    def settled(self) -> bool:
+        """Whether everything that the state needs is loaded."""
+        return self._is_loading_started and self._load_scheduler.settled
 
-    def all(self) -> None:
-        """The whole state."""
-        before, text, after = self.status
-        self._bar("status").say(before, (text, "bold"), after)
-        self.words()
-        self._keys()
-        self._views()
-
-    def too_small(self) -> None:
-        """That there is no room for views."""
-        wanted = "x".join(str(number) for number in SMALLEST)
-        self._bar("status").say(f"the terminal is too small: needs {wanted}")
-
-    @property
-    def status(self) -> StatusLine:
-        app = self._app
-        return status_line(app.session.store, app.session.state, app.size.width, app.look)
-
-    def words(self) -> None:
-        """The line of messages alone."""
-        if self.possible:
-            state = self._app.session.state
-            text = message(state, self._app.resources)
-            classes = "error" if state.is_error else "whole" if self._app.prompting else ""
-            self._bar("message").say(text, classes=classes)
-
-    def _keys(self) -> None:
-        app = self._app
-        pairs = footer(app.size.width - 2, app.session.state, app.access)
-        if app.prompting:
-            pairs = app.query_one(QueryInput).keys
-        pieces: list[Piece] = []
-        for key, word in pairs:
-            pieces += ["  " if pieces else "", (key, "bold"), f" {word}"]
-        self._bar("keys").say(*pieces)
-
-    def _views(self) -> None:
-        scene = self._app.scene
+    def refresh(self) -> None:
+        """Draw the state and request the data it needs."""
+        app, state = self._app, self._app.session.state
+        bars = {str(bar.id): bar for bar in app.query(Bar)}
+        if not bars:
+            return  # the screen is being closed
+        if self._size_class == "tiny":
+            columns, rows = MIN_SIZE
+            bars["status"].show(f"the terminal is too small: it needs {columns}x{rows}")
+            return
+        if self._is_loading_started:
+            restarted = self._load_scheduler.request(app.session.store, state)
+            if restarted.loaders:
+                app.resources = app.resources.with_requested(restarted.loaders, restarted.cleared)
+        panes = app.query_one(Panes)
+        panes.place(self.pane_rectangles(*panes.available_size))
+        before, expression, after = self._status
+        bars["status"].show(before, (expression, "bold"), after)
+        self.refresh_message()
+        bars["keys"].show(*self._key_pieces())
+        scene = self.scene
         for view in VIEWS:
-            widget = self._app.query_one(f"#{view.name}", PlotView)
-            if widget.placed:
-                widget.show(*shown(view, scene))
+            plot = self.plot(view.name)
+            if plot.placed:
+                plot.show(TitledView(view, scene))
             else:
-                widget.clear()
+                plot.clear()
 
-    def _bar(self, name: str) -> Bar:
-        return self._app.query_one(f"#{name}", Bar)
+    def refresh_message(self) -> None:
+        """Draw the message line alone."""
+        for bar in self._app.query("#message").results(Bar):
+            state = self._app.session.state
+            classes = "error" if state.is_error else "whole" if self._prompt.is_open else ""
+            bar.show(message_text(state, self._app.resources), classes=classes)
+
+    @property
+    def scene(self) -> Scene:
+        """What the views are drawn from now."""
+        session = self._app.session
+        return Scene(session.store, session.state, self._app.resources, session.notes)
+
+    def plot(self, view: str) -> PlotView:
+        """The widget of a view."""
+        return self._app.query_one(f"#{view}", PlotView)
+
+    def is_placed(self, view: str) -> bool:
+        """Whether the wide layout shows a view."""
+        return self._size_class == "wide" and self.plot(view).placed
+
+    def visible_regions(self) -> list[tuple[str, Region]]:
+        """Name and screen region of every view on the screen."""
+        plots = [self.plot(view.name) for view in VIEWS]
+        return [(str(plot.id), plot.region) for plot in plots if plot.placed and plot.region.area]
+
+    def pane_rectangles(self, width: int, height: int) -> Mapping[str, PaneRectangle]:
+        """The layout of the views in `width` x `height` cells."""
+        state = self._app.session.state
+        rows = BY_NAME["overview"].height(self.scene, width) + 1
+        request = layout.LayoutRequest(state.view, state.centre, state.tab, rows)
+        return layout.arrange(self._size_class, width, height, request)
+
+    def status_text(self) -> str:
+        """The status line in plain text."""
+        return "".join(self._status)
+
+    @property
+    def _status(self) -> StatusLine:
+        app = self._app
+        width = app.size.width
+        return status_line(app.session.store, app.session.state, width, app.render_options)
+
+    def _key_pieces(self) -> list[Piece]:
+        app = self._app
+        if self._prompt.is_open:
+            pairs = app.query_line.keys
+        else:
+            pairs = footer(app.size.width - 2, app.session.state, app.access)
+        pieces: list[Piece] = []
+        for key, label in pairs:
+            pieces += ["  " if pieces else "", (key, "bold"), f" {label}"]
+        return pieces

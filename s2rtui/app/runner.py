@@ -1,4 +1,4 @@
-"""The application from its opening on a store to what it leaves undone."""
+"""Run the application on a terminal, and report what it leaves unfinished."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from s2rtui.terminal.capabilities import Terminal
 from s2rtui.user_data.notebook import Notebook
 from s2rtui.user_data.user_data_dir import is_first_start
 
-_PATIENCE = 0.3
-"""Seconds that work in the background is given when the application is left."""
+_SHUTDOWN_SECONDS = 0.3
+"""How long background work may take after the application is closed."""
 
 
 def run_app(
@@ -27,28 +27,29 @@ def run_app(
     run: str | None,
     terminal: Terminal,
     access: Permissions,
-    nights: Path | None = None,
+    gap_history: Path | None = None,
     safe_csv: bool = False,
 ) -> None:
-    """Open the application on a store; the environment was prepared for the terminal.
+    """Run the application on a store until the user quits.
 
-    What it leaves undone is told on stderr. Raises RequestError where it cannot run, S2RError for a
-    fault of the program.
+    Unfinished work is listed on stderr. Raises RequestError if the store or run cannot be opened,
+    S2RError if the application fails.
     """
-    look = RenderOptions(mode=terminal.mode, ascii=terminal.ascii)
-    app = S2RApp(Session(path, run, partial(Notebook, tolerant=True), nights), look, access=access)
-    app.safe_csv = safe_csv
-    app.first_run, app.terminal = is_first_start(), terminal
+    options = RenderOptions(mode=terminal.mode, ascii=terminal.ascii)
+    session = Session(path, run, partial(Notebook, tolerant=True), gap_history)
+    app = S2RApp(session, options, access=access)
+    app.export.safe_csv = safe_csv
+    app.is_first_start, app.terminal = is_first_start(), terminal
     if terminal.graphics is not None:
-        from s2rtui.app.inline_images import hang
+        from s2rtui.app.inline_images import enable_inline_images
 
-        hang(app, terminal.graphics)
+        enable_inline_images(app, terminal.graphics)
     terminal_mode.remember()
     app.run(mouse=terminal.mode is not ColourMode.NONE)
-    background_thread.rest(_PATIENCE)
+    background_thread.wait_until_idle(_SHUTDOWN_SECONDS)
     with contextlib.suppress(OSError):  # the terminal may be gone
-        for told in app.undone:
-            print(f"s2r: {told}", file=sys.stderr)
+        for line in app.jobs.unfinished:
+            print(f"s2r: {line}", file=sys.stderr)
     if app.fault is not None:
-        what = f"{type(app.fault).__name__}: {app.fault}"
-        raise S2RError(f"a fault of the program: {what} (--debug shows where)") from app.fault
+        fault = f"{type(app.fault).__name__}: {app.fault}"
+        raise S2RError(f"internal error: {fault} (--debug shows where)") from app.fault

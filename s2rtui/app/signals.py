@@ -1,4 +1,4 @@
-"""The application ends when a signal says so, also while its event loop is busy or blocked."""
+"""End the application on SIGTERM and SIGHUP, also while its event loop is blocked."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from types import FrameType
 from typing import Any
 
 SIGNALS = (signal.SIGTERM, signal.SIGHUP)
-PATIENCE = 1.5
-"""Seconds until a shutdown that does not finish is forced."""
+FORCE_AFTER_SECONDS = 1.5
+"""Time after which a shutdown that does not finish is forced."""
 # Keyboard protocol, alternate screen, cursor, mouse, paste, focus, resize reports, line wrap.
 _RESET = (
     b"\x1b[<u\x1b[?1049l\x1b[?25h\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?1015l\x1b[?1016l"
@@ -25,24 +25,24 @@ _RESET = (
 
 
 def end_on_signals(leave: Callable[[], object]) -> None:
-    """Call `leave` in the running loop at SIGTERM and SIGHUP; end the process if that is no use.
+    """Call `leave` in the running loop on SIGTERM and SIGHUP; end the process if it does not react.
 
-    To be called in the main thread, before the terminal's mode is changed if it is to be restored.
+    Call it in the main thread. To have the terminal restored, call `terminal_mode.remember` first.
     """
     loop = asyncio.get_running_loop()
 
-    def told(number: int, frame: FrameType | None) -> None:
-        threading.Thread(target=_insist, args=(number,), name="ending", daemon=True).start()
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        threading.Thread(target=_force_exit, args=(number,), name="ending", daemon=True).start()
         with suppress(RuntimeError):  # the loop is closed
             loop.call_soon_threadsafe(leave)
 
     with suppress(ValueError):  # not the main thread
         for number in SIGNALS:
-            signal.signal(number, told)
+            signal.signal(number, on_signal)
 
 
 class TerminalMode:
-    """Saves the mode of the terminal at the start, to restore it at the end."""
+    """Saves the terminal mode at the start and restores it at the end."""
 
     def __init__(self) -> None:
         self._attributes: list[Any] | None = None
@@ -52,7 +52,7 @@ class TerminalMode:
             self._attributes = termios.tcgetattr(0)
 
     def restore(self) -> None:
-        """Give the terminal back, without waiting for one that takes no output."""
+        """Restore the terminal, without waiting for one that takes no output."""
         if self._attributes is None:
             return
         with suppress(termios.error, OSError, ValueError):
@@ -64,7 +64,7 @@ class TerminalMode:
 terminal_mode = TerminalMode()
 
 
-def _insist(number: int) -> None:
-    time.sleep(PATIENCE)
+def _force_exit(number: int) -> None:
+    time.sleep(FORCE_AFTER_SECONDS)
     terminal_mode.restore()
     os._exit(128 + number)

@@ -1,114 +1,83 @@
-"""The status line, and the title above every view."""
+"""The texts of the status line and of the message line."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
 from s2rstore.reader import Store
 from s2rstore.security.printable_text import printable
-from s2rtui.canvas import Canvas, RenderOptions
-from s2rtui.charts.scene import Resources, Scene
-from s2rtui.charts.view import View
+from s2rtui.app.titled_view import truncated
+from s2rtui.canvas import RenderOptions
+from s2rtui.charts.scene import Resources
 from s2rtui.session.state import SIGNS, State
 
 StatusLine = tuple[str, str, str]
-Draw = Callable[[tuple[int, int], RenderOptions], Canvas]
+
+_PRIORITIES = {
+    "all trajectories": 40,
+    "newest": 40,
+    "store": 40,
+    "newer": 20,
+    "trajectories": 20,
+    "run": 20,
+}
+"""Parts of the status line in the order in which they are left out, with the columns that the
+expression must have for them to stay; the count always stays."""
 
 
-_LEAST = {"everywhere": 40, "newest": 40, "store": 40, "newer": 20, "trajectories": 20, "run": 20}
-"""Parts of the status line, the first to be left out first, and the columns that an expression
-gets before them; the count always stands."""
+def status_line(store: Store, state: State, width: int, options: RenderOptions) -> StatusLine:
+    """Text before the expression (store, trajectories, run, count), the expression, generation.
 
-
-def status_line(store: Store, state: State, width: int, look: RenderOptions) -> StatusLine:
-    """Store, trajectory, run, count; the expression; generation.
-
-    Where the width lacks, what says least is left out first, and the expression is cut last.
+    If the width is too small, the least important parts are left out, then the expression is cut.
     """
-    separator = " | " if look.ascii else " │ "
+    separator = " | " if options.ascii else " │ "
     text = state.expression
     if state.operator != "replace":
         text += f" {SIGNS[state.operator]} _"
     before, after = _parts(store, state)
     head, tail, room = "", "", 0
-    for least, readable in (("", 0), *_LEAST.items()):
-        if least and room >= min(len(text), readable):
+    for part, readable in (("", 0), *_PRIORITIES.items()):
+        if part and room >= min(len(text), readable):
             break
-        before.pop(least, None)
-        after.pop(least, None)
-        head = "".join(part + separator for part in before.values())
-        tail = "".join(separator + part for part in after.values())
+        before.pop(part, None)
+        after.pop(part, None)
+        head = "".join(value + separator for value in before.values())
+        tail = "".join(separator + value for value in after.values())
         room = width - 2 - len(head) - len(tail)
-    return head, cut(text, max(8, room), look), tail
+    return head, truncated(text, max(8, room), options), tail
 
 
 def _parts(store: Store, state: State) -> tuple[dict[str, str], dict[str, str]]:
-    """What stands before the expression, and after it, by the words of `_LEAST`."""
+    """The parts before and after the expression, by the keys of `_PRIORITIES`."""
     view = state.trajectories
     before = {
         "store": printable(store.path.name),
-        "everywhere" if view is None else "trajectories": f"traj {', '.join(view or ('all',))}",
-        "run": f"run {state.run}{_coming(state)}",
+        "all trajectories" if view is None else "trajectories": (
+            f"traj {', '.join(view or ('all',))}"
+        ),
+        "run": f"run {state.run}{_pending_text(state)}",
         "count": state.count,
     }
     if state.newest == state.generation:
-        return before, {"newest": f"gen {state.generation}"}
-    return before, {"newer": f"gen {state.generation} ({state.newest} is there: g)"}
+        return before, {"newest": f"generation {state.generation}"}
+    return before, {"newer": f"generation {state.generation} ({state.newest} available, press g)"}
 
 
-def _coming(state: State) -> str:
-    """What is on its way beside the run that is shown."""
-    awaited = state.awaited
-    if awaited is None:
+def _pending_text(state: State) -> str:
+    """What is being loaded, to follow the name of the run."""
+    pending = state.pending
+    if pending is None:
         return ""
-    if awaited.run != state.run:
-        return f" (loading {awaited.run})"
-    if awaited.generation != state.generation:
-        return f" (loading generation {awaited.generation})"
+    if pending.run != state.run:
+        return f" (loading {pending.run})"
+    if pending.generation != state.generation:
+        return f" (loading generation {pending.generation})"
     return " (selecting)"
 
 
-def message(state: State, resources: Resources) -> str:
-    """What is told at the foot: the last step's words, else what goes on, else what is new."""
+def message_text(state: State, resources: Resources) -> str:
+    """The message line: the last message, background progress, or a newer generation."""
     text = state.message or resources.saving
     if not state.is_error:
         text = resources.with_progress(text)
     if not text and state.newest != state.generation:
-        return f"generation {state.newest} is there: g moves on to it"
+        return f"generation {state.newest} is available: press g to open it"
     return text
-
-
-def cut(text: str, width: int, look: RenderOptions) -> str:
-    """At most `width` characters; what was cut shows an ellipsis."""
-    return text if len(text) <= width else text[: width - 1] + ("~" if look.ascii else "…")
-
-
-def shown(view: View, scene: Scene) -> tuple[Draw, tuple[object, ...] | None]:
-    """A view's drawing under its title, and all that it depends on (None: draw it always)."""
-    depends = view.cache_key(scene)
-    if depends is not None:
-        depends = (*depends, view.subtitle(scene), scene.state.view == view.name)
-    return titled(view, scene, partial(view.draw, scene)), depends
-
-
-def titled(view: View, scene: Scene, draw: Draw) -> Draw:
-    """A drawing with a line above it: the view's key, name and what it shows."""
-    active = scene.state.view == view.name
-    label, told = f"{view.key} {view.name}", view.subtitle(scene)
-
-    def drawn(size: tuple[int, int], look: RenderOptions) -> Canvas:
-        width, height = size
-        canvas = Canvas(width, height, theme=look.theme)
-        theme = look.theme
-        if active:
-            canvas.fill(0, 0, width, 1, theme.highlight)
-        canvas.text(0, 0, label, fg=theme.text if active else theme.muted, bold=active)
-        start = len(label) + 2
-        if start < width:
-            canvas.text(start, 0, cut(told, width - start, look), fg=theme.muted)
-        if height > 1:
-            canvas.paste(draw((width, height - 1), look), 0, 1)
-        return canvas
-
-    return drawn

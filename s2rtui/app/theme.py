@@ -1,4 +1,4 @@
-"""The plots' colours as a Textual theme, so that widgets and canvases share one ground."""
+"""The colours of the plots as a Textual theme, so that widgets share their background."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from s2rtui.canvas import Rgb, Theme
 
 
 def textual_theme(theme: Theme) -> TextualTheme:
-    """Tokens for the style sheet, taken from a canvas theme."""
+    """The style sheet tokens for a canvas theme."""
     return TextualTheme(
         name=f"s2r-{theme.name}",
         primary=_hex(theme.sim),

@@ -20,9 +20,9 @@ from s2rtui.session import State
 from s2rtui.session.provenance import (
     HeatProvenance,
     InstanceProvenance,
-    about,
-    heat_of,
-    seen_of,
+    heat_provenance,
+    instance_provenance,
+    visible_floor_key,
 )
 from s2rtui.user_data.notebook import Notes
 
@@ -83,9 +83,9 @@ class Resources:
     def heat_on_map(self, state: State) -> FloorGrid | None:
         """The heat that belongs on the map; while adjusting, that of the adjusted images."""
         if state.adjusting and state.overlay == "instance":
-            return self.live_floor_heat if self.live_source == about(state) else None
+            return self.live_floor_heat if self.live_source == instance_provenance(state) else None
         source = self.floor_heat_source
-        return self.floor_heat if source and source.name == heat_of(state).name else None
+        return self.floor_heat if source and source.name == heat_provenance(state).name else None
 
     def heat_note(self, state: State) -> str:
         """Names the source of the heat on the map where it is not the current one."""
@@ -95,7 +95,7 @@ class Resources:
 
     def seen_on_map(self, state: State) -> FloorGrid | None:
         """The floor that the current selection has seen."""
-        current = self.seen_floor_source == seen_of(state)
+        current = self.seen_floor_source == visible_floor_key(state)
         return self.seen_floor if state.clip and current else None
 
     def adjusted(self, state: State) -> InstanceInput | None:

@@ -13,7 +13,7 @@ from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.view import View
 from s2rtui.loaders import LOADERS, Fields
 from s2rtui.session import HeatChoice, Session, State, instance_list
-from s2rtui.session.heatmaps import choices
+from s2rtui.session.heatmaps import heatmap_choices
 from s2rtui.session.state import Aggregate, MapMode, Overlay
 from s2rtui.user_data.notebook import ReadNotebook
 
@@ -65,7 +65,7 @@ def load_scene(session: Session, *views: View, cursor: bool = True) -> Scene:
     needed = {name for view in views for name in view.loads}
     fields: Fields = {}
     for feed in LOADERS:
-        if feed.name in needed and feed.wants(store, state) is not None:
+        if feed.name in needed and feed.request_key(store, state) is not None:
             fields |= feed.read(store, state, _UncancelledContext())
     if state.overlay != "off" and "floor_heat" in fields and fields["floor_heat"] is None:
         label = state.heat.label if state.heat else ""
@@ -81,7 +81,7 @@ def apply_options(session: Session, options: SceneOptions) -> State:
     for name in options.trajectories or ():
         if name not in known:
             raise RequestError(f"--trajectory {name}: must be one of {', '.join(known)}")
-    session.set(replace(session.state, trajectories=options.trajectories))
+    session.set_state(replace(session.state, trajectories=options.trajectories))
     state = session.select(options.select)
     overlay = options.overlay or ("run" if options.heat else "off")
     state = replace(
@@ -103,7 +103,7 @@ def apply_options(session: Session, options: SceneOptions) -> State:
         if options.sort not in known:
             raise RequestError(f"--sort {options.sort}: must be one of {', '.join(known)}")
         state = replace(state, sort=options.sort)
-    return session.set(state)
+    return session.set_state(state)
 
 
 def _cursor(state: State, iid: int | None) -> int | None:
@@ -122,7 +122,7 @@ def _other(state: State, name: str | None) -> str | None:
 
 
 def _heat(session: Session, state: State, options: SceneOptions) -> HeatChoice | None:
-    known = choices(session.store, state.run)
+    known = heatmap_choices(session.store, state.run)
     if not known and options.heat is None and options.side in (None, state.side):
         return None
     kind, _, mode = (options.heat or "").partition(":")
@@ -137,11 +137,11 @@ def _heat(session: Session, state: State, options: SceneOptions) -> HeatChoice |
 class _UncancelledContext:
     """Load context that is never cancelled and ignores progress."""
 
-    def wanted(self) -> bool:
+    def is_wanted(self) -> bool:
         return True
 
-    def progress(self, share: float) -> bool:
+    def report_progress(self, share: float) -> bool:
         return True
 
-    def bring(self, fields: Fields) -> None:
+    def publish(self, fields: Fields) -> None:
         return None

@@ -1,4 +1,4 @@
-"""Work in threads of their own that nobody has to wait for, not even the end of the process."""
+"""Background threads that never block shutdown."""
 
 from __future__ import annotations
 
@@ -12,40 +12,40 @@ from contextlib import suppress
 from threading import Condition, Event, Thread
 
 Work = Callable[[], object]
-Tell = Callable[[Exception], object]
+ReportError = Callable[[Exception], object]
 
-_LAST_PATIENCE = 30.0
-_under_way: set[object] = set()
-_used = Event()
+_EXIT_TIMEOUT = 30.0
+_running: set[object] = set()
+_any_started = Event()
 
 
-class Lane:
-    """A thread that does one thing after another; of what waits only the newest is kept."""
+class LatestOnlyWorker:
+    """A thread that runs one piece of work at a time; of waiting work only the newest is kept."""
 
-    def __init__(self, name: str, tell: Tell = traceback.print_exception) -> None:
-        """The thread starts with the first piece of work; `tell` hears, in it, of one that raises.
+    def __init__(self, name: str, report_error: ReportError = traceback.print_exception) -> None:
+        """The thread starts with the first work and calls `report_error` for work that raises.
 
-        A lane at rest holds nothing of what it has done.
+        An idle worker holds no reference to the work it has done.
         """
-        self._name, self._tell = name, tell
+        self._name, self._report_error = name, report_error
         self._changed = Condition()
         self._next: Work | None = None
         self._last: Work | None = None
         self._started = self._ended = self._busy = False
 
     @property
-    def begun(self) -> bool:
-        """Whether anything was ever put."""
+    def was_used(self) -> bool:
+        """Whether any work was ever put."""
         return self._started
 
     @property
     def idle(self) -> bool:
-        """Whether nothing is under way or waits."""
+        """Whether no work runs or waits."""
         with self._changed:
             return not self._busy and self._next is None
 
     def put(self, work: Work) -> None:
-        """Do this after what is under way, in place of what waits."""
+        """Run work after the present one, in place of waiting work."""
         with self._changed:
             if self._ended:
                 return
@@ -56,20 +56,20 @@ class Lane:
             self._changed.notify()
 
     def end(self, last: Work | None = None) -> None:
-        """Drop what waits; after what is under way the thread does `last`, and ends."""
+        """Drop waiting work; after the present one the thread runs `last` and ends."""
         with self._changed:
             self._ended, self._next, self._last = True, None, last
             self._changed.notify()
 
     def _run(self) -> None:
-        while (work := self._taken()) is not None:
+        while (work := self._next_work()) is not None:
             self._try(work)
-            del work  # held while the lane waits, it would keep all that it was made with
+            del work  # a waiting worker must not keep the work's objects alive
         if self._last is not None:
             self._try(self._last)
 
-    def _taken(self) -> Work | None:
-        """The next work once there is one; None at the end."""
+    def _next_work(self) -> Work | None:
+        """Wait for the next work; None at the end."""
         with self._changed:
             self._busy = False
             while self._next is None and not self._ended:
@@ -79,51 +79,87 @@ class Lane:
         return work
 
     def _try(self, work: Work) -> None:
-        """The lane outlives what its work raises."""
+        """Run work and report its exception."""
         try:
-            _do(work)
+            _run_tracked(work)
         except Exception as error:
-            self._tell(error)
+            self._report_error(error)
 
 
-def start(name: str, work: Work) -> None:
-    """Do one piece of work in a thread of its own. It must not raise."""
-    Thread(target=_do, args=(work,), name=name, daemon=True).start()
+def run_in_thread(name: str, work: Work) -> None:
+    """Run one piece of work, which must not raise, in a thread of its own."""
+    Thread(target=_run_tracked, args=(work,), name=name, daemon=True).start()
 
 
-def _do(work: Work) -> None:
+class BackgroundJobs:
+    """One-off jobs in threads; each describes what is missing as long as it has not ended."""
+
+    def __init__(self, report_failure: Callable[[str], object]) -> None:
+        """`report_failure` gets the text for a job that raised; it is called in its thread."""
+        self._report_failure = report_failure
+        self._unfinished: dict[object, str] = {}
+        self._is_closed = False
+
+    @property
+    def unfinished(self) -> tuple[str, ...]:
+        """What is missing, one line per job that has not ended or failed after `close`."""
+        return tuple(self._unfinished.values())
+
+    def start(self, work: Callable[[], None], missing: str) -> None:
+        """Run a job; `missing` says what is missing until it has ended."""
+        token = object()
+        self._unfinished[token] = missing
+
+        def run() -> None:
+            try:
+                work()
+            except Exception as error:  # reported on the screen, whatever it is
+                if self._is_closed:
+                    return
+                reason = " ".join(str(error).split())
+                self._report_failure(f"{missing} ({type(error).__name__}: {reason})")
+            del self._unfinished[token]
+
+        run_in_thread(missing, run)
+
+    def close(self) -> None:
+        """Report no more failures: a job that fails from now on stays unfinished."""
+        self._is_closed = True
+
+
+def _run_tracked(work: Work) -> None:
     token = object()
-    _used.set()
-    _under_way.add(token)
+    _any_started.set()
+    _running.add(token)
     try:
         work()
     finally:
-        _under_way.discard(token)
+        _running.discard(token)
 
 
-def rest(patience: float) -> bool:
-    """Whether nothing is under way, after `patience` seconds at most."""
-    limit = time.monotonic() + patience
-    while _under_way and time.monotonic() < limit:
+def wait_until_idle(timeout: float) -> bool:
+    """Wait at most `timeout` seconds for all work; whether it has ended."""
+    limit = time.monotonic() + timeout
+    while _running and time.monotonic() < limit:
         time.sleep(0.01)
-    return not _under_way
+    return not _running
 
 
-def _rest_at_last() -> None:
-    """For programs that do not end by `end_process`."""
-    rest(_LAST_PATIENCE)
+def _wait_at_exit() -> None:
+    """Give work time to end in programs that do not call `end_process`."""
+    wait_until_idle(_EXIT_TIMEOUT)
 
 
-atexit.register(_rest_at_last)
+atexit.register(_wait_at_exit)
 
 
 def end_process(code: int) -> int:
-    """`code` where no thread was ever started; otherwise the process ends here, with that code.
+    """Return `code` if no thread was ever started; otherwise end the process with it here.
 
-    Threads inside of native code would bring down an interpreter that ends around them, and to take
-    down large libraries in good order takes seconds.
+    An interpreter that shuts down around threads in native code can crash, and unloading large
+    libraries takes seconds.
     """
-    if not _used.is_set():
+    if not _any_started.is_set():
         return code
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):  # closed, or its reader is gone

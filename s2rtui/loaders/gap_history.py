@@ -1,4 +1,4 @@
-"""The history of nightly gaps, which may change at any time: read anew whenever its file does."""
+"""Load the history of nightly gaps whenever its file changes."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from s2rtui.loaders.loader import Fields, Key, LoadContext
 from s2rtui.session.state import State
 
 
-def wants_history(store: Store, state: State) -> Key | None:
+def history_key(store: Store, state: State) -> Key | None:
     return None if state.history is None else (state.history,)
 
 
-def read_history(store: Store, state: State, caller: LoadContext) -> Fields:
+def read_history(store: Store, state: State, context: LoadContext) -> Fields:
     """Raises RequestError for a file that is no history."""
     assert state.history is not None
     return {"history": reader.read(state.history.path)}

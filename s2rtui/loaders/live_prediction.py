@@ -1,4 +1,4 @@
-"""Live adjusting, in a thread of its own: one model kept loaded, the newest request first."""
+"""Live adjustments: predict with the run's model, which stays loaded between requests."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from s2rstore.reader import Store
 from s2rtui.charts.adjust.model import live_input
 from s2rtui.loaders.loader import Fields, LoadContext
 from s2rtui.session import adjusting
-from s2rtui.session.provenance import about
+from s2rtui.session.provenance import instance_provenance
 from s2rtui.session.state import State
 
 if TYPE_CHECKING:
@@ -24,66 +24,70 @@ SLOW_KINDS = ("occlusion",)
 
 
 @dataclass(frozen=True, slots=True)
-class _Held:
-    """A loaded model and what it is of."""
+class _LoadedModel:
+    """A loaded model and its (store path, generation, run)."""
 
     of: tuple[Path, int, str]
     model: LiveModel
 
 
-class Bench:
-    """The model that is being tried."""
+class LivePredictor:
+    """Holds the model of one run."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._held: _Held | None = None
+        self._loaded: _LoadedModel | None = None
 
     def model(self, store: Store, run: str) -> LiveModel:
         """The live model of a run; loading it takes seconds. Call with the lock held."""
         from s2rtools.interactive import LiveModel
 
         of = (store.path, store.generation, run)
-        if self._held is None or self._held.of != of:
+        if self._loaded is None or self._loaded.of != of:
             self._close()
-            self._held = _Held(of, LiveModel(store, run))
-        return self._held.model
+            self._loaded = _LoadedModel(of, LiveModel(store, run))
+        return self._loaded.model
 
     def _close(self) -> None:
-        if self._held is not None:
-            self._held.model.close()
-            self._held = None
+        if self._loaded is not None:
+            self._loaded.model.close()
+            self._loaded = None
 
-    def leave(self) -> None:
-        """Let the model go, once nobody is at it."""
+    def release(self) -> None:
+        """Free the model once no request uses it."""
         with self._lock:
             self._close()
 
-    def read(self, store: Store, state: State, caller: LoadContext) -> Fields:
-        """Pictures and predictions first, then heat, then heat on the floor.
+    def read(self, store: Store, state: State, context: LoadContext) -> Fields:
+        """Publish images and predictions first, then the heatmap, then heat on the map.
 
-        A prediction that is begun is finished and brought, so that the screen follows a slider
+        A prediction that has started is finished and shown, so that the screen follows a slider
         that moves faster than the model.
         """
         with self._lock:
-            if state.adjust is None or state.cursor is None or not caller.wanted():
+            if state.adjust is None or state.cursor is None or not context.is_wanted():
                 return {}
             model = self.model(store, state.run)
-            if not caller.wanted():
+            if not context.is_wanted():
                 return {}
-            chains = adjusting.chains(state.adjust)
+            chains = adjusting.adjustment_chains(state.adjust)
             kinds = self._kinds(model, state)
             fields: Fields = {}
-            unwanted: Callable[[], bool] = lambda: bool(fields) and not caller.wanted()  # noqa: E731
-            for result in model.steps(state.cursor, chains, kinds, unwanted):
+            is_cancelled: Callable[[], bool] = lambda: bool(fields) and not context.is_wanted()  # noqa: E731
+            for result in model.steps(state.cursor, chains, kinds, is_cancelled):
                 heat = state.heat if state.heat and state.heat.kind in kinds else None
                 ready = heat is not None and any(key[0] == heat.kind for key in result.heat)
                 shown = live_input(store, state, result, heat if ready else None)
-                fields = {"live": shown, "live_source": about(state), "live_floor_heat": None}
+                fields = {
+                    "live": shown,
+                    "live_source": instance_provenance(state),
+                    "live_floor_heat": None,
+                }
                 if ready and heat is not None:
                     fields["live_floor_heat"] = model.floor_grid(
                         result, heat.kind, heat.side, heat.mode
                     )
-                caller.bring(fields)
+                context.publish(fields)
             return fields
 
     def _kinds(self, model: LiveModel, state: State) -> tuple[str, ...]:
@@ -93,27 +97,27 @@ class Bench:
         return (heat.kind,)
 
 
-_BENCH = Bench()
+_PREDICTOR = LivePredictor()
 
 
-def leave() -> None:
-    """Keep nothing."""
-    _BENCH.leave()
+def release() -> None:
+    """Free the loaded model."""
+    _PREDICTOR.release()
 
 
-def wants_live(store: Store, state: State) -> tuple[Any, ...] | None:
-    """The live answer is wanted while the panel is open and nothing is missing."""
+def live_key(store: Store, state: State) -> tuple[Any, ...] | None:
+    """A live prediction is needed while the panel is open and the tools are installed."""
     adjust = state.adjust if state.adjusting else None
     if adjust is None or adjust.missing or state.cursor is None or adjust.run != state.run:
         return None
     return (state.generation, state.run, state.cursor, adjust.values, state.heat)
 
 
-def read_live(store: Store, state: State, caller: LoadContext) -> Fields:
-    """See `Bench.read`; a missing package is a RequestError that names it."""
+def read_live(store: Store, state: State, context: LoadContext) -> Fields:
+    """See `LivePredictor.read`; a missing package is a RequestError that names it."""
     try:
-        return _BENCH.read(store, state, caller)
+        return _PREDICTOR.read(store, state, context)
     except ModuleNotFoundError as error:
         raise RequestError(
-            f"adjusting live needs {error.name}: pip install 's2rtui[tools]'"
+            f"live adjustments need {error.name}: pip install 's2rtui[tools]'"
         ) from error

@@ -1,4 +1,4 @@
-"""What a feed is: something that a worker brings when the state wants it."""
+"""The interface of a loader: it reads data for the views in a background thread."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ Fields = dict[str, Any]
 
 
 class LoadContext(Protocol):
-    """Who asked: hears of progress, takes parts of the answer, may have lost interest."""
+    """The request that a loader works for."""
 
-    def wanted(self) -> bool:
-        """Whether the answer is still wanted."""
+    def is_wanted(self) -> bool:
+        """Whether no newer request has replaced this one."""
 
-    def progress(self, share: float) -> bool:
-        """Tell the share that is done; whether to go on."""
+    def report_progress(self, share: float) -> bool:
+        """Report the share (0 .. 1) of the work that is done; False if it should stop."""
 
-    def bring(self, fields: Fields) -> None:
-        """A part of the answer, ahead of the rest."""
+    def publish(self, fields: Fields) -> None:
+        """Show a part of the result ahead of the rest."""
 
 
 @dataclass(frozen=True, slots=True)
 class Loader:
-    """`wants` gives what the result depends on, None for nothing; `read` fields of `Resources`.
+    """`request_key` gives what the result depends on, None if it is not needed.
 
-    `empty` is shown while nothing is wanted. A feed that `rests` waits until keys are at rest; of
-    one that `follows` parts are shown although something newer is wanted. `leave` lets go what
-    reading holds: at last, and after a while in which nothing is wanted. Each feed is read by one
-    thread, one request at a time.
+    `read` returns fields of `Resources`. `cleared_fields` are set to None while nothing is needed.
+    `is_debounced` waits for a pause in the input. With `shows_outdated`, partial results are shown
+    although a newer request waits. `release` frees what reading holds, some time after the last
+    request. Each loader has one thread, which reads one request at a time.
     """
 
     name: str
-    wants: Callable[[Store, State], Key | None]
+    request_key: Callable[[Store, State], Key | None]
     read: Callable[[Store, State, LoadContext], Fields]
-    empty: tuple[str, ...] = ()
-    rests: bool = True
-    follows: bool = False
-    leave: Callable[[], None] | None = None
+    cleared_fields: tuple[str, ...] = ()
+    is_debounced: bool = True
+    shows_outdated: bool = False
+    release: Callable[[], None] | None = None

@@ -1,4 +1,4 @@
-"""Adjusting live: sliders with values, and the chains of adjustments that they make."""
+"""Live adjustments: reducers of the sliders, and the adjustment chains they describe."""
 
 from __future__ import annotations
 
@@ -9,115 +9,122 @@ from typing import Any
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtui.session.session import Session
+from s2rtui.session.context import SessionContext
 from s2rtui.session.state import Adjust, Slider, State
 
 
-def sliders(store: Store) -> tuple[tuple[Slider, ...], str]:
-    """What can be adjusted on this store, and why other things cannot be.
+def available_sliders(store: Store) -> tuple[tuple[Slider, ...], str]:
+    """The sliders that a store supports, and why the others are not available.
 
-    Images on the real side; the camera on the sim side where the data set has a renderer. Raises
-    ModuleNotFoundError where the tools are not installed.
+    Image adjustments apply to the real side, camera adjustments to the sim side if the data set has
+    a renderer. Raises ModuleNotFoundError if the tools are not installed.
     """
     from s2rtools.adjustments import ADJUSTMENTS
     from s2rtools.rendering import no_renderer_reason
 
     reason = (no_renderer_reason(store) or "").removeprefix(f"{store.path}: ")
-    found: list[Slider] = []
+    sliders: list[Slider] = []
     for adjustment in ADJUSTMENTS.values():
         side: Side = "sim" if adjustment.needs_renderer else "real"
         if side in adjustment.sides and not (adjustment.needs_renderer and reason):
-            found.append(
+            sliders.append(
                 Slider(
                     side, adjustment.name, adjustment.lowest, adjustment.highest,
                     adjustment.neutral, adjustment.step, adjustment.unit,
                 )
             )  # fmt: skip
-    return tuple(found), reason
+    return tuple(sliders), reason
 
 
-def begin(session: Session, found: tuple[Slider, ...], reason: str) -> State:
-    """Sliders at the values of the present run."""
-    return session.set(replace(session.state, adjust=_fresh(session, found, reason)))
+def open_sliders(
+    context: SessionContext, state: State, sliders: tuple[Slider, ...], reason: str
+) -> State:
+    """Show sliders at the values of the present run."""
+    return replace(state, adjust=_sliders_of_run(context, state, sliders, reason))
 
 
-def lack(session: Session, package: str) -> State:
-    """The panel without a package that it needs."""
-    missing = f"adjusting live needs {package}: pip install 's2rtui[tools]'"
-    return session.set(replace(session.state, adjust=Adjust(session.state.run, missing=missing)))
+def report_missing_package(context: SessionContext, state: State, package: str) -> State:
+    """Show in the panel which package has to be installed."""
+    missing = f"live adjustments need {package}: pip install 's2rtui[tools]'"
+    return replace(state, adjust=Adjust(state.run, missing=missing))
 
 
-def _fresh(session: Session, found: Sequence[Slider], reason: str) -> Adjust:
-    run = session.store.run(session.state.run)
-    values = {slider.key: slider.neutral for slider in found}
-    own = [((s, str(step["name"])), step["value"]) for s in SIDES for step in run.adjustments(s)]
-    values |= {key: float(value) for key, value in own}
-    keys = tuple(key for key, _ in own)
-    return Adjust(session.state.run, tuple(values.items()), 0, tuple(found), reason, own=keys)
+def _sliders_of_run(
+    context: SessionContext, state: State, sliders: Sequence[Slider], reason: str
+) -> Adjust:
+    run = context.store.run(state.run)
+    values = {slider.key: slider.neutral for slider in sliders}
+    steps = [((s, str(step["name"])), step["value"]) for s in SIDES for step in run.adjustments(s)]
+    values |= {key: float(value) for key, value in steps}
+    keys = tuple(key for key, _ in steps)
+    return Adjust(state.run, tuple(values.items()), 0, tuple(sliders), reason, run_steps=keys)
 
 
-def follow(session: Session) -> State:
-    """Begin anew where the run has changed since; what is missing is so for every run."""
-    adjust, run = session.state.adjust, session.state.run
-    if adjust is None or adjust.run == run:
-        return session.state
-    fresh = _fresh(session, adjust.sliders, adjust.reason)
-    made = replace(adjust, run=run) if adjust.missing else fresh
-    return session.set(replace(session.state, adjust=made))
+def follow_run(context: SessionContext, state: State) -> State:
+    """Reset the sliders to the present run if it has changed since they were opened."""
+    adjust = state.adjust
+    if adjust is None or adjust.run == state.run:
+        return state
+    if adjust.missing:
+        return replace(state, adjust=replace(adjust, run=state.run))
+    return open_sliders(context, state, adjust.sliders, adjust.reason)
 
 
-def choose(session: Session, steps: int) -> State:
-    """Another slider."""
-    adjust = session.state.adjust
+def choose_slider(context: SessionContext, state: State, steps: int) -> State:
+    """Make the next slider the active one."""
+    adjust = state.adjust
     if adjust is None or not adjust.sliders:
-        return session.state
+        return state
     active = (adjust.active + steps) % len(adjust.sliders)
-    return session.change(adjust=replace(adjust, active=active))
+    return state.updated(adjust=replace(adjust, active=active))
 
 
-def move(session: Session, steps: int) -> State:
-    """The active slider by steps."""
-    adjust = session.state.adjust
+def move_slider(context: SessionContext, state: State, steps: int) -> State:
+    """Move the active slider by steps."""
+    adjust = state.adjust
     if adjust is None or not adjust.sliders:
-        return session.state
+        return state
     slider = adjust.sliders[adjust.active]
-    return put(session, adjust.active, adjust.value(slider.key) + steps * slider.step)
+    value = adjust.value(slider.key) + steps * slider.step
+    return set_slider(context, state, adjust.active, value)
 
 
-def put(session: Session, index: int, value: float) -> State:
-    """A slider to a value."""
-    adjust = session.state.adjust
+def set_slider(context: SessionContext, state: State, index: int, value: float) -> State:
+    """Set a slider to a value and make it the active one."""
+    adjust = state.adjust
     if adjust is None:
-        return session.state
+        return state
     slider = adjust.sliders[index]
     values = {**dict(adjust.values), slider.key: slider.clipped(value)}
-    return session.change(adjust=replace(adjust, values=tuple(values.items()), active=index))
+    return state.updated(adjust=replace(adjust, values=tuple(values.items()), active=index))
 
 
-def reset(session: Session) -> State:
-    """Every slider to neutral."""
-    adjust = session.state.adjust
+def reset_sliders(context: SessionContext, state: State) -> State:
+    """Set every slider to its neutral value."""
+    adjust = state.adjust
     if adjust is None:
-        return session.state
+        return state
     values = dict(adjust.values) | {slider.key: slider.neutral for slider in adjust.sliders}
-    return session.change(adjust=replace(adjust, values=tuple(values.items())))
+    return state.updated(adjust=replace(adjust, values=tuple(values.items())))
 
 
-def chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
-    """The chains that the sliders stand for, in the order of the run's where that is its own.
+def adjustment_chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
+    """The adjustment chain per side that the sliders describe, the run's own steps first.
 
-    Raises RequestError for a run that takes a step twice, which sliders cannot show.
+    Raises RequestError for a run that applies an adjustment twice, which sliders cannot show.
     """
     from s2rtools.adjustments import ADJUSTMENTS, make_chain
 
-    made: dict[Side, list[dict[str, Any]]] = {}
+    chains: dict[Side, list[dict[str, Any]]] = {}
     for side in SIDES:
-        own = [name for of, name in adjust.own if of == side]
-        if len(set(own)) < len(own):
-            raise RequestError(f"run {adjust.run}: takes a step twice, which sliders cannot show")
+        steps = [name for of, name in adjust.run_steps if of == side]
+        if len(set(steps)) < len(steps):
+            raise RequestError(
+                f"run {adjust.run}: applies an adjustment twice, which sliders cannot show"
+            )
         chain = make_chain(side, {name: value for (of, name), value in adjust.values if of == side})
-        if own != [name for name in ADJUSTMENTS if name in own]:
-            first = [step for name in own for step in chain if step["name"] == name]
-            chain = [*first, *(step for step in chain if step["name"] not in own)]
-        made[side] = chain
-    return made
+        if steps != [name for name in ADJUSTMENTS if name in steps]:
+            first = [step for name in steps for step in chain if step["name"] == name]
+            chain = [*first, *(step for step in chain if step["name"] not in steps)]
+        chains[side] = chain
+    return chains

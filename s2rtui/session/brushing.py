@@ -1,6 +1,6 @@
-"""Brushing by keys and by mouse: a mark on a panel, moved, stretched, and turned into a selection.
+"""Geometry of brushes: start, move, stretch and scale a mark on a panel.
 
-Marks live in data coordinates and are moved by cells; a `turn` moves by its 5 degree bins.
+Marks are in data coordinates and move by cells; marks on a heading move by bins of 5 degrees.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from s2rtui.canvas.brush import Mark, Panel, Point
 from s2rtui.session.state import Brush
 
 TURN_STEP = 5.0
-MOST_CORNERS = 64
-"""Of a lasso in the language."""
+MAX_CORNERS = 64
+"""Corners of a lasso that the selection language accepts."""
 _SHARE = 0.12
 """Half of a new box, as a share of its panel."""
 
 
-def begun(view: str, panel: Panel, at: Point | None, lasso: bool = False) -> Brush:
-    """A brush about a point in data (default: the panel's middle)."""
-    column, row = _middle(panel) if at is None else panel.to_cells(*at)
+def started(view: str, panel: Panel, at: Point | None, lasso: bool = False) -> Brush:
+    """A new brush around a data point (default: the panel's centre)."""
+    column, row = _centre(panel) if at is None else panel.to_cells(*at)
     column = min(max(column, panel.x + 0.5), panel.x + panel.width - 0.5)
     row = min(max(row, panel.y + 0.5), panel.y + panel.height - 0.5)
     centre = panel.to_data(column, row) if at is None else at
@@ -36,48 +36,48 @@ def begun(view: str, panel: Panel, at: Point | None, lasso: bool = False) -> Bru
 
 
 def dragged(view: str, panel: Panel, start: Point, end: Point, trail: tuple[Point, ...]) -> Brush:
-    """A brush between two cells (column, row), or along a trail of cells: a lasso."""
+    """A brush between two cells (column, row), or a lasso along a trail of cells."""
     if trail and panel.shape == "plane":
         points = tuple(panel.to_data(*cell) for cell in trail)
         return Brush(view, Mark(panel.name, points, lasso=True), len(points))
     if panel.shape in ("plane", "range"):
-        start, end = _outer(start, end)
+        start, end = _outer_edges(start, end)
     points = panel.to_data(*start), panel.to_data(*end)
     if panel.shape == "turn" and (points[1][0] - points[0][0]) % 360 > 180:
-        points = points[1], points[0]  # dragged backwards: the shorter way round is meant
+        points = points[1], points[0]  # dragged backwards: take the shorter arc
     return Brush(view, Mark(panel.name, points))
 
 
 def moved(brush: Brush, panel: Panel, across: int, down: int) -> Brush:
-    """All of a box by cells, or the loose end of a lasso."""
+    """Move a box, or the loose end of a lasso, by cells."""
     points = brush.mark.points
     if brush.mark.lasso:
-        return _with(brush, (*points[:-1], _shifted(panel, points[-1], across, down)))
-    shifted = tuple(_shifted(panel, point, across, down) for point in points)
-    return _with(brush, shifted) if _inside(panel, shifted) else brush
+        return _with_points(brush, (*points[:-1], _shift(panel, points[-1], across, down)))
+    shifted = tuple(_shift(panel, point, across, down) for point in points)
+    return _with_points(brush, shifted) if _is_on_panel(panel, shifted) else brush
 
 
 def stretched(brush: Brush, panel: Panel, across: int, down: int) -> Brush:
-    """The second corner by cells."""
+    """Move the second corner by cells."""
     if brush.mark.lasso:
         return moved(brush, panel, across, down)
     first, *_, last = brush.mark.points
-    end = _shifted(panel, last, across, down)
+    end = _shift(panel, last, across, down)
     wide = (last[0] - first[0]) % 360 + end[0] - last[0]
     if panel.shape == "turn" and not TURN_STEP <= wide < 360:
         return brush
-    return _with(brush, (first, end))
+    return _with_points(brush, (first, end))
 
 
 def scaled(brush: Brush, panel: Panel, steps: int) -> Brush:
-    """Larger (steps > 0) or smaller on every side; never turned inside out."""
+    """Enlarge (steps > 0) or shrink a box on every side; it never inverts."""
     if brush.mark.lasso:
         return brush
     first, *_, last = brush.mark.points
     if panel.shape == "turn":
         low, high = first[0] - steps * TURN_STEP, last[0] + steps * TURN_STEP
-        keeps = TURN_STEP <= high - low < 360
-        return _with(brush, ((low, first[1]), (high, last[1]))) if keeps else brush
+        is_valid = TURN_STEP <= high - low < 360
+        return _with_points(brush, ((low, first[1]), (high, last[1]))) if is_valid else brush
     ends = [panel.to_cells(*point) for point in (first, last)]
     (x0, y0), (x1, y1) = ends
     grow = 0 if panel.shape == "steps" else steps
@@ -86,39 +86,40 @@ def scaled(brush: Brush, panel: Panel, steps: int) -> Brush:
     corners = (x0 - sign_x * grow, y0 - sign_y * tall), (x1 + sign_x * grow, y1 + sign_y * tall)
     if (corners[1][0] - corners[0][0]) * sign_x < 0 or (corners[1][1] - corners[0][1]) * sign_y < 0:
         return brush
-    return _with(brush, tuple(panel.to_data(*corner) for corner in corners))
+    return _with_points(brush, tuple(panel.to_data(*corner) for corner in corners))
 
 
-def cornered(brush: Brush) -> Brush:
-    """The loose end of a lasso becomes a corner, and a new loose end starts there."""
+def with_corner(brush: Brush) -> Brush:
+    """Fix the loose end of a lasso as a corner; a new loose end starts there."""
     points = brush.mark.points
-    return replace(_with(brush, (*points, points[-1])), corners=brush.corners + 1)
+    return replace(_with_points(brush, (*points, points[-1])), corners=brush.corners + 1)
 
 
 def outline(brush: Brush) -> tuple[Point, ...]:
-    """The corners of a finished lasso, at most as many as the language takes."""
-    kept: list[Point] = []
+    """The corners of a finished lasso, simplified to at most `MAX_CORNERS`."""
+    corners: list[Point] = []
     for point in brush.mark.points:
-        if not kept or point != kept[-1]:
-            kept.append(point)
-    kept = _bends(kept)
-    while len(kept) > MOST_CORNERS:
+        if not corners or point != corners[-1]:
+            corners.append(point)
+    corners = _turning_points(corners)
+    while len(corners) > MAX_CORNERS:
         areas = [
-            _area(kept[at - 1], point, kept[(at + 1) % len(kept)]) for at, point in enumerate(kept)
+            _area(corners[at - 1], point, corners[(at + 1) % len(corners)])
+            for at, point in enumerate(corners)
         ]
-        del kept[areas.index(min(areas))]  # Visvalingam and Whyatt, 1993
-    return tuple(kept)
+        del corners[areas.index(min(areas))]  # Visvalingam and Whyatt, 1993
+    return tuple(corners)
 
 
-def _outer(start: Point, end: Point) -> tuple[Point, Point]:
-    """Two middles of cells moved to the far edges of those cells: all that is marked counts."""
+def _outer_edges(start: Point, end: Point) -> tuple[Point, Point]:
+    """Move two cell centres to the outer edges of their cells, so that whole cells are marked."""
     (x0, y0), (x1, y1) = start, end
     across, down = (0.5 if x1 >= x0 else -0.5), (0.5 if y1 >= y0 else -0.5)
     return (x0 - across, y0 - down), (x1 + across, y1 + down)
 
 
-def _bends(points: list[Point]) -> list[Point]:
-    """The points of a closed line where it changes its direction."""
+def _turning_points(points: list[Point]) -> list[Point]:
+    """The points of a closed line where it changes direction."""
     if len(points) < 4:
         return points
     return [
@@ -129,19 +130,19 @@ def _bends(points: list[Point]) -> list[Point]:
 
 
 def _area(a: Point, b: Point, c: Point) -> float:
-    """Of a triangle, doubled."""
+    """Twice the area of a triangle."""
     return abs((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
 
 
-def _with(brush: Brush, points: tuple[Point, ...]) -> Brush:
+def _with_points(brush: Brush, points: tuple[Point, ...]) -> Brush:
     return replace(brush, mark=replace(brush.mark, points=points))
 
 
-def _middle(panel: Panel) -> Point:
+def _centre(panel: Panel) -> Point:
     return panel.x + panel.width / 2, panel.y + panel.height / 2
 
 
-def _shifted(panel: Panel, point: Point, across: int, down: int) -> Point:
+def _shift(panel: Panel, point: Point, across: int, down: int) -> Point:
     if panel.shape == "turn":
         return point[0] + TURN_STEP * (across + down), point[1]
     if panel.shape == "steps":
@@ -152,8 +153,8 @@ def _shifted(panel: Panel, point: Point, across: int, down: int) -> Point:
     return panel.to_data(column + across, row + (down if panel.shape == "plane" else 0))
 
 
-def _inside(panel: Panel, points: tuple[Point, ...]) -> bool:
-    """Whether some of a moved mark is still on its panel."""
+def _is_on_panel(panel: Panel, points: tuple[Point, ...]) -> bool:
+    """Whether the centre of a mark is on its panel."""
     if panel.shape == "turn":
         return True
     cells = [panel.to_cells(*point) for point in points]

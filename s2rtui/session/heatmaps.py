@@ -1,4 +1,4 @@
-"""Which heatmaps a run has, and one instance's heat laid on the map."""
+"""The heatmaps of a run, and their projection on the map."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ _ORDER: dict[Side, tuple[Side, Side]] = {"sim": ("sim", "real"), "real": ("real"
 _PLANES = {"activation": ("loss", "x", "y", "heading")}
 _UNITS = {"m degrees": "m", "m m rad loss": ""}
 _BLOCK = 32
-MOST_GATHERED = 2000
-"""Heat of a larger selection is gathered over so many of its instances, evenly taken."""
-Told = Callable[[float], bool]
+MAX_GATHERED = 2000
+"""Heat of a larger selection is aggregated over this many instances, evenly spaced."""
+ReportShare = Callable[[float], bool]
 _PLANE_UNITS = {"x": "m", "y": "m", "heading": "rad", "loss": "loss"}
 
 
-def choices(store: Store, run: str) -> list[tuple[str, str | None]]:
-    """Kinds and modes of a run's heatmaps, in the order that keys walk through them."""
-    found: list[tuple[str, str | None]] = []
+def heatmap_choices(store: Store, run: str) -> list[tuple[str, str | None]]:
+    """Kinds and modes of a run's heatmaps, in the order of the keys."""
+    choices: list[tuple[str, str | None]] = []
     for record in store.arrays(run):
         if "row" not in record.axes or record.kind.startswith(("map:", "frames:")):
             continue
         for mode in _PLANES.get(record.kind, (record.mode,)):
-            if (record.kind, mode) not in found:
-                found.append((record.kind, mode))
-    return found
+            if (record.kind, mode) not in choices:
+                choices.append((record.kind, mode))
+    return choices
 
 
 def with_heat(store: Store, state: State) -> State:
-    """The same heat where the run has it, else the run's first."""
-    options = choices(store, state.run)
+    """The state with its heatmap choice if the run has it, else the run's first."""
+    options = heatmap_choices(store, state.run)
     side: Side = state.heat.side if state.heat else "real"
-    wanted = (state.heat.kind, state.heat.mode) if state.heat else None
+    previous = (state.heat.kind, state.heat.mode) if state.heat else None
     if not options:
         return replace(state, heat=None)
-    kind, mode = wanted if wanted in options else options[0]
+    kind, mode = previous if previous in options else options[0]
     return replace(state, heat=HeatChoice(kind, mode, side))
 
 
@@ -59,13 +59,15 @@ def unit(store: Store, run: str, heat: HeatChoice) -> str:
 
 
 def run_range(store: Store, run: str, heat: HeatChoice) -> tuple[float, float] | None:
-    """The run's own 1st .. 99th percentile of a heatmap kind; None where it was not noted."""
-    noted = store.provenance_object(f"run:{run}", "heat ranges")
-    found = noted.get(":".join(part for part in (heat.kind, heat.mode) if part))
-    if not isinstance(found, list) or len(found) != 2:
+    """The run's 1st .. 99th percentile of a heatmap kind; None if it was not recorded."""
+    recorded = store.provenance_object(f"run:{run}", "heat ranges")
+    percentiles = recorded.get(":".join(part for part in (heat.kind, heat.mode) if part))
+    if not isinstance(percentiles, list) or len(percentiles) != 2:
         return None
-    low, high = found
-    return (float(low), float(high)) if all(isinstance(v, int | float) for v in found) else None
+    low, high = percentiles
+    return (
+        (float(low), float(high)) if all(isinstance(v, int | float) for v in percentiles) else None
+    )
 
 
 def ray_of(heat: HeatChoice) -> Ray:
@@ -76,7 +78,7 @@ def ray_of(heat: HeatChoice) -> Ray:
 def run_grid(
     store: Store, run: str, heat: HeatChoice, aggregate: str = "mean"
 ) -> NDArray[np.float32] | None:
-    """A published grid of a run, NaN where nothing fell; None where it was not computed."""
+    """A published map grid of a run, NaN for empty cells; None if it was not computed."""
     try:
         grid = store.map_grid(run, heat.kind, heat.side, heat.mode, aggregate)
     except RequestError:
@@ -85,41 +87,45 @@ def run_grid(
 
 
 def instance_grid(store: Store, run: str, heat: HeatChoice, iid: int) -> NDArray[np.float32]:
-    """The mean grid of one instance's heatmap, (rows, cols), NaN where nothing fell."""
-    return gathered(store, run, heat, np.array([iid]), "mean")
+    """The mean grid of one instance's heatmap, (rows, cols), NaN for empty cells."""
+    return selection_grid(store, run, heat, np.array([iid]), "mean")
 
 
-def gathered(
+def selection_grid(
     store: Store,
     run: str,
     heat: HeatChoice,
     iids: NDArray[np.intp],
     aggregate: Aggregate,
-    told: Told = lambda share: True,
+    report_share: ReportShare = lambda share: True,
 ) -> NDArray[np.float32]:
-    """Heatmaps of some instances on the floor, (rows, cols), NaN where nothing fell.
+    """Project heatmaps of some instances on the floor: (rows, cols), NaN for empty cells.
 
-    `told` hears the share that is done and answers whether to go on.
+    `report_share` gets the share that is done and returns False to stop.
     """
     grid = MapGrid(store.dataset.bounds)
     for chosen, block in _blocks(iids):
         record = store.run(run)
         values = store.heatmaps(run, heat.kind, heat.side, block.start, block.stop, heat.mode)
         _project(store, record, heat, values[chosen], chosen, block, grid)
-        if not told(float(np.searchsorted(iids, block.stop)) / iids.size):
+        if not report_share(float(np.searchsorted(iids, block.stop)) / iids.size):
             break
-    found = np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])
-    return np.where(found > 0, found, np.nan) if aggregate == "count" else found
+    cells = np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])
+    return np.where(cells > 0, cells, np.nan) if aggregate == "count" else cells
 
 
-def share_told(state: State) -> str:
-    """` (2000 of 5301 instances)` where a selection is too large to be gathered as a whole."""
+def sample_note(state: State) -> str:
+    """` (2000 of 5301 instances)` if the selection is larger than `MAX_GATHERED`; else empty."""
     count = int(np.count_nonzero(state.selected))
-    return f" ({MOST_GATHERED} of {count} instances)" if count > MOST_GATHERED else ""
+    return f" ({MAX_GATHERED} of {count} instances)" if count > MAX_GATHERED else ""
 
 
-def seen(
-    store: Store, run: str, side: Side, iids: NDArray[np.intp], told: Told = lambda share: True
+def visible_floor(
+    store: Store,
+    run: str,
+    side: Side,
+    iids: NDArray[np.intp],
+    report_share: ReportShare = lambda share: True,
 ) -> NDArray[np.float32]:
     """How often the frames of some instances saw each cell of the floor, NaN for never."""
     grid = MapGrid(store.dataset.bounds)
@@ -127,14 +133,14 @@ def seen(
     for chosen, block in _blocks(iids):
         flat = np.zeros((len(chosen), 1, 1), dtype=np.float32)
         _project(store, store.run(run), heat, flat, chosen, block, grid)
-        if not told(float(np.searchsorted(iids, block.stop)) / iids.size):
+        if not report_share(float(np.searchsorted(iids, block.stop)) / iids.size):
             break
     counts = np.asarray(grid.aggregates()[AGGREGATES.index("count")])
     return np.where(counts > 0, counts, np.nan).astype(np.float32)
 
 
 def _blocks(iids: NDArray[np.intp]) -> Iterator[tuple[NDArray[np.intp], slice]]:
-    """Neighbouring iids together: their offsets into a span of at most `_BLOCK` instances."""
+    """Group neighbouring iids: offsets into a span of at most `_BLOCK` instances."""
     starts = np.flatnonzero(np.diff(iids // _BLOCK, prepend=-1))
     for part in np.split(iids, starts[1:]):
         if part.size:
@@ -150,12 +156,14 @@ def _project(
     block: slice,
     grid: MapGrid,
 ) -> None:
-    """Lay the heat of the chosen instances of a block on the grid, as precompute does."""
+    """Add the heat of the chosen instances of a block to the grid, as precompute does."""
     truth = store.instances
-    own, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
-    noted = store.provenance_object(f"run:{run.run}", "surfaces")
+    domain, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
+    recorded = store.provenance_object(f"run:{run.run}", "surfaces")
     rig_offset = store.rig_offset(run.sim_domain, run.real_domain)
-    floor_heat = FloorHeat(own, other, store.dataset, heat.side, rig_offset, noted.get(heat.kind))
+    floor_heat = FloorHeat(
+        domain, other, store.dataset, heat.side, rig_offset, recorded.get(heat.kind)
+    )
 
     def depth(side: Side) -> NDArray[Any]:
         read = run_frames(store, run, side, block.start, block.stop, ("depth",))

@@ -1,4 +1,4 @@
-"""The selection as a list: its order, and moving through it."""
+"""The list of the selected instances: its order, and reducers that move through it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from s2rstore.reader import Store
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.session.session import Session
+from s2rtui.session.context import SessionContext
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notes
 
@@ -20,26 +20,26 @@ COLUMNS = (
     "real.rank", "sim.rank", "real.loss", "sim.loss", "real.accuracy", "sim.accuracy",
     "iid", "x", "y", "heading", "curvature", "seq", "room", "trajectory",
 )  # fmt: skip
-"""What a list can be sorted by beside remarks, as the language names it."""
+"""Columns to sort by, named as in the selection language."""
 REMARK = "remark"
-"""The user's tags and note: sorted by the alphabet, instances without them last."""
+"""The user's tags and note: sorted alphabetically, instances without them last."""
 NAMES = ("room", "trajectory")
-"""Those of them that hold names: sorted by the alphabet."""
+"""Columns of names, sorted alphabetically."""
 COUNTS = ("iid", "seq", "real.rank", "sim.rank")
-"""Those of whole numbers; below 0, or no rank, there is none."""
-_OF_TRUTH = ("x", "y", "heading", "curvature", "seq")
-_UPWARDS = ("iid", "real.rank", "sim.rank", *_OF_TRUTH, *NAMES, REMARK)
-_FEW = 6
-"""A larger part of all than one in so many is taken from the order of all, which is kept."""
+"""Columns of whole numbers; a negative number, or rank 0, is a missing value."""
+_TRUTH_COLUMNS = ("x", "y", "heading", "curvature", "seq")
+_ASCENDING = ("iid", "real.rank", "sim.rank", *_TRUTH_COLUMNS, *NAMES, REMARK)
+_SMALL_PART = 6
+"""A selection above 1 / 6 of all instances is taken from the cached order of all."""
 
 
 def columns(notes: Notes) -> tuple[str, ...]:
-    """What a list can be sorted by where a user has made some notes."""
+    """The columns to sort by; remarks are one of them if the user has made any."""
     return (*COLUMNS, REMARK) if notes.remarks else COLUMNS
 
 
 def order(store: Store, state: State, notes: Notes) -> NDArray[np.intp]:
-    """The selected iids in the list's order; ties by iid, what has no value last."""
+    """The selected iids in the order of the list; ties by iid, missing values last."""
     if state.sort == REMARK:
         return _remarked_first(
             ArrayKey(notes.remark_ranks), ArrayKey(state.selected), state.descending
@@ -54,7 +54,7 @@ def _order(values: ArrayKey, selected: ArrayKey, descending: bool) -> NDArray[np
     members = np.flatnonzero(chosen)
     if values.array is None:
         return members[::-1] if descending else members
-    if members.size * _FEW < chosen.size:
+    if members.size * _SMALL_PART < chosen.size:
         return members[_sorted(np.asarray(values.array)[members], descending)]
     order = _whole_order(values, descending)
     return order[chosen[order]]
@@ -81,15 +81,15 @@ def _sorted(values: NDArray[Any], descending: bool) -> NDArray[np.intp]:
 
 
 def column(store: Store, state: State, name: str) -> NDArray[np.float64]:
-    """(N,) of a column of the list, in the index's units; of names their place in the alphabet."""
+    """(N,) values of a column in the units of the index; for names their alphabetical rank."""
     truth, run = store.instances, store.run_columns(state.run)
     if name == "iid":
         return np.arange(len(truth), dtype=np.float64)
     if name in NAMES:
-        return _places(getattr(truth, name), getattr(truth, f"{name}_names"))
+        return _alphabetical_ranks(getattr(truth, name), getattr(truth, f"{name}_names"))
     side, dot, rest = name.partition(".")
     owner: object = run.side("sim" if side == "sim" else "real") if dot else run
-    if name in _OF_TRUTH:
+    if name in _TRUTH_COLUMNS:
         owner = truth
     values = np.asarray(getattr(owner, rest if dot else name), dtype=np.float64)
     if name in COUNTS:
@@ -97,32 +97,33 @@ def column(store: Store, state: State, name: str) -> NDArray[np.float64]:
     return values
 
 
-def _places(codes: NDArray[np.integer[Any]], names: Sequence[str]) -> NDArray[np.float64]:
-    """Where each name stands among all; NaN for none (code -1)."""
+def _alphabetical_ranks(
+    codes: NDArray[np.integer[Any]], names: Sequence[str]
+) -> NDArray[np.float64]:
+    """The alphabetical rank of each coded name; NaN for code -1, no name."""
     places = np.full(len(names) + 1, np.nan)
     places[sorted(range(len(names)), key=lambda code: names[code])] = np.arange(len(names))
     return places[codes]
 
 
-def next_column(session: Session) -> State:
-    """Sort by the next column, the largest first, or what counts upwards from its beginning."""
-    state = session.state
-    known = columns(session.notes)
-    at = known.index(state.sort) + 1 if state.sort in known else 0
-    name = known[at % len(known)]
-    told = f"sorted by {name}"
-    return session.change(sort=name, descending=name not in _UPWARDS, message=told)
+def sort_by_next_column(context: SessionContext, state: State) -> State:
+    """Sort by the next column, the largest first; ranks, counts and names ascend."""
+    available = columns(context.notes)
+    at = available.index(state.sort) + 1 if state.sort in available else 0
+    name = available[at % len(available)]
+    return state.updated(sort=name, descending=name not in _ASCENDING, message=f"sorted by {name}")
 
 
-def reverse(session: Session) -> State:
-    return session.change(descending=not session.state.descending)
+def reverse(context: SessionContext, state: State) -> State:
+    """Reverse the order of the list."""
+    return state.updated(descending=not state.descending)
 
 
-def move(session: Session, steps: int) -> State:
-    """The cursor to another row of the list."""
-    rows = order(session.store, session.state, session.notes)
+def move(context: SessionContext, state: State, steps: int) -> State:
+    """Move the cursor to another row of the list."""
+    rows = order(context.store, state, context.notes)
     if not rows.size:
-        return session.tell("nothing is selected")
-    found = np.flatnonzero(rows == session.state.cursor)
-    at = int(found[0]) if found.size else -1
-    return session.put_cursor(int(rows[min(max(at + steps, 0), rows.size - 1)]))
+        return state.with_message("nothing is selected")
+    position = np.flatnonzero(rows == state.cursor)
+    at = int(position[0]) if position.size else -1
+    return state.updated(cursor=int(rows[min(max(at + steps, 0), rows.size - 1)]))

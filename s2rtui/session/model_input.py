@@ -1,4 +1,4 @@
-"""What a run's model was shown of one instance, as far as this machine can tell."""
+"""The images of one instance as a run's model received them."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _SHORT = 18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelInput:
-    """rgb (H, W, 3) uint8, depth (H, W) metres with NaN where invalid, and what was done to them.
+    """rgb (H, W, 3) uint8, depth (H, W) metres with NaN where invalid, and their adjustments.
 
-    A store without frames gives rgb of shape (0, 0, 3) and no depth.
-    `title` names the domain where it is not the side's usual one, and whether images are adjusted;
-    `notes` tell the adjustments that are too long for it.
+    Without frames in the store, rgb has shape (0, 0, 3) and depth is None.
+    `title` names a domain other than the side's usual one and short adjustments; `notes` hold
+    adjustments that are too long for it.
     """
 
     rgb: NDArray[np.uint8]
@@ -35,26 +35,26 @@ class ModelInput:
     notes: tuple[tuple[str, str], ...] = ()
 
 
-def seen(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
-    """A side's frame through the run's adjustments; without `s2rtools` before those of images."""
+def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
+    """A side's frame after the run's adjustments; image adjustments need `s2rtools`."""
     domain, chain = store.domain(run.domain(side)), run.adjustments(side)
     if not (store.path / FRAMES / domain.domain).is_dir():
-        told = ((f"{side} frames", f"none of {domain.domain} in this store"),)
-        return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "", told)
+        missing = ((f"{side} frames", f"none of {domain.domain} in this store"),)
+        return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "", missing)
     frame = run_frame(store, run, side, iid)
     images = [step for step in chain if step["name"] not in NAMES]
     adjusted = _adjusted(frame, domain, images) if images else frame
     shown = adjusted or frame
     metres = np.where(shown.valid, shown.depth * np.float32(domain.depth_scale), np.nan)
     usual = "" if domain.domain == side and not chain else domain.domain
-    title, notes = _told(usual, side, chain, "" if adjusted else "before ")
+    title, notes = _title_and_notes(usual, side, chain, "" if adjusted else "before ")
     return ModelInput(shown.rgb, metres.astype(np.float32), title, notes)
 
 
-def _told(
+def _title_and_notes(
     domain: str, side: Side, chain: Chain, before: str
 ) -> tuple[str, tuple[tuple[str, str], ...]]:
-    """The title and, where that would be long, a note on the camera and one on the images."""
+    """The title and, if it would be too long, notes on camera and image adjustments."""
     text = chain_text(chain)
     if not chain or len(text) <= _SHORT:
         return ", ".join(part for part in (domain, before + text) if part), ()
@@ -72,7 +72,7 @@ def chain_text(chain: Chain) -> str:
 
 
 def _adjusted(frame: Frame, domain: Domain, chain: Chain) -> Frame | None:
-    """The frame after its image adjustments; None where no tools are installed that know them."""
+    """The frame after its image adjustments; None if the tools are not installed."""
     try:
         from s2rtools.adjustments import apply_chain
 

@@ -1,138 +1,196 @@
-"""From one place to another: a run, trajectories, and what is selected there."""
+"""Move the session: cursor, run, trajectories and generation."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rstore.language import Node, parse, to_text
+from s2rstore.language import Node, parse
 from s2rstore.reader import Store
-from s2rtui.session import pending_target, saved_selection_diff
+from s2rtui.session import adjusting, pending_target, saved_selection_diff, selection
+from s2rtui.session.context import SessionContext
+from s2rtui.session.evaluation import evaluate
 from s2rtui.session.heatmaps import with_heat
+from s2rtui.session.selection import defer, keep_input
 from s2rtui.session.state import PendingTarget, State
 
-if TYPE_CHECKING:
-    from s2rtui.session.session import Session
+
+def computed_runs(store: Store) -> tuple[str, ...]:
+    """The runs that have predictions."""
+    return tuple(name for name, record in store.runs.items() if record.key)
 
 
-def select(session: Session, expression: str | Node) -> State:
-    """Select at once, or where the session is on its way to once a worker has read for it.
+def move_cursor(context: SessionContext, state: State, steps: int) -> State:
+    """Move to the next instance of the selection, of the base population if it is empty."""
+    members = np.flatnonzero(state.selected if state.selected.any() else state.base)
+    if not members.size:
+        return state.with_message("no instance in view")
+    at = int(np.searchsorted(members, -1 if state.cursor is None else state.cursor))
+    return set_cursor(context, state, int(members[(at + steps) % members.size]))
 
-    Raises ExpressionError; the state stays as it was.
+
+def set_cursor(context: SessionContext, state: State, iid: int) -> State:
+    """Move to an instance."""
+    return state.updated(cursor=iid)
+
+
+def change_run(context: SessionContext, state: State, steps: int) -> State:
+    """Show the next run, counted from the pending one."""
+    target = pending_target.final_target(state)
+    present = target.run if target.run in state.runs else state.run
+    index = (state.runs.index(present) + steps) % len(state.runs)
+    return set_run(context, state, state.runs[index])
+
+
+def set_run(context: SessionContext, state: State, run: str) -> State:
+    """Show a run with the selected or pending expression; select all if it means nothing there."""
+    return go_to(context, state, replace(pending_target.final_target(state), run=run))
+
+
+def set_trajectories(context: SessionContext, state: State, names: tuple[str, ...] | None) -> State:
+    """Show some trajectories, None for all; the expression is kept as by `set_run`."""
+    return go_to(context, state, replace(pending_target.final_target(state), trajectories=names))
+
+
+def change_trajectory(context: SessionContext, state: State) -> State:
+    """Cycle through all trajectories together and each alone."""
+    names = context.store.instances.trajectory_names
+    options: list[tuple[str, ...] | None] = [None, *((name,) for name in names)]
+    if len(names) == 1:
+        return state.with_message(f"there is one trajectory: {names[0]}")
+    present = pending_target.final_target(state).trajectories
+    at = options.index(present) if present in options else -1
+    return set_trajectories(context, state, options[(at + 1) % len(options)])
+
+
+def go_to(context: SessionContext, state: State, target: PendingTarget) -> State:
+    """Show a target, keeping brush and operator; what has to be loaded first becomes pending.
+
+    Until then the nearest loaded place is shown: the run, or the trajectories alone.
     """
-    node = parse(expression) if isinstance(expression, str) else expression
-    place = pending_target.bound(session.state)
-    return put(session, pending_target.step(session.state, place, to_text(node)), node)
-
-
-def put(session: Session, there: PendingTarget, expression: Node) -> State:
-    """Select what is to be selected there; at once, where nothing has to be read for it here.
-
-    Raises ExpressionError; the state stays as it was.
-    """
-    state = session.state
-    if (node := pending_target.lacks(session, pending_target.here(state), expression)) is not None:
-        return pending_target.expect_selection(session, replace(there, node=node))
-    made = session.selected(state, expression)
-    return session.set(replace(made, past=there.past, future=there.future))
-
-
-def take(session: Session, there: PendingTarget) -> State:
-    """Select somewhere, at once or once a worker has read for it.
-
-    Raises RequestError where that means nothing; the state stays as it was.
-    """
-    if (node := pending_target.lacks(session, there)) is None:
-        return session.set(_settled(session, session.state, there))
-    return pending_target.expect_selection(session, replace(there, node=node))
-
-
-def move(session: Session, there: PendingTarget) -> State:
-    """Be elsewhere, at once as far as that can be; the rest is awaited. What is begun goes on."""
-    if (node := _lacks(session, there)) is None:
-        return session.set(begun(session.state, settled(session, session.state, there)))
-    here, place = pending_target.here(session.state), pending_target.only_place(there)
-    for nearer in (place, replace(here, trajectories=there.trajectories)):
-        if nearer != here and _lacks(session, nearer) is None:
-            session.set(begun(session.state, settled(session, session.state, nearer)))
+    if (node := _node_to_load(context, state, target)) is None:
+        return keep_input(state, _settle(context, state, target))
+    here, place = pending_target.current_target(state), pending_target.place_of(target)
+    for nearer in (place, replace(here, trajectories=target.trajectories)):
+        if nearer != here and _node_to_load(context, state, nearer) is None:
+            state = keep_input(state, _settle(context, state, nearer))
             break
-    return pending_target.expect(session, replace(there, node=node))
+    return defer(state, replace(target, node=node))
 
 
-def arrive(session: Session, fresh: Store | None = None) -> State:
-    """Be where the session is on its way to; what is begun goes on, what no key has taken away is
-    still told.
-
-    `fresh` is the open store of that generation, where it is newer.
-    """
-    state, told = session.state, session.told
-    if fresh is not None:
-        session.enter(fresh)
-    elif state.awaited is not None:
-        session.set(begun(state, settled(session, state, state.awaited)))
-    if not told or session.state is state:
-        return session.state
-    made = session.state
-    words = "; ".join(part for part in (told, made.message) if part)
-    return session.set(replace(made, message=words, is_error=state.is_error or made.is_error))
-
-
-def renew(session: Session) -> State:
-    """What is selected, and what is to be, evaluated anew after saved names have changed.
-
-    Raises RequestError where it means nothing any more; the state stays as it was.
-    """
-    state = session.state
-    if "@" in state.expression:
-        here = pending_target.here(state)
-        if (node := pending_target.lacks(session, here)) is None:
-            made = begun(state, session.selected(state, state.expression))
-            session.set(replace(made, awaited=state.awaited))
-        elif state.awaited is None:
-            return pending_target.expect(session, replace(here, node=node))
-    if (there := session.state.awaited) is not None:
-        node = pending_target.expanded(session, there.text or state.expression)
-        session.set(replace(session.state, awaited=replace(there, node=node)))
-    return session.state
-
-
-def begun(before: State, after: State) -> State:
-    """With the brush and the operator of before."""
-    return replace(after, brush=before.brush, operator=before.operator)
-
-
-def settled(session: Session, base: State, there: PendingTarget) -> State:
-    """The state there, from one whose generation is that of the store.
-
-    Where what was to be selected means nothing there, that is told, and it is left out.
-    """
+def _node_to_load(context: SessionContext, state: State, target: PendingTarget) -> Node | None:
+    """See `pending_target.node_to_load`; an expression without meaning counts as `all`."""
     try:
-        return _settled(session, base, there)
-    except RequestError as error:
-        made = _settled(session, base, pending_target.only_place(there))
-        past, future = (
-            tuple(t for t in side if t != there.text) for side in (made.past, made.future)
-        )
-        return replace(made, past=past, future=future, message=str(error), is_error=True)
-
-
-def _settled(session: Session, base: State, there: PendingTarget) -> State:
-    run = there.run if there.run in base.runs else base.run
-    place = replace(base, run=run, trajectories=there.trajectories, awaited=None)
-    if there.text:
-        made = session.selected(place, there.text)
-        made = replace(made, past=there.past, future=there.future)
-    else:
-        made = session.kept(place)
-    if there.saved is not None:
-        made = replace(made, message=saved_selection_diff.taken(made, base, there.saved))
-    return with_heat(session.store, made)
-
-
-def _lacks(session: Session, there: PendingTarget) -> Node | None:
-    """See `loading.lacks`; what means nothing is told once it is there."""
-    try:
-        return pending_target.lacks(session, there)
+        return pending_target.node_to_load(context, state, target)
     except RequestError:
-        return pending_target.lacks(session, replace(there, text="all"))
+        return pending_target.node_to_load(context, state, replace(target, text="all"))
+
+
+def select_shared(context: SessionContext, state: State, target: PendingTarget) -> State:
+    """Show a shared selection at its own run and trajectories, at once or once it is loaded.
+
+    Raises RequestError if the expression cannot be evaluated there.
+    """
+    if (node := pending_target.node_to_load(context, state, target)) is None:
+        return _evaluate_at(context, state, target)
+    return defer(replace(state, brush=None, operator="replace"), replace(target, node=node))
+
+
+def complete_pending(context: SessionContext, state: State) -> State:
+    """Show the pending target, now loaded; the unfinished brush, operator and message are kept."""
+    if context.store.generation != state.generation:
+        result = enter_generation(context, state)
+    elif state.pending is not None:
+        result = keep_input(state, _settle(context, state, state.pending))
+    else:
+        return state
+    return _with_earlier_message(state, result)
+
+
+def _with_earlier_message(before: State, after: State) -> State:
+    """`after` with the message of an action before its own."""
+    if not (before.keeps_message and before.message):
+        return after
+    return replace(
+        after,
+        message="; ".join(part for part in (before.message, after.message) if part),
+        is_error=before.is_error or after.is_error,
+        keeps_message=not after.message,
+    )
+
+
+def cancel_pending(context: SessionContext, state: State, reason: str) -> State:
+    """Stay at the present place and say why."""
+    return replace(state, pending=None).with_message(reason, is_error=True)
+
+
+def enter_generation(context: SessionContext, state: State) -> State:
+    """Continue in the context's store, a newer generation, at the pending or present target."""
+    store, runs = context.store, computed_runs(context.store)
+    target = pending_target.final_target(state)
+    base = replace(
+        state,
+        generation=store.generation,
+        newest=store.generation,
+        runs=runs,
+        run=state.run if state.run in runs else runs[0],
+        other=state.other if state.other in runs else None,
+    )
+    result = _settle(context, base, target)
+    if target.run in runs:
+        result = keep_input(state, result)
+    parts = (f"generation {store.generation}", result.message)
+    return replace(result, message="; ".join(part for part in parts if part), keeps_message=False)
+
+
+def refuse_generation(fresh: Store, present: Store) -> str:
+    """Why a session cannot continue in a newer generation; empty if it can."""
+    if not computed_runs(fresh):
+        return "the newest generation has no computed run: reopen the store"
+    if fresh.dataset.hash != present.dataset.hash:
+        return "the newest generation holds another data set: reopen the store"
+    return ""
+
+
+def _settle(context: SessionContext, base: State, target: PendingTarget) -> State:
+    """The state at a target, from one of the same generation as the store.
+
+    A pending expression that cannot be evaluated there is left out, and the message says why.
+    """
+    try:
+        return _evaluate_at(context, base, target)
+    except RequestError as error:
+        result = _evaluate_at(context, base, pending_target.place_of(target))
+        past, future = (
+            tuple(text for text in texts if text != target.text)
+            for texts in (result.past, result.future)
+        )
+        return replace(result, past=past, future=future, message=str(error), is_error=True)
+
+
+def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) -> State:
+    """Evaluate at a target; raises RequestError if its own expression has no meaning there."""
+    run = target.run if target.run in base.runs else base.run
+    place = replace(base, run=run, trajectories=target.trajectories, pending=None)
+    if target.text:
+        history = target.past, target.future
+        result = evaluate(context, place, parse(target.text), history)
+    else:
+        result = _evaluate_present(context, place)
+    if target.saved is not None:
+        message = saved_selection_diff.describe_move(result, base, target.saved)
+        result = replace(result, message=message)
+    return adjusting.follow_run(context, with_heat(context.store, result))
+
+
+def _evaluate_present(context: SessionContext, state: State) -> State:
+    """Evaluate the present expression in a new place; select all if it has no meaning there."""
+    try:
+        node = parse(state.expression)
+        return evaluate(context, state, node, (state.past, state.future))
+    except RequestError as error:
+        result = selection.select(context, replace(state, pending=None), "all", "replace")
+        message = f"all selected: {state.expression} means nothing here ({error})"
+        return replace(result, message=message)

@@ -1,60 +1,59 @@
-"""What has yet to be read: awaited while a worker reads it, then turned to."""
+"""Targets of the session: a place and a selection that may first have to be loaded."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 from s2rstore.errors import RequestError
-from s2rstore.language import Node, Vocabulary, base_population, evaluation, mask, parse
+from s2rstore.language import Node, base_population, evaluation, mask, parse, to_text
 from s2rstore.language.fields import NUMERIC, TEXT
 from s2rstore.language.name_resolution import expand, used_fields
 from s2rstore.language.syntax_tree import Bend, Extreme, Field, Like, leaves
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rtui.session.run_differences import other_run
+from s2rtui.session.context import SessionContext
 from s2rtui.session.state import PendingTarget, State
 
-if TYPE_CHECKING:
-    from s2rtui.session.session import Session
-
-HISTORY = 100
-"""Expressions of the past at most."""
-AT_ONCE = 20_000
-"""Columns of so many instances are read within a blink of the eye."""
-_OF_SIDE = ("x", "y", "heading", "error", "heading_error", "room", "u", "v", "outlier")
-_OF_BOTH = ("shift", "valid")
-_OF_TRUTH = ("x", "y", "heading", "seq", "trajectory", "room", "curvature")
+MAX_HISTORY = 100
+"""Expressions of the past that are kept."""
+SMALL_STORE = 20_000
+"""Instances whose columns are read fast enough for the UI thread."""
+_SIDE_COLUMNS = ("x", "y", "heading", "error", "heading_error", "room", "u", "v", "outlier")
+_RUN_COLUMNS = ("shift", "valid")
+_TRUTH_COLUMNS = ("x", "y", "heading", "seq", "trajectory", "room", "curvature")
 
 
-def is_ready(store: Store, run: str) -> bool:
-    """Whether views can be drawn of a run at once."""
-    if len(store.instances) <= AT_ONCE:
+# --- what is loaded --------------------------------------------------------------------------
+
+
+def run_is_loaded(store: Store, run: str) -> bool:
+    """Whether views of a run can be drawn without reading its columns first."""
+    if len(store.instances) <= SMALL_STORE:
         return True
-    sides = all(store.has_loaded(run, side, _OF_SIDE) for side in SIDES)
-    return sides and store.has_loaded(run, None, _OF_BOTH)
+    sides = all(store.has_loaded(run, side, _SIDE_COLUMNS) for side in SIDES)
+    return sides and store.has_loaded(run, None, _RUN_COLUMNS)
 
 
-def is_at_hand(store: Store, run: str, node: Node) -> bool:
-    """Whether an expanded expression can be evaluated on a run at once."""
-    if len(store.instances) <= AT_ONCE:
+def expression_is_loaded(store: Store, run: str, node: Node) -> bool:
+    """Whether an expanded expression can be evaluated on a run without reading columns."""
+    if len(store.instances) <= SMALL_STORE:
         return True
-    return all(_has_read(store, run, leaf) for leaf in leaves(node))
+    return all(_leaf_is_loaded(store, run, leaf) for leaf in leaves(node))
 
 
-def _has_read(store: Store, run: str, leaf: Node) -> bool:
+def _leaf_is_loaded(store: Store, run: str, leaf: Node) -> bool:
     if isinstance(leaf, Like):
         return False  # compares embeddings
     if isinstance(leaf, Bend):
         return store.has_loaded(None, None, ["curvature"])
     if isinstance(leaf, Extreme) and not store.has_loaded(leaf.field.run or run, None, ["valid"]):
-        return False  # looks for it in the base population
-    return all(_has_read_field(store, run, used) for used in used_fields(leaf))
+        return False  # ranks within the base population
+    return all(_field_is_loaded(store, run, used) for used in used_fields(leaf))
 
 
-def _has_read_field(store: Store, run: str, used: Field) -> bool:
+def _field_is_loaded(store: Store, run: str, used: Field) -> bool:
     path = NUMERIC[used.name].path if used.name in NUMERIC else TEXT[used.name].path
     owner, _, name = path.rpartition(".")
     side = next((side for side in SIDES if side == owner), None)
@@ -62,119 +61,107 @@ def _has_read_field(store: Store, run: str, used: Field) -> bool:
     return path == "iid" or store.has_loaded(of, side, [name])
 
 
-def here(state: State) -> PendingTarget:
-    """Where a session is."""
+def load_columns(store: Store, target: PendingTarget, is_wanted: Callable[[], bool]) -> None:
+    """Read the columns that views draw of a run, and evaluate the target's selection once."""
+    columns, truth = store.run_columns(target.run), store.instances
+    sides = ((columns.side(side), _SIDE_COLUMNS) for side in SIDES)
+    for owner, names in ((truth, _TRUTH_COLUMNS), (columns, _RUN_COLUMNS), *sides):
+        for name in names:
+            if not is_wanted():
+                return
+            getattr(owner, name)
+    with suppress(RequestError):  # the reducer reports an expression without meaning there
+        context = evaluation.context(store, target.run, target.trajectories)
+        base_population(context)
+        if target.node is not None:
+            mask(target.node, context)
+
+
+# --- targets ---------------------------------------------------------------------------------
+
+
+def current_target(state: State) -> PendingTarget:
+    """The place that the state shows, without an expression."""
     return PendingTarget(state.run, state.generation, trajectories=state.trajectories)
 
 
-def bound(state: State) -> PendingTarget:
-    """Where a session is on its way to, or is."""
-    return state.awaited or here(state)
+def final_target(state: State) -> PendingTarget:
+    """The pending target, or the current one if nothing is pending."""
+    return state.pending or current_target(state)
 
 
-def only_place(there: PendingTarget) -> PendingTarget:
-    """The same place, with the present expression."""
-    return PendingTarget(there.run, there.generation, trajectories=there.trajectories)
+def place_of(target: PendingTarget) -> PendingTarget:
+    """The same run, generation and trajectories, without an expression."""
+    return PendingTarget(target.run, target.generation, trajectories=target.trajectories)
 
 
-def soon(state: State) -> State:
-    """With the expression that is about to be selected, and its history."""
-    there = state.awaited
-    if there is None or not there.text:
+def upcoming(state: State) -> State:
+    """The state with the pending expression and its history in place of the present one."""
+    target = state.pending
+    if target is None or not target.text:
         return state
-    return replace(state, expression=there.text, past=there.past, future=there.future)
+    return replace(state, expression=target.text, past=target.past, future=target.future)
 
 
-def step(state: State, place: PendingTarget, text: str) -> PendingTarget:
-    """An expression to be selected somewhere, as the next one of the history."""
-    before = soon(state)
+def with_expression(state: State, place: PendingTarget, text: str) -> PendingTarget:
+    """Select `text` at a place, as the next step of the history."""
+    before = upcoming(state)
     past, future = before.past, before.future
     if text != before.expression:
-        past, future = (*past, before.expression)[-HISTORY:], ()
-    return replace(only_place(place), text=text, past=past, future=future)
+        past, future = (*past, before.expression)[-MAX_HISTORY:], ()
+    return replace(place_of(place), text=text, past=past, future=future)
 
 
-def expanded(session: Session, expression: str | Node) -> Node:
-    """An expression with saved names put in their places. Raises ExpressionError."""
-    words = evaluation.vocabulary(session.store, session.notes.nodes)
+def expand_saved_names(context: SessionContext, expression: str | Node) -> Node:
+    """The syntax tree with saved selections put in place of their names; raises ExpressionError."""
+    words = evaluation.vocabulary(context.store, context.notes.nodes)
     return expand(parse(expression) if isinstance(expression, str) else expression, words)
 
 
-def lacks(session: Session, there: PendingTarget, expression: Node | None = None) -> Node | None:
-    """What is to be evaluated there, where a worker has to read before it can be.
+def node_to_load(
+    context: SessionContext, state: State, target: PendingTarget, expression: Node | None = None
+) -> Node | None:
+    """The expression to evaluate in the background before the target can be shown; else None.
 
-    `expression` is by default that of the place, or the present one.
+    `expression` defaults to that of the target, or the present one. Raises ExpressionError.
+    """
+    if not context.defers_loading:
+        return None
+    store = context.store
+    node = expand_saved_names(context, expression or target.text or state.expression)
+    is_loaded = target.run == state.run or run_is_loaded(store, target.run)
+    if target.generation != state.generation or not is_loaded:
+        return node
+    return None if expression_is_loaded(store, target.run, node) else node
+
+
+@dataclass(frozen=True, slots=True)
+class SelectionPlan:
+    """How a selection is made: now with this history, or `deferred` until it is loaded.
+
+    `pending` is what remains to be loaded once the selection is made now.
+    """
+
+    past: tuple[str, ...]
+    future: tuple[str, ...]
+    deferred: PendingTarget | None = None
+    pending: PendingTarget | None = None
+
+
+def plan(
+    context: SessionContext, state: State, node: Node, target: PendingTarget | None = None
+) -> SelectionPlan:
+    """Decide whether `node` can be selected now; `target` overrides its place in the history.
 
     Raises ExpressionError.
     """
-    if not session.waits:
-        return None
-    state, store = session.state, session.store
-    node = expanded(session, expression or there.text or state.expression)
-    ready = there.run == state.run or is_ready(store, there.run)
-    if there.generation != state.generation or not ready:
-        return node
-    return None if is_at_hand(store, there.run, node) else node
-
-
-def read(store: Store, there: PendingTarget, wanted: Callable[[], bool]) -> None:
-    """Read what views draw of a run, and evaluate what is to be selected there."""
-    columns, truth = store.run_columns(there.run), store.instances
-    sides = ((columns.side(side), _OF_SIDE) for side in SIDES)
-    for owner, names in ((truth, _OF_TRUTH), (columns, _OF_BOTH), *sides):
-        for name in names:
-            if not wanted():
-                return
-            getattr(owner, name)
-    with suppress(RequestError):  # it has no meaning here: told once it is turned to
-        context = evaluation.context(store, there.run, there.trajectories)
-        base_population(context)
-        if there.node is not None:
-            mask(there.node, context)
-
-
-def in_use(state: State) -> frozenset[str]:
-    """The runs whose columns are drawn, or will be soon."""
-    awaited = state.awaited.run if state.awaited else None
-    other = other_run(state) if state.centre == "compare" else None
-    return frozenset(run for run in (state.run, awaited, other) if run is not None)
-
-
-def lacking(store: Store, state: State) -> str | None:
-    """The run that is compared with, where it has yet to be read."""
-    other = other_run(state) if state.centre == "compare" else None
-    return other if other is not None and not is_ready(store, other) else None
-
-
-def expect(session: Session, there: PendingTarget) -> State:
-    """Await a place, and what is to be selected there; the newest request wins."""
-    state = session.state
-    made = replace(state, awaited=there, message=_told(state, there), is_error=False)
-    return session.set(made)
-
-
-def expect_selection(session: Session, there: PendingTarget) -> State:
-    """Await a selection, which uses brush and operator up."""
-    session.set(replace(session.state, brush=None, operator="replace"))
-    return expect(session, there)
-
-
-def _told(state: State, there: PendingTarget) -> str:
-    if there.generation != state.generation:
-        return f"loading run {there.run} of generation {there.generation}"
-    if there.run != state.run:
-        return f"loading run {there.run}"
-    return f"loading {there.text or state.expression}"
-
-
-def superseded(state: State, node: Node, words: Vocabulary) -> PendingTarget | None:
-    """What is still awaited once `node` is selected."""
-    there = state.awaited
-    if there is None or only_place(there) == here(state):
-        return None
-    return replace(only_place(there), node=expand(node, words))
-
-
-def give_up(session: Session) -> State:
-    """Stay where it is."""
-    return session.set(replace(session.state, awaited=None))
+    if target is None:
+        target = with_expression(state, final_target(state), to_text(node))
+    history = target.past, target.future
+    place = current_target(state)
+    if (loading := node_to_load(context, state, place, node)) is not None:
+        return SelectionPlan(*history, deferred=replace(target, node=loading))
+    if state.pending is None or place_of(state.pending) == place:
+        return SelectionPlan(*history)
+    expanded = expand_saved_names(context, node)
+    return SelectionPlan(*history, pending=replace(place_of(state.pending), node=expanded))

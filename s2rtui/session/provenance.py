@@ -1,4 +1,4 @@
-"""What something that was read is of, so that it is shown under no other name."""
+"""The instance, run and selection that loaded data belong to, so that views label them right."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from s2rtui.session.state import HeatChoice, State
 
 @dataclass(frozen=True, slots=True)
 class InstanceProvenance:
-    """Pictures of one instance: whose, and which heat lies on them."""
+    """The instance and heatmap that images belong to."""
 
     generation: int
     run: str
@@ -19,38 +19,38 @@ class InstanceProvenance:
 
     @property
     def source(self) -> tuple[int, str]:
-        """What was read from."""
+        """The generation and run that were read."""
         return self.generation, self.run
 
     def told(self, state: State) -> str:
-        """`41, activation (loss)`, and what is not that of the state."""
+        """`41, activation (loss)`, and run and generation if they differ from the state's."""
         parts = [f"{self.iid}", *([self.heat.label] if self.heat else ())]
         parts += [f"run {self.run}"] if self.run != state.run else []
         parts += [f"generation {self.generation}"] if self.generation != state.generation else []
         return ", ".join(parts)
 
 
-def about(state: State) -> InstanceProvenance:
-    """What pictures for a state are of."""
+def instance_provenance(state: State) -> InstanceProvenance:
+    """The provenance of images loaded for a state."""
     return InstanceProvenance(state.generation, state.run, state.cursor, state.heat)
 
 
 @dataclass(frozen=True, slots=True)
 class HeatProvenance:
-    """Heat on the map: `name` is what it is called by, `whose` the instance or the selection."""
+    """The source of heat on the map: `name` identifies it, `whose` its instance or selection."""
 
     name: tuple[object, ...]
     whose: int | ArrayKey | None
 
     def told(self, state: State) -> str:
-        """What differs from the state; empty for nothing."""
-        if self == heat_of(state):
+        """How it differs from the state, as text; empty if it does not."""
+        if self == heat_provenance(state):
             return ""
         return f"of {self.whose}" if isinstance(self.whose, int) else "of an earlier selection"
 
 
-def heat_of(state: State) -> HeatProvenance:
-    """What the heat on the map is of."""
+def heat_provenance(state: State) -> HeatProvenance:
+    """The provenance of heat loaded for a state."""
     whose: int | ArrayKey | None = None
     if state.overlay == "instance":
         whose = state.cursor
@@ -60,6 +60,6 @@ def heat_of(state: State) -> HeatProvenance:
     return HeatProvenance(name, whose)
 
 
-def seen_of(state: State) -> tuple[object, ...]:
-    """What it depends on which cells of the floor were seen."""
+def visible_floor_key(state: State) -> tuple[object, ...]:
+    """What the floor seen by the selection depends on."""
     return (state.generation, state.run, state.side, ArrayKey(state.selected))

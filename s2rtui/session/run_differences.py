@@ -1,4 +1,4 @@
-"""What two runs differ in beside their model: domains, cameras, adjustments."""
+"""The compared run, and how the domains and cameras of two runs differ."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from s2rtui.session.state import State
 
 
 def other_run(state: State) -> str | None:
-    """The run to compare with: the chosen one, else the one after the present."""
+    """The run to compare with: the chosen one, else the one after the present run."""
     if state.other is not None and state.other != state.run:
         return state.other
     others = [name for name in state.runs if name != state.run]
@@ -23,20 +23,27 @@ def other_run(state: State) -> str | None:
     return next(iter(after or others), None)
 
 
+def runs_in_use(state: State) -> frozenset[str]:
+    """The runs whose columns are drawn now or once loading completes."""
+    pending = state.pending.run if state.pending else None
+    compared = other_run(state) if state.centre == "compare" else None
+    return frozenset(run for run in (state.run, pending, compared) if run is not None)
+
+
 def differences(store: Store, first: str, second: str) -> list[str]:
-    """A line per side whose domain or cameras differ between two runs."""
-    found = []
+    """Describe, one line per side, which domains and cameras differ between two runs."""
+    lines = []
     for side in SIDES:
         one, two = (run_domain(store, store.run(run), side) for run in (first, second))
         same = "same cameras" if one.domain != two.domain else ""
-        told = _cameras(one, two, store.dataset.frame_width) or same
-        if told:
-            found.append(f"{side}: {one.domain} and {two.domain}: {told}")
-    return found
+        difference = _cameras(one, two, store.dataset.frame_width) or same
+        if difference:
+            lines.append(f"{side}: {one.domain} and {two.domain}: {difference}")
+    return lines
 
 
 def _cameras(one: Domain, two: Domain, width: int) -> str:
-    """What differs between two rigs, in degrees and metres; empty where nothing does."""
+    """The camera differences of two domains in degrees and metres; empty if there are none."""
     figures = [
         ("field of view", hfov(one.rgb, width), hfov(two.rgb, width), "deg"),
         ("pitch", math.degrees(one.rgb.pitch), math.degrees(two.rgb.pitch), "deg"),
@@ -50,7 +57,7 @@ def _cameras(one: Domain, two: Domain, width: int) -> str:
 
 
 def lowered(panel: Panel, rows: int) -> Panel:
-    """A panel further down in its view."""
+    """A panel moved down by some rows of its view."""
     return replace(
         panel,
         y=panel.y + rows,

@@ -1,4 +1,4 @@
-"""Saved selections that are used elsewhere than where they were saved: what differs, in words."""
+"""Describe how a saved selection differs where it is used from where it was saved."""
 
 from __future__ import annotations
 
@@ -11,37 +11,36 @@ from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notes, SavedSelection
 
 
-def told(node: Node, state: State, context: MaskContext, notes: Notes) -> str:
-    """How the saved names of an expression were evaluated anew; empty where nothing differs."""
+def describe_saved_names(node: Node, state: State, context: MaskContext, notes: Notes) -> str:
+    """How the saved selections named in an expression differ here; empty if they do not."""
     names = dict.fromkeys(leaf.name for leaf in leaves(node) if isinstance(leaf, Saved))
     return "; ".join(
-        f"@{quoted(name)}: {differing(state, _count(name, context), notes.selections[name])}"
+        f"@{quoted(name)}: {difference(state, _count(name, context), notes.selections[name])}"
         for name in names
-        if name in notes.selections and not _here(state, notes.selections[name])
+        if name in notes.selections and not _is_same_place(state, notes.selections[name])
     )
 
 
-def differing(state: State, count: int, saved: SavedSelection) -> str:
-    """`evaluated anew: 6 on b, generation 4; saved: 9 on a, generation 3`."""
+def difference(state: State, count: int, saved: SavedSelection) -> str:
+    """`evaluated again: 6 on b, generation 4; saved: 9 on a, generation 3`."""
     here = SavedSelection("", state.generation, state.run, count, state.trajectories)
-    return f"evaluated anew: {where(here)}; saved: {where(saved)}"
+    return f"evaluated again: {summary(here)}; saved: {summary(saved)}"
 
 
-def taken(state: State, before: State, saved: SavedSelection) -> str:
-    """What moved with a selection that was shared with its facts, and how it differs from them."""
-    told = [state.message] if state.message else []
+def describe_move(state: State, before: State, saved: SavedSelection) -> str:
+    """What changed with a shared selection, and how its result differs from the shared one."""
+    parts = [state.message] if state.message else []
     if state.run != before.run:
-        told.append(f"run {state.run}")
+        parts.append(f"run {state.run}")
     if state.trajectories != before.trajectories:
-        told.append(f"trajectories {', '.join(state.trajectories or ('all',))}")
+        parts.append(f"trajectories {', '.join(state.trajectories or ('all',))}")
     count = int(np.count_nonzero(state.selected))
-    own = state.generation, state.run, count, state.trajectories
-    if own != (saved.generation, saved.run, saved.count, saved.trajectories):
-        told.append(differing(state, count, saved))
-    return "; ".join(told)
+    if count != saved.count or not _is_same_place(state, saved):
+        parts.append(difference(state, count, saved))
+    return "; ".join(parts)
 
 
-def where(saved: SavedSelection) -> str:
+def summary(saved: SavedSelection) -> str:
     """`9 on vanilla, generation 3, in traj1`."""
     view = f", in {', '.join(saved.trajectories)}" if saved.trajectories else ""
     return f"{saved.count} on {saved.run}, generation {saved.generation}{view}"
@@ -51,6 +50,6 @@ def _count(name: str, context: MaskContext) -> int:
     return int(np.count_nonzero(mask(Saved(name), context)))
 
 
-def _here(state: State, saved: SavedSelection) -> bool:
-    own = state.generation, state.run, state.trajectories
-    return own == (saved.generation, saved.run, saved.trajectories)
+def _is_same_place(state: State, saved: SavedSelection) -> bool:
+    place = state.generation, state.run, state.trajectories
+    return place == (saved.generation, saved.run, saved.trajectories)

@@ -1,106 +1,138 @@
-"""Expressions evaluated in a state: what is selected, and where the cursor stands then."""
+"""The selection pipeline: every change of the selection passes through `select`."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Literal
 
 from s2rstore.errors import RequestError
-from s2rstore.language import (
-    MaskContext,
-    Node,
-    base_population,
-    evaluation,
-    mask,
-    parse,
-    to_text,
-)
-from s2rstore.metrics.top_k import first_largest, top_k
-from s2rstore.reader import Store
-from s2rtui.analysis.binning import selection_indices
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.session import pending_target, saved_selection_diff
-from s2rtui.session.state import State
-from s2rtui.user_data.notebook import Notes
-
-_WORST = 4096
-"""Largest errors that are looked for in a selection before all of it is looked at."""
+from s2rstore.language import Node, parse
+from s2rstore.language.syntax_tree import And, Everything, Minus, Not, Or
+from s2rtui.session import pending_target
+from s2rtui.session.context import SessionContext
+from s2rtui.session.evaluation import evaluate
+from s2rtui.session.state import Operator, PendingTarget, State
 
 
-class Selecting:
-    """Evaluates; one base population stays one array for as long as it holds the same."""
+def select(
+    context: SessionContext,
+    state: State,
+    expression: str | Node,
+    operator: Operator | None = None,
+    target: PendingTarget | None = None,
+) -> State:
+    """Combine an expression with the selection by `operator`, by default the pending operator.
 
-    def __init__(self) -> None:
-        self._bases: dict[tuple[object, ...], NDArray[np.bool_]] = {}
+    Evaluates it at once, or makes it pending if columns have to be loaded first. `target` sets the
+    history, for undo and redo. Raises ExpressionError.
+    """
+    node = parse(expression) if isinstance(expression, str) else expression
+    operator = operator or state.operator
+    if operator != "replace":
+        node = _combine(parse(pending_target.upcoming(state).expression), operator, node)
+    plan = pending_target.plan(context, state, node, target)
+    if plan.deferred is not None:
+        return defer(replace(state, brush=None, operator="replace"), plan.deferred)
+    return evaluate(context, state, node, (plan.past, plan.future), plan.pending)
 
-    def selected(self, store: Store, notes: Notes, state: State, expression: str | Node) -> State:
-        """The state after selecting. Raises ExpressionError."""
-        node = parse(expression) if isinstance(expression, str) else expression
-        context = evaluation.context(store, state.run, state.trajectories, notes.nodes)
-        chosen = mask(node, context)
-        text = to_text(node)
-        step = pending_target.step(state, pending_target.here(state), text)
-        told = ["" if chosen.any() else "nothing is selected"]
-        told.append(saved_selection_diff.told(node, state, context, notes))
-        base = self._base(store, state, context)
-        return replace(
-            state,
-            expression=text,
-            selected=chosen,
-            base=base,
-            cursor=_kept_cursor(store, state, chosen, base),
-            past=step.past,
-            future=step.future,
-            awaited=pending_target.superseded(state, node, context.words),
-            operator="replace",
-            brush=None,
-            message="; ".join(part for part in told if part),
-            is_error=False,
-        )
 
-    def kept(self, store: Store, notes: Notes, state: State) -> State:
-        """The expression evaluated in another situation, or all where it means nothing there."""
+def _combine(current: Node, operator: Operator, new: Node) -> Node:
+    """Two selections as one, in the shortest form."""
+    if operator == "intersect":
+        return new if current == Everything() else And(current, new)
+    return Or(current, new) if operator == "union" else Minus(current, new)
+
+
+def complement(context: SessionContext, state: State) -> State:
+    """Select all valid instances that are not selected."""
+    node = parse(pending_target.upcoming(state).expression)
+    return select(context, state, node.inner if isinstance(node, Not) else Not(node), "replace")
+
+
+def set_operator(context: SessionContext, state: State, operator: Operator) -> State:
+    """Set how the next selection combines with this one; repeating the operator cancels it."""
+    if operator == state.operator:
+        operator = "replace"
+    messages = {
+        "replace": "",
+        "intersect": "the next selection is intersected with this one",
+        "union": "the next selection is added to this one",
+        "subtract": "the next selection is subtracted from this one",
+    }
+    return state.updated(operator=operator, message=messages[operator])
+
+
+def undo(context: SessionContext, state: State) -> State:
+    """Select the previous expression of the history that can still be evaluated."""
+    return _walk_history(context, state, "undo")
+
+
+def redo(context: SessionContext, state: State) -> State:
+    """Select the next expression of the history that can still be evaluated."""
+    return _walk_history(context, state, "redo")
+
+
+def _walk_history(
+    context: SessionContext, state: State, direction: Literal["undo", "redo"]
+) -> State:
+    """Skip expressions that have no meaning here and name them in the message."""
+    upcoming, backwards = pending_target.upcoming(state), direction == "undo"
+    remaining, skipped = list(upcoming.past if backwards else upcoming.future), []
+    place = pending_target.place_of(pending_target.final_target(state))
+    while remaining:
+        text = remaining.pop()
+        past, future = tuple(remaining), (*upcoming.future, upcoming.expression)
+        if not backwards:
+            past, future = (*upcoming.past, upcoming.expression), tuple(remaining)
+        target = replace(place, text=text, past=past, future=future)
         try:
-            return self.selected(store, notes, state, state.expression)
+            result = select(context, state, text, "replace", target)
         except RequestError as error:
-            made = self.selected(store, notes, state, "all")
-            told = f"all selected: {state.expression} means nothing here ({error})"
-            return replace(made, message=told)
-
-    def forget(self, generation: int) -> None:
-        """Keep nothing of a generation."""
-        self._bases = {key: base for key, base in self._bases.items() if key[0] != generation}
-
-    def _base(self, store: Store, state: State, context: MaskContext) -> NDArray[np.bool_]:
-        key = (store.generation, state.run, state.trajectories)
-        if key not in self._bases:
-            found = base_population(context)
-            known = (base for base in self._bases.values() if np.array_equal(base, found))
-            self._bases[key] = next(known, found)
-        return self._bases[key]
+            skipped.append(f"left out: {text} ({error})")
+            continue
+        message = "; ".join(part for part in (result.message, *skipped) if part)
+        return replace(result, message=message)
+    if upcoming is state:
+        state = replace(state, past=()) if backwards else replace(state, future=())
+    return state.with_message("; ".join((f"nothing to {direction}", *skipped)))
 
 
-def _kept_cursor(
-    store: Store, state: State, selected: NDArray[np.bool_], base: NDArray[np.bool_]
-) -> int | None:
-    """The cursor where it is still inside, else the selection's worst real error."""
-    pool = selected if selected.any() else base
-    if state.cursor is not None and pool[state.cursor]:
-        return state.cursor
-    errors = store.run_columns(state.run).real.error
-    worst = _worst(ArrayKey(errors))
-    inside = pool[worst]
-    if inside.any():
-        return int(worst[inside.argmax()])
-    return first_largest(errors, selection_indices(pool, base).members)
+def refresh(context: SessionContext, state: State) -> State:
+    """Evaluate the selection and the pending one again after saved selections have changed.
+
+    If the selection can no longer be evaluated, it stays and the message says why.
+    """
+    result = state
+    try:
+        if "@" in state.expression:
+            here = pending_target.current_target(state)
+            if (node := pending_target.node_to_load(context, state, here)) is None:
+                history = state.past, state.future
+                evaluated = evaluate(context, state, parse(state.expression), history)
+                result = replace(keep_input(state, evaluated), pending=state.pending)
+            elif state.pending is None:
+                return defer(state, replace(here, node=node))
+        if (target := result.pending) is not None:
+            text = target.text or state.expression
+            node = pending_target.expand_saved_names(context, text)
+            result = replace(result, pending=replace(target, node=node))
+    except RequestError as error:
+        return result.with_message(f"{error}: the selection is unchanged", is_error=True)
+    return result
 
 
-@cached_by_identity(4)
-def _worst(errors: ArrayKey) -> NDArray[np.intp]:
-    """The iids of the largest known errors, the first the largest, ties by iid."""
-    column = np.asarray(errors.array)
-    known = ~np.isnan(column)
-    chosen = np.flatnonzero(top_k(column, known, min(_WORST, column.size), largest=True))
-    return chosen[np.argsort(-column[chosen], kind="stable")]
+def defer(state: State, target: PendingTarget) -> State:
+    """Make a target pending in place of an earlier one, and say what is being loaded."""
+    loading = target.text or state.expression
+    if target.generation != state.generation:
+        loading = f"run {target.run} of generation {target.generation}"
+    elif target.run != state.run:
+        loading = f"run {target.run}"
+    return replace(
+        state, pending=target, message=f"loading {loading}", is_error=False, keeps_message=False
+    )
+
+
+def keep_input(before: State, after: State) -> State:
+    """`after` with the unfinished brush and the pending operator of `before`."""
+    return replace(after, brush=before.brush, operator=before.operator)

@@ -1,8 +1,9 @@
-"""The session: holds the store and moves from one frozen state to the next."""
+"""The session holds an open store and the one frozen state that reducers replace."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,217 +13,232 @@ import numpy as np
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.gap_history import reader
-from s2rstore.language import Node, parse
-from s2rstore.language.syntax_tree import Not
+from s2rstore.language import Node
+from s2rstore.language.syntax_tree import Extreme, Field, Named
+from s2rstore.metrics import store_summary
 from s2rstore.reader import Store
-from s2rstore.security.printable_text import printable
-from s2rtui.session import generations, navigation, pending_target, start
-from s2rtui.session import history as walking
-from s2rtui.session.generations import INDEX_MEMORY
+from s2rtui.session import navigation, pending_target, selection
+from s2rtui.session.context import BasePopulations, Reducer, SessionContext
 from s2rtui.session.heatmaps import with_heat
-from s2rtui.session.selection import Selecting
+from s2rtui.session.run_differences import runs_in_use
 from s2rtui.session.state import HistoryFile, Operator, State
 from s2rtui.user_data.notebook import Notebook, Notes
 
-Notebooks = Callable[[str], Notebook]
+INDEX_MEMORY = "128MB"
+"""DuckDB's memory limit: columns are read one by one, so the index itself needs little."""
+NotebookFactory = Callable[[str], Notebook]
 
 
 class Session:
-    """One user's analysis of one store; every transition gives the new state."""
+    """One user's analysis of one store. Only `dispatch` replaces the state."""
 
     def __init__(
         self,
         path: Path | str,
         run: str | None = None,
-        notebooks: Notebooks | None = None,
-        nights: Path | None = None,
+        notebooks: NotebookFactory | None = None,
+        gap_history: Path | None = None,
     ) -> None:
-        """`notebooks` opens a data set's notebook by its hash; without it nothing is kept.
+        """Open a store on a run (default: the first computed one) and select its worst region.
 
-        `nights` is a history of the gap (default: the store's own). `waits` says that workers read
-        the stores, awaited runs among them (see `loading`), and that somebody calls `release`.
-        Raises RequestError where there is no store, no computed run, or not the history that was
-        named.
+        `notebooks` opens the notebook of a data set by its hash; without it nothing is saved.
+        `gap_history` overrides the store's own history file. Set `defers_loading` if background
+        workers read columns; then call `close_retired_stores` when they are idle. Raises
+        RequestError if the store, a computed run or the history file does not exist.
         """
-        if nights is not None and not nights.is_file():
-            raise RequestError(f"--history {nights}: no such file; `s2r nightly` writes one")
+        if gap_history is not None and not gap_history.is_file():
+            raise RequestError(f"--history {gap_history}: no such file; `s2r nightly` writes one")
         self.store: Store = s2rstore.open(path, INDEX_MEMORY)
         self.notebook = notebooks(self.store.dataset.hash) if notebooks else None
-        self.waits = False
-        self._told = ""
+        self.defers_loading = False
         self._retired: list[Store] = []
-        self._selecting = Selecting()
-        self._nights = nights.resolve() if nights else reader.history_path(self.store.path)
-        self.state = start.empty(self.store, run, self._history())
-        first, told = start.finding(self.store, self.state.run)
-        begun = with_heat(self.store, self.selected(self.state, first))
+        self._is_branch = False
+        self._base_populations = BasePopulations()
+        self._gap_history = (
+            gap_history.resolve() if gap_history else reader.history_path(self.store.path)
+        )
+        self._state = _initial_state(self.store, run, self._history_file())
         trouble = self.notebook.error if self.notebook else ""
-        self.state = replace(begun, past=(), message=trouble or told, is_error=bool(trouble))
+        self.dispatch(_select_finding, trouble)
+
+    @property
+    def state(self) -> State:
+        """The current state."""
+        return self._state
 
     @property
     def notes(self) -> Notes:
-        """The user's things as they were read last."""
+        """The user's saved selections, notes and tags as of the last read."""
         return self.notebook.notes if self.notebook else Notes()
 
     @property
-    def book(self) -> Notebook:
-        """The notebook. Raises RequestError where nothing is kept."""
+    def writable_notebook(self) -> Notebook:
+        """The notebook; raises RequestError if the session has none."""
         if self.notebook is None:
-            raise RequestError("nothing is kept in this session")
+            raise RequestError("this session has no notebook: nothing can be saved")
         return self.notebook
 
+    def branch(self) -> Session:
+        """An independent session on the same open store and notes, for a background thread.
+
+        It starts on the first run with everything selected, and closes nothing.
+        """
+        branch = copy(self)
+        branch.defers_loading, branch._is_branch = False, True
+        branch._base_populations, branch._retired = BasePopulations(), []
+        initial = _initial_state(self.store, None, self.state.history)
+        branch._state = with_heat(self.store, initial)
+        return branch
+
     def close(self) -> None:
+        """Close all stores."""
         self.store.close()
-        self.release()
+        self.close_retired_stores()
 
-    # --- the state -----------------------------------------------------------------------------
+    def dispatch(
+        self, reducer: Reducer, *arguments: Any, store: Store | None = None, **options: Any
+    ) -> State:
+        """Replace the state by `reducer(context, state, *arguments, **options)`.
 
-    def set(self, state: State) -> State:
-        """Make `state` the current one."""
-        self.state = state
-        self.store.in_use = pending_target.in_use(state)
+        `store` is a newer generation: the reducer runs on it, and it becomes the session's store.
+        If the reducer raises, state and store stay as they are.
+        """
+        opened = store or self.store
+        context = SessionContext(opened, self.notes, self._base_populations, self.defers_loading)
+        state = reducer(context, self._state, *arguments, **options)
+        if opened is not self.store:
+            self._base_populations.drop_generation(self.store.generation)
+            self._retired.append(self.store)
+            self.store = opened
+        self._state = state
+        if not self._is_branch:
+            self.store.in_use = runs_in_use(state)
         return state
 
-    def change(self, **fields: Any) -> State:
-        """Change some fields; a message, an error too, belongs to the change that made it."""
-        self._told = str(fields.get("message", ""))
-        return self.set(replace(self.state, **{"message": "", "is_error": False, **fields}))
+    def set_state(self, state: State) -> State:
+        """Replace the state by a given one of this session."""
+        return self.dispatch(lambda context, present: state)
 
-    def tell(self, message: str, is_error: bool = False) -> State:
-        """Show a message; an error stays until the next change."""
-        self._told = printable(message)
-        return self.set(replace(self.state, message=self._told, is_error=is_error))
+    def show_message(self, text: str, is_error: bool = False) -> State:
+        """Show a message; an error stays until the next action."""
+        return self.dispatch(lambda context, state: state.with_message(text, is_error))
 
-    @property
-    def told(self) -> str:
-        """What is shown, unless it is about what is selected or awaited."""
-        return self.state.message if self.state.message == self._told else ""
+    # --- shorthands for reducers -----------------------------------------------------------------
 
-    # --- selections ----------------------------------------------------------------------------
-
-    def select(self, expression: str) -> State:
-        """Select by an expression. Raises ExpressionError; the state stays as it was."""
-        return self.set(self.selected(self.state, expression))
-
-    def choose(self, expression: str | Node) -> State:
-        """Join a selection to the present or awaited one by the pending operator, then used up.
-
-        Awaited where a worker has to read for it. Raises ExpressionError; the state stays as it
-        was.
-        """
-        node = parse(expression) if isinstance(expression, str) else expression
-        current = parse(pending_target.soon(self.state).expression)
-        return navigation.select(self, start.joined(current, self.state.operator, node))
-
-    def renew(self) -> State:
-        """The present expression evaluated anew, after saved names have changed their meaning."""
-        try:
-            return navigation.renew(self)
-        except RequestError as error:
-            return self.tell(f"{error}: the selection is as it was", is_error=True)
-
-    def complement(self) -> State:
-        """All valid instances that are not selected."""
-        node = parse(pending_target.soon(self.state).expression)
-        return navigation.select(self, node.inner if isinstance(node, Not) else Not(node))
-
-    def expect(self, operator: Operator) -> State:
-        """How the next selection joins this one; asked for twice, it is dropped again."""
-        if operator == self.state.operator:
-            operator = "replace"
-        told = {
-            "replace": "",
-            "intersect": "the next selection is intersected with this one",
-            "union": "the next selection is added to this one",
-            "subtract": "the next selection is taken out of this one",
-        }
-        return self.change(operator=operator, message=told[operator])
-
-    def selected(self, state: State, expression: str | Node) -> State:
-        """A state after selecting in it, which is not made the current one."""
-        return self._selecting.selected(self.store, self.notes, state, expression)
-
-    def kept(self, state: State) -> State:
-        """See `Selecting.kept`."""
-        return self._selecting.kept(self.store, self.notes, state)
+    def select(self, expression: str | Node, operator: Operator | None = None) -> State:
+        """See `selection.select`."""
+        return self.dispatch(selection.select, expression, operator)
 
     def undo(self) -> State:
-        """Back to the expression before this one."""
-        return walking.walk(self, "undo")
+        """See `selection.undo`."""
+        return self.dispatch(selection.undo)
 
     def redo(self) -> State:
-        """Forward to the expression that was left by undo."""
-        return walking.walk(self, "redo")
-
-    # --- moving --------------------------------------------------------------------------------
+        """See `selection.redo`."""
+        return self.dispatch(selection.redo)
 
     def move_cursor(self, steps: int) -> State:
-        """To the next instance of the selection (of all, where none is selected)."""
-        state = self.state
-        members = np.flatnonzero(state.selected if state.selected.any() else state.base)
-        if not members.size:
-            return self.tell("no instance in view")
-        at = int(np.searchsorted(members, -1 if state.cursor is None else state.cursor))
-        return self.put_cursor(int(members[(at + steps) % members.size]))
+        """See `navigation.move_cursor`."""
+        return self.dispatch(navigation.move_cursor, steps)
 
-    def put_cursor(self, iid: int) -> State:
-        """To one instance."""
-        return self.change(cursor=iid)
+    def set_cursor(self, iid: int) -> State:
+        """See `navigation.set_cursor`."""
+        return self.dispatch(navigation.set_cursor, iid)
 
     def change_run(self, steps: int) -> State:
-        """To the next run, with the same expression where it still means something."""
-        runs, there = self.state.runs, pending_target.bound(self.state)
-        present = there.run if there.run in runs else self.state.run
-        return self.put_run(runs[(runs.index(present) + steps) % len(runs)])
+        """See `navigation.change_run`."""
+        return self.dispatch(navigation.change_run, steps)
 
-    def put_run(self, run: str) -> State:
-        """To a run by name, with what is selected or awaited, or all where that means nothing."""
-        return navigation.move(self, replace(pending_target.bound(self.state), run=run))
+    def set_run(self, run: str) -> State:
+        """See `navigation.set_run`."""
+        return self.dispatch(navigation.set_run, run)
 
-    def put_trajectories(self, names: tuple[str, ...] | None) -> State:
-        """To some trajectories, None for all; otherwise as `put_run`."""
-        return navigation.move(self, replace(pending_target.bound(self.state), trajectories=names))
+    # --- generations -----------------------------------------------------------------------------
 
-    def change_trajectory(self) -> State:
-        """All trajectories, then each alone."""
-        names = self.store.instances.trajectory_names
-        options: list[tuple[str, ...] | None] = [None, *((name,) for name in names)]
-        present = pending_target.bound(self.state).trajectories
-        at = options.index(present) if present in options else -1
-        if len(names) == 1:
-            return self.tell(f"there is one trajectory: {names[0]}")
-        return self.put_trajectories(options[(at + 1) % len(options)])
+    def open_newest_generation(self) -> State:
+        """Continue in the newest generation, at once or once it is loaded."""
+        store, state = self.store, self.state
+        newest = store.latest_generation()
+        if newest == store.generation:
+            return self.show_message("this is the newest generation")
+        if self.defers_loading and len(store.instances) > pending_target.SMALL_STORE:
+            target = replace(pending_target.final_target(state), generation=newest)
+            return self.dispatch(navigation.go_to, target)
+        return self._enter(s2rstore.open(store.path, INDEX_MEMORY), navigation.enter_generation)
 
-    # --- generations ---------------------------------------------------------------------------
+    def complete_pending(self, fresh: Store | None = None) -> State:
+        """Show the pending target, now loaded; `fresh` is its store if the generation is newer."""
+        if fresh is not None:
+            return self._enter(fresh, navigation.complete_pending)
+        return self.dispatch(navigation.complete_pending)
 
-    def retire(self, store: Store) -> None:
-        """Have a store closed that was moved on from, once nobody reads it."""
-        self._selecting.forget(store.generation)
-        self._retired.append(store)
-        if not self.waits:
-            self.release()
+    def _enter(self, fresh: Store, reducer: Reducer) -> State:
+        """Replace the store by a newer generation; a store that is refused is closed."""
+        if reason := navigation.refuse_generation(fresh, self.store):
+            fresh.close()
+            return self.dispatch(navigation.cancel_pending, reason)
+        try:
+            state = self.dispatch(reducer, store=fresh)
+        except BaseException:
+            fresh.close()
+            raise
+        if not self.defers_loading:
+            self.close_retired_stores()
+        return state
 
-    def release(self) -> None:
-        """Close the stores that were moved on from: call it when no worker reads."""
+    def close_retired_stores(self) -> None:
+        """Close the stores of earlier generations; call it while no worker reads them."""
         while self._retired:
             self._retired.pop().close()
 
-    def notice(self) -> bool:
-        """Look for a newer generation and new nights; True where one was not known."""
-        newest, nights = self.store.latest_generation(), self._history()
-        if (newest, nights) == (self.state.newest, self.state.history):
+    def check_for_updates(self) -> bool:
+        """Whether a newer generation or gap history has been published since the last check."""
+        newest, history = self.store.latest_generation(), self._history_file()
+        if (newest, history) == (self.state.newest, self.state.history):
             return False
-        self.set(replace(self.state, newest=newest, history=nights))
+        self.dispatch(lambda context, state: replace(state, newest=newest, history=history))
         return True
 
-    def _history(self) -> HistoryFile | None:
-        stamp = reader.file_stamp(self._nights)
-        return None if stamp is None else HistoryFile(self._nights, stamp)
+    def _history_file(self) -> HistoryFile | None:
+        stamp = reader.file_stamp(self._gap_history)
+        return None if stamp is None else HistoryFile(self._gap_history, stamp)
 
-    def move_on(self) -> State:
-        """See `generations.move_on`."""
-        return generations.move_on(self)
 
-    def enter(self, fresh: Store) -> State:
-        """See `generations.enter`."""
-        return generations.enter(self, fresh)
+def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -> State:
+    """The state on a run before anything is selected; raises RequestError if it is not computed."""
+    record = store.run(run)
+    if record.key is None:
+        raise RequestError(f"run {record.run!r}: not computed yet; run `s2r precompute`")
+    everything = np.ones(len(store.instances), dtype=np.bool_)
+    return State(
+        generation=store.generation,
+        newest=store.generation,
+        runs=navigation.computed_runs(store),
+        run=record.run,
+        trajectories=None,
+        expression="all",
+        selected=everything,
+        base=everything,
+        cursor=None,
+        heat=None,
+        history=history,
+    )
+
+
+def _select_finding(context: SessionContext, state: State, trouble: str) -> State:
+    """Select the first screen's finding, the region with the worst errors in reality.
+
+    `trouble` is shown in place of the finding's description if it is not empty.
+    """
+    regions = store_summary.worst_rooms(context.store, state.run)
+    node: Node = Extreme("worst", 15, True, Field("real.error"))
+    message = "the worst 15 % in reality"
+    if regions:
+        worst = regions[0]
+        node = Named(Field("room"), worst.room)
+        message = (
+            f"worst region: {worst.room}, median error {worst.real_median:.2f} m real, "
+            f"{worst.sim_median:.2f} m sim ({worst.n} instances the model was not trained on)"
+        )
+    state = with_heat(context.store, selection.select(context, state, node, "replace"))
+    return replace(state, past=(), message=trouble or message, is_error=bool(trouble))

@@ -1,4 +1,4 @@
-"""A selection as one line of text that another user can paste."""
+"""Share a selection as one line of text that another user can paste."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_json
 from s2rstore.language import parse, to_text
-from s2rtui.session import navigation, pending_target
-from s2rtui.session.session import Session
+from s2rtui.session import navigation, pending_target, selection
+from s2rtui.session.context import SessionContext
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import SavedSelection
 
@@ -25,27 +25,21 @@ _HASH_LENGTH = 12
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """An expression and, where it was shared with them, the data set and facts of its making."""
+    """An expression and, if it was shared with them, its data set hash and evaluation."""
 
     expression: str
     dataset: str = ""
     saved: SavedSelection | None = None
 
 
-def present(session: Session) -> SavedSelection:
-    """The selection with what it was evaluated on."""
-    state = session.state
+def current_selection(state: State) -> SavedSelection:
+    """The state's selection with the run, generation and count of its evaluation."""
     count = int(state.selected.sum())
     return SavedSelection(state.expression, state.generation, state.run, count, state.trajectories)
 
 
-def shared_text(session: Session) -> str:
-    """The expression, and after a `#` what it was evaluated on."""
-    return written(present(session), session.store.dataset.hash)
-
-
-def written(saved: SavedSelection, dataset_hash: str) -> str:
-    """A saved selection as a line that `read` understands."""
+def shared_text(saved: SavedSelection, dataset_hash: str) -> str:
+    """One line that `parse_shared` reads: the expression, and after a `#` its evaluation."""
     names = ", ".join(json.dumps(name, ensure_ascii=False) for name in saved.trajectories or ())
     return (
         f"{saved.expression}  # data set {dataset_hash[:_HASH_LENGTH]}, "
@@ -54,43 +48,45 @@ def written(saved: SavedSelection, dataset_hash: str) -> str:
     )
 
 
-def read(text: str) -> Shared:
-    """What was shared; text without facts is an expression alone."""
-    found = _FACTS.search(text)
-    if found is None:
+def parse_shared(text: str) -> Shared:
+    """Read a shared line; text without an evaluation is an expression alone."""
+    match = _FACTS.search(text)
+    if match is None:
         return Shared(text)
-    expression, names = text[: found.start()], found["trajectories"]
-    try:
-        view = (
-            tuple(str(name) for name in parse_json(f"[{names}]", "trajectories")) if names else None
-        )
-    except RequestError:
-        return Shared(text)
+    expression, names = text[: match.start()], match["trajectories"]
+    trajectories = None
+    if names:
+        try:
+            parsed = parse_json(f"[{names}]", "trajectories")
+        except RequestError:
+            return Shared(text)
+        trajectories = tuple(str(name) for name in parsed)
     saved = SavedSelection(
-        expression, int(found["generation"]), found["run"], int(found["count"]), view
+        expression, int(match["generation"]), match["run"], int(match["count"]), trajectories
     )
-    return Shared(expression, found["hash"], saved)
+    return Shared(expression, match["hash"], saved)
 
 
-def take(session: Session, text: str) -> State:
-    """Select what was typed or pasted, on its run and trajectories where they exist here.
+def select_text(context: SessionContext, state: State, text: str) -> State:
+    """Select a typed or pasted line, on its own run and trajectories if they exist here.
 
-    Where a worker has to read columns for that, it is awaited. Tells where it means something else
-    here. Raises RequestError for a selection of another data set, and for an expression that means
-    nothing.
+    The message says how the result differs from the shared one. Raises RequestError for a
+    selection of another data set and for an invalid expression.
     """
-    shared, own = read(text), session.store.dataset.hash
-    if not own.startswith(shared.dataset):
+    shared, dataset_hash = parse_shared(text), context.store.dataset.hash
+    if not dataset_hash.startswith(shared.dataset):
         raise RequestError(
-            f"this was selected on data set {shared.dataset}; here is {own[:_HASH_LENGTH]}"
+            f"this was selected on data set {shared.dataset}; "
+            f"the open one is {dataset_hash[:_HASH_LENGTH]}"
         )
     if shared.saved is None:
-        return navigation.select(session, shared.expression)
-    saved, known = shared.saved, session.store.instances.trajectory_names
-    state, text = session.state, to_text(parse(saved.expression))
-    there = pending_target.step(state, pending_target.bound(state), text)
+        return selection.select(context, state, shared.expression, "replace")
+    saved, known = shared.saved, context.store.instances.trajectory_names
+    expression = to_text(parse(saved.expression))
+    place = pending_target.final_target(state)
+    target = pending_target.with_expression(state, place, expression)
     if saved.run in state.runs:
-        there = replace(there, run=saved.run)
+        target = replace(target, run=saved.run)
     if all(name in known for name in saved.trajectories or ()):
-        there = replace(there, trajectories=saved.trajectories)
-    return navigation.take(session, replace(there, saved=saved))
+        target = replace(target, trajectories=saved.trajectories)
+    return navigation.select_shared(context, state, replace(target, saved=saved))

@@ -1,10 +1,10 @@
-"""All that the views are drawn from, frozen."""
+"""The frozen state that all views are drawn from."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from s2rstore.gap_history.reader import Stamp
 from s2rstore.language import Node
 from s2rstore.records import Bounds, Side
+from s2rstore.security.printable_text import printable
 from s2rtui.canvas.brush import Mark
 from s2rtui.user_data.notebook_schema import SavedSelection
 
@@ -65,14 +66,14 @@ class Slider:
         return self.side, self.name
 
     def clipped(self, value: float) -> float:
-        """Within the slider's range, on its steps."""
+        """The nearest step within the slider's range."""
         steps = round((value - self.neutral) / self.step)
         return round(min(max(self.neutral + steps * self.step, self.lowest), self.highest), 6)
 
 
 @dataclass(frozen=True, slots=True)
 class Brush:
-    """A mark that is being drawn in a view; `corners` are those of a lasso that are fixed."""
+    """An unfinished mark in a view; `corners` counts the fixed corners of a lasso."""
 
     view: str
     mark: Mark
@@ -81,10 +82,10 @@ class Brush:
 
 @dataclass(frozen=True, slots=True)
 class Adjust:
-    """Sliders on a run: a value per (side, adjustment), the slider that keys move.
+    """The adjustment sliders of a run: a value per (side, adjustment), and the active slider.
 
-    `own` are the steps of the run's chains in their order. `reason` says why something cannot be
-    adjusted here; `missing` what has to be installed first.
+    `run_steps` are the adjustments of the run itself, in their order. `reason` says why some
+    adjustments are not available; `missing` names a package that has to be installed first.
     """
 
     run: str
@@ -93,7 +94,7 @@ class Adjust:
     sliders: tuple[Slider, ...] = ()
     reason: str = ""
     missing: str = ""
-    own: tuple[tuple[Side, str], ...] = ()
+    run_steps: tuple[tuple[Side, str], ...] = ()
 
     def value(self, key: tuple[Side, str]) -> float:
         return dict(self.values)[key]
@@ -101,12 +102,10 @@ class Adjust:
 
 @dataclass(frozen=True, slots=True)
 class PendingTarget:
-    """Where the session is on its way to: a run, of a generation that may be newer than the present
-    one, and trajectories (None: all).
+    """A run, generation and trajectories (None: all) to show, and an expression to select there.
 
-    `text` is the expression to select there, empty for the present one; `node` what is evaluated
-    for it, `past` and `future` what is before and after it then. `saved` are the facts that it was
-    shared with.
+    `text` is that expression, empty for the present one; `node` its expanded syntax tree, `past`
+    and `future` the history around it. `saved` describes a shared selection where it was made.
     """
 
     run: str
@@ -124,12 +123,13 @@ class State:
     """One state of the analysis.
 
     `selected` and `base` are (N,) masks: the expression's instances, and the base population that
-    it was evaluated on. `trajectories` None means all in view. `cursor` is an iid. `viewport` is
-    the map's world rectangle, None for all of it. `newest` is the published generation. `past`
-    and `future` hold the expressions before and after this one, the nearest last. `operator`
-    is how the next selection joins this one. `other` is the run that is compared with. `view` is
-    the one that keys speak to, `centre` and `tab` those that share a place with others. `awaited`
-    is where to turn to once what that needs is read. `history` is None where there is none.
+    it was evaluated on. `trajectories` None means all. `cursor` is an iid. `viewport` is the map's
+    rectangle in metres, None for the whole map. `newest` is the published generation. `past` and
+    `future` hold the expressions before and after this one, the nearest last. `operator` combines
+    the next selection with this one. `other` is the run to compare with. `view` receives the keys;
+    `centre` and `tab` name the views shown in these panes. `pending` is the target to show once it
+    is loaded; `keeps_message` says that the message outlives that. `history` is None if the store
+    has no gap history.
     """
 
     generation: int
@@ -146,7 +146,7 @@ class State:
     brush: Brush | None = None
     lasso: bool = False
     other: str | None = None
-    awaited: PendingTarget | None = None
+    pending: PendingTarget | None = None
     adjust: Adjust | None = None
     map_mode: MapMode = "colour"
     overlay: Overlay = "off"
@@ -162,20 +162,30 @@ class State:
     history: HistoryFile | None = None
     message: str = ""
     is_error: bool = False
+    keeps_message: bool = False
     past: tuple[str, ...] = field(default=())
     future: tuple[str, ...] = field(default=())
 
+    def updated(self, **fields: Any) -> State:
+        """A copy after an action; its message, if any, replaces the present one, also an error."""
+        cleared = {"message": "", "is_error": False, "keeps_message": True}
+        return replace(self, **{**cleared, **fields})
+
+    def with_message(self, text: str, is_error: bool = False) -> State:
+        """A copy that shows a message; an error stays until the next action."""
+        return replace(self, message=printable(text), is_error=is_error, keeps_message=True)
+
     @property
     def count(self) -> str:
-        """`82 of 542`: selected, of the base population."""
+        """`82 of 542`: the selected instances and the base population."""
         return f"{int(np.count_nonzero(self.selected))} of {int(np.count_nonzero(self.base))}"
 
     @property
     def adjusting(self) -> bool:
-        """Whether the panel that adjusts live is open, in front or beside other views."""
+        """Whether the panel for live adjustments is on the screen."""
         return self.tab == "adjust" and self.adjust is not None
 
     @property
     def side(self) -> Side:
-        """The side that one-sided views show."""
+        """The side that views of a single side show."""
         return self.heat.side if self.heat else "real"

@@ -1,4 +1,4 @@
-"""ASCII characters only: the last thing that happens to a line before it reaches the terminal."""
+"""Replace non-ASCII characters, as the last step before a line reaches the terminal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rich.segment import Segment
 from textual.color import Color
 from textual.filter import LineFilter
 
-_INSTEAD = {
+_REPLACEMENTS = {
     "│": "|", "┃": "|", "▌": "|", "▐": "|", "▏": "|", "▎": "|", "▊": "|", "─": "-", "━": "-",
     "▁": "_", "▔": "-", "█": "#", "…": "~", "·": ".", "•": "*", "–": "-", "—": "-", "−": "-",
     "×": "x", "°": "d", "→": ">", "←": "<", "↑": "^", "↓": "v", "‘": "'", "’": "'", "“": '"',
@@ -18,8 +18,8 @@ _INSTEAD = {
 }  # fmt: skip
 
 
-def plain(text: str) -> str:
-    """The text in ASCII, as wide as it was: letters without accents, `?` for what has no like."""
+def to_ascii(text: str) -> str:
+    """Convert text to ASCII of the same width: drop accents, use `?` for other characters."""
     return text if text.isascii() else "".join(_character(char) for char in text)
 
 
@@ -29,11 +29,11 @@ def _character(char: str) -> str:
         return char
     width = get_character_cell_size(char)
     bare = unicodedata.normalize("NFKD", char)[:1]
-    return _INSTEAD.get(char, bare if bare.isascii() else "?").ljust(width, "?")[:width]
+    return _REPLACEMENTS.get(char, bare if bare.isascii() else "?").ljust(width, "?")[:width]
 
 
 class AsciiFilter(LineFilter):
-    """Turns every line of every screen into ASCII."""
+    """A Textual line filter that converts every line to ASCII."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
-        return [Segment(plain(text), style, control) for text, style, control in segments]
+        return [Segment(to_ascii(text), style, control) for text, style, control in segments]

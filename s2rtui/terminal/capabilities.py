@@ -1,4 +1,4 @@
-"""What the terminal can do, told by its environment alone: no probes that could go wrong."""
+"""Detect colours and characters of the terminal from environment variables alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _STREAMS = (0, 1, 2)
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """Colours and characters to use, and why; `graphics` is None where nothing was asked."""
+    """The colours and characters to use, and why; `graphics` is None if not probed."""
 
     mode: ColourMode
     ascii: bool
@@ -30,7 +30,7 @@ class Terminal:
 def detect(
     colour: str = "auto", ascii: bool = False, environment: Mapping[str, str] | None = None
 ) -> Terminal:
-    """What to draw with; options win over the environment."""
+    """Detect the capabilities; options override the environment."""
     env = os.environ if environment is None else environment
     mode, reason = _mode(colour, env)
     if not ascii and not _unicode(env):
@@ -56,7 +56,7 @@ def _mode(colour: str, env: Mapping[str, str]) -> tuple[ColourMode, str]:
 def _unicode(env: Mapping[str, str]) -> bool:
     coerced = env.get("LC_CTYPE") == "C.UTF-8" and not env.get("LC_ALL")
     if coerced and env.get("LANG") in ("C", "POSIX"):
-        return False  # Python's own doing (PEP 538), not what the user's terminal says
+        return False  # set by Python (PEP 538), not by the user
     for name in ("LC_ALL", "LC_CTYPE", "LANG"):
         if env.get(name):
             return "utf" in env[name].lower()
@@ -67,7 +67,7 @@ def refuse_unusable(
     environment: Mapping[str, str] | None = None,
     instead: str = "`s2r snapshot` writes the screen to a file",
 ) -> None:
-    """RequestError with the reason, and what to do instead, where no application can run.
+    """Raise RequestError, with an alternative, if the application cannot run here.
 
     Keys come from standard input; the screen is drawn on standard error.
     """
@@ -82,7 +82,7 @@ def refuse_unusable(
 
 
 def prepare_environment(terminal: Terminal) -> None:
-    """Tell Textual what was decided; it reads these names when it is imported."""
+    """Set the variables that Textual reads when it is imported."""
     names = {
         ColourMode.TRUECOLOR: "truecolor", ColourMode.PALETTE: "256", ColourMode.ANSI: "standard",
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a view asks of whoever draws its pictures in true pixels."""
+"""The interface between a plot widget and inline images in true pixels."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from s2rtui.canvas import Canvas
 
 @dataclass(frozen=True, slots=True)
 class PaintedStrips:
-    """Strips with pictures in them, and where each of these hangs; a number stands for one."""
+    """Strips that contain inline images, and the (region, image number) of each."""
 
     strips: list[Strip]
     places: frozenset[tuple[Region, int]]
 
 
 class ImageHost(Protocol):
-    """Draws a canvas' pictures in true pixels."""
+    """Shows the inline images of a canvas."""
 
-    def rest(self, view: str) -> float:
-        """Seconds without another drawing until its pictures are worth sending."""
+    def debounce_seconds(self, view: str) -> float:
+        """Seconds without another drawing before the images of a view are sent."""
 
-    def hang(self, view: str, canvas: Canvas, strips: list[Strip]) -> PaintedStrips:
-        """The strips with the canvas' pictures in them."""
+    def attach(self, view: str, canvas: Canvas, strips: list[Strip]) -> PaintedStrips:
+        """Put the images of a canvas into its strips."""

@@ -1,8 +1,7 @@
-"""Canvas -> Textual strips: colours quantised in numpy, runs merged, styles and codes cached.
+"""Convert a canvas to Textual strips: quantise colours, merge runs, cache styles and codes.
 
-A strip makes its own escape codes, and only the changes between runs: a widget that hands the
-strips over as they are, or cuts of them (by `render_lines`), sends a third of the bytes. Wherever
-a strip is restyled the plain segments take over.
+A strip encodes only the changes between its runs, which is a third of the bytes of plain segments.
+A strip that is restyled falls back to plain segments.
 """
 
 from __future__ import annotations
@@ -16,13 +15,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from rich.color import Color, ColorSystem
-from rich.console import Console
 from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, to_16, to_256
+from s2rtui.terminal.textual_compat import LazyStrip
 
 _DEFAULT = 1 << 24
 _BOLD = 1 << 26
@@ -30,7 +29,7 @@ _BOLD = 1 << 26
 
 @dataclass(frozen=True, slots=True)
 class Runs:
-    """A row of cells: where its runs begin, and the codes of each run (see `_codes`).
+    """A row of cells: the start of each run and its colour codes (see `_codes`).
 
     text: one character per cell, NUL for the second cell of a wide one. starts: ascending, from 0.
     """
@@ -42,59 +41,49 @@ class Runs:
     mode: ColourMode
 
     def parts(self) -> Iterator[tuple[str, int, int]]:
-        """Text and codes of each run."""
+        """Text and colour codes of each run."""
         ends = [*self.starts[1:], len(self.text)]
         for start, end, ink, ground in zip(self.starts, ends, self.inks, self.grounds, strict=True):
             yield self.text[start:end].replace("\0", ""), ink, ground
 
     def cut(self, start: int, end: int) -> Runs:
-        """The cells from `start` to `end`, where no wide character is cut."""
+        """The cells from `start` to `end`, which must not cut a wide character."""
         first, last = bisect_right(self.starts, start) - 1, bisect_left(self.starts, end)
         starts = [0, *(at - start for at in self.starts[first + 1 : last])]
         runs = slice(first, last)
         return Runs(self.text[start:end], starts, self.inks[runs], self.grounds[runs], self.mode)
 
 
-class DeltaStrip(Strip):
-    """A strip that is made to escape codes, or to segments, only when these are asked for.
+class DeltaStrip(LazyStrip):
+    """A strip of runs, whose escape codes hold only the changes between runs.
 
-    Codes hold the changes between runs, and a part that is cut out does so, too.
+    A part that is cut out is a `DeltaStrip`, too.
     """
 
-    __slots__ = ("_made", "_runs")
+    __slots__ = ("runs",)
 
     def __init__(self, runs: Runs) -> None:
-        self._runs = runs
-        self._made: list[Segment] | None = None
-        super().__init__((), len(runs.text))
+        self.runs = runs
+        super().__init__(len(runs.text))
 
-    @property
-    def _segments(self) -> list[Segment]:
-        if self._made is None:
-            mode = self._runs.mode
-            self._made = [
-                Segment(text, _style(ink % _BOLD, ground, ink >= _BOLD, mode))
-                for text, ink, ground in self._runs.parts()
-            ]
-        return self._made
+    def make_segments(self) -> list[Segment]:
+        mode = self.runs.mode
+        return [
+            Segment(text, _style(ink % _BOLD, ground, ink >= _BOLD, mode))
+            for text, ink, ground in self.runs.parts()
+        ]
 
-    @_segments.setter
-    def _segments(self, empty: list[Segment]) -> None:
-        """What the base class begins with."""
+    def encode(self) -> str:
+        return encoded(self.runs)
 
     def crop(self, start: int, end: int | None = None) -> Strip:
-        text = self._runs.text
+        text = self.runs.text
         start, end = max(0, start), len(text) if end is None else min(len(text), end)
         if start == 0 and end == len(text):
             return self
         if end <= start or text[start] == "\0" or text[end : end + 1] == "\0":
             return super().crop(start, end)
-        return DeltaStrip(self._runs.cut(start, end))
-
-    def render(self, console: Console) -> str:
-        if self._render_cache is None:
-            self._render_cache = encoded(self._runs)
-        return self._render_cache
+        return DeltaStrip(self.runs.cut(start, end))
 
 
 @lru_cache(65536)
@@ -125,7 +114,7 @@ def _sgr(code: int, mode: ColourMode, background: bool) -> str:
 
 @lru_cache(64)
 def _exact(ground: Rgb, mode: ColourMode) -> int:
-    """The code that the rest of the screen has for its ground, so that no seam shows."""
+    """The code that the rest of the screen uses for its background, so that no seam shows."""
     red, green, blue = ground
     if mode is ColourMode.TRUECOLOR:
         return red << 16 | green << 8 | blue
@@ -136,7 +125,7 @@ def _exact(ground: Rgb, mode: ColourMode) -> int:
 
 
 def _quantised(colours: Pixels, mode: ColourMode, ground: Pixels | None) -> NDArray[np.int64]:
-    """(h, w, 3) to (h, w) codes; a colour equal to `ground` gets the screen's own code."""
+    """(h, w, 3) to (h, w) codes; a colour equal to `ground` gets the code of the screen."""
     if mode is ColourMode.NONE:
         return np.full(colours.shape[:2], _DEFAULT, dtype=np.int64)
     if mode is ColourMode.PALETTE:
@@ -151,10 +140,10 @@ def _quantised(colours: Pixels, mode: ColourMode, ground: Pixels | None) -> NDAr
     return codes
 
 
-def calm(canvas: Canvas, tolerance: int) -> None:
-    """Let neighbours of equal glyph share a run's first colours where within `tolerance`.
+def merge_similar_colours(canvas: Canvas, tolerance: int) -> None:
+    """Let neighbouring cells share the first colours of a run within `tolerance`.
 
-    Only pictures are touched (half blocks and blanks); in place, per channel, left to right.
+    Only images change (half blocks and blanks); in place, per channel, from left to right.
     """
     half = canvas.char == "▀"
     if tolerance <= 0 or not half.any():
@@ -166,7 +155,7 @@ def calm(canvas: Canvas, tolerance: int) -> None:
     empty = np.array(canvas.theme.background, dtype=np.uint8)
     ground = (canvas.bg == empty).all(axis=-1) & ((canvas.fg == empty).all(axis=-1) | ~half)
     joins = picture[:, 1:] & picture[:, :-1] & (half[:, 1:] == half[:, :-1])
-    joins &= ground[:, 1:] == ground[:, :-1]  # a picture keeps its edges
+    joins &= ground[:, 1:] == ground[:, :-1]  # an image keeps its edges
     for column in range(1, canvas.width):
         here = both[:, column]
         near = joins[:, column - 1] & (np.abs(here - start).max(axis=-1) <= tolerance)
@@ -198,13 +187,13 @@ def _codes(canvas: Canvas, mode: ColourMode) -> tuple[NDArray[np.int64], NDArray
 def to_strips(
     canvas: Canvas, mode: ColourMode, ascii: bool = False, tolerance: int = 0
 ) -> list[Strip]:
-    """One strip per row. With `ascii`, what is not ASCII becomes "?". `tolerance`: see `calm`."""
+    """One strip per row. With `ascii`, other characters become "?". See `merge_similar_colours`."""
     drawn = Canvas(1, 1, canvas.theme)
     drawn.char, drawn.bold = canvas.char.copy(), canvas.bold
     drawn.fg, drawn.bg = canvas.fg, canvas.bg
     if tolerance > 0:
         drawn.fg, drawn.bg = canvas.fg.copy(), canvas.bg.copy()
-        calm(drawn, tolerance)
+        merge_similar_colours(drawn, tolerance)
     fg, bg = _codes(drawn, mode)
     if ascii:
         drawn.char[(drawn.char > "~") & (drawn.char != "")] = "?"
@@ -234,7 +223,7 @@ def to_strips(
 
 
 def encoded(runs: Runs) -> str:
-    """Escape codes of a row on their own: the first run says all, the others what changes."""
+    """A row with escape codes: all attributes for the first run, changes for the others."""
     mode = runs.mode
     codes: list[str] = []
     last_fg = last_bg = -1

@@ -1,7 +1,6 @@
-"""What the application needs of Textual beyond its public interface: bounds on a terminal.
+"""All uses of Textual's private interface, each with its reason.
 
-Written against the version that `pyproject.toml` pins. Every private name is used here, with the
-reason beside it.
+Written against the version of Textual that `pyproject.toml` pins.
 """
 
 from __future__ import annotations
@@ -14,29 +13,97 @@ from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from rich.console import Console
+from rich.segment import Segment
 from textual import events
 from textual._xterm_parser import BRACKETED_PASTE_END, XTermParser
+from textual.app import App
 from textual.driver import Driver
 from textual.geometry import Size
 from textual.message import Message
+from textual.screen import Screen
+from textual.strip import Strip
 
 from s2rtui.terminal.size_limits import within_bounds
 
-if TYPE_CHECKING:
-    from textual.app import App
-
-_LONGEST_PASTE = 1 << 16
-"""Characters; a terminal that begins a paste and does not end it would fill the memory."""
-_MOUSE = ("terminal_size", "terminal_pixel_size", "mouse_pixels")
+_MAX_PASTE = 1 << 16
+"""Characters; an unterminated paste would otherwise fill the memory."""
+_MOUSE_ATTRIBUTES = ("terminal_size", "terminal_pixel_size", "mouse_pixels")
 """Attributes of Textual's parser: how the terminal's pixels become cells."""
 _BATCH = 128
-"""Messages that are sent before the application is waited for."""
+"""Messages sent before waiting for the application."""
+
+
+class QuietApp(App[None]):
+    """An application on a bounded driver that keeps a fault instead of printing its traceback."""
+
+    @property
+    def fault(self) -> Exception | None:
+        """The exception that ended the application; Textual stores it in `_exception` alone."""
+        return self._exception
+
+    def _fatal_error(self) -> None:
+        """Textual prints a traceback here; `run_app` reports `fault` in one line instead."""
+        self._close_messages_no_wait()  # the rest of what `_fatal_error` does
+
+    def _print_error_renderables(self) -> None:
+        """Textual prints tracebacks here at exit; see `_fatal_error`."""
+
+    def get_driver_class(self) -> type[Driver]:
+        return bounded(super().get_driver_class())
+
+    def write_to_terminal(self, text: str) -> None:
+        """Write control sequences; only `_driver` reaches the terminal past the compositor."""
+        if self._driver is not None:
+            self._driver.write(text)
+
+
+def screen_strips(screen: Screen[Any]) -> list[Strip]:
+    """What a screen shows now, line by line; only the compositor has it as text with styles."""
+    return screen._compositor.render_strips()
+
+
+class LazyStrip(Strip):
+    """A strip that makes its segments and its escape codes only when they are needed.
+
+    Textual's strips hold segments in `_segments` and codes in `_render_cache`, and have no public
+    way to compute either late.
+    """
+
+    __slots__ = ("_lazy_segments",)
+
+    def __init__(self, cell_length: int) -> None:
+        self._lazy_segments: list[Segment] | None = None
+        super().__init__((), cell_length)
+
+    def make_segments(self) -> list[Segment]:
+        """The styled text of the strip."""
+        raise NotImplementedError
+
+    def encode(self) -> str:
+        """The text with escape codes."""
+        raise NotImplementedError
+
+    @property
+    def _segments(self) -> list[Segment]:
+        if self._lazy_segments is None:
+            self._lazy_segments = self.make_segments()
+        return self._lazy_segments
+
+    @_segments.setter
+    def _segments(self, empty: list[Segment]) -> None:
+        """The base class assigns an empty list at the start."""
+
+    def render(self, console: Console) -> str:
+        if self._render_cache is None:
+            self._render_cache = self.encode()
+        return self._render_cache
 
 
 class _BoundedParser(XTermParser):
-    """Drops a paste that is too long; Textual has no option for this and keeps all of it."""
+    """Drops a paste that is too long; Textual has no such limit and keeps all of it in memory."""
 
     def __init__(self, debug: bool = False) -> None:
         super().__init__(debug)
@@ -44,34 +111,34 @@ class _BoundedParser(XTermParser):
         self._dropped: str | None = None
 
     def feed(self, data: str) -> Iterable[Message]:
-        """Events of what was read. Only a paste is long without becoming one."""
+        """Parse input into events; only a paste can be long without yielding one."""
         if self._dropped is not None:
             data = self._after_paste(self._dropped + data)
         self._pending += len(data)
         for message in super().feed(data) if data or self._dropped is None else ():
             self._pending = 0
             yield message
-        if self._pending > _LONGEST_PASTE:
-            self._begin_anew()
+        if self._pending > _MAX_PASTE:
+            self._reset()
             self._dropped = data[-len(BRACKETED_PASTE_END) :]
 
     def _after_paste(self, data: str) -> str:
-        """What follows the end of a paste that is dropped; empty where it goes on."""
+        """What follows the end of a dropped paste; empty if it has not ended."""
         _, end, rest = data.partition(BRACKETED_PASTE_END)
         self._dropped = None if end else data[1 - len(BRACKETED_PASTE_END) :]
         return rest
 
-    def _begin_anew(self) -> None:
-        """Forget the paste but not what is known of the terminal's mouse."""
-        known = {name: vars(self)[name] for name in _MOUSE}
+    def _reset(self) -> None:
+        """Drop the paste, but keep the parser's pixel sizes for the mouse."""
+        mouse = {name: vars(self)[name] for name in _MOUSE_ATTRIBUTES}
         XTermParser.__init__(self)
-        for name, value in known.items():
+        for name, value in mouse.items():
             setattr(self, name, value)
         self._pending = 0
 
 
 class _BoundedDriver(Driver):
-    """Tells the application a size within bounds, and reads no faster than it can follow."""
+    """Bounds the terminal size, and reads input no faster than the application handles it."""
 
     def __init__(
         self,
@@ -95,21 +162,21 @@ class _BoundedDriver(Driver):
         self._keep_pace()
 
     def _keep_pace(self) -> None:
-        """Wait now and then until the application has taken what was sent: queues have no end."""
+        """Wait until the application has handled most messages: its queue is unbounded."""
         self._sent += 1
         if self._sent % _BATCH:
             return
-        turned: Future[None] | None = None
+        tick: Future[None] | None = None
         while not self._has_ended():
-            if turned is None:
+            if tick is None:
                 if self._loop.is_closed():
                     return
-                turned = asyncio.run_coroutine_threadsafe(asyncio.sleep(0.001), self._loop)
+                tick = asyncio.run_coroutine_threadsafe(asyncio.sleep(0.001), self._loop)
             with suppress(TimeoutError):
-                turned.result(0.05)
+                tick.result(0.05)
                 if self._app.message_queue_size < _BATCH:
                     return
-                turned = None
+                tick = None
 
     def _has_ended(self) -> bool:
         """Whether the driver is being stopped, which waits for the thread that reads."""

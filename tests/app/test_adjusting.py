@@ -19,7 +19,7 @@ from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.registration import add_run
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers import prompt
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
 from s2rtui.session import Session
@@ -39,7 +39,7 @@ def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def app_on(store: Path, access: Permissions | None = None) -> S2RApp:
     app = S2RApp(Session(store), RenderOptions(), access=access)
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
@@ -61,7 +61,7 @@ async def test_a_slider_gives_what_the_live_model_says(computed: Path) -> None:
         assert "no camera to move" in adjust.reason
         brightness = adjust.value(("real", "brightness"))
         assert brightness == pytest.approx(1 + 3 * ADJUSTMENTS["brightness"].step)
-        assert f"{brightness:g} factor" in take(app).text
+        assert f"{brightness:g} factor" in take_screenshot(app).text
         with s2rstore.open(computed) as store:
             model = LiveModel(store, "vanilla")
             chains = {"real": make_chain("real", {"brightness": brightness})}
@@ -146,7 +146,7 @@ async def test_adjustments_are_saved_as_a_run(computed: Path, tmp_path: Path) ->
         run = app.session.store.run("brighter")
         assert run.real_adjustments == make_chain("real", {"brightness": 1.1})
         await settle(app, pilot)
-        assert "brighter" in take(app).text
+        assert "brighter" in take_screenshot(app).text
 
 
 async def test_a_taken_name_is_told(computed: Path) -> None:
@@ -177,27 +177,27 @@ async def test_one_run_is_saved_at_a_time(
         await press(app, pilot, "a", "right")
         await pilot.press("S", *"one", "enter")
         await pilot.pause()
-        assert "run one: checking" in take(app).text
+        assert "run one: checking" in take_screenshot(app).text
         await pilot.press("S")
         await pilot.pause()
-        assert not app.prompting
-        assert "run one is still being saved" in take(app).text
+        assert not app.prompt.is_open
+        assert "run one is still being saved" in take_screenshot(app).text
         with pytest.raises(RequestError, match="run one is still being saved"):
-            app.begin_saving("two", lambda: slow(computed, "two"))
+            app.run_save.save("two", lambda: slow(computed, "two"))
         go_on.set()
         await settle(app, pilot)
         assert started == ["one"]
         assert app.session.state.message == "run one: nothing is saved here"
         await pilot.press("S")
         await pilot.pause()
-        assert app.prompting
+        assert app.prompt.is_open
 
 
 async def test_a_saving_that_breaks_down_is_told(
     computed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*_: object) -> None:
-        raise ModuleNotFoundError("No module named 'torch'", name="torch")
+        raise ModuleNotFoundError("No module find_action 'torch'", name="torch")
 
     monkeypatch.setattr(prompt, "save_run", broken)
     app = app_on(computed)
@@ -219,7 +219,7 @@ async def test_without_torch_the_panel_says_how_to_get_it(
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right")
-        text = " ".join(take(app).text.split())
+        text = " ".join(take_screenshot(app).text.split())
         assert "adjusting live needs torch: pip install 's2rtui[tools]'" in text
         assert "loading the model" not in text
         assert "run vanilla: not adjusted" in text
@@ -237,13 +237,13 @@ async def test_a_model_that_fails_is_not_being_loaded(
         await press(app, pilot, "a")
         monkeypatch.setattr(LiveModel, "steps", lambda *_: iter([1 / 0]))
         await press(app, pilot, "right")
-        text = take(app).text
+        text = take_screenshot(app).text
         assert "run vanilla: not adjusted" in text
         assert "loading the model" not in text
         assert "division by zero" in text
         monkeypatch.undo()
         await press(app, pilot, "right")
-        assert "not adjusted" not in take(app).text
+        assert "not adjusted" not in take_screenshot(app).text
         assert app.resources.live is not None
 
 
@@ -299,7 +299,7 @@ async def test_without_the_tools_the_panel_says_how_to_get_them(
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", "escape")
-        text = " ".join(take(app).text.split())
+        text = " ".join(take_screenshot(app).text.split())
         assert "adjusting live needs s2rtools" in text
         assert "'s2rtui[tools]'" in text
         assert app.settled
@@ -310,7 +310,7 @@ async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         assert app.session.state.view != "adjust"
-        assert "a adjust" not in take(app).text
+        assert "a adjust" not in take_screenshot(app).text
         assert "not in a restricted session" in app.session.state.message
 
 

@@ -12,8 +12,8 @@ from textual.widgets import Input
 
 from s2rtui.app.actions import ACTIONS, footer, help_text
 from s2rtui.app.app import S2RApp
-from s2rtui.app.key_names import key_shown
-from s2rtui.app.pilot import settle, snapshot, take
+from s2rtui.app.key_names import key_label
+from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.brush import Mark
@@ -24,7 +24,7 @@ SIZES = [(80, 24), (120, 40), (200, 60)]
 
 def app_on(store: Path, look: RenderOptions | None = None, at: Path | None = None) -> S2RApp:
     app = S2RApp(Session(store), look or RenderOptions(), at)
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
@@ -53,7 +53,7 @@ async def test_every_key_twice(tiny_store: Path, tmp_path: Path, size: tuple[int
             for key in action.keys:
                 await pilot.press(key, key)
                 await sound(app, pilot, key)
-                while isinstance(app.screen, ModalScreen) or app.prompting:
+                while isinstance(app.screen, ModalScreen) or app.prompt.is_open:
                     await pilot.press("escape")
         await sound(app, pilot, "escape")
         assert len(list(tmp_path.glob("s2r-*.png"))) == 2
@@ -109,7 +109,7 @@ async def test_small_terminals_do_not_break(tiny_store: Path, size: tuple[int, i
     async with app.run_test(size=size) as pilot:
         await pilot.press("w", "right", "3", "1")
         await settle(app, pilot)
-        text = take(app).text
+        text = take_screenshot(app).text
         assert text.strip()
 
 
@@ -120,7 +120,7 @@ async def test_resizing_changes_the_layout(tiny_store: Path) -> None:
         for size in ((80, 24), (120, 40), (20, 5), (200, 60)):
             await pilot.resize_terminal(*size)
             await settle(app, pilot)
-        assert "errors" in take(app).text
+        assert "errors" in take_screenshot(app).text
 
 
 async def test_an_expression_is_written_corrected_and_applied(tiny_store: Path) -> None:
@@ -140,7 +140,7 @@ async def test_an_expression_is_written_corrected_and_applied(tiny_store: Path) 
         await pilot.pause()
         assert app.session.state.expression == "worst15 & room:right"
         assert app.focused is None
-        assert "worst15 & room:right" in take(app).text
+        assert "worst15 & room:right" in take_screenshot(app).text
         await pilot.press("slash", "escape", "w")
         await pilot.pause()
         assert app.session.state.expression == "worst15"
@@ -216,7 +216,8 @@ def test_starting_the_application_loads_no_heavy_package(tiny_store: Path) -> No
     import sys
 
     code = (
-        "import sys; from s2rtui import cli; from s2rtui.terminal import capabilities; from s2rtui.app.app import S2RApp;"
+        "import sys; from s2rtui import cli; from s2rtui.terminal import capabilities;"
+        "from s2rtui.app.app import S2RApp;"
         "capabilities.refuse_unusable = lambda: None; S2RApp.run = lambda app, mouse: print('run');"
         f"assert cli.main(['tui', {str(tiny_store)!r}]) == 0;"
         "print([m for m in ('torch', 'matplotlib', 'zarr', 'scipy', 'cv2', 'PIL', 's2rtools', "
@@ -231,7 +232,7 @@ def test_keys_are_shown_as_they_stand_on_a_keyboard() -> None:
     assert any(line.startswith("z  +  =  ") for line in lines)
     for action in ACTIONS:
         for key in action.keys:
-            shown = key_shown(key)
+            shown = key_label(key)
             assert shown.isascii()
             assert "_" not in shown
             assert len(shown) == 1 or shown.split("+")[-1].replace(" ", "") == key.split("+")[-1]
@@ -241,13 +242,13 @@ async def test_escape_is_offered_while_something_is_begun(tiny_store: Path) -> N
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        assert "escape leave" not in take(app).text
+        assert "escape cancel" not in take_screenshot(app).text
         for begin in ("x", "vertical_line"):
             await pilot.press(begin)
             await settle(app, pilot)
-            assert "escape leave" in take(app).text
+            assert "escape cancel" in take_screenshot(app).text
             await pilot.press("escape")
             await settle(app, pilot)
-            assert "escape leave" not in take(app).text
+            assert "escape cancel" not in take_screenshot(app).text
         await pilot.press("slash", "escape")
-        assert not app.prompting
+        assert not app.prompt.is_open

@@ -7,7 +7,7 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from s2rtui.app.layout import SMALLEST, LayoutRequest, PaneRectangle, arrange, size_class
+from s2rtui.app.layout import MIN_SIZE, LayoutRequest, PaneRectangle, arrange, size_class
 from s2rtui.charts.registry import VIEWS
 
 TABS = [view.name for view in VIEWS if view.pane == "tab"]
@@ -23,8 +23,8 @@ def cells(place: PaneRectangle) -> set[tuple[int, int]]:
 
 
 @given(
-    width=st.integers(SMALLEST[0], 260),
-    height=st.integers(SMALLEST[1], 80),
+    width=st.integers(MIN_SIZE[0], 260),
+    height=st.integers(MIN_SIZE[1], 80),
     tab=st.sampled_from(TABS),
     centre=st.sampled_from(CENTRES),
     active=st.integers(0, 2),

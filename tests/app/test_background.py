@@ -10,7 +10,7 @@ import time
 import weakref
 
 from s2rtui.jobs import background_thread
-from s2rtui.jobs.background_thread import Lane
+from s2rtui.jobs.background_thread import LatestOnlyWorker
 
 
 class Gate:
@@ -32,20 +32,20 @@ class Gate:
 
 
 def test_of_what_waits_only_the_newest_is_done() -> None:
-    gate, lane = Gate(), Lane("lane")
+    gate, lane = Gate(), LatestOnlyWorker("lane")
     lane.put(gate.wait)
     assert gate.entered.wait(10)
     for name in "abcd":
         lane.put(lambda name=name: gate.note(name))
     gate.open.set()
-    assert background_thread.rest(10)
+    assert background_thread.wait_until_idle(10)
     assert gate.done == ["first", "d"]
     assert gate.threads == {"lane"}
     lane.end()
 
 
 def test_a_lane_that_ends_drops_what_waits_and_does_its_last() -> None:
-    gate, lane = Gate(), Lane("lane")
+    gate, lane = Gate(), LatestOnlyWorker("lane")
     lane.put(gate.wait)
     assert gate.entered.wait(10)
     lane.put(lambda: gate.note("waiting"))
@@ -54,25 +54,25 @@ def test_a_lane_that_ends_drops_what_waits_and_does_its_last() -> None:
     assert time.monotonic() - began < 0.5
     lane.put(lambda: gate.note("late"))
     gate.open.set()
-    assert background_thread.rest(10)
+    assert background_thread.wait_until_idle(10)
     assert gate.done == ["first", "last"]
 
 
 def test_a_lane_that_never_began_has_no_last() -> None:
     done: list[str] = []
-    Lane("lane").end(lambda: done.append("last"))
+    LatestOnlyWorker("lane").end(lambda: done.append("last"))
     assert done == []
 
 
 def test_lanes_do_not_wait_for_each_other() -> None:
-    gate, busy, other = Gate(), Lane("busy"), Lane("other")
+    gate, busy, other = Gate(), LatestOnlyWorker("busy"), LatestOnlyWorker("other")
     finished = threading.Event()
     busy.put(gate.wait)
     assert gate.entered.wait(10)
     other.put(finished.set)
     assert finished.wait(10)
     gate.open.set()
-    assert background_thread.rest(10)
+    assert background_thread.wait_until_idle(10)
 
 
 def test_a_process_ends_around_what_is_under_way() -> None:
@@ -95,7 +95,7 @@ class Held:
 
 
 def test_a_lane_at_rest_holds_nothing_of_what_it_did() -> None:
-    lane, held = Lane("lane"), Held()
+    lane, held = LatestOnlyWorker("lane"), Held()
     gone = weakref.ref(held)
     lane.put(held.work)
     del held
@@ -110,7 +110,7 @@ def test_a_lane_at_rest_holds_nothing_of_what_it_did() -> None:
 
 def test_a_lane_outlives_what_its_work_raises() -> None:
     told: list[Exception] = []
-    gate, lane = Gate(), Lane("lane", told.append)
+    gate, lane = Gate(), LatestOnlyWorker("lane", told.append)
     fault = ZeroDivisionError("of the work")
 
     def work() -> None:

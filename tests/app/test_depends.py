@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from s2rstore.records import Bounds
-from s2rtui.app.status_line import shown
+from s2rtui.app.titled_view import TitledView
 from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.canvas.brush import Mark
 from s2rtui.charts.instance.model import instance_input
@@ -19,7 +19,12 @@ from s2rtui.charts.scene import Resources, RunAccuracies, Scene
 from s2rtui.charts.view import View
 from s2rtui.loaders import store_data
 from s2rtui.session import HeatChoice, Session, State
-from s2rtui.session.provenance import HeatProvenance, about, heat_of, seen_of
+from s2rtui.session.provenance import (
+    HeatProvenance,
+    heat_provenance,
+    instance_provenance,
+    visible_floor_key,
+)
 from s2rtui.session.state import Adjust, Brush, HistoryFile, PendingTarget, Slider
 from s2rtui.user_data.notebook import Notes, Remark
 from tests.support import gaps, tiny
@@ -49,7 +54,7 @@ STATES: dict[str, Callable[[Session, State], object]] = {
     "brush": lambda _, state: Brush("map", Mark("map", BOX)),
     "lasso": lambda _, state: not state.lasso,
     "other": lambda _, state: state.runs[-1],
-    "awaited": lambda _, state: PendingTarget(state.runs[1], state.generation),
+    "pending": lambda _, state: PendingTarget(state.runs[1], state.generation),
     "adjust": lambda _, state: replace(ADJUST, values=((SLIDER.key, 1.2),)),
     "map_mode": lambda _, state: "full",
     "overlay": lambda _, state: "run",
@@ -65,6 +70,7 @@ STATES: dict[str, Callable[[Session, State], object]] = {
     "history": lambda _, state: HistoryFile(Path("gap.duckdb"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
+    "keeps_message": lambda _, state: not state.keeps_message,
     "past": lambda _, state: ("all",),
     "future": lambda _, state: ("all",),
 }
@@ -89,7 +95,7 @@ RESOURCES: dict[str, Callable[[Resources], object]] = {
 }
 NEVER_DRAWN = {
     "newest", "trajectories", "expression", "operator", "lasso", "message", "is_error", "past",
-    "future", "centre", "progress", "saving", "awaited",
+    "future", "centre", "progress", "saving", "pending", "keeps_message",
 }  # fmt: skip
 
 
@@ -109,7 +115,7 @@ def scenes(session: Session) -> dict[str, Scene]:
     grid = np.arange(16, dtype=np.float32).reshape(4, 4)
     fed = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
     pictures, live = (instance_input(store, state.run, i, state.heat) for i in (0, 2))
-    of = {"pictures_source": about(state), "live_source": about(state)}
+    of = {"pictures_source": instance_provenance(state), "live_source": instance_provenance(state)}
     plain = Scene(store, state, Resources(**fed, pictures=pictures, live=live, **of))
     heated = replace(
         plain.resources, floor_heat=grid, seen_floor=grid > 7, live_floor_heat=grid[::-1]
@@ -118,7 +124,7 @@ def scenes(session: Session) -> dict[str, Scene]:
         state, overlay="selection", clip=True, map_mode="glyph", room_names=True, sort="gap",
         brush=Brush("umap", Mark("real", BOX)), heat=HeatChoice("activation", "loss"), cursor=4,
     )  # fmt: skip
-    heated = replace(heated, floor_heat_source=heat_of(rich), seen_floor_source=seen_of(rich))
+    heated = replace(heated, grid_of=heat_provenance(rich), seen_of=visible_floor_key(rich))
     sliding = replace(state, view="adjust", tab="adjust", adjust=ADJUST, overlay="instance")
     return {
         "plain": plain,
@@ -133,8 +139,8 @@ def scene(request: pytest.FixtureRequest, scenes: dict[str, Scene]) -> Scene:
 
 
 def drawn(view: View, scene: Scene) -> tuple[Canvas, object]:
-    draw, depends = shown(view, scene)
-    return draw(SIZE, RenderOptions()), depends
+    drawing = TitledView(view, scene)
+    return drawing.draw(SIZE, RenderOptions()), drawing.cache_key
 
 
 def same(first: Canvas, second: Canvas) -> bool:
@@ -212,9 +218,10 @@ def test_what_failed_is_not_being_loaded(session: Session, name: str, feed: str)
     failed = Resources(failed={feed: "no luck"})
     keys, texts = [], []
     for resources in (Resources(), failed):
-        draw, depends = shown(view, Scene(session.store, state, resources))
-        keys.append(depends)
-        texts.append("\n".join("".join(row) for row in draw((160, 20), RenderOptions()).char))
+        drawing = TitledView(view, Scene(session.store, state, resources))
+        keys.append(drawing.cache_key)
+        canvas = drawing.draw((160, 20), RenderOptions())
+        texts.append("\n".join("".join(row) for row in canvas.char))
     assert keys[0] != keys[1]
     assert "no luck" not in texts[0]
     assert "no luck" in texts[1]

@@ -11,7 +11,7 @@ import pytest
 
 from s2rstore.gap_history import reader
 from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle, snapshot, take
+from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Resources, Scene
@@ -57,15 +57,15 @@ def test_a_night_that_is_added_is_seen(tmp_path: Path, tiny_store: Path) -> None
 
     async def looked() -> tuple[str, str]:
         app = S2RApp(Session(week.config.store), RenderOptions())
-        app.feeding.rest_seconds = 0.001
+        app.load_scheduler.debounce_seconds = 0.001
         async with app.run_test(size=(120, 40)) as pilot:
             await pilot.press("G")
             await settle(app, pilot)
-            before = take(app).text
+            before = take_screenshot(app).text
             await asyncio.to_thread(week.night, 5)
-            app._watch()
+            app.load_results.check_store()
             await settle(app, pilot)
-            return before, take(app).text
+            return before, take_screenshot(app).text
 
     before, after = asyncio.run(looked())
     assert "4 nights of lab" in before

@@ -14,13 +14,13 @@ from textual.pilot import Pilot
 from s2rtui.app import load_scheduler
 from s2rtui.app.app import S2RApp
 from s2rtui.app.messages import LoadProgressed
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.loaders import LOADERS, store_data
 from s2rtui.session import Session
-from s2rtui.session.provenance import about
+from s2rtui.session.provenance import instance_provenance
 from s2rtui.session.state import Adjust, Slider
 
 LATE = 60.0
@@ -29,7 +29,7 @@ SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
 
 def app_on(store: Path) -> S2RApp:
     app = S2RApp(Session(store), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
@@ -41,7 +41,7 @@ async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
 
 async def press_and_go_on(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
     """What is read after these keys comes much later."""
-    app.feeding.rest_seconds = LATE
+    app.load_scheduler.debounce_seconds = LATE
     for key in keys:
         await pilot.press(key)
         await pilot.pause()
@@ -68,8 +68,8 @@ async def test_pictures_keep_their_name_until_others_are_there(
         shown, _, coming = told(app, "instance").partition(" (loading ")
         assert shown == before + (", run vanilla" if key == "r" else "")
         assert other(after) in coming
-        assert f"3 instance  {before}"[:30] in take(app).text
-        app.feeding.rest_seconds = 0.001
+        assert f"3 instance  {before}"[:30] in take_screenshot(app).text
+        app.load_scheduler.debounce_seconds = 0.001
         await press(app, pilot, key)
         assert "loading" not in told(app, "instance")
 
@@ -142,7 +142,9 @@ async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
         adjust = Adjust(state.run, ((SLIDER.key, 1.0),), 0, (SLIDER,))
         shown = instance_input(session.store, state.run, state.cursor, None)
         grid = np.ones((4, 4), dtype=np.float32)
-        found = replace(app.resources, live=shown, live_source=about(state), live_floor_heat=grid)
+        found = replace(
+            app.resources, live=shown, live_of=instance_provenance(state), live_grid=grid
+        )
         here = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")
 
         def scene(**changes: object):
@@ -166,10 +168,10 @@ async def test_every_feed_tells_its_own_progress(tiny_store: Path) -> None:
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "o", "C")
         for feed, share in (("heat on the map", 0.25), ("what was seen", 0.5)):
-            app.on_load_progressed(LoadProgressed(feed, app.feeding._ticket[feed], share))
+            app.on_load_progressed(LoadProgressed(feed, app.load_scheduler._ticket[feed], share))
         app.on_load_progressed(LoadProgressed("live", -1, 0.9))
         await pilot.pause()
-        text = take(app).text
+        text = take_screenshot(app).text
         assert "heat on the map 25%, what was seen 50%" in text
         app.on_load_completed(_answer(app, "what was seen"))
         assert app.resources.progress == {"heat on the map": 0.25}
@@ -180,7 +182,7 @@ async def test_every_feed_tells_its_own_progress(tiny_store: Path) -> None:
 def _answer(app: S2RApp, feed: str):
     from s2rtui.app.messages import LoadCompleted
 
-    return LoadCompleted(feed, app.feeding._ticket[feed], {})
+    return LoadCompleted(feed, app.load_scheduler._ticket[feed], {})
 
 
 async def test_a_slow_feed_starves_no_other(
@@ -197,7 +199,7 @@ async def test_a_slow_feed_starves_no_other(
         return {}
 
     changed = tuple(
-        replace(feed, read=slow, wants=lambda _, state: (state.cursor,), rests=False)
+        replace(feed, read=slow, request_key=lambda _, state: (state.cursor,), is_debounced=False)
         if feed.name == "live" else feed for feed in LOADERS
     )  # fmt: skip
     monkeypatch.setattr(load_scheduler, "LOADERS", changed)

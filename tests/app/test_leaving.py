@@ -129,7 +129,9 @@ async def test_while_a_feed_is_read(
         return {}
 
     changed = tuple(
-        replace(one, read=endless, wants=lambda *_: (1,), rests=False) if one.name == feed else one
+        replace(one, read=endless, request_key=lambda *_: (1,), is_debounced=False)
+        if one.name == feed
+        else one
         for one in LOADERS
     )
     monkeypatch.setattr(load_scheduler, "LOADERS", changed)
@@ -153,7 +155,7 @@ def test_a_fault_is_told_in_one_line(
     folder.mkdir()
     (folder / "sitecustomize.py").write_text(
         "import s2rtui.session.display as showing\n"
-        "def broken(session):\n"
+        "def broken(*arguments):\n"
         "    raise KeyError('no such thing')\n"
         "showing.change_map_mode = broken\n"
     )
@@ -164,6 +166,4 @@ def test_a_fault_is_told_in_one_line(
         sys.path.remove(str(folder))
     begun(screen).press("m")
     assert screen.wait_for_end(20) == 70
-    assert after(screen) == (
-        "s2r: internal error: KeyError: 'no such thing' (--debug shows the traceback)"
-    )
+    assert after(screen) == ("s2r: internal error: KeyError: 'no such thing' (--debug shows where)")

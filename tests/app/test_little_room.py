@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle, snapshot, take
+from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.status_line import status_line
 from s2rtui.canvas import ColourMode, RenderOptions
@@ -52,7 +52,7 @@ def test_the_status_line_leaves_out_what_says_least(session: Session) -> None:
         "".join(status_line(session.store, state, width, RenderOptions()))
         for width in range(30, 120)
     ]
-    words = ("traj all", "tiny.s2r", "is there: g", "run vanilla")
+    words = ("traj all", "tiny.s2r", "available, press g", "run vanilla")
     first = [next(i for i, line in enumerate(lines) if word in line) for word in words]
     assert first == sorted(first, reverse=True)
     assert len(set(first)) == len(first)
@@ -61,19 +61,19 @@ def test_the_status_line_leaves_out_what_says_least(session: Session) -> None:
 @pytest.mark.parametrize("size", [(40, 12), (80, 24)])
 async def test_long_errors_are_read_whole(tiny_store: Path, size: tuple[int, int]) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
         told = "a long story " * (6 if size[0] == 40 else 12) + "with an end"
-        app.session.tell(told, is_error=True)
+        app.session.show_message(told, is_error=True)
         app.refresh_views()
         await settle(app, pilot)
-        words = " ".join(take(app).text.split())
+        words = " ".join(take_screenshot(app).text.split())
         assert told in words
         assert "quit" in words
         await pilot.press("escape")
         await settle(app, pilot)
-        assert "story" not in take(app).text
+        assert "story" not in take_screenshot(app).text
         assert app.query_one("#message").size.height == 1
 
 
@@ -84,11 +84,11 @@ async def test_the_doctor_is_seen_to_its_end(tiny_store: Path, size: tuple[int, 
     async with app.run_test(size=size) as pilot:
         await pilot.press("D")
         await settle(app, pilot)
-        pages = [take(app).text]
+        pages = [take_screenshot(app).text]
         while len(pages) < 2 or pages[-1] != pages[-2]:
             await pilot.press("pagedown")
             await settle(app, pilot)
-            pages.append(take(app).text)
+            pages.append(take_screenshot(app).text)
         told = " ".join("".join(pages).split())
         assert "no colours" in told
         assert "no colour by TERM=vt100" in told
@@ -96,7 +96,7 @@ async def test_the_doctor_is_seen_to_its_end(tiny_store: Path, size: tuple[int, 
         assert "wrong colours:" in told
         await pilot.resize_terminal(100, 30)
         await settle(app, pilot)
-        assert "100x30" in take(app).text
+        assert "100x30" in take_screenshot(app).text
         await pilot.press("escape")
         assert not isinstance(app.screen, DoctorScreen)
 

@@ -24,7 +24,7 @@ class Bench:
         self.told.append("read")
         return {}
 
-    def leave(self) -> None:
+    def release(self) -> None:
         self.told.append("leave")
 
 
@@ -32,9 +32,9 @@ async def test_without_its_panel_the_model_rests_and_goes(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = Bench()
-    monkeypatch.setattr(live_prediction, "_BENCH", bench)
+    monkeypatch.setattr(live_prediction, "_PREDICTOR", bench)
     app = S2RApp(Session(tiny_store), RenderOptions())
-    app.feeding.rest_seconds, app.feeding.away_seconds = 0.001, 0.05
+    app.load_scheduler.debounce_seconds, app.load_scheduler.release_seconds = 0.001, 0.05
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("a")
@@ -42,7 +42,7 @@ async def test_without_its_panel_the_model_rests_and_goes(
         assert bench.told == ["read"]
         await asyncio.sleep(0.2)
         assert bench.told == ["read"]
-        display.show_view(app.session, "instance", "tab")
+        app.session.dispatch(display.show_view, "instance", "tab")
         app.refresh_views()
         await pilot.press("n")
         await settle(app, pilot)

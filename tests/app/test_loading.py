@@ -21,8 +21,8 @@ from s2rstore.lru_cache import LruCache
 from s2rtools.precompute.registration import add_run
 from s2rtui.app import pilot as headless
 from s2rtui.app.app import S2RApp
-from s2rtui.app.controllers.run_save import Savings
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.messages import RunSaveProgressed
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.brush import Mark
 from s2rtui.jobs.precompute_job import JobProgress
@@ -56,7 +56,7 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
             assert opened.wait(20)
         return whole(index, run, side, name, lacking)
 
-    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     monkeypatch.setattr(column_loader, "_predicted", slow)
     yield opened
     opened.set()
@@ -73,7 +73,7 @@ class Lossy:
 
 def app_on(path: Path) -> S2RApp:
     app = S2RApp(Session(path), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
@@ -88,21 +88,21 @@ async def test_keys_go_on_while_a_run_is_read(store: Path, gate: threading.Event
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "r")
         assert app.session.state.run == "vanilla"
-        assert "run vanilla (loading b)" in take(app).text
+        assert "run vanilla (loading b)" in take_screenshot(app).text
         await press(app, pilot, "w", "n", "m")
         state = app.session.state
         assert (state.run, state.expression, state.map_mode) == ("vanilla", "worst15", "glyph")
         gate.set()
         await settle(app, pilot)
         state = app.session.state
-        assert (state.run, state.awaited, state.expression) == ("b", None, "worst15")
+        assert (state.run, state.pending, state.expression) == ("b", None, "worst15")
         with s2rstore.open(store) as own:
             worst = own.execute(
                 "SELECT iid FROM prediction WHERE run = 'b' AND side = 'real' "
                 "ORDER BY error DESC LIMIT 6"
             )
         assert set(np.flatnonzero(state.selected)) == {iid for (iid,) in worst}
-        assert "loading" not in take(app).text.splitlines()[0]
+        assert "loading" not in take_screenshot(app).text.splitlines()[0]
 
 
 async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
@@ -114,7 +114,7 @@ async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
         before, own = app.session.state, app.session.store.dataset.hash
         facts = f"data set {own}, generation {before.generation}, run b, 3 instances"
         text = f"worst(3, real.error)  # {facts}"
-        shared_selection.take(app.session, text)
+        app.session.dispatch(shared_selection.select_text, text)
         app.refresh_views()
         await pilot.pause()
         state = app.session.state
@@ -122,7 +122,7 @@ async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
         gate.set()
         await settle(app, pilot)
         state = app.session.state
-        assert (state.run, state.expression, state.awaited) == ("b", "worst(3, real.error)", None)
+        assert (state.run, state.expression, state.pending) == ("b", "worst(3, real.error)", None)
         assert state.past[-1] == "all"
         errors = app.session.store.run_columns("b").real.error
         assert set(np.flatnonzero(state.selected)) == set(np.argsort(-errors, kind="stable")[:3])
@@ -131,7 +131,7 @@ async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
 async def test_columns_of_an_expression_are_read_elsewhere(
     store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     whole, here, read = column_loader._predicted, threading.current_thread(), []
 
     def watched(index, run, side, name, lacking):
@@ -157,7 +157,7 @@ async def test_columns_of_an_expression_are_read_elsewhere(
 @pytest.fixture
 async def lossy(store: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Lossy]:
     """An application whose losses are read anew, once it may, with an expression of them undone."""
-    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     whole, here, opened = column_loader._predicted, threading.current_thread(), threading.Event()
 
     def slow(index, run, side, name, lacking):
@@ -182,12 +182,12 @@ async def test_an_undone_expression_waits_for_its_columns(lossy: Lossy) -> None:
     past = app.session.state.past
     await press(app, pilot, "u")
     assert app.session.state.expression == "all"
-    assert "run vanilla (selecting)" in take(app).text
+    assert "run vanilla (selecting)" in take_screenshot(app).text
     lossy.opened.set()
     await settle(app, pilot)
     state = app.session.state
     assert (state.expression, state.past, state.future) == ("real.loss > 0", past[:-1], ("all",))
-    assert state.awaited is None
+    assert state.pending is None
     await press(app, pilot, "U")
     assert (app.session.state.expression, app.session.state.past) == ("all", past)
 
@@ -196,7 +196,7 @@ async def test_an_undo_that_waits_is_taken_back_by_redo(lossy: Lossy) -> None:
     app, pilot = lossy.app, lossy.pilot
     before = app.session.state
     await press(app, pilot, "u", "U")
-    assert "(selecting)" not in take(app).text
+    assert "(selecting)" not in take_screenshot(app).text
     lossy.opened.set()
     await settle(app, pilot)
     after = app.session.state
@@ -206,7 +206,7 @@ async def test_an_undo_that_waits_is_taken_back_by_redo(lossy: Lossy) -> None:
 async def test_every_undo_counts_while_one_waits(lossy: Lossy) -> None:
     app, pilot = lossy.app, lossy.pilot
     past = app.session.state.past
-    app.session.set(replace(app.session.state, past=(*past, "real.loss > 0.001")))
+    app.session.set_state(replace(app.session.state, past=(*past, "real.loss > 0.001")))
     await press(app, pilot, "u", "u")
     assert app.session.state.expression == "all"
     lossy.opened.set()
@@ -219,13 +219,13 @@ async def test_every_undo_counts_while_one_waits(lossy: Lossy) -> None:
 async def test_undo_takes_back_a_selection_that_waits(lossy: Lossy) -> None:
     app, pilot = lossy.app, lossy.pilot
     before = app.session.state
-    app.session.choose("real.loss > 0.001")
+    app.session.select("real.loss > 0.001")
     app.refresh_views()
     await press(app, pilot, "u")
     lossy.opened.set()
     await settle(app, pilot)
     after = app.session.state
-    assert (after.expression, after.past, after.awaited) == ("all", before.past, None)
+    assert (after.expression, after.past, after.pending) == ("all", before.past, None)
 
 
 async def test_a_selection_that_waits_uses_its_operator_up_and_leaves_a_later_brush(
@@ -234,20 +234,20 @@ async def test_a_selection_that_waits_uses_its_operator_up_and_leaves_a_later_br
     app, pilot = lossy.app, lossy.pilot
     app.session.select("straight")
     begun(app.session)
-    app.session.choose("real.loss > 0")
+    app.session.select("real.loss > 0")
     app.refresh_views()
     assert (app.session.state.brush, app.session.state.operator) == (None, "replace")
     brush, _ = begun(app.session)
     lossy.opened.set()
     await settle(app, pilot)
     state = app.session.state
-    assert (state.expression, state.awaited) == ("straight | real.loss > 0", None)
+    assert (state.expression, state.pending) == ("straight | real.loss > 0", None)
     assert (state.brush, state.operator) == (brush, "union")
 
 
 async def test_other_trajectories_leave_a_selection_waiting(lossy: Lossy) -> None:
     app, pilot = lossy.app, lossy.pilot
-    app.session.choose("real.loss > 0")
+    app.session.select("real.loss > 0")
     app.refresh_views()
     await press(app, pilot, "t")
     assert app.session.state.trajectories is not None
@@ -259,7 +259,7 @@ async def test_other_trajectories_leave_a_selection_waiting(lossy: Lossy) -> Non
 async def test_what_is_selected_meanwhile_wins(lossy: Lossy) -> None:
     app, pilot = lossy.app, lossy.pilot
     await press(app, pilot, "u", "w")
-    assert (app.session.state.expression, app.session.state.awaited) == ("worst15", None)
+    assert (app.session.state.expression, app.session.state.pending) == ("worst15", None)
     lossy.opened.set()
     await settle(app, pilot)
     assert app.session.state.expression == "worst15"
@@ -268,29 +268,29 @@ async def test_what_is_selected_meanwhile_wins(lossy: Lossy) -> None:
 def test_what_is_selected_while_a_run_is_awaited_is_taken_along(
     store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store)
-    session.set(replace(session.state, awaited=PendingTarget("b", 1, "gap > 0")))
+    session.set_state(replace(session.state, pending=PendingTarget("b", 1, "gap > 0")))
     session.select("straight")
-    awaited = session.state.awaited
+    awaited = session.state.pending
     assert awaited is not None
     assert (awaited.run, awaited.text) == ("b", "")
-    assert (navigation.arrive(session).run, session.state.expression) == ("b", "straight")
+    assert (session.complete_pending().run, session.state.expression) == ("b", "straight")
 
 
 def test_a_selection_that_has_to_wait_leaves_the_run_awaited(
     store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store)
-    session.waits = True
-    session.set(replace(session.state, awaited=PendingTarget("b", 1)))
-    for select in (session.choose, partial(shared_selection.take, session)):
+    session.defers_loading = True
+    session.set_state(replace(session.state, pending=PendingTarget("b", 1)))
+    for select in (session.select, partial(session.dispatch, shared_selection.select_text)):
         select("real.loss > 0")
-        awaited = session.state.awaited
+        awaited = session.state.pending
         assert awaited is not None
         assert (awaited.run, awaited.text) == ("b", "real.loss > 0")
-    assert (navigation.arrive(session).run, session.state.expression) == ("b", "real.loss > 0")
+    assert (session.complete_pending().run, session.state.expression) == ("b", "real.loss > 0")
     session.close()
 
 
@@ -298,7 +298,7 @@ async def test_the_newest_run_wins(store: Path, gate: threading.Event) -> None:
     app = app_on(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "r", "r")
-        assert "(loading c)" in take(app).text
+        assert "(loading c)" in take_screenshot(app).text
         gate.set()
         await settle(app, pilot)
         assert app.session.state.run == "c"
@@ -308,7 +308,7 @@ async def test_back_before_it_came(store: Path, gate: threading.Event) -> None:
     app = app_on(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "r", "R")
-        assert app.session.state.awaited is None
+        assert app.session.state.pending is None
         gate.set()
         await settle(app, pilot)
         assert app.session.state.run == "vanilla"
@@ -318,11 +318,11 @@ async def test_the_other_run_is_read_elsewhere(store: Path, gate: threading.Even
     app = app_on(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "9")
-        assert "loading run b" in take(app).text
+        assert "loading run b" in take_screenshot(app).text
         gate.set()
         await settle(app, pilot)
-        assert "loading" not in take(app).text
-        assert "b better" in take(app).text or "▲" in take(app).text
+        assert "loading" not in take_screenshot(app).text
+        assert "b better" in take_screenshot(app).text or "▲" in take_screenshot(app).text
 
 
 async def test_a_run_that_cannot_be_read_is_told(
@@ -336,12 +336,12 @@ async def test_a_run_that_cannot_be_read_is_told(
         def broken(*_: object) -> None:
             raise s2rstore.errors.RequestError("the index cannot be read")
 
-        monkeypatch.setattr(pending_target, "read", broken)
+        monkeypatch.setattr(pending_target, "load_columns", broken)
         app.session.store._columns.drop(lambda key: key[0] == "run" and key[1] == "c")
         await press(app, pilot, "R")
         await settle(app, pilot)
         state = app.session.state
-        assert (state.run, state.awaited) == ("vanilla", None)
+        assert (state.run, state.pending) == ("vanilla", None)
         assert (state.message, state.is_error) == ("the index cannot be read", True)
 
 
@@ -355,38 +355,38 @@ async def test_a_run_that_cannot_be_turned_to_is_told(
         def broken(*_: object) -> None:
             raise s2rstore.errors.RequestError("a page of the index is damaged")
 
-        monkeypatch.setattr(navigation, "settled", broken)
+        monkeypatch.setattr(navigation, "_settle", broken)
         gate.set()
         await settle(app, pilot)
         state = app.session.state
-        assert (state.run, state.awaited) == ("vanilla", None)
+        assert (state.run, state.pending) == ("vanilla", None)
         assert (state.message, state.is_error) == ("a page of the index is damaged", True)
 
 
 @pytest.mark.parametrize("is_error", [False, True])
 def test_what_was_told_meanwhile_stays_as_a_run_arrives(store: Path, is_error: bool) -> None:
     session = Session(store)
-    begun(session, awaited=PendingTarget("b", session.state.generation))
-    session.tell("wrote rows.csv", is_error)
-    state = navigation.arrive(session)
+    begun(session, pending=PendingTarget("b", session.state.generation))
+    session.show_message("wrote rows.csv", is_error)
+    state = session.complete_pending()
     assert (state.run, state.message, state.is_error) == ("b", "wrote rows.csv", is_error)
-    assert session.put_cursor(1).message == ""
+    assert session.set_cursor(1).message == ""
     session.close()
 
 
 def test_words_about_a_selection_go_as_a_run_arrives(store: Path) -> None:
     session = Session(store)
     session.select("none")
-    begun(session, awaited=PendingTarget("b", session.state.generation, text="all"))
+    begun(session, pending=PendingTarget("b", session.state.generation, text="all"))
     assert session.state.message == "nothing is selected"
-    assert navigation.arrive(session).message == ""
+    assert session.complete_pending().message == ""
     session.close()
 
 
 async def test_a_newer_generation_is_read_elsewhere(
     own_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     app = app_on(own_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -397,23 +397,23 @@ async def test_a_newer_generation_is_read_elsewhere(
         state = app.session.state
         assert app.session.store is not before
         assert state.generation == app.session.store.generation == before.generation + 1
-        assert (state.run, state.awaited, state.expression) == ("vanilla", None, "worst15")
+        assert (state.run, state.pending, state.expression) == ("vanilla", None, "worst15")
         assert state.message == f"generation {state.generation}"
 
 
 async def test_a_saved_run_is_told_once_its_generation_is_read(
     own_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     app = app_on(own_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
         progress = JobProgress(1.0, "published", "done")
-        app.post_message(Savings.Told("dataaug", progress))
+        app.post_message(RunSaveProgressed("dataaug", progress))
         await settle(app, pilot)
         assert app.session.state.generation == app.session.state.newest > 1
-        assert app.session.state.message == "run dataaug is saved: r turns to it"
+        assert app.session.state.message == "run dataaug is saved: r shows it"
 
 
 @pytest.mark.parametrize("present", range(4))
@@ -423,8 +423,8 @@ async def test_what_turns_to_a_saved_run_is_true(four_runs: Path, present: int, 
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         runs = app.session.state.runs
-        app.session.put_run(runs[present])
-        app.post_message(Savings.Told(runs[saved], JobProgress(1.0, "published", "done")))
+        app.session.set_run(runs[present])
+        app.post_message(RunSaveProgressed(runs[saved], JobProgress(1.0, "published", "done")))
         await settle(app, pilot)
         told = app.session.state.message
         assert told.startswith(f"run {runs[saved]} is saved")
@@ -441,7 +441,7 @@ def test_brush_and_operator_stay_in_a_newer_generation(own_store: Path) -> None:
     session = Session(own_store)
     brush, _ = begun(session)
     add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-    state = session.move_on()
+    state = session.open_newest_generation()
     assert state.generation == session.store.generation > 1
     assert (state.brush, state.operator) == (brush, "union")
     session.close()
@@ -450,15 +450,15 @@ def test_brush_and_operator_stay_in_a_newer_generation(own_store: Path) -> None:
 def test_a_newer_generation_leaves_a_selection_waiting(
     own_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(own_store)
-    session.waits = True
-    session.choose("real.loss > 0")
+    session.defers_loading = True
+    session.select("real.loss > 0")
     brush, _ = begun(session)
     add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-    session.move_on()
+    session.open_newest_generation()
     assert session.state.message.endswith(f"of generation {session.store.latest_generation()}")
-    state = navigation.arrive(session, s2rstore.open(own_store))
+    state = session.complete_pending(s2rstore.open(own_store))
     assert (state.generation, state.expression) == (session.store.generation, "real.loss > 0")
     assert (state.generation, state.brush) == (state.newest, brush)
     session.close()
@@ -470,17 +470,17 @@ async def test_a_left_store_is_closed_once_nobody_reads_it(own_store: Path) -> N
         await settle(app, pilot)
         before = app.session.store
         add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-        app.feeding._lanes["lines"].put(lambda: (entered.set(), go_on.wait(20)))
+        app.load_scheduler._workers["lines"].put(lambda: (entered.set(), go_on.wait(20)))
         assert entered.wait(10)
         await press(app, pilot, "g")
-        app._watch()
+        app.load_results.check_store()
         assert app.session.store is not before
         assert before.execute("SELECT 1") == [(1,)]
         go_on.set()
         await settle(app, pilot)
-        while not app.feeding.idle:
+        while not app.load_scheduler.idle:
             await pilot.pause()
-        app._watch()
+        app.load_results.check_store()
         with pytest.raises(s2rstore.errors.RequestError, match="is closed"):
             before.execute("SELECT 1")
         assert not before._columns.nbytes
@@ -498,9 +498,9 @@ async def test_nothing_holds_a_store_that_was_left(own_store: Path) -> None:
         add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
         await press(app, pilot, "g")
         await settle(app, pilot)
-        while not app.feeding.idle:
+        while not app.load_scheduler.idle:
             await pilot.pause()
-        app._watch()
+        app.load_results.check_store()
         await pilot.pause()
         gc.collect()
         held = before()
@@ -511,27 +511,27 @@ def begun(session: Session, **fields: object) -> tuple[Brush, State]:
     """With a brush and an operator."""
     brush = Brush("map", Mark("map", ((1.0, 1.0), (3.0, 2.0))))
     state = replace(session.state, brush=brush, operator="union", **fields)
-    return brush, session.set(state)
+    return brush, session.set_state(state)
 
 
 def test_brush_and_operator_stay_as_an_awaited_run_arrives(store: Path) -> None:
     session = Session(store)
-    brush, before = begun(session, awaited=PendingTarget("b", session.state.generation))
-    state = navigation.arrive(session)
-    assert (state.run, state.awaited) == ("b", None)
+    brush, before = begun(session, pending=PendingTarget("b", session.state.generation))
+    state = session.complete_pending()
+    assert (state.run, state.pending) == ("b", None)
     assert (state.brush, state.operator) == (brush, before.operator)
     session.close()
 
 
 def test_the_awaited_run_may_be_gone_from_the_newer_generation(own_store: Path) -> None:
     session = Session(own_store, "vanilla")
-    begun(session, awaited=PendingTarget("vanilla", session.state.generation + 1))
+    begun(session, pending=PendingTarget("vanilla", session.state.generation + 1))
     add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
     fresh = s2rstore.open(own_store)
     del fresh.runs["vanilla"]
-    state = navigation.arrive(session, fresh)
+    state = session.complete_pending(fresh)
     assert session.store is fresh
-    assert (state.run, state.awaited, state.brush) == ("dataaug", None, None)
+    assert (state.run, state.pending, state.brush) == ("dataaug", None, None)
     session.close()
 
 
@@ -543,7 +543,7 @@ def test_a_generation_that_cannot_be_entered_changes_nothing(
     store, state, fresh = session.store, session.state, s2rstore.open(own_store)
     monkeypatch.setattr(type(fresh), "arrays", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        session.enter(fresh)
+        session.complete_pending(fresh)
     assert (session.store, session.state) == (store, state)
     assert store.execute("SELECT 1") == [(1,)]
     with pytest.raises(s2rstore.errors.RequestError, match="is closed"):
@@ -552,7 +552,7 @@ def test_a_generation_that_cannot_be_entered_changes_nothing(
 
 
 def test_a_session_alone_reads_at_once(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pending_target, "AT_ONCE", 0)
+    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store)
     assert session.change_run(1).run == "b"
     session.close()
@@ -610,7 +610,7 @@ def test_keys_look_at_no_file(store: Path, monkeypatch: pytest.MonkeyPatch) -> N
     """What a floor plan depends on is asked at every key."""
     session = Session(store)
     monkeypatch.setattr(type(session.store), "floor_plan_path", lambda _: 1 / 0)
-    wanted = store_data.wants_floor_plan(session.store, session.state)
+    wanted = store_data.floor_plan_key(session.store, session.state)
     assert (wanted is None) == (session.store.dataset.floor_plan is None)
     session.close()
 
@@ -620,13 +620,13 @@ def test_the_screen_of_a_state_shows_its_nights(
 ) -> None:
     nights = tmp_path / "nights.duckdb"
     nights.touch()
-    session = Session(store, nights=nights)
+    session = Session(store, gap_history=nights)
     opened: list[Session] = []
     monkeypatch.setattr(headless, "S2RApp", lambda made, look: opened.append(made) or 1 / 0)
     with pytest.raises(ZeroDivisionError):
         headless.screen_of(store, session.state, (800, 480), RenderOptions())
     assert opened[0].state is session.state
     assert opened[0].store.in_use == {session.state.run}
-    assert not opened[0].notice()
+    assert not opened[0].check_for_updates()
     for each in (session, *opened):
         each.close()

@@ -23,7 +23,7 @@ from s2rtui.app.pilot import settle
 from s2rtui.session import Session
 async def main(path, stop):
     app = S2RApp(Session(path), Look())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     seen = set()
     async with app.run_test(size=(120, 40)) as pilot:
         while not stop.exists():

@@ -26,7 +26,7 @@ LEFT_BY = {
 
 def app_on(store: Path) -> S2RApp:
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
@@ -90,4 +90,4 @@ async def test_what_is_made_of_a_forgotten_selection_is_told(tiny_store: Path) -
         await pilot.press("f", "d", "escape")
         await settle(app, pilot)
         assert app.session.state.is_error
-        assert "the selection is as it was" in app.session.state.message
+        assert "the selection is unchanged" in app.session.state.message

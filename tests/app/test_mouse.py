@@ -89,7 +89,7 @@ async def test_a_drag_moves_one_slider_though_the_sliders_scroll(tiny_store: Pat
         await pilot.resize_terminal(80, 15)
         await pilot.press(*["down"] * (count - 1))
         await settle(app, pilot)
-        panel = app._panels(BY_NAME["adjust"])[0]
+        panel = app.brush.panels(BY_NAME["adjust"])[0]
         assert int(panel.name) > 0
         before = dict(app.session.state.adjust.values)
         x, y = panel.x + panel.width // 4, panel.y + 1

@@ -21,7 +21,7 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
 from s2rtui.export.exclusive_files import create_exclusive, numbered_paths
 from s2rtui.export.rows import formats, selected_instances
-from s2rtui.jobs.background_thread import rest
+from s2rtui.jobs.background_thread import wait_until_idle
 from s2rtui.security import Permissions
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
@@ -30,7 +30,7 @@ from s2rtui.user_data.notebook import Notebook, SavedSelection
 def app_on(store: Path, folder: Path, restricted: bool = False) -> S2RApp:
     access = Permissions.for_store(store, restricted)
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions(), folder, access)
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
@@ -111,8 +111,8 @@ def test_a_fault_is_told_in_one_line(tiny_store: Path) -> None:
     def broken() -> None:
         raise MemoryError("out of memory\nadvice")
 
-    app.in_background(broken, "a.csv is not written")
-    assert rest(5.0)
+    app.jobs.start(broken, "a.csv is not written")
+    assert wait_until_idle(5.0)
     assert [each.text for each in told] == [
         "a.csv is not written (MemoryError: out of memory advice)"
     ]
@@ -138,8 +138,8 @@ async def test_what_is_no_path_is_refused(tiny_store: Path, tmp_path: Path, name
     app = app_on(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        with pytest.raises(RequestError, match="is no path"):
-            app._write_selection(name)
+        with pytest.raises(RequestError, match="is not a path"):
+            app.export.write_selection(name)
 
 
 async def test_two_writes_at_a_time_are_two_files(
@@ -201,7 +201,7 @@ async def test_a_report_can_be_tried_again_after_a_fault(
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         with monkeypatch.context() as patch:
-            patch.setattr("s2rtui.export.report.report", fault)
+            patch.setattr("s2rtui.export.report.write.session_report", fault)
             await press(app, pilot, "E")
         assert "ZeroDivisionError: oh" in app.session.state.message
         await press(app, pilot, "E")
@@ -232,8 +232,8 @@ async def test_a_restricted_session_writes_in_its_own_folder(
             await press(app, pilot, key)
             assert app.session.state.is_error
             assert str(own_things) in app.session.state.message
-        assert not app.prompting
-        app.files_at = own_things
+        assert not app.prompt.is_open
+        app.output_folder = own_things
         await press(app, pilot, "F")
         assert "restricted" in await answer(app, pilot, str(tmp_path / "a.csv"))
         assert (await answer(app, pilot, "a.csv")).endswith("a.csv: 6 instances")

@@ -11,15 +11,15 @@ from rich.cells import cell_len
 from textual.pilot import Pilot
 
 from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session, shared_selection
-from s2rtui.terminal.ascii_filter import plain
+from s2rtui.terminal.ascii_filter import to_ascii
 from s2rtui.user_data.notebook import Notebook
 
 
 def strange(app: S2RApp) -> set[str]:
-    return {char for char in take(app).text if ord(char) > 126}
+    return {char for char in take_screenshot(app).text if ord(char) > 126}
 
 
 async def pressed(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
@@ -30,8 +30,8 @@ async def pressed(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
 
 @given(st.text())
 def test_plain_text_is_ascii_and_as_wide(text: str) -> None:
-    assert plain(text).isascii()
-    assert cell_len(plain(text)) == cell_len(text) or not text.isprintable()
+    assert to_ascii(text).isascii()
+    assert cell_len(to_ascii(text)) == cell_len(text) or not text.isprintable()
 
 
 @pytest.mark.parametrize("size", [(80, 24), (200, 60)])
@@ -44,10 +44,12 @@ async def test_every_screen_is_ascii(
     tiny_store: Path, size: tuple[int, int], keys: tuple[str, ...]
 ) -> None:
     session = Session(tiny_store, notebooks=Notebook)
-    session.book.save("Flur links │ 廊下", shared_selection.present(session))
-    session.book.note(session.state.cursor or 0, "überbelichtet …")
+    session.writable_notebook.save(
+        "Flur links │ 廊下", shared_selection.current_selection(session.state)
+    )
+    session.writable_notebook.note(session.state.cursor or 0, "überbelichtet …")
     app = S2RApp(session, RenderOptions(ascii=True))
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
         await pressed(app, pilot, *keys)
@@ -58,5 +60,5 @@ async def test_ctrl_c_says_how_to_quit(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(80, 24)) as pilot:
         await pressed(app, pilot, "ctrl+c")
-        assert "q quits" in take(app).text
+        assert "q quits" in take_screenshot(app).text
         assert not app._notifications

@@ -17,7 +17,7 @@ from s2rtui.user_data.notebook import Notebook
 
 def app_on(store: Path) -> S2RApp:
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     return app
 
 

@@ -18,7 +18,7 @@ from s2rtui.app.pilot import snapshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import VIEWS
-from s2rtui.loaders.live_prediction import Bench
+from s2rtui.loaders.live_prediction import LivePredictor
 from s2rtui.terminal import diagnostics
 from s2rtui.terminal.diagnostics import PARTS
 
@@ -84,7 +84,7 @@ OUTSIDE = {"adjust": ("a", "right", "right", "down"), "doctor": ("D",)}
 @pytest.fixture
 def still(monkeypatch: pytest.MonkeyPatch) -> None:
     """A model that never moves, on a plain terminal, everything installed."""
-    monkeypatch.setattr(Bench, "model", lambda _, store, run: Still(store, run))
+    monkeypatch.setattr(LivePredictor, "model", lambda _, store, run: Still(store, run))
     monkeypatch.setattr(diagnostics, "packages", lambda: [(part, "installed") for part in PARTS])
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.setenv("LC_ALL", "C.UTF-8")

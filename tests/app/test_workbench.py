@@ -14,7 +14,7 @@ from s2rstore.errors import RequestError
 from s2rtui.app.actions import ACTIONS
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers import prompt
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.tour import TourScreen
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.brush import Panel
@@ -28,7 +28,7 @@ KEYS = {view.name: view.key for view in VIEWS}
 
 def app_on(store: Path) -> S2RApp:
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
@@ -39,7 +39,7 @@ async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
 
 
 def panels(app: S2RApp, name: str) -> list[Panel]:
-    return list(app._panels(BY_NAME[name]))
+    return list(app.brush.panels(BY_NAME[name]))
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
@@ -99,7 +99,7 @@ async def test_escape_drops_a_brush_and_a_pending_operator(tiny_store: Path) -> 
         await press(app, pilot, "w", "x", "escape")
         assert app.session.state.brush is None
         await press(app, pilot, "vertical_line")
-        assert "| _" in take(app).text
+        assert "| _" in take_screenshot(app).text
         await press(app, pilot, "escape")
         assert app.session.state.operator == "replace"
         assert app.session.state.expression == "worst15"
@@ -144,7 +144,7 @@ async def test_the_wheel_moves_through_the_list_from_any_view(tiny_store: Path) 
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "8")
         rows = instance_list.order(app.session.store, app.session.state, app.session.notes)
-        app.session.put_cursor(int(rows[4]))
+        app.session.set_cursor(int(rows[4]))
         await press(app, pilot, "1")
         run = app.session.state.run
         await pilot._post_mouse_events([MouseScrollDown], "#list", offset=(9, 9), button=0)
@@ -224,9 +224,9 @@ async def test_notes_and_tags_are_written_and_shown_in_the_list(tiny_store: Path
         await pilot.press(*"glass", "enter")
         await settle(app, pilot)
         await press(app, pilot, "8")
-        assert "#door: glass" in take(app).text
+        assert "#door: glass" in take_screenshot(app).text
         await press(app, pilot, "slash")
-        app._line.value = "@door"
+        app.query_line.value = "@door"
         await press(app, pilot, "enter")
         assert app.session.state.count == "1 of 40"
 
@@ -238,7 +238,7 @@ async def test_a_selection_is_saved_found_and_taken_again(tiny_store: Path) -> N
         await pilot.press(*"bad", "enter")
         await settle(app, pilot)
         await press(app, pilot, "c", "f")
-        assert "@bad" in take(app).text
+        assert "@bad" in take_screenshot(app).text
         await press(app, pilot, "enter")
         assert app.session.state.expression == "worst15"
         await press(app, pilot, "f", "d", "escape")
@@ -249,22 +249,22 @@ async def test_a_wrong_name_keeps_the_line_open(tiny_store: Path) -> None:
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "at", "space", "enter")
-        assert app.prompting
+        assert app.prompt.is_open
         assert app.session.state.is_error
         await press(app, pilot, "escape")
-        assert not app.prompting
+        assert not app.prompt.is_open
 
 
 async def test_tab_completes_and_up_recalls(tiny_store: Path) -> None:
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w", "b", "slash")
-        app._line.value = "worst15 & room:le"
-        app._line.cursor_position = len(app._line.value)
+        app.query_line.value = "worst15 & room:le"
+        app.query_line.cursor_position = len(app.query_line.value)
         await press(app, pilot, "tab")
-        assert app._line.value == 'worst15 & room:"left hall"'
+        assert app.query_line.value == 'worst15 & room:"left hall"'
         await press(app, pilot, "escape", "slash", "up", "up")
-        assert app._line.value == "worst15"
+        assert app.query_line.value == "worst15"
         await press(app, pilot, "enter")
         assert app.session.state.expression == "worst15"
 
@@ -284,7 +284,7 @@ async def test_two_runs_are_compared(tiny_store: Path) -> None:
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "9")
-        text = take(app).text
+        text = take_screenshot(app).text
         assert "vanilla and dataaug" in text
         columns = [app.session.store.run_columns(run).real.error for run in ("vanilla", "dataaug")]
         better = int((columns[0] - columns[1] > 0.05).sum())
@@ -299,7 +299,7 @@ async def test_heat_of_the_selection_is_gathered(tiny_store: Path) -> None:
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "slash")
-        app._line.value = "ids(5)"
+        app.query_line.value = "ids(5)"
         await press(app, pilot, "enter", "o", "o")
         state = app.session.state
         assert state.overlay == "selection"
@@ -316,11 +316,11 @@ async def test_screens_over_the_views_open_and_close(
 ) -> None:
     app = app_on(tiny_store)
     async with app.run_test(size=size) as pilot:
-        for key, shown in (("D", "what you should see"), ("T", "sim is blue"), ("f", "history")):
+        for key, shown in (("D", "what you should see"), ("T", "reality is red"), ("f", "history")):
             await press(app, pilot, key)
-            assert shown in take(app).text
+            assert shown in take_screenshot(app).text
             await press(app, pilot, "escape")
-        assert "overview" in take(app).text or "map" in take(app).text
+        assert "overview" in take_screenshot(app).text or "map" in take_screenshot(app).text
 
 
 async def test_tab_goes_to_the_next_view_and_the_next_panel(tiny_store: Path) -> None:
@@ -390,7 +390,7 @@ async def test_a_tag_changes_the_selection_that_uses_it(tiny_store: Path) -> Non
         await press(app, pilot, "w", "number_sign")
         await pilot.press(*"done", "enter")
         await press(app, pilot, "slash")
-        app._line.value = "worst15 - @done"
+        app.query_line.value = "worst15 - @done"
         await press(app, pilot, "enter")
         assert app.session.state.count == "5 of 40"
         await press(app, pilot, "number_sign")
@@ -423,7 +423,7 @@ async def test_heat_is_never_shown_under_another_name(tiny_store: Path) -> None:
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "o")
         assert app.resources.heat_on_map(app.session.state) is not None
-        app.feeding.rest_seconds = 60.0
+        app.load_scheduler.debounce_seconds = 60.0
         await pilot.press("h")
         await pilot.pause()
         assert app.resources.heat_on_map(app.session.state) is None
@@ -444,9 +444,9 @@ async def test_what_another_session_saved_is_found(tiny_store: Path) -> None:
     other = Session(tiny_store, notebooks=Notebook)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        other.book.toggle_tag([2, 3], "theirs")
+        other.writable_notebook.toggle_tag([2, 3], "theirs")
         await press(app, pilot, "slash")
-        app._line.value = "@theirs"
+        app.query_line.value = "@theirs"
         await press(app, pilot, "enter")
         assert app.session.state.count == "2 of 40"
 
@@ -499,7 +499,7 @@ async def test_escape_ends_a_drag_that_has_not_moved(tiny_store: Path) -> None:
 
 async def test_the_key_that_ends_the_tour_does_nothing_else(tiny_store: Path) -> None:
     app = app_on(tiny_store)
-    app.first_run = True
+    app.is_first_start = True
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         before = app.session.state
@@ -508,7 +508,7 @@ async def test_the_key_that_ends_the_tour_does_nothing_else(tiny_store: Path) ->
             await pilot.press(key)
             assert app.screen is app.default_screen
             assert app.session.state is before
-            assert not app.prompting
+            assert not app.prompt.is_open
             app.action_tour()
             await pilot.pause()
 
@@ -522,9 +522,9 @@ async def test_the_history_is_kept_last_of_all_and_may_fail(
         done.append("remembered")
         raise OSError("no locks available")
 
-    stop = app.feeding.stop
-    monkeypatch.setattr(app.feeding, "stop", lambda: (done.append("stopped"), stop()))
-    monkeypatch.setattr(app, "leave_savings", lambda: done.append("left"))
+    stop = app.load_scheduler.stop
+    monkeypatch.setattr(app.load_scheduler, "stop", lambda: (done.append("stopped"), stop()))
+    monkeypatch.setattr(app.run_save, "close", lambda: done.append("left"))
     monkeypatch.setattr(Notebook, "remember", remember)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -542,14 +542,14 @@ async def test_a_store_that_is_out_of_reach_is_told_once(
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         with monkeypatch.context() as patch:
-            patch.setattr(app.session, "notice", gone)
-            app._watch()
+            patch.setattr(app.session, "check_for_updates", gone)
+            app.load_results.check_store()
             assert app.session.state.message == "the store is out of reach"
-            app.session.tell("what the user does now")
-            app._watch()
+            app.session.show_message("what the user does now")
+            app.load_results.check_store()
             assert app.session.state.message == "what the user does now"
-            app.session.tell("the store is out of reach", is_error=True)
-        app._watch()
+            app.session.show_message("the store is out of reach", is_error=True)
+        app.load_results.check_store()
         assert (app.session.state.message, app.session.state.is_error) == ("", False)
 
 
@@ -559,16 +559,16 @@ async def test_tagging_everyone_has_its_limits(
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "number_sign", *"many*")
-        monkeypatch.setattr(prompt, "_MOST_TAGGED", 39)
+        monkeypatch.setattr(prompt, "_MAX_TAGGED", 39)
         await press(app, pilot, "enter")
         assert "40 instances are too many to tag (at most 39): @" in app.session.state.message
-        monkeypatch.setattr(prompt, "_MOST_TAGGED", 40)
+        monkeypatch.setattr(prompt, "_MAX_TAGGED", 40)
         await press(app, pilot, "enter")
         assert app.session.state.message == "tagged: 40 instances"
         app.session.select("none")
         await press(app, pilot, "number_sign", *"few*", "enter")
         assert "nothing is selected" in app.session.state.message
-        assert app.prompting
+        assert app.prompt.is_open
     assert {tag for r in app.session.notes.remarks.values() for tag in r.tags} == {"many"}
 
 
@@ -576,12 +576,12 @@ async def test_without_an_instance_notes_and_tags_say_so(tiny_store: Path) -> No
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        app.session.set(replace(app.session.state, cursor=None))
+        app.session.set_state(replace(app.session.state, cursor=None))
         await press(app, pilot, "e")
         assert app.session.state.message == "no instance for a note: select some"
         await press(app, pilot, "number_sign")
         assert app.session.state.message == "no instance for a tag: select some"
-        assert not app.prompting
+        assert not app.prompt.is_open
 
 
 async def test_a_tag_that_ends_the_present_selection_says_so(tiny_store: Path) -> None:
@@ -591,5 +591,5 @@ async def test_a_tag_that_ends_the_present_selection_says_so(tiny_store: Path) -
         app.session.select("@one")
         await press(app, pilot, "number_sign", *"one", "enter")
         assert app.session.state.is_error
-        assert "the selection is as it was" in app.session.state.message
-        assert not app.prompting
+        assert "the selection is unchanged" in app.session.state.message
+        assert not app.prompt.is_open

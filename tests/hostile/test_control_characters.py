@@ -139,7 +139,7 @@ async def test_every_view_and_screen(
     hostile.notebook(own_things, selections={"mine": book}, history=[HOSTILE],
                      remarks={"3": {"tags": [], "note": HOSTILE}})  # fmt: skip
     app = S2RApp(Session(poisoned_store, "vanilla", Notebook), RenderOptions(), tmp_path)
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     seen = ""
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
@@ -150,14 +150,14 @@ async def test_every_view_and_screen(
             await pilot.press(key)
             await settle(app, pilot)
             seen += shown(app)
-            if app.prompting:
+            if app.prompt.is_open:
                 await pilot.press(*'room:"', "tab", "tab", "up", "up")
                 await pilot.pause()
                 seen += shown(app)
-            while isinstance(app.screen, ModalScreen) or app.prompting:
+            while isinstance(app.screen, ModalScreen) or app.prompt.is_open:
                 await pilot.press("escape")
-        app.session.choose(f"room:{string(HOSTILE + 'right')}")
-        app.session.tell(HOSTILE)
+        app.session.select(f"room:{string(HOSTILE + 'right')}")
+        app.session.show_message(HOSTILE)
         app.refresh_views()
         await pilot.pause()
         seen += shown(app)
@@ -170,7 +170,7 @@ async def test_pasted_text_is_escaped(poisoned_store: Path) -> None:
     from textual import events
 
     app = S2RApp(Session(poisoned_store), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("slash")

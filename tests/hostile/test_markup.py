@@ -17,7 +17,7 @@ from textual.widgets import Static
 import s2rtui
 from s2rtui.app.actions import ACTIONS
 from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.widgets.bar import Bar
 from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
@@ -128,8 +128,8 @@ async def drive(app: S2RApp, pilot: Pilot[None]) -> None:
         await settle(app, pilot)
         assert app.fault is None, action.name
         assert app.is_running, action.name
-        take(app)
-        while isinstance(app.screen, ModalScreen) or app.prompting:
+        take_screenshot(app)
+        while isinstance(app.screen, ModalScreen) or app.prompt.is_open:
             await pilot.press("escape")
 
 
@@ -141,7 +141,7 @@ async def test_the_whole_application_parses_no_markup_of_a_store(
                      remarks={"3": {"tags": ["[/", "CLICK"], "note": hostile.MARKUP}},
                      history=[hostile.MARKUP])  # fmt: skip
     app = S2RApp(Session(poisoned_store, "vanilla", Notebook), RenderOptions(), tmp_path)
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(150, 44)) as pilot:
         await settle(app, pilot)
         await drive(app, pilot)
@@ -150,7 +150,7 @@ async def test_the_whole_application_parses_no_markup_of_a_store(
         await pilot.press(*"CLICK")
         await pilot.pause()
         await pilot.press("escape", "escape")
-        app.tell_refusal(hostile.MARKUP)
+        app.show_error(hostile.MARKUP)
         await pilot.pause()
         assert app.is_running
     assert app.fault is None
@@ -162,14 +162,15 @@ async def test_a_room_is_text_and_not_an_action(own_store: Path, name: str) -> N
     hostile.edit(own_store, ("UPDATE room SET room = ? || room", [name]),
                  ("UPDATE instance SET room = ? || room", [name]))  # fmt: skip
     app = S2RApp(Session(own_store), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(160, 44)) as pilot:
         await settle(app, pilot)
-        app.session.choose(f'room:"{name}right"')
+        app.session.select(f'room:"{name}right"')
         app.refresh_views()
         await pilot.pause()
-        assert f"{name}right" in "".join(seg.text for line in take(app).lines for seg in line)
-        metas = [seg.style.meta for line in take(app).lines for seg in line if seg.style]
+        segments = [segment for line in take_screenshot(app).lines for segment in line]
+        assert f"{name}right" in "".join(segment.text for segment in segments)
+        metas = [segment.style.meta for segment in segments if segment.style]
         assert not any("@click" in meta for meta in metas)
         for column in range(0, 160, 4):
             await pilot.click(Static, offset=(column, 0))
@@ -186,11 +187,11 @@ async def test_names_of_a_folder_a_tag_and_a_saved_selection(
         book.save(name, SavedSelection("worst15", 1, "vanilla", 6))
     book.toggle_tag([3], "[ tag")
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(160, 44)) as pilot:
         await settle(app, pilot)
         assert "[ [@click=app.quit].s2r" in app.status_text()
-        app.session.choose('@"[b"')
+        app.session.select('@"[b"')
         app.refresh_views()
         await pilot.press("f")
         await pilot.pause()

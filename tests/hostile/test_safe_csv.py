@@ -81,8 +81,8 @@ def _number(cell: str) -> bool:
 @pytest.mark.parametrize("safe", [False, True])
 async def test_of_the_application(formula_store: Path, tmp_path: Path, safe: bool) -> None:
     app = S2RApp(Session(formula_store), RenderOptions(), tmp_path)
-    app.safe_csv = safe
-    app.feeding.rest_seconds = 0.001
+    app.export.safe_csv = safe
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("c", "F", "enter")

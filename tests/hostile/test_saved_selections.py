@@ -75,7 +75,7 @@ async def test_inside_the_application(tiny_store: Path, own_things: Path, kind: 
     made = {name: hostile.saved(text) for name, text in chain(kind).items()}
     hostile.notebook(own_things, selections=made)
     app = S2RApp(Session(tiny_store, notebooks=Notebook), RenderOptions())
-    app.feeding.rest_seconds = 0.001
+    app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(160, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("slash", "ctrl+u", *"@s0", "enter")

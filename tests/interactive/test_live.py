@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from s2rtools.precompute.registry import add_run
 
 import s2rstore
 from s2rstore.errors import RequestError
@@ -18,9 +19,8 @@ from s2rtools.adjustments import make_chain, parse_adjustment
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.interactive import LiveModel, LiveResult
 from s2rtools.precompute.pipeline import precompute
-from s2rtools.precompute.registration import add_run
-from s2rtui.session.heatmaps import choices, instance_grid
-from s2rtui.session.model_input import seen
+from s2rtui.session.heatmaps import heatmap_choices, instance_grid
+from s2rtui.session.model_input import model_input
 from s2rtui.session.state import HeatChoice
 from tests.support.quiet import Quiet
 
@@ -58,10 +58,10 @@ def same_as_stored(store: Store, run: str, result: LiveResult, live: LiveModel) 
             assert getattr(shown, name) == pytest.approx(getattr(stored, name)[iid], abs=1e-4)
         assert angles.distance(shown.heading, stored.heading[iid]) < 1e-4
         assert shown.heading_error == pytest.approx(stored.heading_error[iid], abs=1e-4)
-        picture = seen(store, store.run(run), side, iid)
+        picture = model_input(store, store.run(run), side, iid)
         assert (picture.rgb == shown.rgb).all()
         np.testing.assert_array_equal(picture.depth, shown.depth)
-        for kind, mode in choices(store, run):
+        for kind, mode in heatmap_choices(store, run):
             mine = result.heatmap(kind, side, mode)
             theirs = store.heatmap(run, kind, side, iid, mode)
             assert mine.shape == theirs.shape

@@ -28,7 +28,7 @@ from s2rtools.precompute.registration import add_run
 from s2rtools.rendering import no_renderer_reason, open_renderer
 from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.ground_truth import GroundTruth
-from s2rtui.session.heatmaps import choices, instance_grid
+from s2rtui.session.heatmaps import heatmap_choices, instance_grid
 from s2rtui.session.state import HeatChoice
 from tests.support.copies import copied
 from tests.support.quiet import Quiet
@@ -68,7 +68,7 @@ def test_only_the_moved_side_has_frames_of_its_own(store: Store, moved_world: Pa
             == array(store, "vanilla", "prediction", "real")).all()  # fmt: skip
     assert (array(store, "up", "prediction", "sim")
             != array(store, "vanilla", "prediction", "sim")).any()  # fmt: skip
-    assert "frames:rgb" not in {kind for kind, _ in choices(store, "up")}
+    assert "frames:rgb" not in {kind for kind, _ in heatmap_choices(store, "up")}
     assert verify(moved_world) == []
 
 

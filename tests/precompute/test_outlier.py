@@ -13,7 +13,7 @@ from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import outliers
-from s2rtui.session.heatmaps import choices
+from s2rtui.session.heatmaps import heatmap_choices
 from tests.precompute.test_pipeline import Quiet
 
 FEW = PrecomputeOptions(kinds=("feature_distance",))
@@ -81,7 +81,7 @@ def test_the_index_holds_the_scores_of_the_components(computed: Path) -> None:
 
 def test_distances_are_no_heatmap_to_look_at(computed: Path) -> None:
     with s2rstore.open(computed) as store:
-        assert choices(store, "vanilla") == [("feature_distance", None)]
+        assert heatmap_choices(store, "vanilla") == [("feature_distance", None)]
 
 
 @pytest.mark.parametrize("column", [True, False])

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
 from s2rtui.app import actions
-from s2rtui.app.actions import ACTIONS, Action, footer, help_text, named, offered
+from s2rtui.app.actions import ACTIONS, Action, find_action, footer, help_text, permitted_actions
 from s2rtui.app.app import S2RApp
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
 from s2rtui.session import Session, display
@@ -54,9 +54,9 @@ def test_the_store_is_read_and_never_written(tmp_path: Path) -> None:
 
 def test_an_ordinary_session_is_not_held_back(tmp_path: Path) -> None:
     access = Permissions(tmp_path / "s.s2r", tmp_path / "own")
-    assert access.may_load_models
-    assert access.require_writable(tmp_path / "a.png") == tmp_path / "a.png"
-    assert offered(access) == list(ACTIONS)
+    assert access.may_adjust
+    assert access.writable(tmp_path / "a.png") == tmp_path / "a.png"
+    assert permitted_actions(access) == list(ACTIONS)
 
 
 @pytest.fixture
@@ -71,8 +71,8 @@ def mist(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_is_not_allowed_is_not_offered(tiny_store: Path, tmp_path: Path) -> None:
     access = restricted(tmp_path)
     session = Session(tiny_store)
-    assert MIST not in offered(access)
-    assert {action.needs for action in offered(access)} == {""}
+    assert MIST not in permitted_actions(access)
+    assert {action.needs for action in permitted_actions(access)} == {""}
     assert "mist" not in [word for _, word in footer(900, session.state, access)]
     assert "mist in the images" not in help_text(access)
     ordinary = Permissions(tmp_path, tmp_path)
@@ -84,7 +84,7 @@ def test_what_is_not_allowed_is_not_offered(tiny_store: Path, tmp_path: Path) ->
 def test_actions_are_found_as_they_are_called() -> None:
     for action in ACTIONS:
         _, name, parameters = textual.actions.parse(action.call)
-        assert named(name, parameters) is action
+        assert find_action(name, parameters) is action
 
 
 @pytest.mark.usefixtures("mist")
@@ -96,14 +96,14 @@ async def test_a_refused_action_says_so(tiny_store: Path, tmp_path: Path) -> Non
         await settle(app, pilot)
         before = app.session.state.heat
         for call in ("do('side')", "app.do('side')"):
-            app.session.tell("")
+            app.session.show_message("")
             await app.run_action(call)
             assert "restricted" in app.session.state.message
-        app.session.tell("")
+        app.session.show_message("")
         await pilot.press("d")
         await settle(app, pilot)
         assert app.session.state.heat == before
-        assert "not in a restricted session: mist in the images" in take(app).text
+        assert "not in a restricted session: mist in the images" in take_screenshot(app).text
         titles = [command.title for command in app.get_system_commands(app.screen)]
         assert len(titles) > 10
         assert not any("mist in the images" in title for title in titles)

@@ -20,7 +20,7 @@ def with_chain(path: Path, *steps: dict[str, object]) -> Session:
     session = Session(path)
     record: Run = session.store.run(session.state.run)
     record.real_adjustments[:] = steps
-    adjusting.begin(session, *adjusting.sliders(session.store))
+    session.dispatch(adjusting.open_sliders, *adjusting.available_sliders(session.store))
     return session
 
 
@@ -28,9 +28,9 @@ def moved(session: Session, name: str, value: float) -> list[object]:
     adjust = session.state.adjust
     assert adjust is not None
     index = [slider.name for slider in adjust.sliders].index(name)
-    state = adjusting.put(session, index, value)
+    state = session.dispatch(adjusting.set_slider, index, value)
     assert state.adjust is not None
-    return [step["name"] for step in adjusting.chains(state.adjust)["real"]]
+    return [step["name"] for step in adjusting.adjustment_chains(state.adjust)["real"]]
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_a_run_keeps_the_order_of_its_steps(
     session = with_chain(tiny_store, *own)
     adjust = session.state.adjust
     assert adjust is not None
-    assert adjusting.chains(adjust)["real"] == list(own)
+    assert adjusting.adjustment_chains(adjust)["real"] == list(own)
     assert moved(session, "black", 0.5) == after
     session.close()
 
@@ -55,8 +55,8 @@ def test_a_run_keeps_the_order_of_its_steps(
 def test_a_step_taken_twice_is_refused(own_store: Path) -> None:
     session = with_chain(own_store, BRIGHT, FLAT, BRIGHT)
     assert session.state.adjust is not None
-    with pytest.raises(RequestError, match="run vanilla: takes a step twice"):
-        adjusting.chains(session.state.adjust)
+    with pytest.raises(RequestError, match="run vanilla: applies an adjustment twice"):
+        adjusting.adjustment_chains(session.state.adjust)
     session.close()
     chains = {"sim": [], "real": [BRIGHT, FLAT, BRIGHT]}
     with pytest.raises(RequestError, match="--adjust real: brightness twice"):
@@ -67,10 +67,10 @@ def test_a_step_taken_twice_is_refused(own_store: Path) -> None:
 
 def test_what_is_missing_is_so_for_every_run(tiny_store: Path) -> None:
     session = Session(tiny_store)
-    adjusting.lack(session, "torch")
+    session.dispatch(adjusting.report_missing_package, "torch")
     session.change_run(1)
-    adjust = adjusting.follow(session).adjust
+    adjust = session.dispatch(adjusting.follow_run).adjust
     assert adjust is not None
     assert adjust.run == session.state.run != "vanilla"
-    assert "needs torch" in adjust.missing
+    assert "need torch" in adjust.missing
     session.close()

@@ -31,7 +31,7 @@ def line(shape: str) -> Panel:
 @pytest.mark.parametrize("y_down", [True, False])
 def test_a_box_begins_about_the_cursor(y_down: bool) -> None:
     panel = plane(y_down)
-    brush = brushing.begun("map", panel, (2.0, 3.0 if y_down else -3.0))
+    brush = brushing.started("map", panel, (2.0, 3.0 if y_down else -3.0))
     (x0, y0), (x1, y1) = brush.mark.points
     assert x0 < 2.0 < x1
     assert min(y0, y1) < (3.0 if y_down else -3.0) < max(y0, y1)
@@ -40,7 +40,7 @@ def test_a_box_begins_about_the_cursor(y_down: bool) -> None:
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), max_size=12))
 def test_moving_keeps_the_size_and_never_loses_the_box(steps: list[tuple[int, int]]) -> None:
     panel = plane()
-    brush = brushing.begun("map", panel, None)
+    brush = brushing.started("map", panel, None)
     (x0, y0), (x1, y1) = brush.mark.points
     for step in steps:
         brush = brushing.moved(brush, panel, *step)
@@ -56,7 +56,7 @@ def test_moving_keeps_the_size_and_never_loses_the_box(steps: list[tuple[int, in
 @pytest.mark.parametrize("shape", ["plane", "range", "turn", "steps"])
 def test_scaling_never_turns_a_mark_inside_out(shape: str, steps: list[int]) -> None:
     panel = plane() if shape == "plane" else line(shape)
-    brush = brushing.begun("map", panel, None)
+    brush = brushing.started("map", panel, None)
     for step in steps:
         brush = brushing.scaled(brush, panel, step)
         (x0, y0), (x1, y1) = brush.mark.points
@@ -66,28 +66,28 @@ def test_scaling_never_turns_a_mark_inside_out(shape: str, steps: list[int]) -> 
 
 
 def test_a_turn_moves_by_its_bins() -> None:
-    brush = brushing.begun("orientation", line("turn"), (90.0, 1.0))
+    brush = brushing.started("orientation", line("turn"), (90.0, 1.0))
     moved = brushing.moved(brush, line("turn"), 1, 0)
     assert [x for x, _ in moved.mark.points] == [85.0, 105.0]
 
 
 def test_steps_move_by_rows_alone() -> None:
-    brush = brushing.begun("rooms", line("steps"), (0.0, 3.0))
+    brush = brushing.started("rooms", line("steps"), (0.0, 3.0))
     moved = brushing.stretched(brushing.moved(brush, line("steps"), 4, 1), line("steps"), 0, 2)
     assert [y for _, y in moved.mark.points] == [4.0, 6.0]
 
 
 def test_a_lasso_grows_corner_by_corner() -> None:
     panel = plane()
-    brush = brushing.begun("map", panel, (1.0, 1.0), lasso=True)
+    brush = brushing.started("map", panel, (1.0, 1.0), lasso=True)
     for step in ((2, 0), (0, 2), (-2, 0)):
-        brush = brushing.moved(brushing.cornered(brush), panel, *step)
+        brush = brushing.moved(brushing.with_corner(brush), panel, *step)
     assert brush.corners == 3
     assert brushing.outline(brush) == ((1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (1.0, 3.0))
 
 
 def test_a_lasso_is_not_scaled() -> None:
-    brush = brushing.begun("map", plane(), (1.0, 1.0), lasso=True)
+    brush = brushing.started("map", plane(), (1.0, 1.0), lasso=True)
     assert brushing.scaled(brush, plane(), 1) == brush
 
 
@@ -104,7 +104,7 @@ def test_a_drag_is_a_box_and_with_a_trail_a_lasso() -> None:
 @given(st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), max_size=90))
 def test_a_stretched_heading_keeps_its_sense(steps: list[tuple[int, int]]) -> None:
     panel = line("turn")
-    brush = brushing.begun("orientation", panel, (0.0, 1.0))
+    brush = brushing.started("orientation", panel, (0.0, 1.0))
     start = brush.mark.points[0]
     for step in steps:
         brush = brushing.stretched(brush, panel, *step)
@@ -114,7 +114,7 @@ def test_a_stretched_heading_keeps_its_sense(steps: list[tuple[int, int]]) -> No
 
 def test_a_heading_across_half_a_turn_can_be_stretched() -> None:
     panel = line("turn")
-    drawn = replace(brushing.begun("orientation", panel, None).mark, points=((170, 1), (-170, 1)))
+    drawn = replace(brushing.started("orientation", panel, None).mark, points=((170, 1), (-170, 1)))
     brush = brushing.stretched(Brush("orientation", drawn), panel, 1, 0)
     assert brush.mark.points == ((170, 1), (-165, 1))
 

@@ -12,9 +12,10 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.files.locks import file_lock
-from s2rtui.session import Session, shared_selection
+from s2rtui.session import Session, navigation, shared_selection
 from s2rtui.user_data import notebook
 from s2rtui.user_data.notebook import Notebook, SavedSelection
+from tests.support.shared_lines import shared_line
 
 
 @pytest.fixture
@@ -24,27 +25,27 @@ def session(tiny_store: Path) -> Session:
 
 def test_undo_and_redo_go_past_what_means_nothing_any_more(session: Session) -> None:
     session.select("best15")
-    session.book.save("gone", shared_selection.present(session))
+    session.writable_notebook.save("gone", shared_selection.current_selection(session.state))
     session.select("@gone & curved")
     session.select("worst15")
-    session.book.forget("gone")
+    session.writable_notebook.forget("gone")
     state = session.undo()
     assert state.expression == "best15"
     assert "left out: @gone & curved" in state.message
     assert session.redo().expression == "worst15"
-    session.book.save("gone", shared_selection.present(session))
+    session.writable_notebook.save("gone", shared_selection.current_selection(session.state))
     session.select("@gone")
     session.undo()
-    session.book.forget("gone")
+    session.writable_notebook.forget("gone")
     state = session.redo()
     assert (state.expression, state.future) == ("worst15", ())
     assert "nothing to redo; left out: @gone" in state.message
 
 
 def test_undo_says_where_nothing_is_left(session: Session) -> None:
-    session.book.toggle_tag([1], "door")
-    session.set(replace(session.state, past=("@door",)))
-    session.book.toggle_tag([1], "door")
+    session.writable_notebook.toggle_tag([1], "door")
+    session.set_state(replace(session.state, past=("@door",)))
+    session.writable_notebook.toggle_tag([1], "door")
     before = session.state.expression
     state = session.undo()
     assert (state.expression, state.past) == (before, ())
@@ -52,14 +53,14 @@ def test_undo_says_where_nothing_is_left(session: Session) -> None:
 
 
 def test_a_run_is_reached_though_the_expression_means_nothing(session: Session) -> None:
-    session.book.save("gone", SavedSelection("all", 1, "vanilla", 40))
+    session.writable_notebook.save("gone", SavedSelection("all", 1, "vanilla", 40))
     session.select("@gone")
-    session.book.forget("gone")
+    session.writable_notebook.forget("gone")
     state = session.change_run(1)
     assert (state.run, state.expression) == ("dataaug", "all")
     assert "@gone means nothing here" in state.message
-    session.set(replace(state, expression="@gone"))
-    state = session.change_trajectory()
+    session.set_state(replace(state, expression="@gone"))
+    state = session.dispatch(navigation.change_trajectory)
     assert (state.trajectories, state.expression) == (("a",), "all")
 
 
@@ -86,7 +87,7 @@ ODD = {
 def test_what_cannot_be_read_is_kept_and_the_rest_is_used(
     tiny_store: Path, session: Session
 ) -> None:
-    path = session.book.path
+    path = session.writable_notebook.path
     content = {"version": 1, "dataset": "0" * 64, **ODD}
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(content))
@@ -99,9 +100,9 @@ def test_what_cannot_be_read_is_kept_and_the_rest_is_used(
     with pytest.raises(RequestError):
         session.select("@later")
     session.select("worst15")
-    session.book.save("new", shared_selection.present(session))
-    session.book.note(4, "a mirror")
-    session.book.forget("good")
+    session.writable_notebook.save("new", shared_selection.current_selection(session.state))
+    session.writable_notebook.note(4, "a mirror")
+    session.writable_notebook.forget("good")
     written = json.loads(path.read_text())
     for section in ("selections", "remarks"):
         lost = {"good"} if section == "selections" else set()
@@ -114,10 +115,10 @@ def test_what_cannot_be_read_is_kept_and_the_rest_is_used(
 
 
 def test_nothing_is_written_over_what_cannot_be_read(tiny_store: Path, session: Session) -> None:
-    path = session.book.path
+    path = session.writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({"version": 1, "dataset": "0" * 64, **ODD}))
-    book = Session(tiny_store, "vanilla", Notebook).book
+    book = Session(tiny_store, "vanilla", Notebook).writable_notebook
     before = path.read_text()
     with pytest.raises(RequestError, match="unreadable @short"):
         book.save("short", SavedSelection("all", 1, "vanilla", 40))
@@ -131,54 +132,59 @@ def test_nothing_is_written_over_what_cannot_be_read(tiny_store: Path, session: 
 def test_a_section_of_another_form_is_kept(
     tiny_store: Path, own_things: Path, section: str
 ) -> None:
-    path = Session(tiny_store, notebooks=Notebook).book.path
+    path = Session(tiny_store, notebooks=Notebook).writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({"version": 1, "dataset": "0" * 64, section: "odd"}))
     for _ in range(2):
         session = Session(tiny_store, notebooks=Notebook)
         assert session.notes.unread.count == 1
-        session.book.note(1, "x")
+        session.writable_notebook.note(1, "x")
     assert "odd" in json.loads(path.read_text()).values()
 
 
 def test_a_saved_name_used_elsewhere_says_so(session: Session, tmp_path: Path) -> None:
     session.select("worst15")
-    session.book.save("left hall", shared_selection.present(session))
+    session.writable_notebook.save("left hall", shared_selection.current_selection(session.state))
     assert session.select('@"left hall"').message == ""
-    told = session.put_run("dataaug").message
-    assert '@"left hall": evaluated anew: 6 on dataaug, generation 2' in told
+    told = session.set_run("dataaug").message
+    assert '@"left hall": evaluated again: 6 on dataaug, generation 2' in told
     assert "saved: 6 on vanilla, generation 2" in told
-    session.put_run("vanilla")
-    assert "generation 2, in a; saved: 6" in session.put_trajectories(("a",)).message
-    session.put_trajectories(None)
-    session.set(replace(session.state, generation=3))
+    session.set_run("vanilla")
+    assert (
+        "generation 2, in a; saved: 6"
+        in session.dispatch(navigation.set_trajectories, ("a",)).message
+    )
+    session.dispatch(navigation.set_trajectories, None)
+    session.set_state(replace(session.state, generation=3))
     told = session.select('@"left hall" & curved').message
     assert "6 on vanilla, generation 3; saved: 6 on vanilla, generation 2" in told
 
 
 def test_a_shared_line_brings_its_trajectories(session: Session) -> None:
-    session.put_trajectories(("b",))
+    session.dispatch(navigation.set_trajectories, ("b",))
     session.select("worst15")
-    line = shared_selection.shared_text(session)
+    line = shared_line(session)
     assert line.endswith('instances in "b"')
     chosen = session.state.selected
-    session.put_trajectories(None)
+    session.dispatch(navigation.set_trajectories, None)
     session.select("all")
-    state = shared_selection.take(session, line)
+    state = session.dispatch(shared_selection.select_text, line)
     assert state.trajectories == ("b",)
     assert (state.selected == chosen).all()
     assert state.message == "trajectories b"
     session.select("all")
-    assert shared_selection.take(session, line.replace('"b"', '"nowhere"')).trajectories == ("b",)
+    assert session.dispatch(
+        shared_selection.select_text, line.replace('"b"', '"nowhere"')
+    ).trajectories == ("b",)
     assert "in nowhere" in session.state.message
 
 
 def test_a_shared_line_of_another_generation_says_so(session: Session) -> None:
     session.select("worst15")
-    line = shared_selection.shared_text(session).replace("generation 2", "generation 7")
+    line = shared_line(session).replace("generation 2", "generation 7")
     session.select("all")
     past = len(session.state.past)
-    state = shared_selection.take(session, line)
+    state = session.dispatch(shared_selection.select_text, line)
     assert "6 on vanilla, generation 2; saved: 6 on vanilla, generation 7" in state.message
     assert len(state.past) == past + 1
 
@@ -186,11 +192,14 @@ def test_a_shared_line_of_another_generation_says_so(session: Session) -> None:
 def test_a_lock_that_is_held_is_not_waited_for_long(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    session.book.note(3, "first")
-    monkeypatch.setattr(notebook, "_LOCK_SECONDS", 0.1)
-    with file_lock(session.book.path), pytest.raises(RequestError, match="writing lock"):
-        session.book.note(3, "second")
-    session.book.refresh()
+    session.writable_notebook.note(3, "first")
+    monkeypatch.setattr(notebook, "_PATIENCE", 0.1)
+    with (
+        file_lock(session.writable_notebook.path),
+        pytest.raises(RequestError, match="writing lock"),
+    ):
+        session.writable_notebook.note(3, "second")
+    session.writable_notebook.refresh()
     assert session.notes.remarks[3].note == "first"
 
 
@@ -202,4 +211,4 @@ def test_a_file_system_without_locks_is_told(
 
     monkeypatch.setattr(fcntl, "flock", no_lock)
     with pytest.raises(RequestError, match="cannot be locked"):
-        session.book.note(3, "first")
+        session.writable_notebook.note(3, "first")

@@ -9,22 +9,22 @@ from pathlib import Path
 import pytest
 
 from s2rtui.app.actions import ACTIONS
-from s2rtui.app.controllers import navigation
-from s2rtui.session import Session, State
+from s2rtui.session import Session, State, display
 from s2rtui.session.state import Adjust, Slider
 
 BEFORE = "told by an earlier key"
+MESSAGE = ("message", "is_error", "keeps_message")
 SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
 KEYS: dict[str, Callable[[Session], object]] = {
     **{action.name: action.do for action in ACTIONS if action.do is not None},
-    "another view": lambda s: navigation.to(s, "list", on_screen=False),
-    "a view on the screen": lambda s: navigation.to(s, "umap", on_screen=True),
+    "another view": lambda s: s.dispatch(display.show_view, "list", "tab"),
+    "a view on the screen": lambda s: s.dispatch(display.activate, "umap"),
 }
 
 
 def differs(one: State, other: State) -> bool:
     """In anything but what is told."""
-    names = (each.name for each in fields(State) if each.name not in ("message", "is_error"))
+    names = (each.name for each in fields(State) if each.name not in MESSAGE)
     return any(getattr(one, name) is not getattr(other, name) for name in names)
 
 
@@ -39,7 +39,7 @@ def test_a_message_goes_with_the_next_change(session: Session, is_error: bool) -
     first = replace(session.state, adjust=adjust, past=("all",), future=("best15",), viewport=None)
     stays, changing = [], 0
     for name, key in KEYS.items():
-        session.set(replace(first, message=BEFORE, is_error=is_error))
+        session.set_state(replace(first, message=BEFORE, is_error=is_error))
         before = session.state
         key(session)
         after = session.state
@@ -51,8 +51,8 @@ def test_a_message_goes_with_the_next_change(session: Session, is_error: bool) -
 
 
 def test_what_changes_nothing_leaves_an_error(session: Session) -> None:
-    session.tell("an error", is_error=True)
-    navigation.to(session, session.state.view, on_screen=True)
+    session.show_message("an error", is_error=True)
+    session.dispatch(display.activate, session.state.view)
     assert (session.state.message, session.state.is_error) == ("an error", True)
 
 

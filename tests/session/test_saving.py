@@ -72,7 +72,8 @@ def test_a_saving_ends_with_a_killed_application(trained: Path, tmp_path: Path) 
     path = copied(trained, tmp_path / "s.s2r")
     add_run(path, "saved", "vanilla", None, None, {"sim": [], "real": []})
     code = (
-        "import sys; from pathlib import Path; from s2rtui.jobs.precompute_job import PrecomputeJob\n"
+        "import sys; from pathlib import Path\n"
+        "from s2rtui.jobs.precompute_job import PrecomputeJob\n"
         "saving = PrecomputeJob(Path(sys.argv[1]), 'saved', 3, False)\n"
         "shown = saving.follow(); next(shown); next(shown)\n"
         "print(saving._process.pid, flush=True); list(shown)"
@@ -112,8 +113,8 @@ def test_a_run_that_is_left_can_be_gone_on_with(trained: Path, tmp_path: Path) -
     saving = save_run(path, "saved", "vanilla", {"sim": make_chain("sim", {"black": 0.5})})
     waited(saving, "forward")
     began = time.monotonic()
-    saving.leave()
-    assert list(saving.follow())[-1].outcome == "left"
+    saving.cancel()
+    assert list(saving.follow())[-1].outcome == "cancelled"
     assert time.monotonic() - began < 1
     with s2rstore.open(path) as store:
         assert store.run("saved").key is None

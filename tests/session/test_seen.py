@@ -14,7 +14,7 @@ from s2rstore.records import Run
 from s2rtools.adjustments import parse_adjustment
 from s2rtools.precompute.registration import add_run
 from s2rtui.charts.instance.model import instance_input
-from s2rtui.session.model_input import seen
+from s2rtui.session.model_input import model_input
 
 
 @pytest.fixture
@@ -33,23 +33,25 @@ def run(store: Store, name: str) -> Run:
 
 
 def test_pictures_are_adjusted(store: Store) -> None:
-    plain, bright = (seen(store, run(store, name), "real", 4) for name in ("vanilla", "bright"))
+    plain, bright = (
+        model_input(store, run(store, name), "real", 4) for name in ("vanilla", "bright")
+    )
     np.testing.assert_array_equal(
         bright.rgb, np.clip(np.rint(plain.rgb * 1.5), 0, 255).astype(np.uint8)
     )
     np.testing.assert_array_equal(bright.depth, plain.depth)
     assert (plain.title, bright.title) == ("", "real, brightness=1.5")
-    assert seen(store, run(store, "bright"), "sim", 4).title == ""
+    assert model_input(store, run(store, "bright"), "sim", 4).title == ""
 
 
 def test_depth_that_was_taken_away_is_no_depth(store: Store) -> None:
-    dark = seen(store, run(store, "dark"), "real", 4)
+    dark = model_input(store, run(store, "dark"), "real", 4)
     assert np.isnan(dark.depth).all()
     assert not dark.rgb.any()
 
 
 def test_long_chains_are_told_in_a_note(store: Store) -> None:
-    many = seen(store, run(store, "many"), "real", 4)
+    many = model_input(store, run(store, "many"), "real", 4)
     assert many.title == "real, adjusted"
     assert many.notes == (("real images", "brightness=1.5, contrast=0.5"),)
 
@@ -57,9 +59,9 @@ def test_long_chains_are_told_in_a_note(store: Store) -> None:
 def test_without_the_tools_the_stored_frame_says_so(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plain = seen(store, run(store, "vanilla"), "real", 4)
+    plain = model_input(store, run(store, "vanilla"), "real", 4)
     monkeypatch.setitem(sys.modules, "s2rtools.adjustments", None)
-    bright, many = (seen(store, run(store, name), "real", 4) for name in ("bright", "many"))
+    bright, many = (model_input(store, run(store, name), "real", 4) for name in ("bright", "many"))
     np.testing.assert_array_equal(bright.rgb, plain.rgb)
     assert bright.title == "real, before brightness=1.5"
     assert many.title == "real, before adjustments"

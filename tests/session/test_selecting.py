@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from s2rtui.charts.table.view import ListView
 
 from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError
@@ -17,11 +18,11 @@ from s2rstore.metrics import similarity
 from s2rstore.records import Side
 from s2rtui.app.actions import BY_NAME
 from s2rtui.charts.instance.model import NEIGHBOURS
-from s2rtui.charts.list.view import ListView
-from s2rtui.charts.scene import Resources, Scene
-from s2rtui.session import Session, instance_list, selection, shared_selection
+from s2rtui.charts.view import Resources, Scene
+from s2rtui.session import Session, evaluation, instance_list, selection, shared_selection
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import embeddings
+from tests.support.shared_lines import shared_line
 
 
 @pytest.fixture
@@ -44,10 +45,10 @@ OPERATORS = {
 @pytest.mark.parametrize("operator", OPERATORS)
 def test_operators_are_set_algebra(session: Session, operator: str) -> None:
     session.select("ids(0..19)")
-    session.choose("ids(0..19)")
+    session.select("ids(0..19)")
     first = chosen(session)
-    session.expect(operator)
-    session.choose("ids(10..29)")
+    session.dispatch(selection.set_operator, operator)
+    session.select("ids(10..29)")
     assert chosen(session) == OPERATORS[operator](first, set(range(10, 30)))
     assert session.state.operator == "replace"
 
@@ -68,32 +69,32 @@ def test_any_chain_of_operators_agrees_with_python_sets(
     for operator, one, two in steps:
         low, high = sorted((one, two))
         if operator != "replace":
-            session.expect(operator)
-        session.choose(f"ids({low}..{high})")
+            session.dispatch(selection.set_operator, operator)
+        session.select(f"ids({low}..{high})")
         expected = OPERATORS[operator](expected, set(range(low, high + 1)))
     assert chosen(session) == expected
     assert chosen(session) == set(np.flatnonzero(session.select(session.state.expression).selected))
 
 
 def test_an_operator_asked_for_twice_is_dropped(session: Session) -> None:
-    session.expect("union")
+    session.dispatch(selection.set_operator, "union")
     assert session.state.operator == "union"
-    assert session.expect("union").operator == "replace"
+    assert session.dispatch(selection.set_operator, "union").operator == "replace"
 
 
 def test_complement_is_valid_minus_set_and_its_own_inverse(session: Session) -> None:
     session.select("worst15")
     before = chosen(session)
-    session.complement()
+    session.dispatch(selection.complement)
     assert chosen(session) == set(range(40)) - before
-    assert session.complement().expression == "worst15"
+    assert session.dispatch(selection.complement).expression == "worst15"
 
 
 def test_a_wrong_choice_keeps_state_and_operator(session: Session) -> None:
-    session.expect("intersect")
+    session.dispatch(selection.set_operator, "intersect")
     before = session.state
     with pytest.raises(ExpressionError):
-        session.choose("room:nowhere")
+        session.select("room:nowhere")
     assert session.state is before
 
 
@@ -110,10 +111,10 @@ def test_redo_goes_forward_until_something_new_is_chosen(session: Session) -> No
 
 def test_the_papers_question_in_three_selections(session: Session) -> None:
     session.select("worst(15%, sim.error)")
-    session.expect("intersect")
-    session.choose("best(50%, real.error)")
-    session.expect("intersect")
-    session.choose("box(-1000, -1000, 1000, 1000)")
+    session.dispatch(selection.set_operator, "intersect")
+    session.select("best(50%, real.error)")
+    session.dispatch(selection.set_operator, "intersect")
+    session.select("box(-1000, -1000, 1000, 1000)")
     columns = session.store.run_columns(session.state.run)
     poor = set(np.argsort(-columns.sim.error, kind="stable")[:6].tolist())
     well = set(np.argsort(columns.real.error, kind="stable")[:20].tolist())
@@ -123,48 +124,48 @@ def test_the_papers_question_in_three_selections(session: Session) -> None:
 def test_saved_selections_and_tags_are_names_of_the_language(session: Session) -> None:
     session.select("worst15")
     worst = chosen(session)
-    session.book.save("mine", SavedSelection("worst15", 1, "vanilla", 6))
-    assert session.book.toggle_tag([3, 5], "door")
+    session.writable_notebook.save("mine", SavedSelection("worst15", 1, "vanilla", 6))
+    assert session.writable_notebook.toggle_tag([3, 5], "door")
     session.select("@mine | @door")
     assert chosen(session) == worst | {3, 5}
-    assert not session.book.toggle_tag([3, 5], "door")
+    assert not session.writable_notebook.toggle_tag([3, 5], "door")
     with pytest.raises(ExpressionError):
         session.select("@door")
 
 
 def test_two_sessions_of_a_user_keep_both_their_work(tiny_store: Path) -> None:
     first, second = (Session(tiny_store, notebooks=Notebook) for _ in range(2))
-    first.book.note(3, "  overexposed\nwindow ")
-    second.book.note(4, "a mirror")
-    second.book.toggle_tag([3], "window")
+    first.writable_notebook.note(3, "  overexposed\nwindow ")
+    second.writable_notebook.note(4, "a mirror")
+    second.writable_notebook.toggle_tag([3], "window")
     assert second.notes.remarks[3].text == "#window: overexposed window"
     assert set(Session(tiny_store, notebooks=Notebook).notes.remarks) == {3, 4}
-    first.book.note(3, "")
+    first.writable_notebook.note(3, "")
     assert first.notes.remarks[3].text == "#window"
 
 
 def test_names_of_selections_and_tags_do_not_collide(session: Session) -> None:
-    session.book.save("a", SavedSelection("all", 1, "vanilla", 40))
+    session.writable_notebook.save("a", SavedSelection("all", 1, "vanilla", 40))
     with pytest.raises(RequestError, match="saved selection already"):
-        session.book.toggle_tag([1], "a")
-    session.book.toggle_tag([1], "b")
+        session.writable_notebook.toggle_tag([1], "a")
+    session.writable_notebook.toggle_tag([1], "b")
     with pytest.raises(RequestError, match="a tag already"):
-        session.book.save("b", SavedSelection("all", 1, "vanilla", 40))
-    session.book.forget("a")
+        session.writable_notebook.save("b", SavedSelection("all", 1, "vanilla", 40))
+    session.writable_notebook.forget("a")
     assert "a" not in session.notes.nodes
 
 
 @pytest.mark.parametrize("name", ["", "  ", "x" * 61, 'say "hi"', "back\\slash", "bell\a"])
 def test_impossible_names_are_refused(session: Session, name: str) -> None:
     with pytest.raises(RequestError, match="name"):
-        session.book.save(name, SavedSelection("all", 1, "vanilla", 40))
+        session.writable_notebook.save(name, SavedSelection("all", 1, "vanilla", 40))
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"version": 1}', "[1]", '{"version": 2'])
 def test_a_damaged_notebook_is_refused_and_left_alone(
     tiny_store: Path, own_things: Path, content: str
 ) -> None:
-    path = Session(tiny_store, notebooks=Notebook).book.path
+    path = Session(tiny_store, notebooks=Notebook).writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(content)
     with pytest.raises(RequestError, match="move it away"):
@@ -175,40 +176,44 @@ def test_a_damaged_notebook_is_refused_and_left_alone(
 def test_a_patient_notebook_is_empty_until_its_file_is_mended(
     tiny_store: Path, own_things: Path
 ) -> None:
-    path = Session(tiny_store, notebooks=Notebook).book.path
+    path = Session(tiny_store, notebooks=Notebook).writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("{damaged")
     session = Session(tiny_store, notebooks=partial(Notebook, tolerant=True))
     assert session.state.is_error
-    assert session.state.message.startswith(f"{path}: is not JSON (")
-    assert "repair it, or move it away" in session.state.message
-    with pytest.raises(RequestError, match="is not JSON"):
-        session.book.note(3, "dark")
+    assert session.state.message.startswith(f"{path}: is no JSON (")
+    assert "mend it, or move it away" in session.state.message
+    with pytest.raises(RequestError, match="is no JSON"):
+        session.writable_notebook.note(3, "dark")
     assert path.read_text() == "{damaged"
     path.unlink()
-    session.book.note(3, "dark")
+    session.writable_notebook.note(3, "dark")
     assert session.notes.remarks[3].note == "dark"
 
 
 def test_a_shared_line_selects_the_same_or_says_what_differs(session: Session) -> None:
     session.select("worst15")
-    line = shared_selection.shared_text(session)
+    line = shared_line(session)
     session.select("all")
-    assert shared_selection.take(session, line).expression == "worst15"
+    assert session.dispatch(shared_selection.select_text, line).expression == "worst15"
     assert session.state.message == ""
     changed = line.replace("6 instances", "9 instances")
-    assert "evaluated anew: 6 on vanilla" in shared_selection.take(session, changed).message
+    assert (
+        "evaluated again: 6 on vanilla"
+        in session.dispatch(shared_selection.select_text, changed).message
+    )
     foreign = line.replace("data set ", "data set fff")
     with pytest.raises(RequestError, match="data set fff"):
-        shared_selection.take(session, foreign)
-    assert shared_selection.take(session, "best15").expression == "best15"
+        session.dispatch(shared_selection.select_text, foreign)
+    assert session.dispatch(shared_selection.select_text, "best15").expression == "best15"
 
 
 def test_a_shared_line_turns_to_its_run(session: Session) -> None:
-    session.put_run("dataaug")
-    line = shared_selection.shared_text(session.select("worst15") and session)
-    session.put_run("vanilla")
-    assert shared_selection.take(session, line).run == "dataaug"
+    session.set_run("dataaug")
+    session.select("worst15")
+    line = shared_line(session)
+    session.set_run("vanilla")
+    assert session.dispatch(shared_selection.select_text, line).run == "dataaug"
 
 
 @pytest.mark.parametrize("name", instance_list.COLUMNS)
@@ -226,16 +231,16 @@ def test_the_list_is_in_order(session: Session, name: str, descending: bool) -> 
 def test_moving_through_the_list_stays_inside(session: Session) -> None:
     session.select("worst15")
     rows = instance_list.order(session.store, session.state, session.notes)
-    session.put_cursor(int(rows[0]))
-    assert instance_list.move(session, -1).cursor == rows[0]
-    assert instance_list.move(session, 2).cursor == rows[2]
-    assert instance_list.move(session, 1000).cursor == rows[-1]
+    session.set_cursor(int(rows[0]))
+    assert session.dispatch(instance_list.move, -1).cursor == rows[0]
+    assert session.dispatch(instance_list.move, 2).cursor == rows[2]
+    assert session.dispatch(instance_list.move, 1000).cursor == rows[-1]
     session.select("none")
-    assert instance_list.move(session, 1).message == "nothing is selected"
+    assert session.dispatch(instance_list.move, 1).message == "nothing is selected"
 
 
 def test_a_name_is_not_saved_as_part_of_itself(session: Session) -> None:
-    book = session.book
+    book = session.writable_notebook
     book.save("a", SavedSelection("worst15", 1, "vanilla", 6))
     book.save("b", SavedSelection("@a & straight", 1, "vanilla", 3))
     for name in ("a", "b"):
@@ -247,12 +252,12 @@ def test_a_name_is_not_saved_as_part_of_itself(session: Session) -> None:
 
 
 def test_a_wrong_shared_line_changes_nothing(session: Session) -> None:
-    session.put_run("vanilla")
-    line = shared_selection.shared_text(session).replace("run vanilla", "run dataaug")
+    session.set_run("vanilla")
+    line = shared_line(session).replace("run vanilla", "run dataaug")
     wrong = line.replace(session.state.expression, "room:nowhere", 1)
     before = session.state
     with pytest.raises(ExpressionError):
-        shared_selection.take(session, wrong)
+        session.dispatch(shared_selection.select_text, wrong)
     assert session.state is before
 
 
@@ -261,7 +266,7 @@ def test_names_are_sorted_by_the_alphabet(session: Session, name: str) -> None:
     session.select("all")
     truth = session.store.instances
     codes, names = getattr(truth, name), getattr(truth, f"{name}_names")
-    state = session.set(replace(session.state, sort=name, descending=False))
+    state = session.set_state(replace(session.state, sort=name, descending=False))
     told = [
         names[codes[iid]]
         for iid in instance_list.order(session.store, state, session.notes)
@@ -275,7 +280,7 @@ def test_every_column_of_the_list_can_be_sorted_by(session: Session) -> None:
     names, _ = ListView().numbers(Scene(session.store, session.state, Resources()))
     shown = set(names)
     assert shown == set(instance_list.COLUMNS)
-    seen = [instance_list.next_column(session).sort for _ in instance_list.COLUMNS]
+    seen = [session.dispatch(instance_list.sort_by_next_column).sort for _ in instance_list.COLUMNS]
     assert set(seen) == shown
 
 
@@ -283,15 +288,15 @@ def test_every_column_of_the_list_can_be_sorted_by(session: Session) -> None:
 def test_remarks_are_sorted_by_the_alphabet(session: Session, descending: bool) -> None:
     session.select("all - ids(9)")
     for iid, text in ((30, "beta"), (2, "Gamma"), (9, "aside"), (7, "alpha"), (20, "beta")):
-        session.book.note(iid, text)
+        session.writable_notebook.note(iid, text)
     state = replace(session.state, sort="remark", descending=descending)
     rows = instance_list.order(session.store, state, session.notes).tolist()
     assert rows[:4] == ([2, 20, 30, 7] if descending else [7, 20, 30, 2])
     assert rows[4:] == [iid for iid in range(40) if iid not in (2, 7, 9, 20, 30)]
-    session.set(state)
-    assert instance_list.next_column(session).sort == instance_list.COLUMNS[0]
-    session.set(replace(state, sort=instance_list.COLUMNS[-1]))
-    assert instance_list.next_column(session).sort == "remark"
+    session.set_state(state)
+    assert session.dispatch(instance_list.sort_by_next_column).sort == instance_list.COLUMNS[0]
+    session.set_state(replace(state, sort=instance_list.COLUMNS[-1]))
+    assert session.dispatch(instance_list.sort_by_next_column).sort == "remark"
 
 
 def test_a_run_without_embeddings_knows_nothing_alike(session: Session) -> None:
@@ -309,19 +314,19 @@ def test_an_instance_leads_to_what_is_seen_alike(own_store: Path, side: Side) ->
     points = {side: rng.normal(size=(40, 3)) for side in ("sim", "real")}
     embeddings.add(own_store, "vanilla", points)
     session = Session(own_store, "vanilla")
-    session.put_cursor(4)
+    session.set_cursor(4)
     heat = session.state.heat
     assert heat is not None
-    session.set(replace(session.state, heat=replace(heat, side=side)))
+    session.set_state(replace(session.state, heat=replace(heat, side=side)))
     change = BY_NAME["alike"].do
     assert change is not None
     change(session)
     near, _ = similarity.neighbours(session.store, session.state.run, side, 4, NEIGHBOURS)
     assert chosen(session) == set(near.tolist())
     assert 4 in chosen(session)
-    session.set(replace(session.state, cursor=None))
+    session.set_state(replace(session.state, cursor=None))
     change(session)
-    assert session.state.message == "no instance to find others alike: select some"
+    assert session.state.message == "no instance to compare with: select some"
 
 
 @pytest.mark.parametrize("expression", ["worst15", "best15", "ids(3, 5..9)", "all", "none"])
@@ -329,8 +334,8 @@ def test_an_instance_leads_to_what_is_seen_alike(own_store: Path, side: Side) ->
 def test_a_cursor_that_is_left_behind_goes_to_the_worst(
     session: Session, expression: str, looked_at: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(selection, "_WORST", looked_at)
-    session.set(replace(session.state, cursor=None))
+    monkeypatch.setattr(evaluation, "_RANKED_ERRORS", looked_at)
+    session.set_state(replace(session.state, cursor=None))
     state = session.select(expression)
     pool = state.selected if state.selected.any() else state.base
     errors = session.store.run_columns(state.run).real.error

@@ -7,15 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from s2rtui.charts.shared.view_inputs import instance_input, map_input, overview_rows
 
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.language import ExpressionError
-from s2rtui.charts.instance.model import instance_input
-from s2rtui.charts.overview.model import overview_rows
-from s2rtui.charts.shared.map_model import map_input
-from s2rtui.session import Session, display
-from s2rtui.session.heatmaps import choices, instance_grid, run_grid
+from s2rtui.session import Session, display, navigation
+from s2rtui.session.heatmaps import heatmap_choices, instance_grid, run_grid
 from tests.support import tiny
 
 
@@ -52,12 +50,12 @@ def test_a_wrong_expression_changes_nothing(session: Session) -> None:
 
 def test_the_count_is_of_the_base_population(session: Session) -> None:
     assert session.select("worst15").count == "6 of 40"
-    session.change_trajectory()
+    session.dispatch(navigation.change_trajectory)
     assert session.state.trajectories == ("a",)
     assert session.state.count == "4 of 25"
-    session.change_trajectory()
+    session.dispatch(navigation.change_trajectory)
     assert session.state.count == "3 of 15"
-    session.change_trajectory()
+    session.dispatch(navigation.change_trajectory)
     assert session.state.trajectories is None
 
 
@@ -92,13 +90,17 @@ def test_runs_turn_and_keep_the_expression(session: Session) -> None:
 def test_heat_kinds_modes_and_sides_turn(session: Session) -> None:
     kinds = {session.state.heat.kind}
     for _ in range(5):
-        kinds.add(display.change_heat(session, 1).heat.kind)
+        kinds.add(session.dispatch(display.change_heat, 1).heat.kind)
     assert kinds == {"activation", "feature_distance", "occlusion"}
     while session.state.heat.kind != "occlusion":
-        display.change_heat(session, 1)
-    assert {display.change_mode(session).heat.mode for _ in range(3)} == {"rgb", "depth", "rgbd"}
-    assert display.change_side(session).heat.side == "sim"
-    assert [display.change_overlay(session).overlay for _ in range(4)] == [
+        session.dispatch(display.change_heat, 1)
+    assert {session.dispatch(display.change_mode).heat.mode for _ in range(3)} == {
+        "rgb",
+        "depth",
+        "rgbd",
+    }
+    assert session.dispatch(display.change_side).heat.side == "sim"
+    assert [session.dispatch(display.change_overlay).overlay for _ in range(4)] == [
         "instance",
         "selection",
         "run",
@@ -109,15 +111,15 @@ def test_heat_kinds_modes_and_sides_turn(session: Session) -> None:
 def test_a_newer_generation_is_noticed_and_taken_when_asked(own_store: Path) -> None:
     session = Session(own_store)
     session.select("worst15")
-    assert not session.notice()
+    assert not session.check_for_updates()
     with edit(own_store) as draft:
         draft.delete("run", run="dataaug")
-    assert session.notice()
+    assert session.check_for_updates()
     assert session.state.runs == ("vanilla", "dataaug")
-    state = session.move_on()
+    state = session.open_newest_generation()
     assert state.runs == ("vanilla",)
     assert (state.generation, state.expression) == (state.newest, "worst15")
-    assert session.move_on().message == "this is the newest generation"
+    assert session.open_newest_generation().message == "this is the newest generation"
 
 
 def test_a_run_that_is_not_computed_is_refused(own_store: Path) -> None:
@@ -143,7 +145,7 @@ def test_views_get_the_stores_numbers(session: Session) -> None:
     found = instance_input(session.store, "vanilla", 5, session.state.heat)
     assert found.real.pose.error == columns.real.error[5]
     assert np.isnan(found.sim.depth).any()
-    assert choices(session.store, "vanilla")[0] == ("activation", "loss")
+    assert heatmap_choices(session.store, "vanilla")[0] == ("activation", "loss")
 
 
 def test_one_instances_heat_lies_on_the_map(session: Session) -> None:
@@ -156,25 +158,25 @@ def test_one_instances_heat_lies_on_the_map(session: Session) -> None:
 def test_the_map_is_neither_lost_nor_inside_out(session: Session) -> None:
     bounds = session.store.dataset.bounds
     for _ in range(40):
-        display.zoom(session, 1 / 0.6)
+        session.dispatch(display.zoom, 1 / 0.6)
     closest = session.state.viewport
     assert closest is not None
     assert closest.width == pytest.approx(bounds.width * display.CLOSEST)
     for _ in range(60):
-        display.pan(session, 0.2, -0.2)
+        session.dispatch(display.pan, 0.2, -0.2)
     far = session.state.viewport
     assert far is not None
-    display.pan(session, 500.0, -500.0)
+    session.dispatch(display.pan, 500.0, -500.0)
     far = session.state.viewport
     assert far is not None
     middle = (far.x0 + far.x1) / 2, (far.y0 + far.y1) / 2
     assert middle == pytest.approx((bounds.x1, bounds.y0))
     for _ in range(40):
-        display.zoom(session, 0.6)
+        session.dispatch(display.zoom, 0.6)
     assert session.state.viewport is None
-    display.zoom(session, 0.6)
+    session.dispatch(display.zoom, 0.6)
     assert session.state.viewport is None
-    display.pan(session, 50.0, 0.0)
+    session.dispatch(display.pan, 50.0, 0.0)
     wide = session.state.viewport
     assert wide is not None
     assert (wide.x0 + wide.x1) / 2 == pytest.approx(bounds.x1)

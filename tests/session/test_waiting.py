@@ -14,7 +14,7 @@ from s2rstore.index import column_loader
 from s2rstore.metrics import similarity
 from s2rtui.app.actions import ACTIONS
 from s2rtui.loaders import store_data
-from s2rtui.session import Session, navigation, pending_target, shared_selection
+from s2rtui.session import Session, pending_target, shared_selection
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notebook
 from tests.support import embeddings, tiny
@@ -27,18 +27,18 @@ _REST = {action.name: action.do for action in ACTIONS if action.do is not None}
 
 def pasted(session: Session) -> object:
     facts = _FACTS.format(session.store.dataset.hash, session.state.generation)
-    return shared_selection.take(session, "worst(3, real.loss)" + facts)
+    return session.dispatch(shared_selection.select_text, "worst(3, real.loss)" + facts)
 
 
 BEGUN: dict[str, Key] = {
-    "typed": lambda s: shared_selection.take(s, "real.loss > 0.3"),
-    "saved": lambda s: shared_selection.take(s, "@costly & all"),
+    "typed": lambda s: s.dispatch(shared_selection.select_text, "real.loss > 0.3"),
+    "saved": lambda s: s.dispatch(shared_selection.select_text, "@costly & all"),
     "pasted": pasted,
     "run": lambda s: s.change_run(1),
     "undo": Session.undo,
     "redo": Session.redo,
-    "alike": lambda s: s.choose("like(20, 6)"),
-    "other run": lambda s: s.choose('worst(3, run("c").real.error)'),
+    "alike": lambda s: s.select("like(20, 6)"),
+    "other run": lambda s: s.select('worst(3, run("c").real.error)'),
 }
 
 
@@ -53,21 +53,23 @@ class Pair:
     def begin(self) -> None:
         """Nothing is at hand but what the first screen shows; there is a past and a future."""
         for session in (self.waiting, self.direct):
-            session.waits = False
-            session.set(self.first(session))
+            session.defers_loading = False
+            session.set_state(self.first(session))
             made = session.select("best15")
             past = ("all", "real.loss > 0.1", "real.loss > 0.2")
-            session.set(replace(made, past=past, future=("curved", "real.loss < 1")))
+            session.set_state(replace(made, past=past, future=("curved", "real.loss < 1")))
         store = self.waiting.store
         store._columns.drop(lambda key: "loss" in key or key[:2] in (("run", "b"), ("run", "c")))
         store.evaluated.clear()
-        pending_target.read(store, pending_target.here(self.waiting.state), lambda: True)
-        self.waiting.waits = True
+        pending_target.load_columns(
+            store, pending_target.current_target(self.waiting.state), lambda: True
+        )
+        self.waiting.defers_loading = True
 
     def first(self, session: Session) -> State:
         state = session.state
         return replace(
-            state, run="vanilla", trajectories=None, awaited=None, past=(), future=(), cursor=20,
+            state, run="vanilla", trajectories=None, pending=None, past=(), future=(), cursor=20,
             operator="replace", brush=None, other=None, heat=None, adjust=None, viewport=None,
             sort="real.error", descending=True, overlay="off", map_mode="colour", clip=False,
         )  # fmt: skip
@@ -75,19 +77,19 @@ class Pair:
     def press(self, key: Key) -> None:
         """With the cursor where the screen shows it."""
         cursor = self.waiting.state.cursor
-        self.direct.set(replace(self.direct.state, cursor=cursor))
+        self.direct.set_state(replace(self.direct.state, cursor=cursor))
         key(self.waiting)
         key(self.direct)
 
     def arrive(self) -> None:
         """The worker reads what is awaited until nothing is."""
         for _ in range(4):
-            if (state := self.waiting.state).awaited is None:
+            if (state := self.waiting.state).pending is None:
                 return
             self.worker = True
             store_data.read_run(self.waiting.store, state, Wanted())
             self.worker = False
-            navigation.arrive(self.waiting)
+            self.waiting.complete_pending()
         raise AssertionError("it is never there")
 
     def agree(self) -> None:
@@ -101,7 +103,7 @@ class Pair:
 class Wanted:
     """A caller that never loses interest."""
 
-    def wanted(self) -> bool:
+    def is_wanted(self) -> bool:
         return True
 
 
@@ -116,19 +118,19 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
     made = Pair(*(Session(path, notebooks=lambda own: Notebook(own, folder)) for _ in range(2)))
     for session in (made.waiting, made.direct):
         session.select("real.loss > 0.15")
-        session.book.save("costly", shared_selection.present(session))
+        session.writable_notebook.save("costly", shared_selection.current_selection(session.state))
     predicted, neighbours, own = column_loader._predicted, similarity.neighbours, made.waiting.store
 
     def read(index, *rest):
-        assert index is not own._column_loader or made.worker or not made.waiting.waits, rest
+        assert index is not own._dense or made.worker or not made.waiting.defers_loading, rest
         return predicted(index, *rest)
 
     def near(store, *rest):
-        assert store is not own or made.worker or not made.waiting.waits, rest
+        assert store is not own or made.worker or not made.waiting.defers_loading, rest
         return neighbours(store, *rest)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pending_target, "AT_ONCE", 0)
+        patch.setattr(pending_target, "SMALL_STORE", 0)
         patch.setattr(column_loader, "_predicted", read)
         patch.setattr(similarity, "neighbours", near)
         yield made
@@ -141,7 +143,7 @@ def test_every_key_leaves_what_waits_as_if_it_had_not_waited(pair: Pair, what: s
     for name, key in _REST.items():
         pair.begin()
         pair.press(BEGUN[what])
-        assert pair.waiting.state.awaited is not None
+        assert pair.waiting.state.pending is not None
         pair.press(key)
         pair.arrive()
         try:

@@ -13,14 +13,14 @@ import pytest
 
 from bench.support.screen import RIGHT, Screen
 from s2rtui.app.app import S2RApp
-from s2rtui.app.inline_images import hang
-from s2rtui.app.pilot import settle, take
+from s2rtui.app.inline_images import enable_inline_images
+from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.colour import DEPTH_SHADES
 from s2rtui.charts.shared.instance_model import InstanceInput, instance_model, panel_pixels
 from s2rtui.session import Session
 from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
-from s2rtui.terminal.graphics.probe import of_answer
+from s2rtui.terminal.graphics.probe import parse_answer
 from tests.support.kitty import ANSWER, ATTRIBUTES, QUESTION_END, Kitty, box_cells, placed
 
 Visit = dict[str, bytes]
@@ -60,7 +60,7 @@ def seen(tiny_store: Path) -> InstanceInput:
 
     async def read() -> InstanceInput:
         app = S2RApp(Session(tiny_store), RenderOptions())
-        app.feeding.rest_seconds = 0.001
+        app.load_scheduler.debounce_seconds = 0.001
         async with app.run_test(size=(120, 40)) as pilot:
             await settle(app, pilot)
             assert app.resources.pictures is not None
@@ -149,12 +149,12 @@ def test_nothing_is_left_in_the_screen_that_is_left(visit: Visit) -> None:
 
 async def test_a_terminal_that_draws_none_is_told_so(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
-    app.feeding.rest_seconds = 0.001
-    hang(app, of_answer(ATTRIBUTES))
+    app.load_scheduler.debounce_seconds = 0.001
+    enable_inline_images(app, parse_answer(ATTRIBUTES))
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        shown = take(app).text
+        shown = take_screenshot(app).text
     assert "half blocks stay" in shown
     assert "▀" in shown
     assert PLACEHOLDER not in shown
-    assert app.wall is None
+    assert app.image_host is None

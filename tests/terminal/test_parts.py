@@ -22,13 +22,13 @@ from s2rtui.cli import main
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.graphics import kitty_protocol, probe
 from s2rtui.terminal.graphics.image_manager import (
-    HEAVIEST,
-    LARGEST,
+    MAX_BYTES,
+    MAX_PIXELS,
     NUMBERS,
     KittyImageManager,
     pixel_size,
 )
-from s2rtui.terminal.graphics.probe import Graphics, of_answer
+from s2rtui.terminal.graphics.probe import Graphics, parse_answer
 from s2rtui.terminal.strips import to_strips
 from tests.support.kitty import (
     ANSWER,
@@ -83,7 +83,7 @@ class Terminals:
         self.made += 1
 
     def begin(self, drawn: Canvas, view: str = "instance") -> list[Strip]:
-        return self.wall.hang(view, drawn, to_strips(drawn, ColourMode.TRUECOLOR)).strips
+        return self.wall.attach(view, drawn, to_strips(drawn, ColourMode.TRUECOLOR)).strips
 
     def hang(self, drawn: Canvas, view: str = "instance") -> list[Strip]:
         """As it is once the pictures are made."""
@@ -115,13 +115,13 @@ class Terminals:
     ],
 )
 def test_the_terminal_says_itself_what_it_draws(answer: bytes, pictures: bool, told: str) -> None:
-    found = of_answer(answer)
+    found = parse_answer(answer)
     assert found.pictures is pictures
     assert told in found.told
 
 
 def test_the_size_of_a_cell_is_the_terminals() -> None:
-    assert of_answer(ANSWER.replace(CELL, b"\x1b[6;31;15t")).cell == (15, 31)
+    assert parse_answer(ANSWER.replace(CELL, b"\x1b[6;31;15t")).cell == (15, 31)
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_tmux_is_asked_for_its_terminal(
 ) -> None:
     monkeypatch.setattr(probe, "_ask_tmux", lambda: answer)
     monkeypatch.setattr(probe, "_here", lambda: True)
-    found = probe.ask(TRUE, {"TMUX": "/tmp/tmux,1,0"})
+    found = probe.probe_terminal(TRUE, {"TMUX": "/tmp/tmux,1,0"})
     assert (found.pictures, found.in_tmux) == (pictures, pictures)
     assert told in found.told
 
@@ -154,7 +154,7 @@ def test_nothing_is_asked_where_no_picture_can_be(
 ) -> None:
     monkeypatch.setattr(probe, "_ask_terminal", lambda: pytest.fail("asked"))
     monkeypatch.setattr(probe, "_here", lambda: True)
-    assert "256 colours" in probe.ask(terminal, {}).told
+    assert "256 colours" in probe.probe_terminal(terminal, {}).told
 
 
 def test_ascii_and_pictures_exclude_each_other(
@@ -209,13 +209,13 @@ def test_never_more_pixels_than_the_picture_the_box_and_the_limit(
     rows, columns = pixel_size(plate, cell)
     assert 1 <= rows <= max(1, min(shape[0], box[1] * cell[1]))
     assert 1 <= columns <= max(1, min(shape[1], box[0] * cell[0]))
-    assert rows * columns <= max(LARGEST, *shape)
+    assert rows * columns <= max(MAX_PIXELS, *shape)
 
 
 def test_the_heaviest_picture_is_made_lighter() -> None:
     terminal = Terminals()
     terminal.hang(canvas(noise((256, 256)), (8, 4)))
-    assert 0 < Kitty.after(terminal.written.encode()).received <= HEAVIEST * 4 // 3 + 4
+    assert 0 < Kitty.after(terminal.written.encode()).received <= MAX_BYTES * 4 // 3 + 4
 
 
 def test_what_hangs_there_is_not_sent_again() -> None:
@@ -261,7 +261,7 @@ def test_what_is_made_after_all_were_deleted_is_not_sent() -> None:
     late = partial(lambda pixels, size: opened.wait(10) and pixels, noise((16, 16)))
     drawn.images[0] = replace(drawn.images[0], pixels=late)
     terminal.begin(drawn)
-    terminal.wall.take_down()
+    terminal.wall.delete_all()
     opened.set()
     terminal.wait()
     assert (terminal.written, terminal.made) == ("", 0)
@@ -299,14 +299,14 @@ def test_all_are_deleted() -> None:
     terminal = Terminals()
     for shade in range(5):
         terminal.hang(canvas(np.full((4, 4, 3), shade, np.uint8)))
-    terminal.wall.take_down()
+    terminal.wall.delete_all()
     assert Kitty.after(terminal.written.encode()).held == {}
 
 
 def test_tmux_passes_every_sequence_on() -> None:
     terminal = Terminals(in_tmux=True)
     terminal.hang(canvas(noise((64, 64)), (10, 3)))
-    terminal.wall.take_down()
+    terminal.wall.delete_all()
     parts = re.findall(r"\x1bPtmux;((?:\x1b\x1b|[^\x1b])*)\x1b\\", terminal.written)
     assert "".join(f"\x1bPtmux;{part}\x1b\\" for part in parts) == terminal.written
     passed = "".join(parts).replace("\x1b\x1b", "\x1b").encode()

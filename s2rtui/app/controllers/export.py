@@ -1,171 +1,165 @@
-"""What leaves the application as a file: the screen, a report, the selection's rows."""
+"""Write files: the screen as PNG, a report, the selected rows."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
-
-from textual.message import Message
 
 from s2rstore.errors import RequestError, S2RError
 from s2rstore.reader import Store
-from s2rtui.app.controllers.prompt import Prompts
+from s2rtui.app.controllers.host import ControllerHost
+from s2rtui.app.controllers.prompt import PromptController
+from s2rtui.app.messages import ExportProgressed
+from s2rtui.app.screenshot import Screenshot
 from s2rtui.export.exclusive_files import create_exclusive, numbered_paths
-from s2rtui.session import State
+from s2rtui.session import Session, State
 from s2rtui.user_data.notebook import Notes
 
-FORMS = (".csv", ".json", ".parquet")
+ROW_FORMATS = (".csv", ".json", ".parquet")
 _REPORT = ".html"
-Fill = Callable[[Path], str]
-"""Fills a file; what it gives is told after the file's name."""
+WriteFile = Callable[[Path], str]
+"""Writes a file; the text it returns follows the file's name in the message."""
 
 
-class Papers(Prompts):
-    """Files are numbered, never replaced, and written where the session may write."""
+class ExportController:
+    """Writes numbered files in background threads; never replaces a file."""
 
-    files_at: Path
-    safe_csv = False
+    def __init__(self, host: ControllerHost, prompt: PromptController) -> None:
+        self._host, self._prompt = host, prompt
+        self._in_progress: set[Path] = set()
+        self.safe_csv = False
+        """Whether cells of a CSV file are written so that spreadsheets run no formula."""
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__(**options)
-        self._filing: set[Path] = set()
-
-    @dataclass
-    class Filed(Message):
-        """How far a file is; `done` is the name under which it is written, or failed."""
-
-        text: str
-        done: Path | None = None
-        is_error: bool = False
-
-    def on_papers_filed(self, message: Filed) -> None:
-        if message.done is not None:
-            self._filing.discard(message.done)
+    def on_progressed(self, message: ExportProgressed) -> None:
+        """Show how far an export is."""
+        if message.finished is not None:
+            self._in_progress.discard(message.finished)
         if message.text:
-            self.session.tell(message.text, message.is_error)
-            self.show_message()
+            self._host.session.show_message(message.text, message.is_error)
+            self._host.renderer.refresh_message()
 
-    def _free(self, stem: str, suffix: str) -> Path:
-        """The first name that is free. Raises RequestError where nothing may be written."""
-        names = numbered_paths(self.files_at, stem, suffix)
-        free = (name for name in names if not name.exists() and name not in self._filing)
-        return self.access.require_writable(next(free))
+    def write_screenshot(self) -> None:
+        """Write the screen as PNG; it is taken now and encoded in the background."""
+        screen = Screenshot.of(self._host.screen)
+        options = self._host.render_options
 
-    def action_snapshot(self) -> None:
-        """Write the screen as PNG beside earlier ones."""
-        from s2rtui.app.pilot import screen_png
+        def write(path: Path) -> str:
+            path.write_bytes(screen.png(options))
+            return ""
 
-        try:
-            target = self._free("s2r", ".png")
-            png = screen_png(self)
-            others = numbered_paths(self.files_at, "s2r", ".png")
-            made, _ = create_exclusive(target, lambda path: path.write_bytes(png), others)
-        except (OSError, RequestError) as error:
-            self.session.tell(_reason(error), is_error=True)
-        else:
-            self.session.tell(f"wrote {made}")
-        self.refresh_views()
+        self._export_numbered("s2r", ".png", write)
 
-    def action_report(self) -> None:
-        """Write the saved selections, or the present one where none is saved, as HTML."""
-        if any(path.suffix == _REPORT for path in self._filing):
-            self.session.tell("a report is being written")
-        else:
-            try:
-                target = self._free("s2r-report", _REPORT)
-            except RequestError as error:
-                self.session.tell(str(error), is_error=True)
-            else:
-                self.session.tell("writing a report")
-                state, notes = self.session.state, self.session.notes
-                work = partial(self._report, self.session.store.path, state, notes)
-                self._begin_file(target, work, numbered_paths(self.files_at, "s2r-report", _REPORT))
-        self.show_message()
+    def write_report(self) -> None:
+        """Write the saved selections, or the present one if none is saved, as HTML."""
+        if any(path.suffix == _REPORT for path in self._in_progress):
+            self._host.session.show_message("a report is being written")
+            self._host.renderer.refresh_message()
+            return
+        session = self._host.session
+        write = partial(self._report, session.branch(), session.state, session.notes)
+        self._export_numbered("s2r-report", _REPORT, write, "writing a report")
 
-    def _report(self, store: Path, state: State, notes: Notes, path: Path) -> str:
-        """In a thread of its own."""
-        from s2rtui.export.report.build_report import render_report
+    def _report(self, session: Session, state: State, notes: Notes, path: Path) -> str:
+        """Runs in a background thread."""
+        from s2rtui.export.report.build_report import session_report
         from s2rtui.export.report.report_request import ReportRequest, RequestedSelection, saved
 
-        asked = saved(notes) or (RequestedSelection(state.expression),)
+        selections = saved(notes) or (RequestedSelection(state.expression),)
         runs = () if notes.selections else (state.run,)
-        request = ReportRequest(asked, runs, state.trajectories)
-        path.write_bytes(render_report(store, request, self._going_on))
+        request = ReportRequest(selections, runs, state.trajectories)
+        path.write_bytes(session_report(session, request, self._report_progress))
         return ""
 
-    def _going_on(self, done: int, total: int, what: str) -> None:
-        if not self.is_running:
-            raise RequestError("the application was left")
-        if what:
-            self.post(self.Filed(f"report: {done} of {total}, {what}"))
+    def _report_progress(self, done: int, total: int, step: str) -> None:
+        if not self._host.is_running:
+            raise RequestError("the application was closed")
+        if step:
+            self._host.post(ExportProgressed(f"report: {done} of {total}, {step}"))
 
-    def action_write_selection(self) -> None:
+    def ask_selection_file(self) -> None:
+        """Ask for a file name and write the selected rows there."""
         try:
-            name = self._free("s2r-selection", ".csv").name
+            name = self._free_path("s2r-selection", ".csv").name
         except RequestError as error:
-            self.refuse(error)
+            self._host.show_error(str(error))
             return
-        hint = f"a file for the selection: {', '.join(FORMS)}"
-        self.session.tell(hint)
-        self._ask(self._write_selection, name, hint)
-        self.show_message()
+        hint = f"a file for the selection: {', '.join(ROW_FORMATS)}"
+        self._host.session.show_message(hint)
+        self._prompt.ask(self.write_selection, name, hint)
+        self._host.renderer.refresh_message()
 
-    def _write_selection(self, text: str) -> None:
-        """Raises RequestError where the file exists, may not be written, or has another end."""
-        target = self._target(text.strip())
-        if target.suffix not in FORMS:
-            raise RequestError(f"{text}: must end in {', '.join(FORMS)}")
-        self.access.require_writable(target)
+    def write_selection(self, text: str) -> None:
+        """Write the selected rows; raises RequestError for a file that may not be written."""
+        target = self._path_of(text.strip())
+        if target.suffix not in ROW_FORMATS:
+            raise RequestError(f"{text}: must end in {', '.join(ROW_FORMATS)}")
+        self._host.access.require_writable(target)
         if target.exists():
-            raise RequestError(f"{target}: is there already")
-        if target in self._filing:
+            raise RequestError(f"{target}: exists already")
+        if target in self._in_progress:
             raise RequestError(f"{target}: is being written")
-        self.session.tell(f"writing {target}")
-        session = self.session
-        self._begin_file(target, partial(self._write, session.store, session.state, session.notes))
+        session = self._host.session
+        session.show_message(f"writing {target}")
+        self._export(target, partial(self._rows, session.store, session.state, session.notes))
 
-    def _target(self, text: str) -> Path:
-        """The file that is meant. Raises RequestError for what is no path."""
+    def _path_of(self, text: str) -> Path:
+        """The path of a typed name; raises RequestError if it is not a path."""
         try:
-            target = self.files_at / Path(text).expanduser()
+            target = self._host.output_folder / Path(text).expanduser()
             with suppress(OSError):
                 target.lstat()
-        except (RuntimeError, ValueError) as error:  # whose home is not known; no text of a path
-            raise RequestError(f"{text!r}: is no path ({error})") from error
+        except (RuntimeError, ValueError) as error:  # unknown home folder, or a NUL character
+            raise RequestError(f"{text!r}: is not a path ({error})") from error
         return target
 
-    def _write(self, store: Store, state: State, notes: Notes, path: Path) -> str:
-        """In a thread of its own."""
+    def _rows(self, store: Store, state: State, notes: Notes, path: Path) -> str:
+        """Runs in a background thread."""
         from s2rtui.export.rows.formats import write_rows
         from s2rtui.export.rows.selected_instances import selected_rows
 
-        asked = state.expression, state.run, state.trajectories, notes
-        found = selected_rows(store, *asked, selected=state.selected)
-        write_rows(path, found.names, found.rows, found.facts.as_dict(), self.safe_csv)
-        return f": {found.facts.count} instances"
+        rows = selected_rows(
+            store, state.expression, state.run, state.trajectories, notes, selected=state.selected
+        )
+        write_rows(path, rows.names, rows.rows, rows.facts.as_dict(), self.safe_csv)
+        return f": {rows.facts.count} instances"
 
-    def _begin_file(self, target: Path, fill: Fill, others: Iterable[Path] = ()) -> None:
-        """Have a file filled, and tell of it what `fill` says."""
-        self._filing.add(target)
-        work = partial(self._fill_file, target, fill, others)
-        self.in_background(work, f"{target} is not written")
+    def _free_path(self, stem: str, suffix: str) -> Path:
+        """The first free numbered path; raises RequestError if nothing may be written."""
+        paths = numbered_paths(self._host.output_folder, stem, suffix)
+        free = (path for path in paths if not path.exists() and path not in self._in_progress)
+        return self._host.access.require_writable(next(free))
 
-    def _fill_file(self, target: Path, fill: Fill, others: Iterable[Path]) -> None:
-        """In a thread of its own."""
-        told, is_error = "", True
+    def _export_numbered(self, stem: str, suffix: str, write: WriteFile, message: str = "") -> None:
+        """Write the next numbered file, or show why it may not be written."""
         try:
-            made, words = create_exclusive(target, fill, others)
-            told, is_error = f"wrote {made}{words}", False
+            target = self._free_path(stem, suffix)
+        except (OSError, RequestError) as error:
+            self._host.session.show_message(_reason(error), is_error=True)
+        else:
+            self._host.session.show_message(message)
+            self._export(target, write, numbered_paths(self._host.output_folder, stem, suffix))
+        self._host.renderer.refresh_message()
+
+    def _export(self, target: Path, write: WriteFile, alternatives: Iterable[Path] = ()) -> None:
+        """Write a file in a background thread; `alternatives` are used if the name is taken."""
+        self._in_progress.add(target)
+        work = partial(self._write, target, write, alternatives)
+        self._host.jobs.start(work, f"{target} is not written")
+
+    def _write(self, target: Path, write: WriteFile, alternatives: Iterable[Path]) -> None:
+        """Runs in a background thread."""
+        text, is_error = "", True
+        try:
+            path, summary = create_exclusive(target, write, alternatives)
+            text, is_error = f"wrote {path}{summary}", False
         except (S2RError, OSError) as error:
-            if not self.is_running:
+            if not self._host.is_running:
                 raise
-            told = _reason(error)
+            text = _reason(error)
         finally:
-            self.post(self.Filed(told, target, is_error))
+            self._host.post(ExportProgressed(text, target, is_error))
 
 
 def _reason(error: Exception) -> str:

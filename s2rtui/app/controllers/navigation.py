@@ -1,37 +1,51 @@
-"""Going to views, by keys and by letters."""
+"""Go to views, by keys and by letters."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-from textual.geometry import Region
-
-from s2rtui.app.screens.jump import Target
+from s2rtui.app.controllers.host import ControllerHost
+from s2rtui.app.screens.jump import JumpScreen, Target
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.session import Session, State, display
+from s2rtui.session import display
 
-_STORED = [view.name for view in sorted(VIEWS, key=lambda view: view.key) if view.from_store]
-
-
-def to(session: Session, name: str, on_screen: bool) -> State:
-    """Have keys speak to a view, and see it where it is not on the screen."""
-    if on_screen:
-        return display.activate(session, name)
-    return display.show_view(session, name, BY_NAME[name].pane)
+_CYCLE = [view.name for view in sorted(VIEWS, key=lambda view: view.key) if view.from_store]
 
 
-def beside(present: str, steps: int) -> str:
-    """The view so many keys further."""
-    at = _STORED.index(present) if present in _STORED else 0
-    return _STORED[(at + steps) % len(_STORED)]
+class NavigationController:
+    """Shows views and jumps to targets on the screen."""
 
+    def __init__(self, host: ControllerHost) -> None:
+        self._host = host
 
-def targets(regions: Iterable[tuple[str, Region]], status: str, expression: str) -> list[Target]:
-    """The views by name and region, and the parts of the status line."""
-    found = [Target(region.x, region.y, f"view('{name}')") for name, region in regions]
-    for part, action in (("traj ", "do('trajectory')"), ("run ", "do('next_run')"),
-                         (expression[:6], "edit")):  # fmt: skip
-        column = status.find(part)
-        if column >= 0:
-            found.append(Target(column + 1, 0, action))
-    return found
+    def show_view(self, name: str) -> None:
+        """Send the keys to a view, and bring it to the front of its pane if it is hidden."""
+        session = self._host.session
+        if self._host.renderer.is_placed(name):
+            session.dispatch(display.activate, name)
+        else:
+            session.dispatch(display.show_view, name, BY_NAME[name].pane)
+        self._host.renderer.refresh()
+
+    def show_next_view(self, steps: int) -> None:
+        """Show the view `steps` keys after the active one."""
+        present = self._host.session.state.view
+        at = _CYCLE.index(present) if present in _CYCLE else 0
+        self.show_view(_CYCLE[(at + steps) % len(_CYCLE)])
+
+    def jump(self) -> None:
+        """Put a letter on every view and part of the status line; the letter goes there."""
+        self._host.open_screen(JumpScreen(self._targets()), self._jump_to)
+
+    def _targets(self) -> list[Target]:
+        regions = self._host.renderer.visible_regions()
+        targets = [Target(region.x, region.y, f"view('{name}')") for name, region in regions]
+        status = self._host.renderer.status_text()
+        for part, action in (("traj ", "do('trajectory')"), ("run ", "do('next_run')"),
+                             (self._host.session.state.expression[:6], "do('edit')")):  # fmt: skip
+            column = status.find(part)
+            if column >= 0:
+                targets.append(Target(column + 1, 0, action))
+        return targets
+
+    def _jump_to(self, action: str | None) -> None:
+        if action:
+            self._host.run_action_soon(action)

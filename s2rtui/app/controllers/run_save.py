@@ -1,121 +1,161 @@
-"""Runs on their way into the store, one at a time, followed until they are published."""
+"""Live adjustments: open the sliders, and save them as a run that is computed in the background."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
-from textual.message import Message
-
 from s2rstore.errors import RequestError, S2RError
-from s2rtui.app.controllers.base import Desk
-from s2rtui.jobs.precompute_job import JobProgress, PrecomputeJob
-from s2rtui.session import State
+from s2rtui.app.controllers.host import ControllerHost
+from s2rtui.app.controllers.prompt import PromptController
+from s2rtui.app.messages import RunSaveProgressed
+from s2rtui.jobs.precompute_job import JobProgress, PrecomputeJob, save_run
+from s2rtui.session import State, adjusting, display
 
 
-class Savings(Desk):
-    """The run that this application is saving; the fresh one is saved, and yet to be told of."""
+class RunSaveController:
+    """Saves one run at a time and follows its computation until it is published."""
 
-    _saved: str | None = None
-    _saving: PrecomputeJob | None = None
-    _fresh: str | None = None
-    _left = False
+    def __init__(self, host: ControllerHost, prompt: PromptController) -> None:
+        self._host, self._prompt = host, prompt
+        self._saving: str | None = None
+        self._job: PrecomputeJob | None = None
+        self._unannounced: str | None = None
+        """A published run whose generation is not open yet."""
+        self._is_closed = False
 
-    @dataclass
-    class Told(Message):
-        """How far a run is."""
+    def open_sliders(self) -> None:
+        """Open the panel for live adjustments."""
+        session = self._host.session
+        if session.state.view != "adjust":
+            if session.state.cursor is None:
+                session.show_message("no instance to adjust: select some")
+            else:
+                self._load_sliders()
+                session.dispatch(display.show_view, "adjust", "tab")
+        self._host.renderer.refresh()
 
-        run: str
-        progress: JobProgress
+    def _load_sliders(self) -> None:
+        session = self._host.session
+        adjust = session.state.adjust
+        if adjust is not None and not adjust.missing:
+            return
+        try:
+            sliders, reason = adjusting.available_sliders(session.store)
+        except ModuleNotFoundError as error:
+            session.dispatch(adjusting.report_missing_package, str(error.name))
+        else:
+            session.dispatch(adjusting.open_sliders, sliders, reason)
+
+    def ask_name(self) -> None:
+        """Ask for the name under which the adjustments are saved as a run."""
+        adjust = self._host.session.state.adjust
+        if adjust is None or not adjust.sliders:
+            self._host.session.show_message("nothing to save: there are no sliders")
+            self._host.renderer.refresh()
+        elif self._refusal:
+            self._host.show_error(self._refusal)
+        else:
+            self._prompt.ask(
+                self._save_adjustments, "", "a name for the run with these adjustments"
+            )
+
+    def _save_adjustments(self, name: str) -> None:
+        adjust, name = self._host.session.state.adjust, name.strip()
+        if not name:
+            raise RequestError("a run needs a name: type one")
+        if adjust is not None:
+            root, chains = self._host.session.store.path, adjusting.adjustment_chains(adjust)
+            self.save(name, partial(save_run, root, name, adjust.run, chains))
+        self._host.session.show_message("")
 
     @property
-    def saving_refusal(self) -> str:
-        """Why no run can be saved now; empty where one can."""
-        if self._saved is None:
+    def _refusal(self) -> str:
+        """Why no run can be saved now; empty if one can."""
+        if self._saving is None:
             return ""
-        return f"run {self._saved} is still being saved: save the next one when it is done"
+        return f"run {self._saving} is still being saved: save the next one when it is done"
 
-    def begin_saving(self, name: str, start: Callable[[], PrecomputeJob]) -> None:
-        """Show how far a run is, and move on to its generation once it is published.
+    def save(self, name: str, start: Callable[[], PrecomputeJob]) -> None:
+        """Compute a run in the background and open its generation once it is published.
 
-        Raises RequestError while another one is being saved.
+        Raises RequestError while another run is being saved.
         """
-        if self.saving_refusal:
-            raise RequestError(self.saving_refusal)
-        self._saved = name
-        self.resources = replace(self.resources, saving=f"run {name}: checking")
-        again = shlex.join(["s2r", "precompute", str(self.session.store.path), "--run", name])
-        self.in_background(
+        if self._refusal:
+            raise RequestError(self._refusal)
+        self._saving = name
+        self._show_progress(f"run {name}: checking")
+        command = shlex.join(
+            ["s2r", "precompute", str(self._host.session.store.path), "--run", name]
+        )
+        self._host.jobs.start(
             partial(self._follow, name, start),
-            f"run {name} is not saved yet: `{again}` goes on with it",
+            f"run {name} is not saved yet: `{command}` completes it",
         )
 
     def _follow(self, name: str, start: Callable[[], PrecomputeJob]) -> None:
-        """In a thread of its own."""
+        """Runs in a background thread."""
         try:
-            saving = start()
-        except ModuleNotFoundError as error:
-            lacks = f"saving a run needs {error.name}: pip install 's2rtui[tools]'"
-            self.post(self.Told(name, JobProgress(0.0, "", "failed", lacks)))
+            job = start()
+        except Exception as error:  # reported on the screen, whatever it is
+            reason = str(error) or type(error).__name__
+            if isinstance(error, ModuleNotFoundError):
+                reason = f"saving a run needs {error.name}: pip install 's2rtui[tools]'"
+            self._host.post(RunSaveProgressed(name, JobProgress(0.0, "", "failed", reason)))
             return
-        except Exception as error:  # whatever it was, the screen goes on and says so
-            told = str(error) or type(error).__name__
-            self.post(self.Told(name, JobProgress(0.0, "", "failed", told)))
-            return
-        self._saving = saving
-        if self._left:
-            saving.leave()
-        for progress in saving.follow():
-            self.post(self.Told(saving.run, progress))
-        self._saving = None
-        if progress.outcome != "done" and self._left:
-            raise RequestError(f"run {name}: left")
+        self._job = job
+        if self._is_closed:
+            job.cancel()
+        for progress in job.follow():
+            self._host.post(RunSaveProgressed(job.run, progress))
+        self._job = None
+        if progress.outcome != "done" and self._is_closed:
+            raise RequestError(f"run {name}: cancelled")
 
-    def leave_savings(self) -> None:
-        """The application ends, and its saving with it."""
-        self._left = True
-        if self._saving is not None:
-            self._saving.leave()
+    def close(self) -> None:
+        """Cancel the computation because the application ends."""
+        self._is_closed = True
+        if self._job is not None:
+            self._job.cancel()
 
-    def on_savings_told(self, message: Told) -> None:
-        run, progress = message.run, message.progress
+    def on_progressed(self, message: RunSaveProgressed) -> None:
+        """Show the progress, or the outcome."""
+        run, progress, session = message.run, message.progress, self._host.session
         if progress.is_running:
-            told = f"run {run}: {progress.fraction:.0%}, {progress.stage}"
-            self.resources = replace(self.resources, saving=told)
-            self.show_message()
+            self._show_progress(f"run {run}: {progress.fraction:.0%}, {progress.stage}")
+            self._host.renderer.refresh_message()
             return
-        self._saved = None
-        self.resources = replace(self.resources, saving="")
+        self._saving = None
+        self._show_progress("")
         if progress.outcome == "done":
-            self._saved_as(run)
+            self._unannounced = run
+            try:
+                session.open_newest_generation()
+            except S2RError as error:
+                session.show_message(str(error), is_error=True)
+            else:
+                self.announce()
         else:
-            why = progress.error or progress.outcome
-            self.session.tell(f"run {run}: {why}", is_error=progress.outcome == "failed")
-        self.refresh_views()
+            reason = progress.error or progress.outcome
+            session.show_message(f"run {run}: {reason}", is_error=progress.outcome == "failed")
+        self._host.renderer.refresh()
 
-    def _saved_as(self, run: str) -> None:
-        self._fresh = run
-        try:
-            self.session.move_on()
-        except S2RError as error:
-            self.session.tell(str(error), is_error=True)
-        else:
-            self.tell_saved()
+    def _show_progress(self, text: str) -> None:
+        self._host.resources = replace(self._host.resources, saving=text)
 
-    def tell_saved(self) -> None:
-        """How to turn to the run that was saved, once its generation is open."""
-        state, run = self.session.state, self._fresh
-        if run is not None and run in state.runs and state.awaited is None:
-            self._fresh = None
-            self.session.tell(f"run {run} is saved{_turning(state, run)}")
+    def announce(self) -> None:
+        """Say how to show the saved run, once its generation is open."""
+        state, run = self._host.session.state, self._unannounced
+        if run is not None and run in state.runs and state.pending is None:
+            self._unannounced = None
+            self._host.session.show_message(f"run {run} is saved{_how_to_show(state, run)}")
 
 
-def _turning(state: State, run: str) -> str:
-    """What leads from the present run to another one."""
+def _how_to_show(state: State, run: str) -> str:
     steps = (state.runs.index(run) - state.runs.index(state.run)) % len(state.runs)
     if steps == 0:
         return ""
     key = "r" if steps == 1 else "R" if steps == len(state.runs) - 1 else ""
-    return f": {key} turns to it" if key else ": a click on it in the overview turns to it"
+    return f": {key} shows it" if key else ": click on it in the overview to show it"

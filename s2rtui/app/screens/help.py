@@ -1,4 +1,4 @@
-"""The help screen: every action, made from the registry."""
+"""The help screen: all keys, generated from the action registry, and a glossary."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from s2rtui.security import Permissions
 
 
 class HelpScreen(ModalBase[None]):
-    """Any of the closing keys leaves it; up and down scroll."""
+    """Lists all actions; up and down scroll."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         ("escape,question_mark,q,enter", "dismiss", "close"),

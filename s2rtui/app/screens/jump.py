@@ -1,4 +1,4 @@
-"""Jump mode: a letter on everything that can be gone to; the letter goes there."""
+"""Jump mode: a letter on every target of the screen; pressing it goes there."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Target:
 
 
 class JumpScreen(ModalBase[str | None]):
-    """Gives the action of the letter that was pressed; any other key leaves."""
+    """Returns the action of the pressed letter, None for any other key."""
 
     def __init__(self, targets: Sequence[Target]) -> None:
         super().__init__()
@@ -39,5 +39,5 @@ class JumpScreen(ModalBase[str | None]):
 
     def on_key(self, event: events.Key) -> None:
         event.stop()
-        found = self._targets.get(event.character or "")
-        self.dismiss(found.action if found else None)
+        target = self._targets.get(event.character or "")
+        self.dismiss(target.action if target else None)

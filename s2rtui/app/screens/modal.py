@@ -1,4 +1,4 @@
-"""Screens above the views that are left once, however many keys arrive at the same time."""
+"""The base class of modal screens."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class ModalBase(ModalScreen[T]):
-    """A modal screen; to leave it when it is left, or below another one, does nothing."""
+    """A modal screen that is dismissed once, however many keys arrive at the same time."""
 
     def dismiss(self, result: T | None = None) -> AwaitComplete:
         if self.app.screen_stack[-1:] != [self]:

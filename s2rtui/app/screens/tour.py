@@ -1,4 +1,4 @@
-"""The first-run tour: one screen that says what is seen and which keys matter first."""
+"""The introduction at the first start: what the screen shows and the first keys."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from s2rtui.app.actions import BY_NAME
 from s2rtui.app.screens.modal import ModalBase
 
 _STEPS = (
-    ("worst_real", "the 15 % that are worst in reality; b the best; W and B in sim"),
-    ("intersect", "then another selection: what both have; | adds, - takes out"),
-    ("brush", "draw a box in the view with the bright title; arrows, enter"),
-    ("edit", "write an expression: worst15 & room:kitchen - @done"),
-    ("next_instance", "the next image of the selection, and what the model said"),
-    ("next_run", "the next model or adjustment; 9 compares two of them"),
-    ("next_heat", "the next heatmap; o lays it on the map"),
-    ("next_view", "the next view; digits choose one, space jumps by a letter"),
-    ("undo", "the selection before this one; U forward again"),
+    ("worst_real", "select the 15 % worst in reality; b the best; W, B in sim"),
+    ("intersect", "then another selection: intersect; | adds, - subtracts"),
+    ("brush", "brush a box in the active view with arrows and enter"),
+    ("edit", "type an expression: worst15 & room:kitchen - @done"),
+    ("next_instance", "next instance of the selection: images and predictions"),
+    ("next_run", "next run (model or adjustment); 9 compares two runs"),
+    ("next_heat", "next heatmap; o shows it on the map"),
+    ("next_view", "next view; digits choose one, space jumps by a letter"),
+    ("undo", "undo the selection; U redoes it"),
 )
 
 
 def tour_text() -> str:
-    """The tour, with the keys as the registry has them."""
+    """The introduction, with the keys of the registry."""
     lines = [
-        "One model looks at paired images: sim is blue, real is red, truth is",
-        "gold. The map shows where they were taken; the first selection is a",
-        "finding: the room where the model fails most in reality.",
+        "A model estimates poses from paired images: simulation is blue,",
+        "reality is red, the ground truth is gold. The map shows where the",
+        "images were taken. The room with the worst real errors is selected.",
         "",
     ]
     lines += [f"  {BY_NAME[name].key:<5}{text}" for name, text in _STEPS]
     help_key = BY_NAME["help"].key
-    return "\n".join([*lines, "", f"  {help_key}    all keys", "", "any key begins"])
+    return "\n".join([*lines, "", f"  {help_key}    all keys and terms", "", "any key begins"])
 
 
 class TourScreen(ModalBase[None]):
-    """Any key leaves it."""
+    """Any key closes it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [("escape,enter,space,q", "dismiss", "begin")]
 

@@ -1,4 +1,4 @@
-"""One line of text pieces: status above, keys and messages below."""
+"""A line of text: the status line, the message line and the footer."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ Piece = str | tuple[str, str]
 
 
 class Bar(Static):
-    """A line whose content is replaced only when it changes; no text in it is markup."""
+    """Updates only when its content changes; no text in it is markup."""
 
     def __init__(self, name: str) -> None:
         super().__init__("", id=name, markup=False)
-        self._shown: tuple[Piece, ...] = ()
+        self._pieces: tuple[Piece, ...] = ()
 
-    def say(self, *pieces: Piece, classes: str = "") -> None:
-        """Show pieces of text, with CSS classes for the meaning of the line."""
-        if pieces != self._shown:
-            self._shown = pieces
-            self.update(Content.assemble(*(_safe(piece) for piece in pieces)))
+    def show(self, *pieces: Piece, classes: str = "") -> None:
+        """Show pieces of text, with CSS classes for the whole line."""
+        if pieces != self._pieces:
+            self._pieces = pieces
+            self.update(Content.assemble(*(_printable_piece(piece) for piece in pieces)))
         self.set_classes(classes)
 
 
-def _safe(piece: Piece) -> Piece:
+def _printable_piece(piece: Piece) -> Piece:
     return printable(piece) if isinstance(piece, str) else (printable(piece[0]), piece[1])

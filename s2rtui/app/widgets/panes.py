@@ -1,4 +1,4 @@
-"""The views' container: children stand where a function of its size puts them."""
+"""The container of the views, laid out by a function of its size."""
 
 from __future__ import annotations
 
@@ -14,47 +14,46 @@ from textual.widget import Widget
 from s2rtui.app.layout import PaneRectangle
 from s2rtui.app.widgets.plot import PlotView
 
-Places = Callable[[int, int], Mapping[str, PaneRectangle]]
+Arrange = Callable[[int, int], Mapping[str, PaneRectangle]]
 
 
 BARS = 3
-"""Rows of the screen that are not the panes'."""
+"""Rows of the screen used by the bars."""
 
 
 class PaneLayout(Layout):
-    """Places children by their id; those without a place are not shown."""
+    """Places children by their id; those without a rectangle are hidden."""
 
     name = "panes"
 
-    def __init__(self, places: Places) -> None:
-        self._places = places
+    def __init__(self, arrange: Arrange) -> None:
+        self._arrange = arrange
 
     def arrange(
         self, parent: Widget, children: list[Widget], size: Size, greedy: bool = True
     ) -> ArrangeResult:
-        placed = self._places(size.width, size.height)
-        found = []
+        rectangles = self._arrange(size.width, size.height)
+        placements = []
         for order, child in enumerate(children):
-            place = placed.get(child.id or "")
-            if place is not None and place.width > 0 and place.height > 0:
-                region = Region(place.x, place.y, place.width, place.height)
-                found.append(WidgetPlacement(region, NULL_OFFSET, NULL_SPACING, child, order))
-        return found
+            cells = rectangles.get(child.id or "")
+            if cells is not None and cells.width > 0 and cells.height > 0:
+                region = Region(cells.x, cells.y, cells.width, cells.height)
+                placements.append(WidgetPlacement(region, NULL_OFFSET, NULL_SPACING, child, order))
+        return placements
 
 
 class Panes(Widget, can_focus=False):
-    """Holds the views; knows which of them have a place."""
+    """Holds the views and tells each whether it is on the screen."""
 
     @dataclass
     class Arranged(Message):
-        """The container has another size."""
+        """The container was resized."""
 
-    def __init__(self, views: list[PlotView], places: Places) -> None:
+    def __init__(self, views: list[PlotView], arrange: Arrange) -> None:
         super().__init__(id="views")
         self._views = views
-        self._places = places
-        self._pane_layout = PaneLayout(places)
-        self._seen: tuple[object, ...] = ()
+        self._pane_layout = PaneLayout(arrange)
+        self._rectangles: Mapping[str, PaneRectangle] = {}
 
     @property
     def layout(self) -> Layout:
@@ -66,19 +65,19 @@ class Panes(Widget, can_focus=False):
     def on_resize(self) -> None:
         self.post_message(self.Arranged())
 
-    def _room(self) -> tuple[int, int]:
-        """The size, or before the first layout what it will be."""
+    @property
+    def available_size(self) -> tuple[int, int]:
+        """The size, estimated from the screen before the first layout."""
         if self.size.area:
             return self.size.width, self.size.height
         return self.app.size.width, max(0, self.app.size.height - BARS)
 
-    def place(self, key: tuple[object, ...]) -> None:
-        """Ask for the places anew where what they depend on has changed."""
-        places = self._places(*self._room())
+    def place(self, rectangles: Mapping[str, PaneRectangle]) -> None:
+        """Tell each view whether it has a rectangle; lay them out again if these have changed."""
         for view in self._views:
-            view.placed = (view.id or "") in places
+            view.placed = (view.id or "") in rectangles
             if not view.placed:
                 view.abandon()
-        if key != self._seen:
-            self._seen = key
-            self._views[0].refresh(layout=True)  # a child's wish makes its parent arrange anew
+        if rectangles != self._rectangles:
+            self._rectangles = rectangles
+            self._views[0].refresh(layout=True)  # makes the parent lay out its children

@@ -1,10 +1,11 @@
-"""A view: a function from a size to a canvas, repainted only where cells changed."""
+"""The widget of a view: draws a canvas and repaints only cells that changed."""
 
 from __future__ import annotations
 
 from asyncio import TimerHandle
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from textual import events
@@ -13,22 +14,33 @@ from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
-from s2rtui.app.call_later import later
+from s2rtui.app.call_later import call_after
 from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.terminal.image_host import ImageHost
 from s2rtui.terminal.strips import to_strips
 
-Draw = Callable[[tuple[int, int], RenderOptions], Canvas]
 Cell = tuple[int, int]
 
-_GAP = 12
-_REST = 0.15
-"""Seconds without another size until pictures hang again."""
+_MERGE_GAP = 12
+"""Unchanged cells between two changed spans below which they are repainted as one."""
+_RESIZE_REST = 0.15
+"""Seconds without a resize until inline images are sent again."""
+
+
+class Drawing(Protocol):
+    """Something that a plot widget draws."""
+
+    @property
+    def cache_key(self) -> tuple[object, ...] | None:
+        """What the drawing depends on: an equal key is not drawn again; None always is."""
+
+    def draw(self, size: tuple[int, int], options: RenderOptions) -> Canvas:
+        """Draw in `size` (columns, rows)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """Where the mouse went with its button down; `done` once it has let go."""
+    """The cells of a mouse drag; `done` once the button is released."""
 
     view: str
     start: Cell
@@ -37,19 +49,19 @@ class Stroke:
 
 
 class Drag:
-    """A stroke that grows; what is told of it waits for whoever takes it, and never queues up."""
+    """A growing stroke; at most one message about it is in the queue."""
 
     def __init__(self, view: str, start: Cell) -> None:
         self._view = view
         self._cells = [start]
-        self._told = self._done = False
+        self._is_posted = self._done = False
 
     @property
     def moved(self) -> bool:
         return len(self._cells) > 1
 
     def move(self, cell: Cell) -> bool:
-        """Whether the cell is another one."""
+        """Add a cell; whether it differs from the last one."""
         differs = self._cells[-1] != cell
         if differs:
             self._cells.append(cell)
@@ -58,20 +70,20 @@ class Drag:
     def end(self) -> None:
         self._done = True
 
-    def to_tell(self) -> bool:
-        """Whether a message is due: none is on its way."""
-        due, self._told = not self._told, True
+    def claim_message(self) -> bool:
+        """Whether a message must be posted: none is in the queue."""
+        due, self._is_posted = not self._is_posted, True
         return due
 
     def taken(self) -> Stroke:
-        self._told = False
+        self._is_posted = False
         start, *trail = self._cells
         return Stroke(self._view, start, tuple(trail), self._done)
 
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """How far the wheel turned over a cell: above 0 away from the user, below towards."""
+    """Wheel steps over a cell: positive away from the user, negative towards."""
 
     view: str
     cell: Cell
@@ -79,87 +91,92 @@ class Turn:
 
 
 class Wheel:
-    """Turns of the wheel, summed up until somebody takes them; they never queue up."""
+    """Wheel steps, summed up so that at most one message is in the queue."""
 
     def __init__(self, view: str) -> None:
         self._view = view
         self._cell = 0, 0
         self._steps = 0
-        self._told = False
+        self._is_posted = False
 
     def turn(self, cell: Cell, steps: int) -> bool:
-        """Whether a message is due: none is on its way."""
+        """Add steps; whether a message must be posted."""
         self._cell, self._steps = cell, self._steps + steps
-        due, self._told = not self._told, True
+        due, self._is_posted = not self._is_posted, True
         return due
 
     def taken(self) -> Turn:
         turn = Turn(self._view, self._cell, self._steps)
-        self._steps, self._told = 0, False
+        self._steps, self._is_posted = 0, False
         return turn
 
 
 class PlotView(Widget, can_focus=False):
-    """Draws what `show` was given; a new drawing sends only the cells that differ."""
+    """Draws what `show` was given; repaints only the cells that differ."""
 
     @dataclass
     class Pressed(Message):
-        """The mouse went down and up again on a cell."""
+        """A cell was clicked."""
 
         view: str
         cell: Cell
 
     class Dragged(Message):
-        """The mouse moves with its button down, or has let go; one message for all moves since."""
+        """The mouse was dragged or released; one message for all moves since the last."""
 
         def __init__(self, drag: Drag) -> None:
             super().__init__()
             self._drag = drag
 
         def taken(self) -> Stroke:
-            """The stroke as it is now. What comes after it is told by another message."""
+            """The stroke so far; later moves post another message."""
             return self._drag.taken()
 
     class Wheeled(Message):
-        """The wheel turns; one message for all its turns since."""
+        """The wheel was turned; one message for all turns since the last."""
 
         def __init__(self, wheel: Wheel) -> None:
             super().__init__()
             self._wheel = wheel
 
         def taken(self) -> Turn:
-            """All turns up to now. What comes after them is told by another message."""
+            """All turns so far; later turns post another message."""
             return self._wheel.taken()
 
     def __init__(
-        self, name: str, look: RenderOptions, tolerance: int = 0, wall: ImageHost | None = None
+        self,
+        name: str,
+        options: RenderOptions,
+        tolerance: int = 0,
+        image_host: ImageHost | None = None,
     ) -> None:
-        """`wall` draws its pictures; without one they are half blocks."""
+        """`image_host` shows inline images; without one they are drawn as half blocks."""
         super().__init__(id=name)
         self.placed = False
         self._view = name
-        self._look = look
+        self._options = options
         self._tolerance = tolerance
-        self._draw: Draw | None = None
-        self._depends: tuple[object, ...] | None = None
+        self._drawing: Drawing | None = None
+        self._cache_key: tuple[object, ...] | None = None
         self._canvas: Canvas | None = None
         self._strips: list[Strip] = []
         self._drag: Drag | None = None
         self._wheel = Wheel(name)
-        self._wall = wall
-        self._hangs: TimerHandle | None = None
+        self._image_host = image_host
+        self._attach_timer: TimerHandle | None = None
         self._places: frozenset[tuple[Region, int]] = frozenset()
 
-    def show(self, draw: Draw, depends: tuple[object, ...] | None = None) -> None:
-        """Draw anew by `draw(size, look)`, unless `depends` is what it was."""
-        unchanged = depends is not None and depends == self._depends
-        self._draw, self._depends = draw, depends
+    def show(self, drawing: Drawing) -> None:
+        """Draw, unless the cache key is that of the last drawing."""
+        cache_key = drawing.cache_key
+        unchanged = cache_key is not None and cache_key == self._cache_key
+        self._drawing, self._cache_key = drawing, cache_key
         if not self.size.width or not self.size.height or (unchanged and self._canvas is not None):
             return
         before, places = self._canvas, self._places
         self._render_canvas()
-        if self._wall is not None:
-            self._hang_after(self._wall.rest(self._view))
+        if self._image_host is not None:
+            self._attach_after(self._image_host.debounce_seconds(self._view))
         if before is None or self._canvas is None or before.char.shape != self._canvas.char.shape:
             self.refresh()
             return
@@ -169,49 +186,51 @@ class PlotView(Widget, can_focus=False):
             self.refresh(*regions)
 
     def clear(self) -> None:
-        """Hold nothing of what was drawn: not the store either that it was drawn from."""
-        self._draw = self._depends = self._canvas = None
+        """Release the drawing, and with it the store that it was drawn from."""
+        self._drawing = self._cache_key = self._canvas = None
         self._strips = []
         self._places = frozenset()
-        self._drop_hanging()
+        self._cancel_attach()
 
     def _render_canvas(self) -> None:
-        if self._draw is None:
+        if self._drawing is None:
             return
         size = self.size.width, self.size.height
-        self._canvas = self._draw(size, self._look)
-        self._strips = to_strips(self._canvas, self._look.mode, self._look.ascii, self._tolerance)
+        self._canvas = self._drawing.draw(size, self._options)
+        self._strips = to_strips(
+            self._canvas, self._options.mode, self._options.ascii, self._tolerance
+        )
 
     def on_resize(self) -> None:
         self._canvas = None
         self._render_canvas()
         self.refresh()
-        if self._wall is not None:
-            self._hang_after(_REST)
+        if self._image_host is not None:
+            self._attach_after(_RESIZE_REST)
 
-    def _hang_after(self, seconds: float) -> None:
-        """Have the pictures drawn by the wall, at once or when nothing else comes for a while."""
-        self._drop_hanging()
+    def _attach_after(self, seconds: float) -> None:
+        """Attach inline images, at once or when nothing else is drawn for some seconds."""
+        self._cancel_attach()
         if seconds:
-            self._placed(frozenset())
-            self._hangs = later(self, seconds, self.hang)
+            self._set_image_places(frozenset())
+            self._attach_timer = call_after(self, seconds, self.attach_images)
         else:
-            self.hang()
+            self.attach_images()
 
-    def _drop_hanging(self) -> None:
-        if self._hangs is not None:
-            self._hangs.cancel()
-            self._hangs = None
+    def _cancel_attach(self) -> None:
+        if self._attach_timer is not None:
+            self._attach_timer.cancel()
+            self._attach_timer = None
 
-    def hang(self) -> None:
-        """Have the wall draw the pictures that are here."""
-        if self._wall is not None and self._canvas is not None:
-            hung = self._wall.hang(self._view, self._canvas, self._strips)
-            self._strips = hung.strips
-            self._placed(hung.places)
+    def attach_images(self) -> None:
+        """Put inline images into the strips."""
+        if self._image_host is not None and self._canvas is not None:
+            painted = self._image_host.attach(self._view, self._canvas, self._strips)
+            self._strips = painted.strips
+            self._set_image_places(painted.places)
 
-    def _placed(self, places: frozenset[tuple[Region, int]]) -> None:
-        """Repaint where pictures came or went."""
+    def _set_image_places(self, places: frozenset[tuple[Region, int]]) -> None:
+        """Repaint where inline images appeared or disappeared."""
         changed, self._places = places ^ self._places, places
         if changed:
             self.refresh(*(region for region, _ in changed))
@@ -238,7 +257,7 @@ class PlotView(Widget, can_focus=False):
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
         if self._drag is not None and self._drag.move((event.x, event.y)):
-            self._tell(self._drag)
+            self._post_drag(self._drag)
 
     def on_mouse_up(self, event: events.MouseUp) -> None:
         self.release_mouse()
@@ -248,25 +267,25 @@ class PlotView(Widget, can_focus=False):
         drag.move((event.x, event.y))
         drag.end()
         if drag.moved:
-            self._tell(drag)
+            self._post_drag(drag)
         else:
             self.post_message(self.Pressed(self._view, drag.taken().start))
 
     @property
     def dragging(self) -> bool:
-        """Whether the mouse's button is down here."""
+        """Whether the mouse button is held down in this widget."""
         return self._drag is not None
 
     def abandon(self) -> bool:
-        """Forget what the mouse has begun; True where there was something."""
-        begun = self.dragging
-        if begun:
+        """Drop an unfinished drag; whether there was one."""
+        was_dragging = self.dragging
+        if was_dragging:
             self.release_mouse()
             self._drag = None
-        return begun
+        return was_dragging
 
-    def _tell(self, drag: Drag) -> None:
-        if drag.to_tell():
+    def _post_drag(self, drag: Drag) -> None:
+        if drag.claim_message():
             self.post_message(self.Dragged(drag))
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
@@ -281,9 +300,9 @@ class PlotView(Widget, can_focus=False):
 
 
 def changed_regions(before: Canvas, after: Canvas, stay: Sequence[Region] = ()) -> list[Region]:
-    """Spans of cells that differ, one or several per row; near spans are joined.
+    """Spans of changed cells, one or several per row; near spans are merged.
 
-    What differs under a picture of which all stays does not count.
+    Changes under an inline image that stays (`stay`) are ignored.
     """
     differs = (before.char != after.char) | (before.bold != after.bold)
     differs |= (before.fg != after.fg).any(axis=-1) & (after.char != " ")
@@ -293,7 +312,7 @@ def changed_regions(before: Canvas, after: Canvas, stay: Sequence[Region] = ()) 
     regions: list[Region] = []
     for row in np.flatnonzero(differs.any(axis=1)):
         columns = np.flatnonzero(differs[row])
-        cuts = np.flatnonzero(np.diff(columns) > _GAP) + 1
+        cuts = np.flatnonzero(np.diff(columns) > _MERGE_GAP) + 1
         regions += [
             Region(int(span[0]), int(row), int(span[-1] - span[0] + 1), 1)
             for span in np.split(columns, cuts)

@@ -1,4 +1,4 @@
-"""The line of text at the foot: expressions with history and completion, names and notes."""
+"""The input line at the foot, with history and completion."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Complete = Callable[[str], Sequence[tuple[str, str]]]
 
 
 class QueryInput(Input):
-    """Up and down walk through earlier lines, tab completes; closed it takes no focus."""
+    """Up and down recall earlier lines, tab completes; a closed line takes no focus."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "earlier", "earlier line", show=False),
@@ -29,7 +29,7 @@ class QueryInput(Input):
 
     @dataclass
     class Offered(Message):
-        """What could stand at the cursor: pairs of a word and its meaning."""
+        """Completions at the cursor: pairs of a word and its meaning."""
 
         options: Sequence[tuple[str, str]]
 
@@ -48,10 +48,10 @@ class QueryInput(Input):
 
     @property
     def keys(self) -> list[tuple[str, str]]:
-        """Pairs of key and word that mean something in the open line."""
+        """(key, label) pairs for the footer while the line is open."""
         completing = [("tab", "complete")] if self._completes else []
         earlier = [("up", "earlier")] if self._history else []
-        return [("enter", "done"), *completing, *earlier, ("escape", "leave")]
+        return [("enter", "done"), *completing, *earlier, ("escape", "cancel")]
 
     def on_mount(self) -> None:
         self.can_focus = False
@@ -59,7 +59,7 @@ class QueryInput(Input):
     def open(
         self, value: str, hint: str, history: Sequence[str] = (), complete: Complete | None = None
     ) -> None:
-        """Show the line with a value; `history` has the latest last."""
+        """Open the line with a value; `history` has the latest line last."""
         self._history, self._place = history, len(history)
         self._complete, self._completes = complete or (lambda text: ()), complete is not None
         self._options, self._option = (), -1
@@ -90,7 +90,7 @@ class QueryInput(Input):
             self._fill(self._draft if last else self._history[place])
 
     def action_complete(self, steps: int) -> None:
-        """The next of what could stand at the cursor, in place of the word that it is in."""
+        """Replace the word at the cursor by the next completion."""
         if not self._options or self._filled != (self.value, self.cursor_position):
             at = self.cursor_position
             head, rest = self.value[:at], _WORD.sub("", self.value[at:], count=1)
@@ -110,13 +110,12 @@ class QueryInput(Input):
         self.value = text
         self.cursor_position = len(text)
 
-    async def _on_key(self, event: events.Key) -> None:
+    def on_key(self, event: events.Key) -> None:
         if event.key not in ("tab", "shift+tab"):
             self._options, self._option = (), -1
-        await super()._on_key(event)
 
 
 def _last(text: str) -> str:
-    """The last word of a line, quoted blanks with it."""
-    found = _LAST.search(text)
-    return found.group().strip() if found else text
+    """The last word of a line, including quoted blanks."""
+    match = _LAST.search(text)
+    return match.group().strip() if match else text

@@ -80,10 +80,10 @@ class AdjustView(View):
         return slider_panels(lines, (size[0], self._rows(scene, size[1]))) if lines else ()
 
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        adjusting.put(session, int(panel.name), point[0])
+        session.dispatch(adjusting.set_slider, int(panel.name), point[0])
 
     def drag(self, session: Session, scene: Scene, panel: Panel, point: Point) -> bool:
-        adjusting.put(session, int(panel.name), point[0])
+        session.dispatch(adjusting.set_slider, int(panel.name), point[0])
         return True
 
 

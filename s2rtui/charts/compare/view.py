@@ -57,7 +57,7 @@ class CompareView(View):
         state, other = scene.state, run_differences.other_run(scene.state)
         if other is None:
             return ()
-        if not pending_target.is_ready(scene.store, other):
+        if not pending_target.run_is_loaded(scene.store, other):
             return other, "loading"
         return state.generation, identity_key(self.input(scene, other)), state.viewport
 
@@ -67,7 +67,7 @@ class CompareView(View):
         if other is None:
             canvas.text(0, 0, "nothing to compare with", options.theme.muted)
             return canvas
-        if not pending_target.is_ready(scene.store, other):
+        if not pending_target.run_is_loaded(scene.store, other):
             canvas.text(0, 0, f"loading run {other}", options.theme.muted)
             return canvas
         notes = run_differences.differences(scene.store, scene.state.run, other)
@@ -141,7 +141,7 @@ class CompareView(View):
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         other = run_differences.other_run(scene.state)
-        if other is None or not pending_target.is_ready(scene.store, other):
+        if other is None or not pending_target.run_is_loaded(scene.store, other):
             return ()
         top = self._top(scene, size)
         maps = (size[1] - top) // 2 if self._both(size) else 0
@@ -156,7 +156,7 @@ class CompareView(View):
         points = true_positions(scene.store)
         nearest = nearest_iid(points, scene.state.base, point)
         if nearest is not None:
-            session.put_cursor(nearest)
+            session.set_cursor(nearest)
 
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area_expression(panel, mark, "box", "lasso")

@@ -10,7 +10,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtui.charts.shared.instance_model import InstanceInput, PoseNumbers, SideView
 from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
-from s2rtui.session.model_input import ModelInput, seen
+from s2rtui.session.model_input import ModelInput, model_input
 from s2rtui.session.state import HeatChoice
 
 NEIGHBOURS = 5
@@ -26,7 +26,7 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
     columns = store.run_columns(run)
     shift = columns.shift[iid]
-    sim, real = (seen(store, store.run(run), side, iid) for side in SIDES)
+    sim, real = (model_input(store, store.run(run), side, iid) for side in SIDES)
     return InstanceInput(
         iid=iid,
         sim=_side(store, run, iid, "sim", heat, sim),

@@ -10,7 +10,7 @@ from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared import instance_terminal
 from s2rtui.charts.view import Pixels, Table, View
-from s2rtui.session.provenance import about
+from s2rtui.session.provenance import instance_provenance
 
 
 class InstanceView(View):
@@ -26,7 +26,7 @@ class InstanceView(View):
         state, resources = scene.state, scene.resources
         if state.cursor is None:
             return "none"
-        requested = about(state).told(state)
+        requested = instance_provenance(state).told(state)
         failed = resources.failed.get("pictures")
         if resources.pictures is None or resources.pictures_source is None:
             return f"{requested}: {failed}" if failed else f"{requested}, loading"

@@ -86,7 +86,7 @@ class ListView(View):
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         rows = instance_list.order(scene.store, scene.state, scene.notes)
         if 0 <= round(point[1]) < rows.size:
-            session.put_cursor(int(rows[round(point[1])]))
+            session.set_cursor(int(rows[round(point[1])]))
 
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         rows = instance_list.order(scene.store, scene.state, scene.notes)

@@ -19,7 +19,7 @@ from s2rtui.charts.shared.map_model import LivePose, MapInput, map_input
 from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
 from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session
-from s2rtui.session.heatmaps import share_told
+from s2rtui.session.heatmaps import sample_note
 
 _TITLES = {
     "colour": "distance between the sim and the real prediction",
@@ -45,7 +45,7 @@ class MapView(View):
     def subtitle(self, scene: Scene) -> str:
         state, text = scene.state, _SUBTITLES[scene.state.map_mode]
         if state.clip:
-            seen = f"what the selection saw{share_told(state)}"
+            seen = f"what the selection saw{sample_note(state)}"
             failed = scene.resources.failed.get("what was seen")
             if scene.resources.seen_on_map(state) is not None:
                 text += f", {seen}"
@@ -121,7 +121,7 @@ class MapView(View):
         points = true_positions(scene.store)
         nearest = nearest_iid(points, scene.state.base, point)
         if nearest is not None:
-            session.put_cursor(nearest)
+            session.set_cursor(nearest)
 
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area_expression(panel, mark, "box", "lasso")

@@ -106,7 +106,7 @@ class OverviewView(View):
 
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         if panel.name in session.state.runs:
-            session.put_run(panel.name)
+            session.set_run(panel.name)
 
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         side = scene.resources.lines.side if scene.resources.lines else scene.state.side

@@ -69,7 +69,7 @@ class RoomsView(View):
 
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         mark = Mark(panel.name, (point, point))
-        session.choose(self.to_expression(scene, panel, mark))
+        session.select(self.to_expression(scene, panel, mark))
 
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return names_expression(mark, _FIELDS[panel.name], scene.store.instances.room_names)

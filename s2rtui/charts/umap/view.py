@@ -72,7 +72,7 @@ class UmapView(View):
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         nearest = nearest_iid(self._points(scene, panel), scene.state.base, point)
         if nearest is not None:
-            session.put_cursor(nearest)
+            session.set_cursor(nearest)
 
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area_expression(panel, mark, f"umap.{panel.name}", f"umap.{panel.name}.lasso")

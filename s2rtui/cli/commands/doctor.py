@@ -23,9 +23,9 @@ def execute(options: argparse.Namespace) -> int:
 
     terminal = detect()
     if options.graphics:
-        from s2rtui.terminal.graphics.probe import ask
+        from s2rtui.terminal.graphics.probe import probe_terminal
 
-        terminal = replace(terminal, graphics=ask(terminal))
+        terminal = replace(terminal, graphics=probe_terminal(terminal))
     rows = [*diagnostics.machine(), *diagnostics.terminal(terminal), *diagnostics.packages()]
     if options.store:
         rows += diagnostics.of_store(options.store)

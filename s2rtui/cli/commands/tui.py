@@ -65,9 +65,9 @@ def execute(options: argparse.Namespace) -> int:
         permissions = Permissions.for_store(options.store)
     terminal = detect(options.colour, options.ascii)
     if options.graphics:
-        from s2rtui.terminal.graphics.probe import ask
+        from s2rtui.terminal.graphics.probe import probe_terminal
 
-        terminal = replace(terminal, graphics=ask(terminal))
+        terminal = replace(terminal, graphics=probe_terminal(terminal))
     prepare_environment(terminal)
     from s2rtui.app.runner import run_app
 

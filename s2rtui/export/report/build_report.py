@@ -34,9 +34,14 @@ def render_report(
     """
     session = Session(store, None, ReadNotebook)
     try:
-        return render_page(build_report(session, request, on_step)).encode()
+        return session_report(session, request, on_step)
     finally:
         session.close()
+
+
+def session_report(session: Session, request: ReportRequest, on_step: StepCallback) -> bytes:
+    """The HTML of a report on a session's open store, whose state it changes."""
+    return render_page(build_report(session, request, on_step)).encode()
 
 
 def build_report(session: Session, request: ReportRequest, on_step: StepCallback) -> Report:
@@ -114,9 +119,9 @@ def _set_state(
     session: Session, request: ReportRequest, run: str, expression: str, room_names: bool = True
 ) -> None:
     """Put the session into the state that shows a selection in a run."""
-    session.set(replace(session.state, trajectories=request.trajectories))
+    session.set_state(replace(session.state, trajectories=request.trajectories))
     session.select("all")
-    session.put_run(run)
+    session.set_run(run)
     other = request.other if request.other != run else None
     options = SceneOptions(
         select=expression, run=run, trajectories=request.trajectories, other=other,

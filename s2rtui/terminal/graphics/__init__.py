@@ -1,1 +1,1 @@
-"""Pictures in true pixels, on request: what the terminal draws, and what is sent to it."""
+"""Inline images in true pixels by the Kitty protocol (option `--graphics`)."""

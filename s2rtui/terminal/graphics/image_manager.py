@@ -1,4 +1,4 @@
-"""The pictures that the terminal holds: each is sent once, and all are deleted in the end."""
+"""Inline images by the Kitty protocol: each is sent once, and all are deleted at the end."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from textual.strip import Strip
 
 from s2rtui.canvas import Canvas, InlineImage, Size
 from s2rtui.canvas.colour import Pixels
-from s2rtui.jobs.background_thread import Lane, Tell
+from s2rtui.jobs.background_thread import LatestOnlyWorker, ReportError
 from s2rtui.terminal.graphics import kitty_protocol
 from s2rtui.terminal.graphics.image_strips import Span, with_spans
 from s2rtui.terminal.graphics.png import png
@@ -22,37 +22,37 @@ from s2rtui.terminal.graphics.probe import Graphics, cell_pixels
 from s2rtui.terminal.image_host import PaintedStrips
 
 NUMBERS = 32
-"""Pictures that the terminal holds at most; those shown are at most half of them."""
-LARGEST = 256 * 256
-"""Pixels of a picture at most: what frames have by default."""
-HEAVIEST = 96 * 1024
-"""Bytes of a picture's PNG at most, four thirds of it as sent; few photographs reach it."""
+"""Images that the terminal holds at most; at most half of them are shown."""
+MAX_PIXELS = 256 * 256
+"""Pixels of an image at most: the default size of frames."""
+MAX_BYTES = 96 * 1024
+"""Bytes of an image's PNG at most; base64 makes it a third larger on the wire."""
 
-_SLIDING = 0.3
+_SLIDER_DEBOUNCE = 0.3
 """Seconds."""
 _HIGH = range(1, 100)
-"""Highest bytes of numbers, whose diacritics take two bytes each."""
+"""Highest bytes of image numbers whose diacritics take two bytes each."""
 _LOW = range(16, 240, NUMBERS)
-"""Lowest bytes of numbers: colours that no terminal changes."""
+"""Lowest bytes of image numbers: palette colours that no terminal changes."""
 
 
 Key = tuple[str, int]
-"""A view, and which of its pictures."""
+"""A view and the index of its image."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Wanted:
-    """A picture to be made: what it follows from with its sizes, and the pixels to send of it."""
+class _ImageRequest:
+    """A requested image: its source, its cache key and the pixels to send."""
 
     key: Key
-    plate: InlineImage
+    image: InlineImage
     size: Size
     of: object
 
 
 @dataclass(frozen=True, slots=True)
-class _Made:
-    """A picture that is ready to be sent: its content, and the same as PNG."""
+class _EncodedImage:
+    """An encoded image with the digest of its content."""
 
     of: object
     digest: bytes
@@ -60,8 +60,8 @@ class _Made:
 
 
 @dataclass(frozen=True, slots=True)
-class _Sent:
-    """A picture that hangs in a box of cells: its content and its number."""
+class _ShownImage:
+    """An image on the screen: its box of cells, content and number."""
 
     of: object
     cells: Size
@@ -70,146 +70,148 @@ class _Sent:
 
 
 class KittyImageManager:
-    """Hangs the pictures of canvases, which a thread per view makes: the newest request wins."""
+    """Shows images that one thread per view encodes; the newest request wins."""
 
     def __init__(
         self,
         graphics: Graphics,
         write: Callable[[str], None],
-        ready: Callable[[], object],
-        tell: Tell = print_exception,
+        on_ready: Callable[[], object],
+        report_error: ReportError = print_exception,
     ) -> None:
-        """`write` sends text to the terminal; `ready` hears, in another thread, that there are
-        pictures to be hung; `tell` of what cannot be made.
+        """`write` sends text to the terminal; `on_ready` is called in a thread when images are
+        encoded, `report_error` when one cannot be.
         """
         self._graphics = graphics
         self._write = write
-        self._ready, self._tell = ready, tell
-        self._lanes: dict[str, Lane] = {}
+        self._on_ready, self._report_error = on_ready, report_error
+        self._workers: dict[str, LatestOnlyWorker] = {}
         self._tickets: dict[str, list[tuple[Key, object]]] = {}
-        self._made: dict[Key, _Made] = {}
-        # By chance: several programs share a terminal in the panes of a tmux.
+        self._encoded: dict[Key, _EncodedImage] = {}
+        # Random, because the panes of a tmux session share one terminal.
         self._first = choice(_HIGH) << 24 | choice(_LOW)
         self._turn = 0
-        self._hung: dict[Key, _Sent] = {}
-        self._sent: set[int] = set()
+        self._shown: dict[Key, _ShownImage] = {}
+        self._numbers: set[int] = set()
 
-    def rest(self, view: str) -> float:
-        """Pictures that follow a slider wait until it rests; all others have waited already."""
-        return _SLIDING if view == "adjust" else 0.0
+    def debounce_seconds(self, view: str) -> float:
+        """Images of a moving slider wait until it stops; loaders debounce all others."""
+        return _SLIDER_DEBOUNCE if view == "adjust" else 0.0
 
-    def hang(self, view: str, canvas: Canvas, strips: list[Strip]) -> PaintedStrips:
-        """The strips with the canvas' pictures in them; sends those that are made, has others made.
+    def attach(self, view: str, canvas: Canvas, strips: list[Strip]) -> PaintedStrips:
+        """Put the images of a canvas into its strips: send encoded ones, start encoding the others.
 
-        Until then those that hung in their boxes stay.
+        Until then the previous images stay in their boxes.
         """
         spans: dict[int, list[Span]] = {}
-        places, lacking = set(), []
-        for index, plate in enumerate(canvas.images):
-            if max(plate.width, plate.height) > len(kitty_protocol.NUMBERS):
+        places, missing = set(), []
+        for index, image in enumerate(canvas.images):
+            if max(image.width, image.height) > len(kitty_protocol.NUMBERS):
                 continue
-            wanted = self._wanted((view, index), plate)
-            number = self._number(wanted)
-            hung = self._hung.get(wanted.key)
+            request = self._request((view, index), image)
+            number = self._number(request)
+            previous = self._shown.get(request.key)
             if number is None:
-                lacking.append(wanted)
-                if hung is None or hung.cells != (plate.width, plate.height):
+                missing.append(request)
+                if previous is None or previous.cells != (image.width, image.height):
                     continue
-                number = hung.number
-            places.add((Region(plate.x, plate.y, plate.width, plate.height), number))
-            for row in range(plate.height):
+                number = previous.number
+            places.add((Region(image.x, image.y, image.width, image.height), number))
+            for row in range(image.height):
                 codes = partial(kitty_protocol.placeholders, number, row)
-                span = Span(plate.x, plate.x + plate.width, codes)
-                spans.setdefault(plate.y + row, []).append(span)
-        self._make(view, lacking)
+                span = Span(image.x, image.x + image.width, codes)
+                spans.setdefault(image.y + row, []).append(span)
+        self._encode_missing(view, missing)
         filled = [with_spans(strip, spans.get(y, ())) for y, strip in enumerate(strips)]
         return PaintedStrips(filled, frozenset(places))
 
     @property
     def idle(self) -> bool:
-        """Whether no picture is being made, or is about to be."""
-        return all(lane.idle for lane in self._lanes.values())
+        """Whether no image is being encoded or is about to be."""
+        return all(worker.idle for worker in self._workers.values())
 
-    def _wanted(self, key: Key, plate: InlineImage) -> _Wanted:
-        size = pixel_size(plate, cell_pixels(self._graphics.cell))
-        return _Wanted(key, plate, size, (plate.content_key, size, (plate.width, plate.height)))
+    def _request(self, key: Key, image: InlineImage) -> _ImageRequest:
+        size = pixel_size(image, cell_pixels(self._graphics.cell))
+        return _ImageRequest(
+            key, image, size, (image.content_key, size, (image.width, image.height))
+        )
 
-    def _number(self, wanted: _Wanted) -> int | None:
-        """The number of a picture that hangs or is ready; another than before has a new one."""
-        key, known = wanted.key, self._hung.get(wanted.key)
-        if known is not None and known.of == wanted.of:
-            return known.number
-        made = self._made.pop(key, None)
-        if made is None or made.of != wanted.of:
+    def _number(self, request: _ImageRequest) -> int | None:
+        """The number of an image that is shown or encoded; new content gets a new number."""
+        key, shown = request.key, self._shown.get(request.key)
+        if shown is not None and shown.of == request.of:
+            return shown.number
+        encoded = self._encoded.pop(key, None)
+        if encoded is None or encoded.of != request.of:
             return None
-        cells = wanted.plate.width, wanted.plate.height
-        if known is not None and known.digest == made.digest:
-            number = known.number
+        cells = request.image.width, request.image.height
+        if shown is not None and shown.digest == encoded.digest:
+            number = shown.number
         else:
             number = self._free()
-            self._sent.add(number)
-            self._write(kitty_protocol.show(number, made.png, cells, self._graphics.in_tmux))
-        self._hung[key] = _Sent(wanted.of, cells, made.digest, number)
+            self._numbers.add(number)
+            self._write(kitty_protocol.show(number, encoded.png, cells, self._graphics.in_tmux))
+        self._shown[key] = _ShownImage(request.of, cells, encoded.digest, number)
         return number
 
-    def _make(self, view: str, lacking: list[_Wanted]) -> None:
-        """Have a view's pictures made, unless they are being made, in place of earlier ones."""
-        ticket = [(wanted.key, wanted.of) for wanted in lacking]
+    def _encode_missing(self, view: str, missing: list[_ImageRequest]) -> None:
+        """Encode a view's images in its thread, in place of an earlier request."""
+        ticket = [(request.key, request.of) for request in missing]
         if ticket == self._tickets.get(view, []):
             return
         self._tickets[view] = ticket
-        if not lacking:
+        if not missing:
             return
-        if view not in self._lanes:
-            self._lanes[view] = Lane(f"pictures of {view}", self._tell)
+        if view not in self._workers:
+            self._workers[view] = LatestOnlyWorker(f"pictures of {view}", self._report_error)
 
-        def make() -> None:
-            for wanted in lacking:
-                made = _made(wanted)
+        def encode() -> None:
+            for request in missing:
+                encoded = _encode(request)
                 if self._tickets.get(view) is not ticket:
                     return
-                self._made[wanted.key] = made
-            self._ready()
+                self._encoded[request.key] = encoded
+            self._on_ready()
 
-        self._lanes[view].put(make)
+        self._workers[view].put(encode)
 
     def _free(self) -> int:
-        """The number that was shown longest ago: what is still on the screen stays whole."""
-        shown = {sent.number for sent in self._hung.values()}
+        """The number that was shown longest ago, so that images on the screen stay whole."""
+        shown = {sent.number for sent in self._shown.values()}
         while True:
             self._turn = (self._turn + 1) % NUMBERS
             if self._first + self._turn not in shown:
                 return self._first + self._turn
 
-    def take_down(self) -> None:
-        """Delete all pictures."""
-        if self._sent:
-            self._write(kitty_protocol.forget(sorted(self._sent), self._graphics.in_tmux))
-        for kept in (self._hung, self._sent, self._made, self._tickets):
-            kept.clear()
+    def delete_all(self) -> None:
+        """Delete all images from the terminal."""
+        if self._numbers:
+            self._write(kitty_protocol.forget(sorted(self._numbers), self._graphics.in_tmux))
+        for cache in (self._shown, self._numbers, self._encoded, self._tickets):
+            cache.clear()
 
 
-def pixel_size(plate: InlineImage, cell: Size) -> Size:
-    """(height, width) to send: as the picture has, but not more than its box or `LARGEST` takes."""
-    rows, columns = plate.shape
-    box = plate.height * cell[1], plate.width * cell[0]
-    share = min(1.0, box[0] / rows, box[1] / columns, (LARGEST / (rows * columns)) ** 0.5)
+def pixel_size(image: InlineImage, cell: Size) -> Size:
+    """(height, width) to send: the image's own size, limited by its box and by `MAX_PIXELS`."""
+    rows, columns = image.shape
+    box = image.height * cell[1], image.width * cell[0]
+    share = min(1.0, box[0] / rows, box[1] / columns, (MAX_PIXELS / (rows * columns)) ** 0.5)
     return max(1, int(rows * share)), max(1, int(columns * share))
 
 
-def _made(wanted: _Wanted) -> _Made:
-    plate, size = wanted.plate, wanted.size
-    pixels = plate.pixels(size)
-    cells = plate.width, plate.height
+def _encode(request: _ImageRequest) -> _EncodedImage:
+    image, size = request.image, request.size
+    pixels = image.pixels(size)
+    cells = image.width, image.height
     digest = blake2b(pixels.tobytes() + repr((size, cells)).encode()).digest()
-    return _Made(wanted.of, digest, _light_png(plate, pixels))
+    return _EncodedImage(request.of, digest, _png_within_limit(image, pixels))
 
 
-def _light_png(plate: InlineImage, pixels: Pixels) -> bytes:
-    """Its pixels, or as much fewer as make it light enough."""
+def _png_within_limit(image: InlineImage, pixels: Pixels) -> bytes:
+    """Encode the image, reduced until it has at most `MAX_BYTES`."""
     picture, size = png(pixels), pixels.shape[:2]
-    while len(picture) > HEAVIEST:
-        share = 0.98 * (HEAVIEST / len(picture)) ** 0.5
+    while len(picture) > MAX_BYTES:
+        share = 0.98 * (MAX_BYTES / len(picture)) ** 0.5
         size = int(size[0] * share), int(size[1] * share)
-        picture = png(plate.pixels(size))
+        picture = png(image.pixels(size))
     return picture

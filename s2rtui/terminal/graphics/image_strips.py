@@ -1,11 +1,10 @@
-"""Strips with pictures in them: as codes the terminal's pictures, as segments the half blocks."""
+"""Strips with inline images: placeholders as escape codes, half blocks as segments."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from rich.console import Console
 from textual.strip import Strip
 
 from s2rtui.terminal.strips import DeltaStrip, Runs, encoded
@@ -13,9 +12,9 @@ from s2rtui.terminal.strips import DeltaStrip, Runs, encoded
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """The cells from `start` to `end` of a row; `codes(first, count)` draws some of them.
+    """Cells `start` to `end` of a row; `codes(first, count)` gives the placeholders of some.
 
-    `skipped` cells at its left were cut off.
+    `skipped` cells at the left were cut off.
     """
 
     start: int
@@ -24,7 +23,7 @@ class Span:
     skipped: int = 0
 
     def cut(self, start: int, end: int) -> Span | None:
-        """What is left of it in the cells from `start` to `end`."""
+        """The part within the cells from `start` to `end`; None if there is none."""
         first, last = max(self.start, start), min(self.end, end)
         if first >= last:
             return None
@@ -32,12 +31,12 @@ class Span:
 
 
 class PictureStrip(DeltaStrip):
-    """A strip whose spans are drawn by the terminal, unless it is restyled."""
+    """A strip whose spans the terminal replaces by images, unless it is restyled."""
 
     __slots__ = ("_spans",)
 
     def __init__(self, runs: Runs, spans: Sequence[Span]) -> None:
-        """`spans` from left to right, none over another."""
+        """`spans` from left to right, without overlap."""
         super().__init__(runs)
         self._spans = tuple(spans)
 
@@ -48,25 +47,23 @@ class PictureStrip(DeltaStrip):
         if cropped is self or not isinstance(cropped, DeltaStrip):
             return cropped
         spans = (span.cut(start, end) for span in self._spans)
-        return PictureStrip(cropped._runs, [span for span in spans if span is not None])
+        return PictureStrip(cropped.runs, [span for span in spans if span is not None])
 
-    def render(self, console: Console) -> str:
-        if self._render_cache is None:
-            parts, at = [], 0
-            for span in self._spans:
-                parts.append(self._between(at, span.start))
-                parts.append(span.codes(span.skipped, span.end - span.start))
-                at = span.end
-            parts.append(self._between(at, self.cell_length))
-            self._render_cache = "".join(parts)
-        return self._render_cache
+    def encode(self) -> str:
+        parts, at = [], 0
+        for span in self._spans:
+            parts.append(self._between(at, span.start))
+            parts.append(span.codes(span.skipped, span.end - span.start))
+            at = span.end
+        parts.append(self._between(at, self.cell_length))
+        return "".join(parts)
 
     def _between(self, start: int, end: int) -> str:
-        return encoded(self._runs.cut(start, end)) if start < end else ""
+        return encoded(self.runs.cut(start, end)) if start < end else ""
 
 
 def with_spans(strip: Strip, spans: Sequence[Span]) -> Strip:
-    """A strip of a canvas with pictures in it."""
+    """Put image spans into a strip of a canvas."""
     if not spans or not isinstance(strip, DeltaStrip):
         return strip
-    return PictureStrip(strip._runs, sorted(spans, key=lambda span: span.start))
+    return PictureStrip(strip.runs, sorted(spans, key=lambda span: span.start))

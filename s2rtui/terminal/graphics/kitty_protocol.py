@@ -1,4 +1,4 @@
-"""Kitty's graphics protocol with Unicode placeholders: pictures as text, so none is left over.
+"""Kitty's graphics protocol with Unicode placeholders: images are text, so clearing removes them.
 
 https://sw.kovidgoyal.net/kitty/graphics-protocol/#unicode-placeholders
 """
@@ -12,11 +12,11 @@ from s2rtui.canvas import Size
 
 PLACEHOLDER = "\U0010eeee"
 CHUNK = 4096
-"""Characters of base64 in one sequence, as the protocol has it."""
+"""Characters of base64 per sequence, a limit of the protocol."""
 
 
 def _spread(ranges: str) -> str:
-    """Characters from hexadecimal numbers and ranges of them."""
+    """The characters of hexadecimal code points and ranges."""
     ends = (part.split("-") for part in ranges.split())
     return "".join(chr(at) for end in ends for at in range(int(end[0], 16), int(end[-1], 16) + 1))
 
@@ -30,13 +30,13 @@ NUMBERS = _spread("""
     20DB-20DC 20E1 20E7 20E9 20F0 2CEF-2CF1 2DE0-2DFF A66F A67C-A67D A6F0-A6F1 A8E0-A8F1 AAB0
     AAB2-AAB3 AAB7-AAB8 AABE-AABF AAC1 FE20-FE26 10A0F 10A38 1D185-1D189 1D1AA-1D1AD 1D242-1D244
 """)
-"""The diacritics that stand for 0, 1, 2 ... above a placeholder: its row, then its column."""
+"""The diacritics for 0, 1, 2 ... above a placeholder: its row, then its column."""
 
 
 def show(number: int, png: bytes, cells: Size, in_tmux: bool = False) -> str:
-    """Send a picture under a number, to be shown wherever its placeholders stand.
+    """Send an image under a number; the terminal shows it wherever its placeholders are.
 
-    `cells` (columns, rows) is the box that the terminal fits it into.
+    The terminal scales it to the box `cells` (columns, rows).
     """
     data = standard_b64encode(png).decode("ascii")
     parts = [data[at : at + CHUNK] for at in range(0, len(data), CHUNK)]
@@ -49,12 +49,12 @@ def show(number: int, png: bytes, cells: Size, in_tmux: bool = False) -> str:
 
 
 def forget(numbers: Iterable[int], in_tmux: bool = False) -> str:
-    """Delete pictures, wherever they are shown."""
+    """Delete images from the terminal."""
     return "".join(command(f"a=d,d=I,i={number},q=2", in_tmux) for number in numbers)
 
 
 def command(text: str, in_tmux: bool = False) -> str:
-    """One sequence; tmux hands it on to its terminal where it is wrapped."""
+    """One escape sequence, wrapped so that tmux passes it on if needed."""
     sequence = f"\x1b_G{text}\x1b\\"
     if not in_tmux:
         return sequence
@@ -63,10 +63,10 @@ def command(text: str, in_tmux: bool = False) -> str:
 
 
 def placeholders(number: int, row: int, column: int, count: int) -> str:
-    """`count` cells of a picture's row, on their own.
+    """The placeholders of `count` cells of an image row.
 
-    The lowest byte of the number is the colour of the text, the highest a third diacritic; those
-    between are 0.
+    The lowest byte of the image number is encoded as text colour, the highest as a third diacritic;
+    the bytes between are 0.
     """
     mark, high = f"{PLACEHOLDER}{NUMBERS[row]}", NUMBERS[number >> 24]
     cells = "".join(f"{mark}{NUMBERS[at]}{high}" for at in range(column, column + count))

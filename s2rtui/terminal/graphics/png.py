@@ -1,4 +1,4 @@
-"""PNG without loss; pictures of few colours, such as depth, by a palette, in half the bytes."""
+"""Encode PNG losslessly; images of few colours, such as depth, use a palette: half the bytes."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from PIL import Image
 from s2rtui.canvas.colour import Pixels
 
 MOST = 256
-"""Colours of a palette."""
+"""Colours of a palette at most."""
 _HEADER, _END = slice(16, 29), 33
-"""Where the data of the first chunk stand, and its end."""
+"""The data of the header chunk, and its end."""
 _COLOUR_TYPE, _PALETTE = 9, b"\x03"
 
 
 def png(pixels: Pixels) -> bytes:
-    """A picture (h, w, 3)."""
+    """Encode an image (h, w, 3) uint8."""
     packed = pixels.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.uint32)
     colours, places = np.unique(packed, return_inverse=True)
     if len(colours) > MOST:
@@ -37,9 +37,9 @@ def _written(values: NDArray[np.uint8]) -> bytes:
 
 
 def _coloured(grey: bytes, palette: bytes) -> bytes:
-    """A grey picture with its values as places in a palette.
+    """Turn a grey PNG, whose values index a palette, into one with this palette.
 
-    Pillow predicts greys from their neighbours but no palette's places, which are as smooth here.
+    Pillow filters grey images by their neighbours but not palette images; these are as smooth.
     """
     header = grey[_HEADER]
     header = header[:_COLOUR_TYPE] + _PALETTE + header[_COLOUR_TYPE + 1 :]

@@ -1,7 +1,7 @@
-"""Which graphics the terminal draws: asked once, before the application begins, by its own answer.
+"""Ask the terminal, once before the application starts, whether it draws inline images.
 
-Every terminal answers the last question (its attributes, DA1), so nothing is guessed from how long
-an answer takes: over a slow connection it is only waited for longer.
+Every terminal answers the last question (its attributes, DA1), so support is never guessed from a
+timeout: a slow connection only takes longer.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.graphics import kitty_protocol
 
 PATIENCE = 3.0
-"""Seconds that the answer is waited for."""
+"""Seconds to wait for the answer."""
 USUAL_CELL = (10, 20)
 _NUMBER = 31
 _ATTRIBUTES = re.compile(rb"\x1b\[\?[\d;]*c")
@@ -37,7 +37,7 @@ _ON_TMUX = re.compile("kitty|ghostty")
 
 @dataclass(frozen=True, slots=True)
 class Graphics:
-    """What the terminal draws: pictures or not, in cells of (width, height) pixels, and why."""
+    """Whether the terminal draws images, why, and its cell size (width, height) in pixels."""
 
     pictures: bool
     told: str
@@ -45,7 +45,7 @@ class Graphics:
     in_tmux: bool = False
 
 
-def ask(terminal: Terminal, environment: Mapping[str, str] | None = None) -> Graphics:
+def probe_terminal(terminal: Terminal, environment: Mapping[str, str] | None = None) -> Graphics:
     """Ask the terminal, or tmux about its terminal."""
     env = os.environ if environment is None else environment
     if terminal.ascii or not RenderOptions(mode=terminal.mode).supports_shading:
@@ -54,15 +54,15 @@ def ask(terminal: Terminal, environment: Mapping[str, str] | None = None) -> Gra
         return Graphics(False, "no terminal to ask")
     if env.get("TMUX"):
         return _of_tmux(_ask_tmux())
-    return of_answer(_ask_terminal())
+    return parse_answer(_ask_terminal())
 
 
 def _here() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty()
 
 
-def of_answer(answer: bytes) -> Graphics:
-    """What the answers to `_question` say."""
+def parse_answer(answer: bytes) -> Graphics:
+    """Interpret the answers to `_question`."""
     if not _ATTRIBUTES.search(answer):
         return Graphics(False, f"the terminal did not answer within {PATIENCE:.0f} s")
     if _DRAWN not in answer:
@@ -76,7 +76,7 @@ def of_answer(answer: bytes) -> Graphics:
 
 
 def cell_pixels(otherwise: Size = USUAL_CELL) -> Size:
-    """(width, height) of a cell in pixels, where the system knows it."""
+    """(width, height) of a cell in pixels, or `otherwise` if the system does not know it."""
     with suppress(OSError, ValueError, AttributeError):
         told = fcntl.ioctl(sys.__stdout__.fileno(), termios.TIOCGWINSZ, bytes(8))  # type: ignore[union-attr]
         rows, columns, width, height = struct.unpack("HHHH", told)
@@ -86,16 +86,16 @@ def cell_pixels(otherwise: Size = USUAL_CELL) -> Size:
 
 
 def _question() -> bytes:
-    """A pixel that is sent and deleted, the size of a cell, and the terminal's attributes.
+    """Send and delete one pixel, and ask for the cell size and the terminal's attributes.
 
-    Where a placeholder is not known the pixel is shown at once, and the cursor moves.
+    A terminal without placeholders shows the pixel at once, which moves the cursor.
     """
     pixel = kitty_protocol.command(f"a=T,U=1,i={_NUMBER},c=1,r=1,s=1,v=1,f=24,t=d;AAAA")
     return f"\x1b[6n{pixel}\x1b[6n{kitty_protocol.forget([_NUMBER])}\x1b[16t\x1b[c".encode()
 
 
 def _ask_terminal() -> bytes:
-    """All that the terminal says up to its attributes; keys pressed meanwhile are lost."""
+    """Read the answer up to the attributes; keys pressed meanwhile are lost."""
     source = sys.stdin.fileno()
     before = termios.tcgetattr(source)
     answer = b""
@@ -117,7 +117,7 @@ def _ask_terminal() -> bytes:
 
 
 def _ask_tmux() -> str:
-    """The terminal below tmux and whether sequences pass; empty where tmux does not say."""
+    """The terminal that tmux runs in and its passthrough option; empty if tmux does not answer."""
     what = "#{client_termname} #{client_termtype} #{allow-passthrough}"
     words = ["tmux", "display-message", "-p", what]
     try:

@@ -1,0 +1,47 @@
+"""A view with its title line: what a plot widget draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from s2rtui.canvas import Canvas, RenderOptions
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.view import View
+
+
+def truncated(text: str, width: int, options: RenderOptions) -> str:
+    """At most `width` characters; an ellipsis marks what was cut."""
+    return text if len(text) <= width else text[: width - 1] + ("~" if options.ascii else "…")
+
+
+@dataclass(frozen=True, slots=True)
+class TitledView:
+    """A view of a scene under a line with its key, its name and its subtitle."""
+
+    view: View
+    scene: Scene
+
+    @property
+    def cache_key(self) -> tuple[object, ...] | None:
+        """What the drawing depends on; None draws it always."""
+        depends = self.view.cache_key(self.scene)
+        if depends is None:
+            return None
+        return (*depends, self.view.subtitle(self.scene), self.scene.state.view == self.view.name)
+
+    def draw(self, size: tuple[int, int], options: RenderOptions) -> Canvas:
+        """The title line over the view's drawing, `size` (columns, rows) together."""
+        (width, height), theme, view = size, options.theme, self.view
+        is_active = self.scene.state.view == view.name
+        label = f"{view.key} {view.name}"
+        canvas = Canvas(width, height, theme=theme)
+        if is_active:
+            canvas.fill(0, 0, width, 1, theme.highlight)
+        canvas.text(0, 0, label, fg=theme.text if is_active else theme.muted, bold=is_active)
+        start = len(label) + 2
+        if start < width:
+            subtitle = truncated(view.subtitle(self.scene), width - start, options)
+            canvas.text(start, 0, subtitle, fg=theme.muted)
+        if height > 1:
+            canvas.paste(view.draw(self.scene, (width, height - 1), options), 0, 1)
+        return canvas

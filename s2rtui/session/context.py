@@ -1,0 +1,58 @@
+"""What reducers read beside the state. A reducer is `(context, state, *arguments) -> state`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.language import MaskContext, base_population
+from s2rstore.reader import Store
+from s2rtui.session.state import State
+from s2rtui.user_data.notebook import Notes
+
+
+class BasePopulations:
+    """Base populations by generation, run and trajectories; equal ones share one array.
+
+    Caches that compare arrays by identity then survive a change of the run.
+    """
+
+    def __init__(self) -> None:
+        self._masks: dict[tuple[object, ...], NDArray[np.bool_]] = {}
+
+    def mask(self, store: Store, state: State, context: MaskContext) -> NDArray[np.bool_]:
+        """(N,) mask of the instances that the state's run and trajectories allow."""
+        key = (store.generation, state.run, state.trajectories)
+        if key not in self._masks:
+            computed = base_population(context)
+            equal = (mask for mask in self._masks.values() if np.array_equal(mask, computed))
+            self._masks[key] = next(equal, computed)
+        return self._masks[key]
+
+    def drop_generation(self, generation: int) -> None:
+        """Release the masks of a generation that is closed."""
+        self._masks = {key: mask for key, mask in self._masks.items() if key[0] != generation}
+
+
+@dataclass(frozen=True, slots=True)
+class SessionContext:
+    """The open store, the user's notes, and cached base populations.
+
+    `defers_loading`: background workers read columns, so a reducer must not read them itself.
+    """
+
+    store: Store
+    notes: Notes
+    base_populations: BasePopulations
+    defers_loading: bool = False
+
+
+class Reducer(Protocol):
+    """A pure transition: reads the context, returns the next state, changes neither."""
+
+    def __call__(
+        self, context: SessionContext, state: State, /, *arguments: Any, **options: Any
+    ) -> State: ...

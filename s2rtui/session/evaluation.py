@@ -1,0 +1,82 @@
+"""Evaluate an expression in a state: the selected instances and the cursor among them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.language import Node, evaluation, mask, to_text
+from s2rstore.metrics.top_k import first_largest, top_k
+from s2rstore.reader import Store
+from s2rtui.analysis.binning import selection_indices
+from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.session import saved_selection_diff
+from s2rtui.session.context import SessionContext
+from s2rtui.session.state import PendingTarget, State
+
+_RANKED_ERRORS = 4096
+"""Largest errors that are searched for the cursor before the whole selection is."""
+
+
+def evaluate(
+    context: SessionContext,
+    state: State,
+    node: Node,
+    history: tuple[tuple[str, ...], tuple[str, ...]],
+    pending: PendingTarget | None = None,
+) -> State:
+    """The state with `node` selected; brush and operator are used up.
+
+    `history` holds the expressions before and after it, `pending` is what is still to be loaded.
+    Raises ExpressionError.
+    """
+    store, notes = context.store, context.notes
+    masks = evaluation.context(store, state.run, state.trajectories, notes.nodes)
+    selected = mask(node, masks)
+    messages = ["" if selected.any() else "nothing is selected"]
+    if notes.selections:
+        messages.append(saved_selection_diff.describe_saved_names(node, state, masks, notes))
+    base = context.base_populations.mask(store, state, masks)
+    past, future = history
+    return replace(
+        state,
+        expression=to_text(node),
+        selected=selected,
+        base=base,
+        cursor=_cursor(store, state, selected, base),
+        past=past,
+        future=future,
+        pending=pending,
+        operator="replace",
+        brush=None,
+        message="; ".join(part for part in messages if part),
+        is_error=False,
+        keeps_message=False,
+    )
+
+
+def _cursor(
+    store: Store, state: State, selected: NDArray[np.bool_], base: NDArray[np.bool_]
+) -> int | None:
+    """The present cursor if it is still selected, else the instance with the worst real error."""
+    pool = selected if selected.any() else base
+    if state.cursor is not None and pool[state.cursor]:
+        return state.cursor
+    errors = store.run_columns(state.run).real.error
+    worst = _worst_iids(ArrayKey(errors))
+    inside = pool[worst]
+    if inside.any():
+        return int(worst[inside.argmax()])
+    return first_largest(errors, selection_indices(pool, base).members)
+
+
+@cached_by_identity(4)
+def _worst_iids(errors: ArrayKey) -> NDArray[np.intp]:
+    """The iids of the largest known errors in descending order, ties by iid."""
+    column = np.asarray(errors.array)
+    known = ~np.isnan(column)
+    count = min(_RANKED_ERRORS, column.size)
+    largest_first = np.flatnonzero(top_k(column, known, count, largest=True))
+    return largest_first[np.argsort(-column[largest_first], kind="stable")]

@@ -1,0 +1,11 @@
+"""The line of text by which a session shares its selection."""
+
+from __future__ import annotations
+
+from s2rtui.session import Session
+from s2rtui.session.shared_selection import current_selection, shared_text
+
+
+def shared_line(session: Session) -> str:
+    """What the user of a session copies."""
+    return shared_text(current_selection(session.state), session.store.dataset.hash)
