@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 OUT ?= demo-out
 export OMP_WAIT_POLICY = PASSIVE
 export GOMP_SPINCOUNT = 0
+export NO_MKDOCS_2_WARNING = 1
 
 .PHONY: install demo test check docs format lint types contracts bench checkpoints clean
 

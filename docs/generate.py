@@ -33,6 +33,16 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def registry(name: str, *modules: str) -> Any:
+    """The registry `name` of the first of `modules` that has it."""
+    for module in modules:
+        try:
+            return getattr(import_module(module), name)
+        except (ModuleNotFoundError, AttributeError):
+            continue
+    raise LookupError(f"no registry {name} in {', '.join(modules)}")
+
+
 def first_paragraph(thing: object) -> str:
     """First paragraph of the docstring of an object's class, or of a function."""
     owner = thing if callable(thing) and hasattr(thing, "__name__") else type(thing)
@@ -41,8 +51,7 @@ def first_paragraph(thing: object) -> str:
 
 def commands_page() -> str:
     """Every command with all its options, from the argparse parsers."""
-    from s2rtui import cli
-
+    commands = registry("COMMANDS", "s2rtui.cli.command_parser", "s2rtui.cli")
     parts = [
         "# Commands\n",
         "`s2r STORE.s2r` is short for `s2r tui STORE.s2r`. "
@@ -50,10 +59,10 @@ def commands_page() -> str:
         "`--debug` shows a traceback instead of a one-line error.\n",
         table(
             ("command", "what it does"),
-            ((f"[`{name}`](#s2r-{name})", cell(text)) for name, text in cli.COMMANDS.items()),
+            ((f"[`{name}`](#s2r-{name})", cell(text)) for name, text in commands.items()),
         ),
     ]
-    for name, text in cli.COMMANDS.items():
+    for name, text in commands.items():
         parser = argparse.ArgumentParser(prog=f"s2r {name}")
         import_module(f"s2rtui.cli.commands.{name}").add_arguments(parser)
         parts.append(f"## s2r {name} {{ #s2r-{name} }}\n")
@@ -201,9 +210,7 @@ def schema_page() -> str:
         "value, never NaN.\n",
     ]
     parts += [_schema_table(described) for described in schema.TABLES]
-    comments = next(
-        getattr(schema, name) for name in ("_pair_comments", "pair_comments") if hasattr(schema, name)
-    )()
+    comments = schema._pair_comments()
     parts += [
         "## pair (view)\n",
         "One row per run and instance: ground truth and both sides.\n",
@@ -226,28 +233,29 @@ def _schema_table(described: Any) -> str:
 
 def registries_page() -> str:
     """Views, heatmap kinds, adjustments, importers and the other registries."""
+    from s2rtools import heatmaps
     from s2rtools.adjustments import ADJUSTMENTS
     from s2rtools.datasets import IMPORTERS
-    from s2rtools.heatmaps import KINDS
     from s2rtools.models import ARCHITECTURES
-    from s2rtools.motion_logs.readers import READERS
     from s2rtools.synthetic_world.factors import FACTORS
     from s2rtools.sysid.simulators import SIMULATORS
     from s2rtools.training.recipes import RECIPES
     from s2rtui.charts.registry import VIEWS
 
+    heatmap_kinds = getattr(heatmaps, "HEATMAP_KINDS", None) or heatmaps.KINDS
+    readers = registry("READERS", "s2rtools.motion_logs.drives", "s2rtools.motion_logs.readers")
     views = (
         (code(view.key), code(view.name), code(", ".join(view.aliases)), cell(view.description))
         for view in VIEWS
     )
-    modes = ((code(name), cell(first_paragraph(kind))) for name, kind in KINDS.items())
+    kinds = ((code(name), cell(first_paragraph(kind))) for name, kind in heatmap_kinds.items())
     adjustments = (
         (
             code(name),
-            f"{adjustment.low:g} .. {adjustment.high:g}",
+            f"{adjustment.lowest:g} .. {adjustment.highest:g}",
             f"{adjustment.neutral:g}",
-            cell(getattr(adjustment, "unit", "")),
-            cell(first_paragraph(adjustment)),
+            cell(adjustment.unit),
+            cell(adjustment.description),
         )
         for name, adjustment in ADJUSTMENTS.items()
     )
@@ -256,7 +264,7 @@ def registries_page() -> str:
         "## Views\n",
         table(("key", "name", "also called", "what it shows"), views),
         "## Heatmap kinds\n",
-        table(("kind", "what it is"), modes),
+        table(("kind", "what it is"), kinds),
         "## Adjustments\n",
         table(("name", "range", "neutral", "unit", "what it does"), adjustments),
     ]
@@ -265,17 +273,21 @@ def registries_page() -> str:
         ("Architectures", "`s2r model add ... --arch NAME`", ARCHITECTURES),
         ("Training recipes", "`s2r train --recipe NAME`", RECIPES),
         ("Factors of the demo world", "`s2r ingest world --factors NAME`", FACTORS),
-        ("Readers of motion logs", "the file endings that drives may have", READERS),
         ("Simulators", "`s2r sysid --simulator NAME`", SIMULATORS),
     )
-    for title, use, registry in others:
+    for title, use, entries in others:
         parts += [f"## {title}\n", f"{use}\n"]
         parts.append(
             table(
                 ("name", "what it is"),
-                ((code(name), cell(_meaning(entry))) for name, entry in registry.items()),
+                ((code(name), cell(_meaning(entry))) for name, entry in entries.items()),
             )
         )
+    suffixes = ", ".join(code(suffix or "a folder") for suffix in readers)
+    parts += [
+        "## Motion logs\n",
+        f"Drives are read from files that end in {suffixes} (a ROS 2 bag).\n",
+    ]
     return "\n".join(parts)
 
 
@@ -284,14 +296,12 @@ def _meaning(entry: object) -> str:
     described = getattr(entry, "description", "")
     if isinstance(described, str) and described:
         return described
-    if type(entry).__module__ != "builtins" and not callable(entry):
-        return first_paragraph(entry)
     return first_paragraph(entry)
 
 
 def changelog_page() -> str:
     """The change log of the repository."""
-    return (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    return (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "](")
 
 
 PAGES: dict[str, Callable[[], str]] = {
