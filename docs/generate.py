@@ -157,6 +157,7 @@ def _key_groups() -> list[tuple[str, list[tuple[str, str, str]]]]:
 def cheat_sheet_page() -> str:
     """All keys on one printable A4 page."""
     parts = [
+        "---\nhide:\n  - navigation\n  - toc\n---\n",
         "# Cheat sheet of keys\n",
         '<p class="cheat-sheet-note">Print this page: it fits on one sheet of A4.</p>\n',
         '<div class="cheat-sheet">',
@@ -283,7 +284,7 @@ def registries_page() -> str:
                 ((code(name), cell(_meaning(entry))) for name, entry in entries.items()),
             )
         )
-    suffixes = ", ".join(code(suffix or "a folder") for suffix in readers)
+    suffixes = ", ".join(code(suffix or "a folder (ROS 2 bag)") for suffix in readers)
     parts += [
         "## Motion logs\n",
         f"Drives are read from files that end in {suffixes} (a ROS 2 bag).\n",
