@@ -5,8 +5,9 @@ BIN := $(VENV)/bin
 OUT ?= demo-out
 export OMP_WAIT_POLICY = PASSIVE
 export GOMP_SPINCOUNT = 0
+export NO_MKDOCS_2_WARNING = 1
 
-.PHONY: install demo test check format lint types contracts bench checkpoints clean
+.PHONY: install demo test check docs format lint types contracts bench checkpoints clean
 
 install: $(VENV)/.installed
 
@@ -41,6 +42,10 @@ types: install
 
 contracts: install
 	$(BIN)/lint-imports
+
+# The documentation as a site in build/site; needs no network.
+docs: install
+	$(BIN)/mkdocs build --strict --quiet
 
 bench: install
 	$(BIN)/python -m bench --json

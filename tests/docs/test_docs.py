@@ -1,0 +1,141 @@
+"""The documentation names commands, keys, files and links that exist, and builds as a site."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+TEXTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES]
+_COMMAND = re.compile(r"^(?:\$ )?s2r (?P<rest>.*)$", re.MULTILINE)
+_BLOCK = re.compile(r"^```[a-z]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
+_LINK = re.compile(r"(?<!`)\[[^\]]*\]\((?P<target>[^)\s]+)\)")
+_PATH = re.compile(r"`(?P<path>(?:s2rtui|store|tools|tests|examples|docs|bench)/[^`\s]*)`")
+
+
+def generator():
+    """The hook that writes the reference pages."""
+    spec = importlib.util.spec_from_file_location("docs_generate", DOCS / "generate.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def shown_commands(text: str) -> list[list[str]]:
+    """The words behind `s2r` of every command in the code blocks of a page."""
+    lines = [match["rest"] for block in _BLOCK.findall(text) for match in _COMMAND.finditer(block)]
+    return [shlex.split(line, comments=True) for line in lines]
+
+
+def documented_options(commands_page: str) -> dict[str, set[str]]:
+    """Options of every command, as the generated page lists them."""
+    sections = re.split(r"^## s2r (\w+).*$", commands_page, flags=re.MULTILINE)
+    return {
+        name: set(re.findall(r"--[\w-]+", body))
+        for name, body in zip(sections[1::2], sections[2::2], strict=True)
+    }
+
+
+def test_the_readme_has_at_most_150_lines():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 150
+
+
+def test_shown_commands_and_their_options_exist():
+    options = documented_options(generator().commands_page())
+    unknown = []
+    for page in TEXTS:
+        for words in shown_commands(page.read_text(encoding="utf-8")):
+            name = "tui" if words[0].endswith(".s2r") else words[0]
+            known = options.get(name, set()) | {"--help", "--debug", "--version"}
+            flags = {word.partition("=")[0] for word in words if word.startswith("--")}
+            if name not in options and words[0] not in ("--help", "--version"):
+                unknown.append((page.name, words[0]))
+            unknown += [(page.name, name, flag) for flag in sorted(flags - known)]
+    assert not unknown
+
+
+def test_expressions_of_shown_commands_parse():
+    from s2rstore.language import parse
+
+    for page in TEXTS:
+        for words in shown_commands(page.read_text(encoding="utf-8")):
+            expressions = [words[i + 1] for i, word in enumerate(words) if word == "--select"]
+            if words[0] == "query":
+                expressions.append(words[2])
+            for expression in expressions:
+                parse(expression)
+
+
+def test_links_between_pages_resolve():
+    generated = set(generator().PAGES)
+    broken = []
+    for page in TEXTS:
+        for match in _LINK.finditer(page.read_text(encoding="utf-8")):
+            target = match["target"].partition("#")[0]
+            if not target or "://" in target:
+                continue
+            file = (page.parent / target).resolve()
+            inside = file.is_relative_to(DOCS) and str(file.relative_to(DOCS)) in generated
+            if not file.exists() and not inside:
+                broken.append((page.name, match["target"]))
+    assert not broken
+
+
+def test_named_paths_exist():
+    missing = []
+    for page in TEXTS:
+        for match in _PATH.finditer(page.read_text(encoding="utf-8")):
+            path = match["path"]
+            if not any(mark in path for mark in ("NAME", "FOLDER", "<")):
+                missing += [] if (ROOT / path).exists() else [(page.name, path)]
+    assert not missing
+
+
+def test_registry_names_beside_their_files_exist():
+    missing = []
+    for page in TEXTS:
+        pairs = re.findall(r"`([A-Z_]+)` in `([^`]+\.py)`", page.read_text(encoding="utf-8"))
+        for name, path in pairs:
+            if not re.search(
+                rf"^{name}\b", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE
+            ):
+                missing.append((page.name, name, path))
+    assert not missing
+
+
+def test_the_key_reference_and_the_cheat_sheet_hold_every_described_action():
+    from s2rtui.app.actions import ACTIONS
+
+    pages = generator()
+    keys, sheet = pages.keys_page(), pages.cheat_sheet_page()
+    for action in ACTIONS:
+        if action.description:
+            assert pages.cell(action.description) in keys
+            assert pages.html.escape(action.description) in sheet
+
+
+def test_the_site_builds_strictly_and_loads_nothing_from_elsewhere(tmp_path):
+    for package in ("mkdocs", "material", "mkdocstrings"):
+        if importlib.util.find_spec(package) is None:
+            pytest.skip(f"{package} is not installed: the site is not built")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet"]
+    built = subprocess.run(
+        [*command, "--site-dir", str(tmp_path / "site")],
+        cwd=ROOT, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert built.returncode == 0, built.stdout + built.stderr
+    sources = r"<(?:script|img|iframe|source)[^>]*\ssrc=[\"']?(?:https?:)?//[^\"'> ]+"
+    links = r"<link[^>]*rel=[\"']?(?:stylesheet|preconnect|icon)[^>]*href=[\"']?https?://[^\"'> ]+"
+    loaded = re.compile(f"{sources}|{links}")
+    for page in (tmp_path / "site").rglob("*.html"):
+        assert not loaded.findall(page.read_text(encoding="utf-8")), page
+    for style in (tmp_path / "site").rglob("*.css"):
+        assert not re.findall(r"url\([\"']?https?://", style.read_text(encoding="utf-8")), style
