@@ -21,7 +21,6 @@ from s2rtui.charts.shared.map_model import map_model, value_range
 from s2rtui.charts.shared.points import highest_levels, unselected_dots
 from s2rtui.charts.umap.model import umap_model
 from s2rtui.charts.umap.terminal import umap_layout
-from s2rtui.charts.view import Scene
 from s2rtui.session import Brush, Session, display, instance_list, run_differences, selection
 from s2rtui.session.state import Operator
 

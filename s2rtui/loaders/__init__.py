@@ -17,8 +17,14 @@ LOADERS: tuple[Loader, ...] = (
         "pictures", store_data.pictures_key, store_data.read_pictures,
         ("pictures", "pictures_source"),
     ),
-    Loader("heat on the map", store_data.grid_key, store_data.read_grid, ("floor_heat", "floor_heat_source")),
-    Loader("what was seen", store_data.seen_key, store_data.read_seen, ("seen_floor", "seen_floor_source")),
+    Loader(
+        "heat on the map", store_data.grid_key, store_data.read_grid,
+        ("floor_heat", "floor_heat_source"),
+    ),
+    Loader(
+        "what was seen", store_data.seen_key, store_data.read_seen,
+        ("seen_floor", "seen_floor_source"),
+    ),
     Loader("history", gap_history.history_key, gap_history.read_history, ("history",)),
     Loader(
         "live", live_prediction.live_key, live_prediction.read_live,

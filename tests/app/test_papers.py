@@ -201,7 +201,7 @@ async def test_a_report_can_be_tried_again_after_a_fault(
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         with monkeypatch.context() as patch:
-            patch.setattr("s2rtui.export.report.write.session_report", fault)
+            patch.setattr("s2rtui.export.report.build_report.session_report", fault)
             await press(app, pilot, "E")
         assert "ZeroDivisionError: oh" in app.session.state.message
         await press(app, pilot, "E")

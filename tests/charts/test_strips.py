@@ -11,7 +11,7 @@ from textual.strip import Strip
 
 from s2rtui.canvas import DARK, Canvas, ColourMode
 from s2rtui.canvas.raster import draw_half_blocks
-from s2rtui.terminal.strips import calm, to_strips
+from s2rtui.terminal.strips import merge_similar_colours, to_strips
 
 
 def codes(strip: Strip) -> str:
@@ -118,7 +118,7 @@ def test_tolerance_joins_near_neighbours_of_pictures_only() -> None:
     canvas.fg[0, :, 0] = (100, 106, 150, 151)
     canvas.fg[0, :, 1:] = 0
     canvas.bg[:] = 7
-    calm(canvas, 10)
+    merge_similar_colours(canvas, 10)
     assert canvas.fg[0, :, 0].tolist() == [100, 100, 150, 151]
 
 
@@ -134,6 +134,6 @@ def test_a_picture_keeps_its_edge_against_the_ground() -> None:
     pixels[:, :6] = canvas.theme.background
     pixels[:, 6:] = (red + 6, green + 6, blue + 6)
     draw_half_blocks(canvas, 0, 0, pixels)
-    calm(canvas, 12)
+    merge_similar_colours(canvas, 12)
     assert (canvas.bg[0, :6] == canvas.theme.background).all()
     assert (canvas.bg[0, 6:] == pixels[0, 6:]).all()

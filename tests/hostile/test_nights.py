@@ -11,7 +11,7 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.gap_history import reader as stored
-from s2rtools.nightly.config import Config
+from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.run import nightly
 from s2rtui.cli import main
 from tests.support import nights
@@ -20,13 +20,13 @@ RESET = datetime.date(1970, 1, 1)
 
 
 @pytest.fixture
-def config(tmp_path: Path, tiny_store: Path) -> Config:
+def config(tmp_path: Path, tiny_store: Path) -> NightlyConfig:
     shutil.copytree(tiny_store, tmp_path / "lab.s2r")
     return nights.written(tmp_path, tmp_path / "lab.s2r")
 
 
 @pytest.fixture
-def week(config: Config) -> nights.Week:
+def week(config: NightlyConfig) -> nights.Week:
     return nights.Week(config, {}, from_day=99)
 
 

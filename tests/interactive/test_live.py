@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from s2rtools.precompute.registry import add_run
 
 import s2rstore
 from s2rstore.errors import RequestError
@@ -19,6 +18,7 @@ from s2rtools.adjustments import make_chain, parse_adjustment
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.interactive import LiveModel, LiveResult
 from s2rtools.precompute.pipeline import precompute
+from s2rtools.precompute.registration import add_run
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid
 from s2rtui.session.model_input import model_input
 from s2rtui.session.state import HeatChoice

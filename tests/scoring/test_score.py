@@ -152,7 +152,7 @@ def test_images_of_another_version_are_refused(everything: Path, monkeypatch) ->
     from s2rtools.synthetic_world.dataset import WorldData
 
     with s2rstore.open(everything) as store:
-        true = WorldData.raw
+        true = WorldData.raw_depth
         monkeypatch.setattr(WorldData, "raw_depth", lambda self, views: true(self, views) // 2)
         with pytest.raises(RequestError, match="ingest the world again"):
             GroundTruth(store)
@@ -226,7 +226,10 @@ def test_positive_floor_lies_where_the_objects_stand(objects_only: Path) -> None
 
 
 def test_data_without_a_truth_is_refused(tiny_store: Path) -> None:
-    with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match="no truth"):
+    with (
+        s2rstore.open(tiny_store) as store,
+        pytest.raises(RequestError, match="ground truth is unknown"),
+    ):
         GroundTruth(store)
 
 

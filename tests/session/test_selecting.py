@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from s2rtui.charts.table.view import ListView
 
 from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError
@@ -18,7 +17,8 @@ from s2rstore.metrics import similarity
 from s2rstore.records import Side
 from s2rtui.app.actions import BY_NAME
 from s2rtui.charts.instance.model import NEIGHBOURS
-from s2rtui.charts.view import Resources, Scene
+from s2rtui.charts.list.view import ListView
+from s2rtui.charts.scene import Resources, Scene
 from s2rtui.session import Session, evaluation, instance_list, selection, shared_selection
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import embeddings

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from s2rtui.charts.shared.view_inputs import instance_input, map_input, overview_rows
 
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.language import ExpressionError
+from s2rtui.charts.instance.model import instance_input
+from s2rtui.charts.overview.model import overview_rows
+from s2rtui.charts.shared.map_model import map_input
 from s2rtui.session import Session, display, navigation
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid, run_grid
 from tests.support import tiny

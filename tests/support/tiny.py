@@ -124,7 +124,8 @@ def _run(
             {
                 "run": [run] * n, "iid": np.arange(n, dtype=np.int32), "side": [side] * n,
                 "x": px, "y": py, "heading": angle, "error": error, "heading_error": off,
-                "loss": pose_metrics.pose_loss(error, off), "accuracy": pose_metrics.accuracy(error, 12.0),
+                "loss": pose_metrics.pose_loss(error, off),
+                "accuracy": pose_metrics.accuracy(error, 12.0),
                 "rank": pose_metrics.rank(error), "split": list(np.broadcast_to(split, n)),
                 "outlier": error / np.median(error),
             },

@@ -38,8 +38,8 @@ class MapInput:
     truth, sim, real: (N, 2) metres. values: (N,) what mode "colour" shows, NaN for none;
     `value_label` and `value_unit` name it, `value_range` fixes its scale (default: the 1st ..
     99th percentile of the valid). selected, valid: (N,) bool; cursor: an iid. headings, (N,)
-    radians: the truth's. floor_plan, heat, clip: see `MapBackground`. Columns are taken as never changed
-    in place: what is worked out of them is kept for as long as the same arrays are given. `live`
+    radians: the truth's. floor_plan, heat, clip: see `MapBackground`. Columns must never change in
+    place: results computed from them are cached while the same arrays are given. `live`
     are predictions for the cursor that no column has.
     """
 

@@ -63,7 +63,8 @@ def _images(instance: InstanceInput) -> list[ReportImage]:
     if model.heat_range is not None:
         low, high = model.heat_range
         low = low if abs(low) > _ZERO_SHARE * abs(high) else 0.0
-        scale = f", {model.heat_name} {short_number(low, 2)} to {short_number(high, 2)} {instance.unit}".rstrip()
+        span = f"{short_number(low, 2)} to {short_number(high, 2)}"
+        scale = f", {model.heat_name} {span} {instance.unit}".rstrip()
     images = []
     for channel, label in (("rgb", "image"), ("depth", "depth")):
         for role, side in (("sim", instance.sim), ("real", instance.real)):

@@ -96,7 +96,7 @@ def _defer_interrupts() -> Iterator[None]:
 
 
 def _start_worker(root: Path, opener: OpenWorker, threads: int) -> None:
-    global _compute
+    global _compute_unit
     _die_with_parent()
     _compute_unit = opener(root, threads)
 
