@@ -193,7 +193,7 @@ def test_a_lock_that_is_held_is_not_waited_for_long(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session.writable_notebook.note(3, "first")
-    monkeypatch.setattr(notebook, "_PATIENCE", 0.1)
+    monkeypatch.setattr(notebook, "_LOCK_SECONDS", 0.1)
     with (
         file_lock(session.writable_notebook.path),
         pytest.raises(RequestError, match="writing lock"),
