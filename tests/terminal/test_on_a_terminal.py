@@ -154,7 +154,7 @@ async def test_a_terminal_that_draws_none_is_told_so(tiny_store: Path) -> None:
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         shown = take_screenshot(app).text
-    assert "half blocks stay" in shown
+    assert "images are drawn as half blocks" in shown
     assert "▀" in shown
     assert PLACEHOLDER not in shown
     assert app.image_host is None
