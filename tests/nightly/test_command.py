@@ -60,9 +60,10 @@ def test_the_same_night_says_that_nothing_is_new(
     config: NightlyConfig, asked: SimpleNamespace, capsys
 ) -> None:
     assert command(config) == 0
-    assert "nothing new" not in capsys.readouterr().err
+    assert "no new" not in capsys.readouterr().err
     assert command(config) == 0
-    assert capsys.readouterr().err == "nothing new\n"
+    told = "no new evidence: the night is in the history already\n"
+    assert capsys.readouterr().err == told
     words = ["nightly", str(config.source), "--night", "2026-11-22"]
     assert main(words) == 0
     assert "figures are those of an earlier night" in capsys.readouterr().err
