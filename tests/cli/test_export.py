@@ -122,7 +122,7 @@ def test_counts_of_gathered_heat_are_pixels_and_absent_where_none_fell(tiny_stor
         view = BY_NAME["map"].input(scene)
         assert view.heat_unit == "pixels"
         assert view.heat_label.endswith("count")
-        grid = scene.resources.grid
+        grid = scene.resources.floor_heat
         assert grid is not None
         assert np.nanmin(grid) >= 1
 

@@ -324,9 +324,9 @@ def test_names_that_are_shown_alike_are_refused(
                  ("UPDATE room SET room = ? WHERE room <> ?", ["a\\x1b", "a\x1b"]))  # fmt: skip
     assert main(["query", str(own_store), "all"]) == 2
     told = capsys.readouterr().err
-    assert "two rooms are both shown as" in told
+    assert "two rooms are both displayed as" in told
     assert told.count("\n") == 1
-    with pytest.raises(RequestError, match="shown as"):
+    with pytest.raises(RequestError, match="displayed as"):
         s2rstore.open(own_store)
 
 

@@ -73,7 +73,7 @@ def test_allowed_folders_outside_are_named(
     harm(manifest)
     assert ingest(manifest, "--allow-outside") == 0
     elsewhere = manifest.parent.parent.resolve() / "elsewhere"
-    assert f"outside of the data's folder: {elsewhere} (" in capsys.readouterr().err
+    assert f"read from outside the data folder: {elsewhere} (" in capsys.readouterr().err
 
 
 def test_a_link_that_stays_inside_is_followed(manifest: Path) -> None:

@@ -203,7 +203,7 @@ async def test_names_of_a_folder_a_tag_and_a_saved_selection(
 
 async def test_a_bar_shows_pieces_as_they_are() -> None:
     content = Bar("status")
-    content.say("[b]a[/b]", ("[ @click=app.quit]", "bold"), "\x1b[31m")
+    content.show("[b]a[/b]", ("[ @click=app.quit]", "bold"), "\x1b[31m")
     shown = content.visual
     assert isinstance(shown, Content)
     assert shown.plain == "[b]a[/b][ @click=app.quit]\\x1b[31m"

@@ -85,7 +85,7 @@ def test_without_the_token_nothing_opens(serve: StartServer) -> None:
         status, _, body = _asked(server, target, "Host: localhost")
         assert status == 403, target
         assert body.count("\n") == 1
-        assert "the whole address that `s2r serve` printed" in body
+        assert "the complete URL that `s2r serve` printed" in body
     assert server.applications == []
 
 

@@ -106,12 +106,12 @@ def test_a_compressed_archive_is_refused(
 @pytest.mark.parametrize(
     ("change", "word"),
     [
-        (lambda value: value.to_sparse(), "no plain tensor"),
-        (lambda value: value.to(torch.complex64), "no plain tensor"),
+        (lambda value: value.to_sparse(), "not a plain tensor"),
+        (lambda value: value.to(torch.complex64), "not a plain tensor"),
         (lambda value: value.to(torch.int64), "expected torch.float32"),
         (lambda value: value[..., :0], "wrong shape"),
         (lambda value: value.new_full((1,), 0.0).expand(10**6, 10**6), "wrong shape"),
-        (lambda value: torch.empty_like(value, device="meta"), "no plain"),
+        (lambda value: torch.empty_like(value, device="meta"), "not a plain"),
     ],
     ids=["sparse", "complex", "integers", "empty", "expanded", "meta"],
 )

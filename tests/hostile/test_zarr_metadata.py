@@ -129,14 +129,17 @@ def test_what_the_index_says_otherwise_is_refused(own_store: Path, column: str) 
     path = ARRAY.removeprefix("runs.zarr/")
     with edit(own_store) as draft:
         draft.update("zarr_array", {"path": path}, {column: value})
-    with pytest.raises(RequestError, match="as the index says"):
+    with pytest.raises(RequestError, match="which the index states"):
         _read(own_store)
 
 
 def test_frames_must_have_the_size_that_the_index_says(own_store: Path) -> None:
     with edit(own_store) as draft:
         draft.update("dataset", {"name": "tiny"}, {"frame_width": 32})
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="as the index says"):
+    with (
+        s2rstore.open(own_store) as store,
+        pytest.raises(RequestError, match="which the index states"),
+    ):
         store.frame(0, "sim")
 
 

@@ -114,7 +114,7 @@ def test_the_application_works_confined(tiny_store: Path, tmp_path: Path) -> Non
         screen.wait_for("│ 40 of 40 │")
         for keys in ("w", "h", "v", "o", "o", "m", "+", "0", "r", "n", "y", "?"):
             screen.press(keys)
-        screen.wait_for("all but these")
+        screen.wait_for("all other instances")
         screen.press("\x1b")
         screen.wait_for("3 instance")
         screen.press("tt")

@@ -137,7 +137,7 @@ def test_models_are_neither_offered_nor_loaded(server: Sshd, open_screen: OpenSc
         screen.press(key)
         screen.wait_for(f"not in a restricted session: {action}")
     screen.press("?")
-    assert "adjust images live" not in screen.wait_for("all but these").replace(
+    assert "adjust images live" not in screen.wait_for("all other instances").replace(
         "not in a restricted session: adjust images live", ""
     )
 
