@@ -181,9 +181,9 @@ def test_a_patient_notebook_is_empty_until_its_file_is_mended(
     path.write_text("{damaged")
     session = Session(tiny_store, notebooks=partial(Notebook, tolerant=True))
     assert session.state.is_error
-    assert session.state.message.startswith(f"{path}: is no JSON (")
-    assert "mend it, or move it away" in session.state.message
-    with pytest.raises(RequestError, match="is no JSON"):
+    assert session.state.message.startswith(f"{path}: is not JSON (")
+    assert "repair it, or move it away" in session.state.message
+    with pytest.raises(RequestError, match="is not JSON"):
         session.writable_notebook.note(3, "dark")
     assert path.read_text() == "{damaged"
     path.unlink()

@@ -121,9 +121,11 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
         session.writable_notebook.save("costly", shared_selection.current_selection(session.state))
     predicted, neighbours, own = column_loader._predicted, similarity.neighbours, made.waiting.store
 
-    def read(index, *rest):
-        assert index is not own._dense or made.worker or not made.waiting.defers_loading, rest
-        return predicted(index, *rest)
+    def read(loader, *rest):
+        assert loader is not own._column_loader or made.worker or not made.waiting.defers_loading, (
+            rest
+        )
+        return predicted(loader, *rest)
 
     def near(store, *rest):
         assert store is not own or made.worker or not made.waiting.defers_loading, rest
