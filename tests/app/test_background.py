@@ -77,9 +77,9 @@ def test_lanes_do_not_wait_for_each_other() -> None:
 
 def test_a_process_ends_around_what_is_under_way() -> None:
     code = (
-        "import sys, time; from s2rtui.jobs import background_thread as background\n"
-        "background.start('endless', lambda: time.sleep(60)); print('told')\n"
-        "sys.exit(background.end_process(70))"
+        "import sys, time; from s2rtui.jobs import background_thread\n"
+        "background_thread.run_in_thread('endless', lambda: time.sleep(60)); print('told')\n"
+        "sys.exit(background_thread.end_process(70))"
     )
     began = time.monotonic()
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)

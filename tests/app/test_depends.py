@@ -124,7 +124,9 @@ def scenes(session: Session) -> dict[str, Scene]:
         state, overlay="selection", clip=True, map_mode="glyph", room_names=True, sort="gap",
         brush=Brush("umap", Mark("real", BOX)), heat=HeatChoice("activation", "loss"), cursor=4,
     )  # fmt: skip
-    heated = replace(heated, grid_of=heat_provenance(rich), seen_of=visible_floor_key(rich))
+    heated = replace(
+        heated, floor_heat_source=heat_provenance(rich), seen_floor_source=visible_floor_key(rich)
+    )
     sliding = replace(state, view="adjust", tab="adjust", adjust=ADJUST, overlay="instance")
     return {
         "plain": plain,

@@ -127,11 +127,11 @@ async def test_lines_are_named_by_their_own_side(
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
-        assert "in real" in told(app, "overview")
+        assert told(app, "overview") == "accuracy; one line per instance, real"
         lines = app.resources.lines
         await pilot.press("d")
         app.resources = replace(app.resources, lines=lines)
-        assert "in real" in told(app, "overview")
+        assert told(app, "overview") == "accuracy; one line per instance, real"
 
 
 async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
@@ -143,7 +143,7 @@ async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
         shown = instance_input(session.store, state.run, state.cursor, None)
         grid = np.ones((4, 4), dtype=np.float32)
         found = replace(
-            app.resources, live=shown, live_of=instance_provenance(state), live_grid=grid
+            app.resources, live=shown, live_source=instance_provenance(state), live_floor_heat=grid
         )
         here = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")
 

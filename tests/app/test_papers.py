@@ -95,7 +95,7 @@ async def test_the_selection_is_written_as_the_command_writes_it(
 def test_rows_of_what_is_selected_are_those_of_its_expression(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch, expression: str
 ) -> None:
-    monkeypatch.setattr(selected_instances, "_BLOCK", 7)
+    monkeypatch.setattr(selected_instances, "_BLOCK_IIDS", 7)
     with s2rstore.open(tiny_store) as store:
         wanted = selected_instances.selected_rows(store, expression)
         chosen = evaluation.select(store, expression)
@@ -152,7 +152,7 @@ async def test_two_writes_at_a_time_are_two_files(
         assert go_on.wait(30)
         slow(*words)
 
-    monkeypatch.setattr(formats, "save", slowly)
+    monkeypatch.setattr(formats, "write_rows", slowly)
     app = app_on(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -181,7 +181,7 @@ async def test_a_name_that_was_taken_meanwhile_is_not_replaced(
         target.write_text("another's")
         slow(*words)
 
-    monkeypatch.setattr(formats, "save", meanwhile)
+    monkeypatch.setattr(formats, "write_rows", meanwhile)
     app = app_on(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
