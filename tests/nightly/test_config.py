@@ -141,7 +141,7 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         pytest.param(
             f"{SYSID}fix = {{ mass = {10**400} }}", "sysid.fix.mass: .* at most 64", id="huge mass"
         ),
-        pytest.param("store = " + "[" * 50_000, "no TOML", id="deep"),
+        pytest.param("store = " + "[" * 50_000, "not readable as TOML", id="deep"),
         ('store = "~no-such-user/s.s2r"', "~no-such-user/s.s2r: the user has no home folder"),
         ('store = "s.s2r"\n[output]\nmetrics = "drives"', "output.metrics: .*s: a folder or"),
         ('store = "s.s2r"\n[output]\nhistory = "s.s2r"', "output.history: .*: a folder or a"),
@@ -170,7 +170,7 @@ def test_the_command_refuses_before_anything_is_written(tmp_path: Path, capsys) 
     told = capsys.readouterr().err
     assert "threshold: expected a number > 0, got 0" in told
     assert "none.toml: cannot be read (No such file" in told
-    assert "--night 21.11.2026: a date such as" in told
-    assert "--night 9999-12-31: later than a week from today" in told
+    assert "--night 21.11.2026: is not a date; write it as 2026-11-21" in told
+    assert "--night 9999-12-31: is more than a week after today" in told
     assert "not a store" in told
     assert sorted(tmp_path.rglob("*")) == before

@@ -185,7 +185,7 @@ def test_a_world_that_is_rendered_otherwise_is_refused(moved_world: Path, tmp_pa
         recipe = json.loads(opened.provenance("world")["recipe"])
     with edit(path) as draft:
         draft.set_provenance("world", {"recipe": recipe | {"seed": 3}})
-    with pytest.raises(RequestError, match="renders other images"):
+    with pytest.raises(RequestError, match="its images are not what this version renders"):
         add_run(path, "more", "vanilla", None, None, parse_adjustment("sim:camera_height=0.1"))
     twice = parse_adjustment("sim:camera_height=-0.4,camera_height=-0.3")
     with pytest.raises(RequestError, match="camera_height twice"):
