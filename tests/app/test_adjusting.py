@@ -18,7 +18,7 @@ from s2rtools.interactive import LiveModel
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.registration import add_run
 from s2rtui.app.app import S2RApp
-from s2rtui.app.controllers import prompt
+from s2rtui.app.controllers import run_save
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
@@ -171,7 +171,7 @@ async def test_one_run_is_saved_at_a_time(
         go_on.wait(20)
         raise RequestError("nothing is saved here")
 
-    monkeypatch.setattr(prompt, "save_run", slow)
+    monkeypatch.setattr(run_save, "save_run", slow)
     app = app_on(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right")
@@ -197,9 +197,9 @@ async def test_a_saving_that_breaks_down_is_told(
     computed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*_: object) -> None:
-        raise ModuleNotFoundError("No module find_action 'torch'", name="torch")
+        raise ModuleNotFoundError("No module named 'torch'", name="torch")
 
-    monkeypatch.setattr(prompt, "save_run", broken)
+    monkeypatch.setattr(run_save, "save_run", broken)
     app = app_on(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", *"one", "enter")

@@ -186,7 +186,7 @@ async def test_a_name_that_was_taken_meanwhile_is_not_replaced(
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "w", "F", "enter")
-        assert app.session.state.message == f"{target}: is there already"
+        assert app.session.state.message == f"{target}: exists already; choose another name"
     assert target.read_text() == "another's"
     assert not list(tmp_path.glob(".*csv"))
 
