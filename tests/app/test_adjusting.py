@@ -220,7 +220,7 @@ async def test_without_torch_the_panel_says_how_to_get_it(
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right")
         text = " ".join(take_screenshot(app).text.split())
-        assert "adjusting live needs torch: pip install 's2rtui[tools]'" in text
+        assert "live adjustments need torch: pip install 's2rtui[tools]'" in text
         assert "loading the model" not in text
         assert "run vanilla: not adjusted" in text
         assert "brightness" in text
@@ -300,7 +300,7 @@ async def test_without_the_tools_the_panel_says_how_to_get_them(
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", "escape")
         text = " ".join(take_screenshot(app).text.split())
-        assert "adjusting live needs s2rtools" in text
+        assert "live adjustments need s2rtools" in text
         assert "'s2rtui[tools]'" in text
         assert app.settled
 

@@ -589,7 +589,7 @@ def test_a_run_in_use_is_not_forgotten(store: Path) -> None:
         own.in_use = frozenset({"vanilla"})
         kept = {run: own.run_columns(run).real.error for run in ("vanilla", "b")}
         for run in kept:
-            own.forget(run)
+            own.drop_run_columns(run)
         assert own.run_columns("vanilla").real.error is kept["vanilla"]
         assert own.run_columns("b").real.error is not kept["b"]
 

@@ -525,7 +525,7 @@ async def test_the_history_is_kept_last_of_all_and_may_fail(
     stop = app.load_scheduler.stop
     monkeypatch.setattr(app.load_scheduler, "stop", lambda: (done.append("stopped"), stop()))
     monkeypatch.setattr(app.run_save, "close", lambda: done.append("left"))
-    monkeypatch.setattr(Notebook, "remember", remember)
+    monkeypatch.setattr(Notebook, "add_history", remember)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
     assert done == ["stopped", "left", "remembered"]
