@@ -58,7 +58,7 @@ async def test_a_slider_gives_what_the_live_model_says(computed: Path) -> None:
         assert shown is not None
         names = [slider.name for slider in adjust.sliders]
         assert names == [a.name for a in ADJUSTMENTS.values() if not a.needs_renderer]
-        assert "no camera to move" in adjust.reason
+        assert "cameras cannot be moved" in adjust.reason
         brightness = adjust.value(("real", "brightness"))
         assert brightness == pytest.approx(1 + 3 * ADJUSTMENTS["brightness"].step)
         assert f"{brightness:g} factor" in take_screenshot(app).text
