@@ -52,6 +52,17 @@ def test_a_flipped_bit_is_found(store: Path, path: str, bit: int) -> None:
     assert [damage for damage in verify(store) if damage.where in path or path in damage.where]
 
 
+@pytest.mark.parametrize(("domain", "image"), [("sim", "rgb"), ("real", "depth")])
+def test_every_flipped_byte_of_metadata_is_found(store: Path, domain: str, image: str) -> None:
+    path = store / "frames.zarr" / domain / "traj1" / image / "zarr.json"
+    content = path.read_bytes()
+    for at in range(0, len(content), 7):
+        flipped = bytearray(content)
+        flipped[at] ^= 1
+        path.write_bytes(flipped)
+        assert verify(store), (at, bytes(flipped[at - 10 : at + 10]))
+
+
 @pytest.mark.parametrize("path", WATCHED)
 def test_a_removed_file_is_found(store: Path, path: str) -> None:
     (store / path).unlink()
@@ -109,7 +120,10 @@ def test_a_ledger_that_counts_other_rows_is_found(own_store: Path) -> None:
     assert verify(own_store)
 
 
-@pytest.mark.parametrize("line", ["[]", "[" * 5000, '{"key": 1}', "\0", "null"])
+@pytest.mark.parametrize(
+    "line", ["[]", "[" * 5000, '{"key": 1}', "\0", "null"],
+    ids=["list", "nested", "object", "NUL", "null"],
+)  # fmt: skip
 def test_a_ledger_line_that_cannot_be_read_proves_nothing(own_store: Path, line: str) -> None:
     file = next((own_store / "ledger").glob("*.jsonl"))
     lines = file.read_text().splitlines()
@@ -128,7 +142,7 @@ def test_far_predictions_are_no_damage(own_store: Path, factor: float) -> None:
             "UPDATE prediction SET error = sqrt((x - tx) * (x - tx) + (y - ty) * (y - ty)) "
             "FROM (SELECT iid AS n, x AS tx, y AS ty FROM instance) AS i WHERE i.n = iid"
         )
-        run("UPDATE prediction SET loss = 0.3 * heading_error + error * 0.7 * error")
+        run("UPDATE prediction SET loss = 0.3 * heading_error + 0.7 * (error * error)")
         run("UPDATE prediction SET accuracy = greatest(0, 1 - error / 12)")
         run(
             "UPDATE prediction SET rank = p.place FROM (SELECT run AS r, side AS s, iid AS n, "

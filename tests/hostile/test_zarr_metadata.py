@@ -87,6 +87,7 @@ def test_another_document_is_refused_with_the_arrays_name(own_store: Path, name:
     "content",
     [b"", b"[]", b"null", b"{", b"[" * 50_000, b'{"shape": NaN}', b" " * 100_000,
      b'{"zarr_format": 3, "zarr_format": 3}'],
+    ids=["empty", "list", "null", "cut", "nested", "NaN", "blank", "repeated key"],
 )  # fmt: skip
 def test_no_document_is_refused(own_store: Path, content: bytes) -> None:
     (own_store / ARRAY / "zarr.json").write_bytes(content)

@@ -128,7 +128,7 @@ def _key(node: Node, context: MaskContext) -> Hashable:
 
 
 def _leaf(node: Node, context: MaskContext) -> Mask:
-    with np.errstate(invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         match node:
             case Ids(ranges):
                 return _ids(ranges, len(context.instances))
