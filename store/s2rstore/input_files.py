@@ -25,7 +25,7 @@ MOST_JSON = 8 << 20
 MOST_TOML = 1 << 20
 """Bytes of a TOML document: a thousand times what the configurations here need."""
 _MOST_KEY_PARTS = 32
-"""Parts of a dotted TOML key; tomllib's memory grows with the square of their number."""
+"""Maximum parts of a dotted TOML key; tomllib needs memory quadratic in their number."""
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a pipe"),
@@ -72,7 +72,7 @@ def open_regular(path: Path) -> Iterator[io.BufferedReader]:
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """The content of a regular file of at most `most` bytes, else RequestError."""
+    """Read a regular file of at most `most` bytes; RequestError for anything else."""
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
         if size > most:

@@ -309,7 +309,7 @@ def _walk_sequential(data, at, codes, limits, order, units, restart):
 
 @njit(cache=True, nogil=True)
 def _restart(data, at, marker):
-    """The position behind the expected restart marker, and whether it is lost."""
+    """The position after the expected restart marker, and whether the marker is missing."""
     while at + 1 < data.size and data[at] == 255 and data[at + 1] == 255:
         at += 1
     lost = at + 1 >= data.size or data[at] != 255 or data[at + 1] != 208 + marker

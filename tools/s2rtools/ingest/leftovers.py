@@ -14,7 +14,7 @@ Say = Callable[[str], object]
 
 
 def remove_leftovers(target: Path, say: Say) -> None:
-    """Remove what dead processes of this host have left of a store, and name what else is there.
+    """Remove building folders of ended processes of this host, and list the others.
 
     Folders of living processes and of other hosts stay. `say` gets a line for each folder.
     """

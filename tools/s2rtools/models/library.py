@@ -100,7 +100,7 @@ def pack(network: PoseNetwork) -> Weights:
 
 
 def _most_bytes(network: PoseNetwork) -> int:
-    """The size that a weights file of the network may have."""
+    """The maximum size in bytes of a weights file of the network."""
     return most_bytes(parameter_bytes(_keeper(network).state_dict()))
 
 
