@@ -30,7 +30,7 @@ MAX_JSON_BYTES = 8 << 20
 MAX_TOML_BYTES = 1 << 20
 """Bytes of a TOML document: a thousand times what the configurations here need."""
 _MAX_KEY_PARTS = 32
-"""Parts of a dotted TOML key; tomllib's memory grows with the square of their number."""
+"""Maximum parts of a dotted TOML key; tomllib needs memory quadratic in their number."""
 _SPECIAL_KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a pipe"),
@@ -84,7 +84,7 @@ def open_regular(path: Path) -> Iterator[io.BufferedReader]:
 
 
 def read_bytes(path: Path, limit: int) -> bytes:
-    """The content of a regular file of at most `limit` bytes, else RequestError."""
+    """Read a regular file of at most `limit` bytes; RequestError for anything else."""
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
         if size > limit:

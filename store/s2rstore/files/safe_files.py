@@ -234,7 +234,7 @@ def names(root: Path, relative: str | Path) -> list[FolderEntry]:
 
 
 def _entry(above: str | Path, item: os.DirEntry[str]) -> FolderEntry | None:
-    """None for what was removed meanwhile."""
+    """The entry of a folder; None if it was removed in the meantime."""
     path = (PurePosixPath(above) / item.name).as_posix()
     try:
         status = item.stat(follow_symlinks=False)

@@ -122,7 +122,7 @@ _MEASURED: tuple[Table, ...] = (
 
 
 def _withdrawn(name: str, *added: Column) -> Table:
-    """A table for the rows that withdrawn nights had in another one."""
+    """A table that keeps the rows of withdrawn nights of another table."""
     table = next(each for each in _MEASURED if each.name == name)
     return Table(
         "withdrawn" if name == "night" else f"withdrawn_{name}",

@@ -108,7 +108,7 @@ def pack_weights(network: PoseNetwork) -> Weights:
 
 
 def _max_bytes(network: PoseNetwork) -> int:
-    """Largest weights file of the network."""
+    """The maximum size in bytes of a weights file of the network."""
     return max_file_bytes(parameter_bytes(_stored_module(network).state_dict()))
 
 

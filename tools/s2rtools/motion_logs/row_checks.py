@@ -19,7 +19,7 @@ LONGEST_PAUSE = 600.0
 FARTHEST = 1e9
 """m, and rad"""
 MOST_TEXT = 64 << 20
-"""Bytes of a log as text: half a million poses."""
+"""Maximum size of a text log in bytes; holds about half a million poses."""
 Place = Callable[[int], str]
 """Where in the source row i stands, as `drive.csv:12`."""
 
