@@ -137,21 +137,21 @@ def test_a_restricted_session_knows_only_the_stores_own(store: Path, tiny_store:
 
 
 @pytest.mark.parametrize(
-    ("found", "told"),
+    ("loaded", "expected"),
     [
         (None, "no nights yet"),
         (gaps.history(), "no nights yet"),
-        (gaps.history(*gaps.week(run="dataaug")), "there are nights of dataaug"),
+        (gaps.history(*gaps.week(run="dataaug")), "there are nights of: dataaug"),
         (gaps.history(*gaps.week(dataset="other")), "name another history"),
     ],
 )
-def test_what_is_missing_is_told(tiny_store: Path, found: reader.History | None, told: str
+def test_missing_nights_are_explained(tiny_store: Path, loaded: reader.History | None, expected: str
                                  ) -> None:  # fmt: skip
     session = Session(tiny_store)
-    scene = Scene(session.store, session.state, Resources(history=found))
+    scene = Scene(session.store, session.state, Resources(history=loaded))
     text = "\n".join(VIEW.draw(scene, (60, 10), RenderOptions()).lines())
-    assert told in text
-    assert told.capitalize() in VIEW.summary(scene) or told in VIEW.summary(scene)
+    assert expected in text
+    assert expected.capitalize() in VIEW.summary(scene) or expected in VIEW.summary(scene)
     assert VIEW.numbers(scene)[1] == []
     session.close()
 

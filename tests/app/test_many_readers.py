@@ -18,11 +18,11 @@ import asyncio, faulthandler, sys
 from pathlib import Path
 from s2rtui.app.app import S2RApp
 from s2rtui.jobs.background_thread import end_process
-from s2rtui.canvas import Look
+from s2rtui.canvas import RenderOptions
 from s2rtui.app.pilot import settle
 from s2rtui.session import Session
 async def main(path, stop):
-    app = S2RApp(Session(path), Look())
+    app = S2RApp(Session(path), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     seen = set()
     async with app.run_test(size=(120, 40)) as pilot:

@@ -48,16 +48,16 @@ async def test_moves_never_queue_up(tiny_store: Path, monkeypatch: pytest.Monkey
     assert app.session.state.expression.startswith("box(")
 
 
-def test_a_stroke_is_told_once_until_it_is_taken() -> None:
+def test_one_message_is_queued_per_drag() -> None:
     drag = Drag("map", (1, 1))
     assert not drag.move((1, 1))
     assert drag.move((2, 1))
-    assert drag.to_tell()
+    assert drag.claim_message()
     assert drag.move((3, 1))
-    assert not drag.to_tell()
+    assert not drag.claim_message()
     assert drag.taken() == Stroke("map", (1, 1), ((2, 1), (3, 1)), False)
     drag.end()
-    assert drag.to_tell()
+    assert drag.claim_message()
     assert drag.taken().done
 
 

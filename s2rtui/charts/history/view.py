@@ -34,8 +34,8 @@ class HistoryView(View):
             return "the gap G, night by night"
         last = nights[-1]
         stale = ", evidence is stale" if last.stale else ""
-        nights_of_run = f"{_count(nights)} of {last.name}{stale}"
-        return f"gap G of {last.run} (0: none, 100: declared bad), {nights_of_run}"
+        counted = f"{_count(nights)} of {last.name}{stale}"
+        return f"{counted}: gap G of {last.run} (0: none, 100: declared bad)"
 
     def input(self, scene: Scene) -> model.HistoryInput:
         loaded = scene.resources.history
