@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from bench.index_store import ROOMS
-from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.marks import Mark
 from s2rtui.charts.compare.model import compare_model
 from s2rtui.charts.errors.model import errors_model
 from s2rtui.charts.map.terminal import map_layout
@@ -17,11 +17,18 @@ from s2rtui.charts.overview.model import overview_model
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.rooms.model import rooms_model
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.map_model import map_model, value_range
+from s2rtui.charts.shared.base_map_model import map_model, value_range
 from s2rtui.charts.shared.points import highest_levels, unselected_dots
 from s2rtui.charts.umap.model import umap_model
 from s2rtui.charts.umap.terminal import umap_layout
-from s2rtui.session import Brush, Session, display, instance_list, run_differences, selection
+from s2rtui.session import (
+    Brush,
+    Session,
+    instance_list,
+    run_differences,
+    selection,
+    view_settings,
+)
 from s2rtui.session.state import Operator
 
 Step = Callable[[], object]
@@ -119,11 +126,11 @@ def moves(session: Session, turn: int) -> list[tuple[str, Step]]:
         ("box moved on the map", mark("map", "map", False)),
         ("lasso moved on the map", mark("map", "map", True)),
         ("box moved on the embedding", mark("umap", "real", False)),
-        ("brush left", lambda: session.dispatch(display.cancel_input)),
+        ("brush left", lambda: session.dispatch(view_settings.cancel_input)),
         ("cursor to the next instance", lambda: session.move_cursor(1)),
-        ("zoom", lambda: session.dispatch(display.zoom, 1 / 0.8)),
-        ("pan", lambda: session.dispatch(display.pan, 0.1, 0.0)),
-        ("map mode", lambda: session.dispatch(display.change_map_mode)),
+        ("zoom", lambda: session.dispatch(view_settings.zoom, 1 / 0.8)),
+        ("pan", lambda: session.dispatch(view_settings.pan, 0.1, 0.0)),
+        ("map mode", lambda: session.dispatch(view_settings.change_map_mode)),
         ("another trajectory", session.change_trajectory),
         ("list by another column", sort),
         ("run seen before", lambda: session.change_run((-1) ** turn)),

@@ -88,7 +88,7 @@ def moved_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtools.training import pretrained
     from s2rtui.cli import main
-    from tests.support.quiet import Quiet
+    from tests.support.silent_reporter import Quiet
 
     path = tmp_path_factory.mktemp("moved") / "world.s2r"
     assert main(["ingest", "world", "--instances", "4", "--store", str(path)]) == 0

@@ -6,12 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from s2rstore.metrics import similarity
+from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.key_names import key_label
 from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
 from s2rtui.security import Capability, Permissions
-from s2rtui.session import Session, adjusting, display, instance_list, navigation, selection
+from s2rtui.session import (
+    Session,
+    adjusting,
+    instance_list,
+    navigation,
+    selection,
+    view_settings,
+)
 from s2rtui.session.context import Reducer, SessionContext
 from s2rtui.session.state import State
 
@@ -113,7 +120,7 @@ def _select_similar(context: SessionContext, state: State) -> State:
     """Select the present instance and its nearest neighbours in the run's embedding."""
     if state.cursor is None:
         return state.with_message("no instance to compare with: select some")
-    if not similarity.can_compare(context.store, state.run):
+    if not nearest_neighbours.can_compare(context.store, state.run):
         return state.with_message(
             f"run {state.run} has no embeddings to compare; `s2r precompute` makes them"
         )
@@ -271,44 +278,44 @@ ACTIONS: tuple[Action, ...] = (
            _dispatch(navigation.change_trajectory),
            when="still"),
     Action("next_heat", ("h",), "heat", "next heatmap kind",
-           _dispatch(display.change_heat, steps=1), "heat"),
+           _dispatch(view_settings.change_heat, steps=1), "heat"),
     Action("previous_heat", ("H",), "heat", "previous heatmap kind",
-           _dispatch(display.change_heat, steps=-1)),
+           _dispatch(view_settings.change_heat, steps=-1)),
     Action("mode", ("v",), "heat", "next mode of this heatmap kind",
-           _dispatch(display.change_mode)),
+           _dispatch(view_settings.change_mode)),
     Action("overlay", ("o",), "heat", "heat on the map: off, instance, selection, run",
-           _dispatch(display.change_overlay), "on map"),
+           _dispatch(view_settings.change_overlay), "on map"),
     Action("aggregate", ("A",), "heat", "heat on the map: mean, max, sum, count",
-           _dispatch(display.change_aggregate)),
+           _dispatch(view_settings.change_aggregate)),
     Action("side", ("d",), "heat", "side whose heatmaps are shown: real or sim",
-           _dispatch(display.change_side)),
+           _dispatch(view_settings.change_side)),
     Action("map_mode", ("m",), "map", "map mode: colour, glyph or full",
-           _dispatch(display.change_map_mode),
+           _dispatch(view_settings.change_map_mode),
            "map"),
     Action("zoom_in", ("z", "plus", "equals_sign"), "map", "zoom in at the instance",
-           _dispatch(display.zoom, factor=1 / 0.6), when="still"),
-    Action("zoom_out", ("Z",), "map", "zoom out", _dispatch(display.zoom, factor=0.6),
+           _dispatch(view_settings.zoom, factor=1 / 0.6), when="still"),
+    Action("zoom_out", ("Z",), "map", "zoom out", _dispatch(view_settings.zoom, factor=0.6),
            when="still"),
-    Action("zoom_all", ("0",), "map", "the whole map", _dispatch(display.zoom, factor=0)),
+    Action("zoom_all", ("0",), "map", "the whole map", _dispatch(view_settings.zoom, factor=0)),
     Action("pan_left", ("shift+left",), "map", "move the map",
-           _dispatch(display.pan, across=-0.2, down=0), shown="shift+arrows", when="plain"),
-    Action("pan_right", ("shift+right",), "map", "", _dispatch(display.pan, across=0.2, down=0),
+           _dispatch(view_settings.pan, across=-0.2, down=0), shown="shift+arrows", when="plain"),
+    Action("pan_right", ("shift+right",), "map", "", _dispatch(view_settings.pan, across=0.2, down=0),
            when="plain"),
-    Action("pan_up", ("shift+up",), "map", "", _dispatch(display.pan, across=0, down=-0.2),
+    Action("pan_up", ("shift+up",), "map", "", _dispatch(view_settings.pan, across=0, down=-0.2),
            when="still"),
-    Action("pan_down", ("shift+down",), "map", "", _dispatch(display.pan, across=0, down=0.2),
+    Action("pan_down", ("shift+down",), "map", "", _dispatch(view_settings.pan, across=0, down=0.2),
            when="still"),
     Action("clip", ("C",), "map", "dim the floor that no selected instance has seen",
-           _dispatch(display.toggle_clip)),
+           _dispatch(view_settings.toggle_clip)),
     Action("room_names", ("N",), "map", "show or hide room names",
-           _dispatch(display.toggle_room_names)),
+           _dispatch(view_settings.toggle_room_names)),
     Action("sort", ("full_stop",), "review", "sort the list by the next column",
            _dispatch(instance_list.sort_by_next_column), shown="."),
     Action("reverse", ("comma",), "review", "reverse the order of the list",
            _dispatch(instance_list.reverse),
            shown=","),
     Action("other_run", ("k",), "review", "compare with the next run",
-           _dispatch(display.change_other)),
+           _dispatch(view_settings.change_other)),
     Action("note", ("e",), "review", "write a note on this instance",
            command=lambda app: app.prompt.edit_note()),
     Action("tag", ("number_sign",), "review", "tag this instance", shown="#",

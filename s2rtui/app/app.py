@@ -36,11 +36,11 @@ from s2rtui.app.messages import (
     LoadProgressed,
     RunSaveProgressed,
 )
+from s2rtui.app.process_signals import end_on_signals
 from s2rtui.app.renderer import Renderer
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.screens.help import HelpScreen
 from s2rtui.app.screens.tour import TourScreen
-from s2rtui.app.signals import end_on_signals
 from s2rtui.app.theme import textual_theme
 from s2rtui.app.widgets.bar import Bar
 from s2rtui.app.widgets.panes import Panes
@@ -52,7 +52,7 @@ from s2rtui.charts.scene import Resources, Scene
 from s2rtui.jobs import background_thread
 from s2rtui.jobs.background_thread import BackgroundJobs
 from s2rtui.security import Permissions
-from s2rtui.session import Session, display, shared_selection
+from s2rtui.session import Session, shared_selection, view_settings
 from s2rtui.terminal.ascii_filter import AsciiFilter
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.image_host import ImageHost
@@ -297,7 +297,7 @@ class S2RApp(GuardedApp):
             self.prompt.cancel()
         else:
             self.brush.drop_drag()
-            self.session.dispatch(display.cancel_input)
+            self.session.dispatch(view_settings.cancel_input)
             self.refresh_views()
 
     def action_copy(self) -> None:

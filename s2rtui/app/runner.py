@@ -9,7 +9,7 @@ from pathlib import Path
 
 from s2rstore.errors import S2RError
 from s2rtui.app.app import S2RApp
-from s2rtui.app.signals import terminal_mode
+from s2rtui.app.process_signals import terminal_mode
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.jobs import background_thread
 from s2rtui.security import Permissions

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.canvas.marks import Mark, Panel, Point
 from s2rtui.charts.scene import Scene
 from s2rtui.session import Session
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from s2rtui.export.scene import SceneOptions
+    from s2rtui.export.load_scene import SceneOptions
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +50,7 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
 
 def scene_options(options: argparse.Namespace) -> SceneOptions:
     """Return the parsed options; drawing options of other commands keep their defaults."""
-    from s2rtui.export.scene import SceneOptions
+    from s2rtui.export.load_scene import SceneOptions
 
     values = vars(options)
     trajectories = values.get("trajectory")

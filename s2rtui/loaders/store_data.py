@@ -13,10 +13,14 @@ from s2rstore.reader import Store
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.overview.model import overview_rows
 from s2rtui.charts.scene import RunAccuracies
-from s2rtui.charts.shared.map_background import floor_plan_pixels
+from s2rtui.charts.shared.base_map_background import floor_plan_pixels
 from s2rtui.loaders.loader import Fields, Key, LoadContext
 from s2rtui.session import heatmaps, pending_target
-from s2rtui.session.provenance import heat_provenance, instance_provenance, visible_floor_key
+from s2rtui.session.loaded_data_origin import (
+    heat_provenance,
+    instance_provenance,
+    visible_floor_key,
+)
 from s2rtui.session.run_differences import other_run
 from s2rtui.session.session import INDEX_MEMORY
 from s2rtui.session.state import State

@@ -10,7 +10,7 @@ from s2rstore.geometry.camera_offset import hfov
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain
 from s2rstore.run_inputs import run_domain
-from s2rtui.canvas.brush import Panel, Point
+from s2rtui.canvas.marks import Panel, Point
 from s2rtui.session.state import State
 
 

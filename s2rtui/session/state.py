@@ -13,7 +13,7 @@ from s2rstore.gap_history.reader import Stamp
 from s2rstore.language import Node
 from s2rstore.records import Bounds, Side
 from s2rstore.security.printable_text import printable
-from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.marks import Mark
 from s2rtui.user_data.notebook_schema import SavedSelection
 
 Overlay = Literal["off", "instance", "selection", "run"]

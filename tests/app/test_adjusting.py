@@ -23,7 +23,7 @@ from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
 from s2rtui.session import Session
-from tests.support.quiet import Quiet
+from tests.support.silent_reporter import Quiet
 
 pytestmark = pytest.mark.xdist_group("world")
 

@@ -16,7 +16,7 @@ from s2rtui.app.key_names import key_label
 from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode, RenderOptions
-from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.marks import Mark
 from s2rtui.session import Brush, Session
 
 SIZES = [(80, 24), (120, 40), (200, 60)]

@@ -17,7 +17,7 @@ from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.cli import main
 from s2rtui.session import Session
-from tests.app.test_screens import SIZES, check
+from tests.app.test_screen_snapshots import SIZES, check
 from tests.support import gaps, nights
 
 VIEW = BY_NAME["history"]

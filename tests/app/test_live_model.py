@@ -11,7 +11,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
 from s2rtui.loaders import live_prediction
-from s2rtui.session import Session, display
+from s2rtui.session import Session, view_settings
 
 
 class Bench:
@@ -42,7 +42,7 @@ async def test_without_its_panel_the_model_rests_and_goes(
         assert bench.told == ["read"]
         await asyncio.sleep(0.2)
         assert bench.told == ["read"]
-        app.session.dispatch(display.show_view, "instance", "tab")
+        app.session.dispatch(view_settings.show_view, "instance", "tab")
         app.refresh_views()
         await pilot.press("n")
         await settle(app, pilot)

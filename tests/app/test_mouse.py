@@ -13,7 +13,7 @@ from s2rtui.app.pilot import settle
 from s2rtui.app.widgets.plot import Drag, PlotView, Stroke, Turn, Wheel
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
-from s2rtui.session import Session, display
+from s2rtui.session import Session, view_settings
 
 MOVES = 300
 
@@ -139,7 +139,7 @@ async def test_turns_of_the_wheel_never_queue_up(
         view, bounds = app.session.state.viewport, app.session.store.dataset.bounds
         assert view is not None
         assert max(view.width / bounds.width, view.height / bounds.height) == pytest.approx(
-            display.CLOSEST
+            view_settings.CLOSEST
         )
 
 

@@ -13,8 +13,8 @@ from s2rtui.charts.orientation.model import OrientationInput
 from s2rtui.charts.overview.model import OverviewLines
 from s2rtui.charts.rooms.model import RoomsInput
 from s2rtui.charts.scene import OverviewRow
-from s2rtui.charts.shared.instance_model import InstanceInput, PoseNumbers, SideView
-from s2rtui.charts.shared.map_model import MapInput
+from s2rtui.charts.shared.base_map_model import MapInput
+from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView
 from s2rtui.charts.umap.model import UmapInput
 
 N = 60

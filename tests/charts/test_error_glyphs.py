@@ -11,7 +11,7 @@ from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.map.model import SINGLES, arc_degrees, arc_turns, error_glyphs, full_scale
 from s2rtui.charts.map.terminal import draw_map, map_layout
-from s2rtui.charts.shared.map_model import MapInput, map_model
+from s2rtui.charts.shared.base_map_model import MapInput, map_model
 from tests.charts.examples import BOUNDS, map_input
 
 SIZE = (80, 26)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.brush import Mark
 from s2rtui.canvas.colour import mix
+from s2rtui.canvas.marks import Mark
 from s2rtui.charts.errors.model import errors_model
 from s2rtui.charts.errors.terminal import draw_errors, errors_panels
 from s2rtui.charts.shared.bars import SOLID

@@ -12,7 +12,7 @@ from s2rtui.canvas.colour import legible, turbo
 from s2rtui.canvas.render_options import ASCII, UNICODE
 from s2rtui.charts.map.model import LINES_UP_TO, iids_with_error_lines
 from s2rtui.charts.map.terminal import draw_map, map_layout
-from s2rtui.charts.shared.map_model import map_model, sorted_by_value
+from s2rtui.charts.shared.base_map_model import map_model, sorted_by_value
 from tests.charts.examples import BOUNDS, map_input
 
 SIZE = (80, 26)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.brush import Mark, mark_arc, wrap_degrees
+from s2rtui.canvas.marks import Mark, mark_arc, wrap_degrees
 from s2rtui.charts.orientation.dial import bar_dots, dial_of
 from s2rtui.charts.orientation.model import BINS, EXACTLY_UP_TO, orientation_model
 from s2rtui.charts.orientation.terminal import draw_orientation, orientation_layout

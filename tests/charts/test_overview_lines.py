@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.brush import Mark, panel_at
+from s2rtui.canvas.marks import Mark, panel_at
 from s2rtui.canvas.render_options import UNICODE
 from s2rtui.charts.overview import lines as module
 from s2rtui.charts.overview.layout import overview_layout, overview_panels

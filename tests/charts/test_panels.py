@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rtui.canvas import RenderOptions
-from s2rtui.canvas.brush import Panel
+from s2rtui.canvas.marks import Panel
 from s2rtui.charts.errors.terminal import errors_panels
 from s2rtui.charts.orientation.terminal import orientation_panels
 from s2rtui.charts.rooms.terminal import rooms_panels

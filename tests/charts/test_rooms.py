@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.marks import Mark
 from s2rtui.charts.rooms.model import rooms_model
 from s2rtui.charts.rooms.terminal import draw_rooms, rooms_layout, rooms_panels
 from tests.charts.examples import ROOM_NAMES, N, rooms_input

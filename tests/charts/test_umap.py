@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rtui.canvas import DARK, LIGHT, ColourMode, RenderOptions
-from s2rtui.canvas.brush import Mark
 from s2rtui.canvas.colour import legible, turbo
+from s2rtui.canvas.marks import Mark
 from s2rtui.charts.umap.model import LEVELS, umap_frame, umap_model
 from s2rtui.charts.umap.terminal import draw_umap, umap_layout, umap_panels
 from tests.charts.examples import N, umap_input

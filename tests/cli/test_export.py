@@ -17,7 +17,7 @@ from PIL import Image
 from s2rtui.canvas import DARK, LIGHT
 from s2rtui.charts.registry import BY_NAME, STORED, VIEWS
 from s2rtui.cli import main
-from s2rtui.export.scene import SceneOptions, open_scene
+from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import nights
 

@@ -16,7 +16,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rstore.maintenance.verify import verify
-from s2rtools.common.bounded_map import ahead
+from s2rtools.common.read_ahead import ahead
 from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from tests.datasets.helpers import SIZE, ingest, kinds

@@ -27,7 +27,7 @@ def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """
     from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtools.training import pretrained
-    from tests.support.quiet import Quiet
+    from tests.support.silent_reporter import Quiet
 
     folder = tmp_path_factory.mktemp("worlds")
     for name, factors in WORLDS.items():

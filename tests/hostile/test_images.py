@@ -15,7 +15,7 @@ from PIL import Image
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtui.charts.shared.map_background import floor_plan_pixels
+from s2rtui.charts.shared.base_map_background import floor_plan_pixels
 from s2rtui.cli import main
 from tests.hostile.inputs import jpeg, png, s2r
 from tests.support import pairs

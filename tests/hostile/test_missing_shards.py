@@ -14,7 +14,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import edit
 from s2rstore.language import evaluation
-from s2rstore.metrics.similarity import embedding
+from s2rstore.metrics.nearest_neighbours import embedding
 from s2rtools.precompute.tasks.umap_projection import principal_components
 
 N, WIDTH = 40, 8

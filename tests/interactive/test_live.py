@@ -22,7 +22,7 @@ from s2rtools.precompute.registration import add_run
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid
 from s2rtui.session.model_input import model_input
 from s2rtui.session.state import HeatChoice
-from tests.support.quiet import Quiet
+from tests.support.silent_reporter import Quiet
 
 pytestmark = pytest.mark.xdist_group("world")
 

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.language import parse
-from s2rtui.canvas.brush import Mark, Panel
+from s2rtui.canvas.marks import Mark, Panel
 from s2rtui.charts.mark_expressions import range_expression
-from s2rtui.session import Brush, brushing
+from s2rtui.session import Brush, brush_geometry
 
 
 def plane(y_down: bool = True) -> Panel:
@@ -31,7 +31,7 @@ def line(shape: str) -> Panel:
 @pytest.mark.parametrize("y_down", [True, False])
 def test_a_box_begins_about_the_cursor(y_down: bool) -> None:
     panel = plane(y_down)
-    brush = brushing.started("map", panel, (2.0, 3.0 if y_down else -3.0))
+    brush = brush_geometry.started("map", panel, (2.0, 3.0 if y_down else -3.0))
     (x0, y0), (x1, y1) = brush.mark.points
     assert x0 < 2.0 < x1
     assert min(y0, y1) < (3.0 if y_down else -3.0) < max(y0, y1)
@@ -40,10 +40,10 @@ def test_a_box_begins_about_the_cursor(y_down: bool) -> None:
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), max_size=12))
 def test_moving_keeps_the_size_and_never_loses_the_box(steps: list[tuple[int, int]]) -> None:
     panel = plane()
-    brush = brushing.started("map", panel, None)
+    brush = brush_geometry.started("map", panel, None)
     (x0, y0), (x1, y1) = brush.mark.points
     for step in steps:
-        brush = brushing.moved(brush, panel, *step)
+        brush = brush_geometry.moved(brush, panel, *step)
     (u0, v0), (u1, v1) = brush.mark.points
     assert u1 - u0 == pytest.approx(x1 - x0)
     assert v1 - v0 == pytest.approx(y1 - y0)
@@ -56,9 +56,9 @@ def test_moving_keeps_the_size_and_never_loses_the_box(steps: list[tuple[int, in
 @pytest.mark.parametrize("shape", ["plane", "range", "turn", "steps"])
 def test_scaling_never_turns_a_mark_inside_out(shape: str, steps: list[int]) -> None:
     panel = plane() if shape == "plane" else line(shape)
-    brush = brushing.started("map", panel, None)
+    brush = brush_geometry.started("map", panel, None)
     for step in steps:
-        brush = brushing.scaled(brush, panel, step)
+        brush = brush_geometry.scaled(brush, panel, step)
         (x0, y0), (x1, y1) = brush.mark.points
         assert x1 >= x0
         assert y1 >= y0
@@ -66,37 +66,39 @@ def test_scaling_never_turns_a_mark_inside_out(shape: str, steps: list[int]) -> 
 
 
 def test_a_turn_moves_by_its_bins() -> None:
-    brush = brushing.started("orientation", line("turn"), (90.0, 1.0))
-    moved = brushing.moved(brush, line("turn"), 1, 0)
+    brush = brush_geometry.started("orientation", line("turn"), (90.0, 1.0))
+    moved = brush_geometry.moved(brush, line("turn"), 1, 0)
     assert [x for x, _ in moved.mark.points] == [85.0, 105.0]
 
 
 def test_steps_move_by_rows_alone() -> None:
-    brush = brushing.started("rooms", line("steps"), (0.0, 3.0))
-    moved = brushing.stretched(brushing.moved(brush, line("steps"), 4, 1), line("steps"), 0, 2)
+    brush = brush_geometry.started("rooms", line("steps"), (0.0, 3.0))
+    moved = brush_geometry.stretched(
+        brush_geometry.moved(brush, line("steps"), 4, 1), line("steps"), 0, 2
+    )
     assert [y for _, y in moved.mark.points] == [4.0, 6.0]
 
 
 def test_a_lasso_grows_corner_by_corner() -> None:
     panel = plane()
-    brush = brushing.started("map", panel, (1.0, 1.0), lasso=True)
+    brush = brush_geometry.started("map", panel, (1.0, 1.0), lasso=True)
     for step in ((2, 0), (0, 2), (-2, 0)):
-        brush = brushing.moved(brushing.with_corner(brush), panel, *step)
+        brush = brush_geometry.moved(brush_geometry.with_corner(brush), panel, *step)
     assert brush.corners == 3
-    assert brushing.outline(brush) == ((1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (1.0, 3.0))
+    assert brush_geometry.outline(brush) == ((1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (1.0, 3.0))
 
 
 def test_a_lasso_is_not_scaled() -> None:
-    brush = brushing.started("map", plane(), (1.0, 1.0), lasso=True)
-    assert brushing.scaled(brush, plane(), 1) == brush
+    brush = brush_geometry.started("map", plane(), (1.0, 1.0), lasso=True)
+    assert brush_geometry.scaled(brush, plane(), 1) == brush
 
 
 def test_a_drag_is_a_box_and_with_a_trail_a_lasso() -> None:
     panel = plane()
-    box = brushing.dragged("map", panel, (5.5, 2.5), (7.5, 4.5), ())
+    box = brush_geometry.dragged("map", panel, (5.5, 2.5), (7.5, 4.5), ())
     assert box.mark.points == ((0.0, 0.0), (1.5, 3.0))
     trail = ((5.5, 2.5), (7.5, 2.5), (7.5, 4.5))
-    lasso = brushing.dragged("map", panel, trail[0], trail[-1], trail)
+    lasso = brush_geometry.dragged("map", panel, trail[0], trail[-1], trail)
     assert lasso.mark.lasso
     assert len(lasso.mark.points) == 3
 
@@ -104,18 +106,20 @@ def test_a_drag_is_a_box_and_with_a_trail_a_lasso() -> None:
 @given(st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), max_size=90))
 def test_a_stretched_heading_keeps_its_sense(steps: list[tuple[int, int]]) -> None:
     panel = line("turn")
-    brush = brushing.started("orientation", panel, (0.0, 1.0))
+    brush = brush_geometry.started("orientation", panel, (0.0, 1.0))
     start = brush.mark.points[0]
     for step in steps:
-        brush = brushing.stretched(brush, panel, *step)
+        brush = brush_geometry.stretched(brush, panel, *step)
         assert brush.mark.points[0] == start
-        assert brushing.TURN_STEP <= brush.mark.points[1][0] - start[0] < 360
+        assert brush_geometry.TURN_STEP <= brush.mark.points[1][0] - start[0] < 360
 
 
 def test_a_heading_across_half_a_turn_can_be_stretched() -> None:
     panel = line("turn")
-    drawn = replace(brushing.started("orientation", panel, None).mark, points=((170, 1), (-170, 1)))
-    brush = brushing.stretched(Brush("orientation", drawn), panel, 1, 0)
+    drawn = replace(
+        brush_geometry.started("orientation", panel, None).mark, points=((170, 1), (-170, 1))
+    )
+    brush = brush_geometry.stretched(Brush("orientation", drawn), panel, 1, 0)
     assert brush.mark.points == ((170, 1), (-165, 1))
 
 

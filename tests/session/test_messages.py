@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from s2rtui.app.actions import ACTIONS
-from s2rtui.session import Session, State, display
+from s2rtui.session import Session, State, view_settings
 from s2rtui.session.state import Adjust, Slider
 
 BEFORE = "told by an earlier key"
@@ -17,8 +17,8 @@ MESSAGE = ("message", "is_error", "keeps_message")
 SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
 KEYS: dict[str, Callable[[Session], object]] = {
     **{action.name: action.do for action in ACTIONS if action.do is not None},
-    "another view": lambda s: s.dispatch(display.show_view, "list", "tab"),
-    "a view on the screen": lambda s: s.dispatch(display.activate, "umap"),
+    "another view": lambda s: s.dispatch(view_settings.show_view, "list", "tab"),
+    "a view on the screen": lambda s: s.dispatch(view_settings.activate, "umap"),
 }
 
 
@@ -52,7 +52,7 @@ def test_a_message_goes_with_the_next_change(session: Session, is_error: bool) -
 
 def test_what_changes_nothing_leaves_an_error(session: Session) -> None:
     session.show_message("an error", is_error=True)
-    session.dispatch(display.activate, session.state.view)
+    session.dispatch(view_settings.activate, session.state.view)
     assert (session.state.message, session.state.is_error) == ("an error", True)
 
 

@@ -13,8 +13,8 @@ from s2rstore.index.transaction import edit
 from s2rstore.language import ExpressionError
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.overview.model import overview_rows
-from s2rtui.charts.shared.map_model import map_input
-from s2rtui.session import Session, display, navigation
+from s2rtui.charts.shared.base_map_model import map_input
+from s2rtui.session import Session, navigation, view_settings
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid, run_grid
 from tests.support import tiny
 
@@ -92,17 +92,17 @@ def test_runs_turn_and_keep_the_expression(session: Session) -> None:
 def test_heat_kinds_modes_and_sides_turn(session: Session) -> None:
     kinds = {session.state.heat.kind}
     for _ in range(5):
-        kinds.add(session.dispatch(display.change_heat, 1).heat.kind)
+        kinds.add(session.dispatch(view_settings.change_heat, 1).heat.kind)
     assert kinds == {"activation", "feature_distance", "occlusion"}
     while session.state.heat.kind != "occlusion":
-        session.dispatch(display.change_heat, 1)
-    assert {session.dispatch(display.change_mode).heat.mode for _ in range(3)} == {
+        session.dispatch(view_settings.change_heat, 1)
+    assert {session.dispatch(view_settings.change_mode).heat.mode for _ in range(3)} == {
         "rgb",
         "depth",
         "rgbd",
     }
-    assert session.dispatch(display.change_side).heat.side == "sim"
-    assert [session.dispatch(display.change_overlay).overlay for _ in range(4)] == [
+    assert session.dispatch(view_settings.change_side).heat.side == "sim"
+    assert [session.dispatch(view_settings.change_overlay).overlay for _ in range(4)] == [
         "instance",
         "selection",
         "run",
@@ -160,25 +160,25 @@ def test_one_instances_heat_lies_on_the_map(session: Session) -> None:
 def test_the_map_is_neither_lost_nor_inside_out(session: Session) -> None:
     bounds = session.store.dataset.bounds
     for _ in range(40):
-        session.dispatch(display.zoom, 1 / 0.6)
+        session.dispatch(view_settings.zoom, 1 / 0.6)
     closest = session.state.viewport
     assert closest is not None
-    assert closest.width == pytest.approx(bounds.width * display.CLOSEST)
+    assert closest.width == pytest.approx(bounds.width * view_settings.CLOSEST)
     for _ in range(60):
-        session.dispatch(display.pan, 0.2, -0.2)
+        session.dispatch(view_settings.pan, 0.2, -0.2)
     far = session.state.viewport
     assert far is not None
-    session.dispatch(display.pan, 500.0, -500.0)
+    session.dispatch(view_settings.pan, 500.0, -500.0)
     far = session.state.viewport
     assert far is not None
     middle = (far.x0 + far.x1) / 2, (far.y0 + far.y1) / 2
     assert middle == pytest.approx((bounds.x1, bounds.y0))
     for _ in range(40):
-        session.dispatch(display.zoom, 0.6)
+        session.dispatch(view_settings.zoom, 0.6)
     assert session.state.viewport is None
-    session.dispatch(display.zoom, 0.6)
+    session.dispatch(view_settings.zoom, 0.6)
     assert session.state.viewport is None
-    session.dispatch(display.pan, 50.0, 0.0)
+    session.dispatch(view_settings.pan, 50.0, 0.0)
     wide = session.state.viewport
     assert wide is not None
     assert (wide.x0 + wide.x1) / 2 == pytest.approx(bounds.x1)

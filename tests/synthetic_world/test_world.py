@@ -13,7 +13,7 @@ from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from s2rtools.synthetic_world.factors import FACTORS, complete_severities, parse_factors
 from s2rtools.synthetic_world.materials import Material
 from s2rtools.synthetic_world.renderer import Camera, RayCaster
-from s2rtools.synthetic_world.scene import ScenePart, WorldScene
+from s2rtools.synthetic_world.scene_geometry import ScenePart, WorldScene
 from s2rtools.synthetic_world.world import (
     World,
     apply_sensor_factors,

@@ -17,7 +17,7 @@ from s2rtui.app.inline_images import enable_inline_images
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.colour import DEPTH_SHADES
-from s2rtui.charts.shared.instance_model import InstanceInput, instance_model, panel_pixels
+from s2rtui.charts.shared.image_pair_model import InstanceInput, instance_model, panel_pixels
 from s2rtui.session import Session
 from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
 from s2rtui.terminal.graphics.probe import parse_answer

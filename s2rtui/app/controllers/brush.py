@@ -8,10 +8,10 @@ from dataclasses import replace
 from s2rstore.errors import RequestError, S2RError
 from s2rtui.app.controllers.host import ControllerHost
 from s2rtui.app.widgets.plot import Cell, PlotView, Stroke
-from s2rtui.canvas.brush import Panel, panel_at
+from s2rtui.canvas.marks import Panel, panel_at
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.charts.view import View
-from s2rtui.session import brushing, display, instance_list
+from s2rtui.session import brush_geometry, instance_list, view_settings
 from s2rtui.session.state import Brush, Operator
 
 TITLE_ROWS = 1
@@ -47,7 +47,7 @@ class BrushController:
         return None if panel is None else (brush, panel)
 
     def _show(self, brush: Brush | None) -> None:
-        self._host.session.dispatch(display.set_brush, brush)
+        self._host.session.dispatch(view_settings.set_brush, brush)
         self._host.renderer.refresh()
 
     # --- keys --------------------------------------------------------------------------------
@@ -68,7 +68,7 @@ class BrushController:
 
     def _start_on(self, view: View, panel: Panel) -> None:
         point = view.cursor_point(self._host.renderer.scene, panel)
-        self._show(brushing.started(view.name, panel, point, self._host.session.state.lasso))
+        self._show(brush_geometry.started(view.name, panel, point, self._host.session.state.lasso))
 
     def next_panel(self) -> None:
         """Start the brush again on the next panel of its view."""
@@ -81,22 +81,22 @@ class BrushController:
     def move(self, columns: int, rows: int) -> None:
         """Move the brush by cells."""
         if (present := self._present()) is not None:
-            self._show(brushing.moved(*present, columns, rows))
+            self._show(brush_geometry.moved(*present, columns, rows))
 
     def stretch(self, columns: int, rows: int) -> None:
         """Move the brush's far corner by cells."""
         if (present := self._present()) is not None:
-            self._show(brushing.stretched(*present, columns, rows))
+            self._show(brush_geometry.stretched(*present, columns, rows))
 
     def scale(self, steps: int) -> None:
         """Enlarge (steps > 0) or shrink the brush."""
         if (present := self._present()) is not None:
-            self._show(brushing.scaled(*present, steps))
+            self._show(brush_geometry.scaled(*present, steps))
 
     def set_corner(self) -> None:
         """Fix the lasso's loose end as a corner."""
         if (present := self._present()) is not None and present[0].mark.lasso:
-            self._show(brushing.with_corner(present[0]))
+            self._show(brush_geometry.with_corner(present[0]))
 
     def apply(self, operator: Operator | None) -> None:
         """Select the instances inside, combined by an operator (default: the pending one)."""
@@ -108,7 +108,7 @@ class BrushController:
 
     def toggle_lasso(self) -> None:
         """Switch between lasso and box."""
-        self._host.session.dispatch(display.toggle_lasso)
+        self._host.session.dispatch(view_settings.toggle_lasso)
         self._host.renderer.refresh()
 
     def _select(self, brush: Brush, panel: Panel, operator: Operator | None = None) -> bool:
@@ -116,7 +116,7 @@ class BrushController:
         view, mark = BY_NAME[brush.view], brush.mark
         try:
             if mark.lasso:
-                mark = replace(mark, points=brushing.outline(brush))
+                mark = replace(mark, points=brush_geometry.outline(brush))
                 if len(mark.points) < 3:
                     raise RequestError("a lasso needs three corners: space sets one")
             expression = view.to_expression(self._host.renderer.scene, panel, mark)
@@ -139,7 +139,7 @@ class BrushController:
         dropped = [view for view in VIEWS if self._host.renderer.plot(view.name).abandon()]
         self._drag_panel = None
         if dropped:
-            self._host.session.dispatch(display.drop_brush)
+            self._host.session.dispatch(view_settings.drop_brush)
 
     def _panel_under(self, view: View, cell: Cell) -> Panel | None:
         return panel_at(self.panels(view), cell[0], cell[1] - TITLE_ROWS)
@@ -150,7 +150,7 @@ class BrushController:
             return  # a plot on a modal screen
         view, session = BY_NAME[message.view], self._host.session
         panel = self._panel_under(view, message.cell)
-        session.dispatch(display.activate, view.name)
+        session.dispatch(view_settings.activate, view.name)
         if panel is not None:
             middle = message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5
             try:
@@ -181,17 +181,17 @@ class BrushController:
         panel = self._stroke_panel(stroke)
         if panel is None:
             return
-        session.dispatch(display.activate, view.name)
+        session.dispatch(view_settings.activate, view.name)
         start, *trail = ((x + 0.5, y - TITLE_ROWS + 0.5) for x, y in (stroke.start, *stroke.trail))
         if view.drag(session, self._host.renderer.scene, panel, panel.to_data(*trail[-1])):
             self._host.renderer.refresh()
             return
         lasso = (start, *trail) if session.state.lasso else ()
-        brush = brushing.dragged(view.name, panel, start, trail[-1], lasso)
+        brush = brush_geometry.dragged(view.name, panel, start, trail[-1], lasso)
         if not stroke.done:
             self._show(brush)
         elif not self._select(brush, panel):
-            session.dispatch(display.drop_brush)
+            session.dispatch(view_settings.drop_brush)
             self._host.renderer.refresh()
 
     def on_wheeled(self, message: PlotView.Wheeled) -> None:
@@ -204,7 +204,7 @@ class BrushController:
         if view.name == "map" and panel is not None:
             point = panel.to_data(turn.cell[0] + 0.5, turn.cell[1] - TITLE_ROWS + 0.5)
             steps = max(-_MAX_WHEEL_STEPS, min(turn.steps, _MAX_WHEEL_STEPS))
-            session.dispatch(display.zoom, _WHEEL_ZOOM**steps, point)
+            session.dispatch(view_settings.zoom, _WHEEL_ZOOM**steps, point)
         elif view.name == "list":
             session.dispatch(instance_list.move, -turn.steps)
         self._host.renderer.refresh()

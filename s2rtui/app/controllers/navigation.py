@@ -5,7 +5,7 @@ from __future__ import annotations
 from s2rtui.app.controllers.host import ControllerHost
 from s2rtui.app.screens.jump import JumpScreen, Target
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.session import display
+from s2rtui.session import view_settings
 
 _CYCLE = [view.name for view in sorted(VIEWS, key=lambda view: view.key) if view.from_store]
 
@@ -20,9 +20,9 @@ class NavigationController:
         """Send the keys to a view, and bring it to the front of its pane if it is hidden."""
         session = self._host.session
         if self._host.renderer.is_placed(name):
-            session.dispatch(display.activate, name)
+            session.dispatch(view_settings.activate, name)
         else:
-            session.dispatch(display.show_view, name, BY_NAME[name].pane)
+            session.dispatch(view_settings.show_view, name, BY_NAME[name].pane)
         self._host.renderer.refresh()
 
     def show_next_view(self, steps: int) -> None:

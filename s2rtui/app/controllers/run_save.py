@@ -12,7 +12,7 @@ from s2rtui.app.controllers.host import ControllerHost
 from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.messages import RunSaveProgressed
 from s2rtui.jobs.precompute_job import JobProgress, PrecomputeJob, save_run
-from s2rtui.session import State, adjusting, display
+from s2rtui.session import State, adjusting, view_settings
 
 
 class RunSaveController:
@@ -34,7 +34,7 @@ class RunSaveController:
                 session.show_message("no instance to adjust: select some")
             else:
                 self._load_sliders()
-                session.dispatch(display.show_view, "adjust", "tab")
+                session.dispatch(view_settings.show_view, "adjust", "tab")
         self._host.renderer.refresh()
 
     def _load_sliders(self) -> None:

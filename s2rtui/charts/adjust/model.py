@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from s2rstore.reader import Store
 from s2rstore.records import Side
-from s2rtui.charts.shared.instance_model import InstanceInput, PoseNumbers, SideView
+from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView
 from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
 from s2rtui.session.state import HeatChoice, State
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
+from s2rtui.canvas.marks import Panel
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.axis_scale import short_number
 

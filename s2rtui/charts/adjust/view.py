@@ -6,10 +6,10 @@ import textwrap
 from collections.abc import Sequence
 
 from s2rtui.canvas import Canvas, RenderOptions, Size
-from s2rtui.canvas.brush import Panel, Point
+from s2rtui.canvas.marks import Panel, Point
 from s2rtui.charts.adjust.terminal import SliderLine, draw_sliders, slider_panels
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared import instance_terminal
+from s2rtui.charts.shared import image_pair_terminal
 from s2rtui.charts.view import View
 from s2rtui.session import Session, adjusting
 from s2rtui.session.state import Adjust
@@ -67,7 +67,7 @@ class AdjustView(View):
         live = scene.resources.adjusted(scene.state)
         if live is not None and space > 0:
             canvas.paste(
-                instance_terminal.draw_instance(live, (canvas.width, space), options), 0, used + 1
+                image_pair_terminal.draw_instance(live, (canvas.width, space), options), 0, used + 1
             )
         return canvas
 

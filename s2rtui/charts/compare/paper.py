@@ -18,8 +18,18 @@ from s2rtui.charts.compare.model import (
     sorted_by_difference,
 )
 from s2rtui.charts.shared.axis_scale import short_number
-from s2rtui.charts.shared.map_background import MapBackground
-from s2rtui.charts.shared.map_model import MapInput, default_view, map_model
+from s2rtui.charts.shared.base_map_background import MapBackground
+from s2rtui.charts.shared.base_map_model import MapInput, default_view, map_model
+from s2rtui.charts.shared.base_map_paper import (
+    MANY,
+    SIDE,
+    MapSheet,
+    draw_pose,
+    draw_unselected,
+    draw_values,
+    map_panel,
+    marker_legend,
+)
 from s2rtui.charts.shared.paper import (
     Box,
     Page,
@@ -30,16 +40,6 @@ from s2rtui.charts.shared.paper import (
     make_page,
     new_figure,
     rgb_fractions,
-)
-from s2rtui.charts.shared.paper_map import (
-    MANY,
-    SIDE,
-    MapSheet,
-    draw_pose,
-    draw_unselected,
-    draw_values,
-    map_panel,
-    marker_legend,
 )
 
 if TYPE_CHECKING:

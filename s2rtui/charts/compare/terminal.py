@@ -6,9 +6,9 @@ import numpy as np
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb, legible
+from s2rtui.canvas.marks import Panel
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.compare.model import (
     CompareInput,
@@ -19,14 +19,8 @@ from s2rtui.charts.compare.model import (
     difference_colours,
 )
 from s2rtui.charts.shared.axis_scale import short_number
-from s2rtui.charts.shared.legend import (
-    LegendPart,
-    colour_bar,
-    ramp_for_values,
-    text_part,
-)
-from s2rtui.charts.shared.map_model import default_view
-from s2rtui.charts.shared.map_terminal import (
+from s2rtui.charts.shared.base_map_model import default_view
+from s2rtui.charts.shared.base_map_terminal import (
     MapLayout,
     draw_point_map,
     draw_pose,
@@ -35,6 +29,7 @@ from s2rtui.charts.shared.map_terminal import (
     map_panel,
     put_glyphs,
 )
+from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
 
 
 def difference_glyphs(options: RenderOptions) -> str:

@@ -11,14 +11,14 @@ import numpy as np
 from s2rstore.errors import RequestError
 from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.canvas.marks import Mark, Panel, Point
 from s2rtui.charts.compare.model import CompareInput, compare_model
 from s2rtui.charts.compare.terminal import compare_panels, draw_compare
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import Floats
-from s2rtui.charts.shared.map_model import MapInput, map_input, value_range
-from s2rtui.charts.shared.map_terminal import draw_value_map
+from s2rtui.charts.shared.base_map_model import MapInput, map_input, value_range
+from s2rtui.charts.shared.base_map_terminal import draw_value_map
 from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
 from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session, pending_target, run_differences

@@ -8,9 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from s2rtui.canvas.brush import Mark, Panel, Point, mark_on_panel, mark_range
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
+from s2rtui.canvas.marks import Mark, Panel, Point, mark_on_panel, mark_range
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.errors.model import (
     NAMES,

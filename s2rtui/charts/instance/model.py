@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from s2rstore.errors import RequestError
-from s2rstore.metrics import similarity
+from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtui.charts.shared.instance_model import InstanceInput, PoseNumbers, SideView
+from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView
 from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
 from s2rtui.session.model_input import ModelInput, model_input
 from s2rtui.session.state import HeatChoice
@@ -68,7 +68,7 @@ def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
     sides = []
     for side in SIDES:
         try:
-            near, _ = similarity.neighbours(store, run, side, iid, NEIGHBOURS)
+            near, _ = nearest_neighbours.neighbours(store, run, side, iid, NEIGHBOURS)
         except RequestError:
             return []
         listed = " ".join(str(other) for other in near if other != iid)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.canvas.colour import LIGHT, NO_DEPTH, Pixels, Theme, depth_tint, diverging, turbo
-from s2rtui.charts.shared.instance_model import (
+from s2rtui.charts.shared.image_pair_model import (
     InstanceInput,
     InstanceModel,
     SideView,

@@ -8,9 +8,9 @@ from dataclasses import replace
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared import instance_terminal
+from s2rtui.charts.shared import image_pair_terminal
 from s2rtui.charts.view import Pixels, Table, View
-from s2rtui.session.provenance import instance_provenance
+from s2rtui.session.loaded_data_origin import instance_provenance
 
 
 class InstanceView(View):
@@ -88,7 +88,7 @@ class InstanceView(View):
         shown = scene.resources.pictures
         if remark := scene.remark(shown.iid):
             shown = replace(shown, notes=(("remark", remark), *shown.notes))
-        return instance_terminal.draw_instance(shown, size, options)
+        return image_pair_terminal.draw_instance(shown, size, options)
 
 
 VIEW = InstanceView()

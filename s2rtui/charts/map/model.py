@@ -12,7 +12,7 @@ from s2rtui.analysis.binning import Bins, SelectionIndices, count_selected, sum_
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.shared.axis_scale import Floats
-from s2rtui.charts.shared.map_model import MapInput, MapModel, selected_in_frame
+from s2rtui.charts.shared.base_map_model import MapInput, MapModel, selected_in_frame
 from s2rtui.charts.shared.points import point_cells
 
 SINGLES = 200

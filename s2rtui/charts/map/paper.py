@@ -20,21 +20,8 @@ from s2rtui.charts.map.model import (
     iids_with_error_lines,
 )
 from s2rtui.charts.shared.axis_scale import short_number
-from s2rtui.charts.shared.map_model import (
-    MapInput,
-    MapModel,
-    default_view,
-    map_model,
-)
-from s2rtui.charts.shared.paper import (
-    Pixels,
-    draw_colour_bar,
-    figure_bytes,
-    make_page,
-    rgb_fractions,
-    wrapped_label,
-)
-from s2rtui.charts.shared.paper_map import (
+from s2rtui.charts.shared.base_map_model import MapInput, MapModel, default_view, map_model
+from s2rtui.charts.shared.base_map_paper import (
     MANY,
     MapSheet,
     Spots,
@@ -43,6 +30,14 @@ from s2rtui.charts.shared.paper_map import (
     draw_values,
     map_sheet,
     marker_legend,
+)
+from s2rtui.charts.shared.paper import (
+    Pixels,
+    draw_colour_bar,
+    figure_bytes,
+    make_page,
+    rgb_fractions,
+    wrapped_label,
 )
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.brush import Panel
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb, mix
+from s2rtui.canvas.marks import Panel
 from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.map.model import (
@@ -25,17 +25,8 @@ from s2rtui.charts.map.model import (
     iids_with_error_lines,
 )
 from s2rtui.charts.shared.axis_scale import short_number
-from s2rtui.charts.shared.legend import (
-    LegendPart,
-    text_part,
-)
-from s2rtui.charts.shared.map_model import (
-    LivePose,
-    MapInput,
-    MapModel,
-    map_model,
-)
-from s2rtui.charts.shared.map_terminal import (
+from s2rtui.charts.shared.base_map_model import LivePose, MapInput, MapModel, map_model
+from s2rtui.charts.shared.base_map_terminal import (
     MapLayout,
     Places,
     draw_cursor,
@@ -48,6 +39,7 @@ from s2rtui.charts.shared.map_terminal import (
     put_glyphs,
     value_legend,
 )
+from s2rtui.charts.shared.legend import LegendPart, text_part
 from s2rtui.charts.shared.points import selected_cells
 
 ARC_FOOTPRINT = (7, 3)

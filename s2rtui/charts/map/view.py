@@ -10,12 +10,12 @@ import numpy as np
 from s2rstore.records import Side
 from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.canvas.marks import Mark, Panel, Point
 from s2rtui.charts.map import terminal
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.instance_model import InstanceInput, SideView
-from s2rtui.charts.shared.map_model import LivePose, MapInput, map_input
+from s2rtui.charts.shared.base_map_model import LivePose, MapInput, map_input
+from s2rtui.charts.shared.image_pair_model import InstanceInput, SideView
 from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
 from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session

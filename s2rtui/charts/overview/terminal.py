@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.brush import Mark, mark_on_panel, mark_range
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.colour import Rgb
+from s2rtui.canvas.marks import Mark, mark_on_panel, mark_range
 from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_panels
 from s2rtui.charts.overview.lines import draw_lines

@@ -12,7 +12,7 @@ from s2rtui.cli.formatting import rows
 
 if TYPE_CHECKING:
     from s2rtui.canvas import Theme
-    from s2rtui.export.scene import SceneOptions
+    from s2rtui.export.load_scene import SceneOptions
 
 Pixels = tuple[int, int]
 SCREEN = "workbench"
@@ -52,7 +52,7 @@ def execute(options: argparse.Namespace) -> int:
         picture = _screen(options.store, scene_options, size or _SCREEN_SIZE, theme)
     else:
         from s2rtui.charts.shared.paper import figure_format
-        from s2rtui.export.scene import open_scene
+        from s2rtui.export.load_scene import open_scene
 
         view = STORED[options.view]
         with open_scene(options.store, scene_options, view) as scene, figure_format(suffix[1:]):
@@ -75,7 +75,7 @@ def _size(text: str | None) -> Pixels | None:
 def _screen(store: Path, scene_options: SceneOptions, size: Pixels, theme: Theme) -> bytes:
     from s2rtui.app.pilot import screen_of
     from s2rtui.canvas import RenderOptions
-    from s2rtui.export.scene import open_scene
+    from s2rtui.export.load_scene import open_scene
 
     with open_scene(store, scene_options) as scene:
         return screen_of(store, scene.state, size, RenderOptions(theme))

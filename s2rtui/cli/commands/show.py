@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtui.charts.registry import STORED
-    from s2rtui.export.scene import open_scene
+    from s2rtui.export.load_scene import open_scene
 
     view = STORED[options.view]
     with open_scene(options.store, scene_arguments.scene_options(options), view) as scene:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import short_number
-from s2rtui.charts.shared.instance_model import (
+from s2rtui.charts.shared.image_pair_model import (
     InstanceInput,
     InstanceModel,
     instance_model,

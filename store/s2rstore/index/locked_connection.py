@@ -17,7 +17,7 @@ import duckdb
 
 from s2rstore.errors import RequestError
 from s2rstore.files import safe_files
-from s2rstore.index import catalog_check, checked_files, schema
+from s2rstore.index import catalog_check, catalog_check_cache, schema
 
 DEFAULT_MEMORY = "2GB"
 """Memory limit of DuckDB for one file and its queries."""
@@ -150,11 +150,11 @@ def _check(
     identity = _identity(path)
     if identity in _checked:
         return
-    key = checked_files.key(path, repr((duckdb.__version__, tables, views)))
-    if key is None or not checked_files.contains(key):
+    key = catalog_check_cache.key(path, repr((duckdb.__version__, tables, views)))
+    if key is None or not catalog_check_cache.contains(key):
         catalog_check.check(connection, tables, views, path)
         if key is not None:
-            checked_files.add(key)
+            catalog_check_cache.add(key)
     _checked[identity] = None
 
 

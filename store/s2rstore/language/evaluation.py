@@ -17,7 +17,7 @@ from s2rstore.language import (
     parse,
     to_sql,
 )
-from s2rstore.metrics import similarity
+from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 
@@ -89,6 +89,6 @@ def _neighbours(store: Store) -> Neighbours:
     def found(
         run: str, side: Side, iid: int, count: int, trajectories: tuple[str, ...] | None
     ) -> NDArray[np.int64]:
-        return similarity.neighbours(store, run, side, iid, count, trajectories)[0]
+        return nearest_neighbours.neighbours(store, run, side, iid, count, trajectories)[0]
 
     return found

@@ -9,7 +9,12 @@ from typing import Any
 
 from s2rstore.geometry import angles
 from s2rstore.language import fields, lasso
-from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, similar_instances
+from s2rstore.language.name_resolution import (
+    Neighbours,
+    Vocabulary,
+    expand,
+    similar_instances,
+)
 from s2rstore.language.syntax_tree import (
     And,
     Around,

@@ -23,7 +23,7 @@ from s2rstore.files.ingest_folder import building_folder, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import edit
 from s2rstore.records import Domain
-from s2rtools.common.bounded_map import ahead
+from s2rtools.common.read_ahead import ahead
 from s2rtools.datasets.floor_plan import read_floor_plan
 from s2rtools.datasets.frame_cache import FrameCache
 from s2rtools.datasets.index_rows import write_index

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from s2rstore.geometry.curvature import curvature
 from s2rstore.geometry.rooms import room_codes
-from s2rstore.geometry.trajectory import curvature
 from s2rstore.index.transaction import IndexTransaction
 from s2rstore.metrics import bootstrap
 from s2rstore.records import Domain

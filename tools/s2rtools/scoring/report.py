@@ -21,7 +21,7 @@ from s2rstore.reader import Store
 from s2rtools.inference import open_backend
 from s2rtools.models.library import load_model
 from s2rtools.precompute.pipeline import ProgressReporter
-from s2rtools.scoring import heatmaps
+from s2rtools.scoring import heatmap_metrics
 from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.ground_truth import GroundTruth
 
@@ -53,7 +53,7 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Sc
         truth = GroundTruth(store)
         runs = _computed_runs(store, settings.runs)
         reporter.begin("score", 3)
-        maps = heatmaps.score_heatmaps(truth, runs, settings.seed)
+        maps = heatmap_metrics.score_heatmaps(truth, runs, settings.seed)
         reporter.advance(1)
         evaluated = [
             (

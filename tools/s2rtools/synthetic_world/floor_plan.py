@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from s2rtools.synthetic_world.materials import Material
-from s2rtools.synthetic_world.scene import Colour, ScenePart
+from s2rtools.synthetic_world.scene_geometry import Colour, ScenePart
 
 BUILDING_SIZE = 20.0
 CEILING_HEIGHT = 2.7

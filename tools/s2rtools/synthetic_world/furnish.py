@@ -27,7 +27,7 @@ from s2rtools.synthetic_world.floor_plan import (
 )
 from s2rtools.synthetic_world.furniture import FURNITURE, FurniturePiece, Parts, table
 from s2rtools.synthetic_world.routes import CLEARANCE, FLOOR_CELL, ROBOT_HEIGHT, clearance
-from s2rtools.synthetic_world.scene import SceneObject, ScenePart, footprint
+from s2rtools.synthetic_world.scene_geometry import SceneObject, ScenePart, footprint
 
 ROOM_FURNITURE: dict[str, tuple[str, ...]] = {
     "office": ("desk", "desk", "shelf", "cabinet", "whiteboard", "plant", "poster", "bin",

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2rtools.synthetic_world.materials import Material
-from s2rtools.synthetic_world.scene import Colour, ScenePart, Shape
+from s2rtools.synthetic_world.scene_geometry import Colour, ScenePart, Shape
 
 Parts = tuple[ScenePart, ...]
 Generator = np.random.Generator

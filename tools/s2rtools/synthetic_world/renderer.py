@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from s2rstore.records import Intrinsics
 from s2rtools.synthetic_world import raycaster
-from s2rtools.synthetic_world.scene import (
+from s2rtools.synthetic_world.scene_geometry import (
     Lamp,
     PackedScene,
     ScenePart,

@@ -24,7 +24,13 @@ from s2rtools.synthetic_world.routes import (
     Poses,
     drive_along,
 )
-from s2rtools.synthetic_world.scene import Lamp, SceneObject, ScenePart, WorldScene, footprint
+from s2rtools.synthetic_world.scene_geometry import (
+    Lamp,
+    SceneObject,
+    ScenePart,
+    WorldScene,
+    footprint,
+)
 
 CAMERA_HFOV = 72.0
 CAMERA_HEIGHT = 0.62

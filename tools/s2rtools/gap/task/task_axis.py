@@ -13,11 +13,7 @@ from s2rstore.metrics import run_metrics
 from s2rstore.metrics.bootstrap import mean_replicates, split_into_blocks
 from s2rtools.gap import instance_selection
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
-from s2rtools.gap.task.group_metrics import (
-    GroupErrors,
-    group_metrics,
-    no_gap_interval,
-)
+from s2rtools.gap.task.group_metrics import GroupErrors, group_metrics, no_gap_interval
 
 Floats = NDArray[np.float64]
 

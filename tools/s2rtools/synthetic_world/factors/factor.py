@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtools.synthetic_world.renderer import Camera
-from s2rtools.synthetic_world.scene import WorldScene
+from s2rtools.synthetic_world.scene_geometry import WorldScene
 
 Generator = np.random.Generator
 

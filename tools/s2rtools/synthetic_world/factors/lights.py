@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from s2rtools.synthetic_world.factors.factor import Factor, Generator
 from s2rtools.synthetic_world.materials import hashed
-from s2rtools.synthetic_world.scene import WorldScene
+from s2rtools.synthetic_world.scene_geometry import WorldScene
 
 
 class Lights(Factor):

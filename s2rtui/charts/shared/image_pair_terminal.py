@@ -14,7 +14,7 @@ from s2rtui.canvas.canvas import Canvas, InlineImage, Size
 from s2rtui.canvas.colour import DEPTH_SHADES, Pixels, depth_tint, diverging, legible, turbo
 from s2rtui.canvas.raster import draw_picture, draw_shades, resample
 from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.shared.instance_model import (
+from s2rtui.charts.shared.image_pair_model import (
     HEADINGS,
     InstanceInput,
     InstanceModel,

@@ -11,15 +11,22 @@ from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
 from s2rtui.app import actions
-from s2rtui.app.actions import ACTIONS, Action, find_action, footer, help_text, permitted_actions
+from s2rtui.app.actions import (
+    ACTIONS,
+    Action,
+    find_action,
+    footer,
+    help_text,
+    permitted_actions,
+)
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
-from s2rtui.session import Session, display
+from s2rtui.session import Session, view_settings
 
 MIST = Action(
-    "side", ("d",), "heat", "mist in the images", display.change_side, "mist", needs="models"
+    "side", ("d",), "heat", "mist in the images", view_settings.change_side, "mist", needs="models"
 )
 NAMES = st.lists(st.sampled_from(["..", ".", "a", "b", "s2rtui", "own"]), max_size=6)
 

@@ -24,7 +24,7 @@ from s2rtui.cli import main
 from s2rtui.loaders import LOADERS
 from s2rtui.session import Session
 from tests.support.copies import copied
-from tests.support.quiet import Quiet
+from tests.support.silent_reporter import Quiet
 
 pytestmark = pytest.mark.xdist_group("world")
 
@@ -154,7 +154,7 @@ def test_a_fault_is_told_in_one_line(
     folder = tmp_path / "broken"
     folder.mkdir()
     (folder / "sitecustomize.py").write_text(
-        "import s2rtui.session.display as showing\n"
+        "import s2rtui.session.view_settings as showing\n"
         "def broken(*arguments):\n"
         "    raise KeyError('no such thing')\n"
         "showing.change_map_mode = broken\n"

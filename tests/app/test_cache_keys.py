@@ -12,14 +12,14 @@ import pytest
 from s2rstore.records import Bounds
 from s2rtui.app.titled_view import TitledView
 from s2rtui.canvas import Canvas, RenderOptions
-from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.marks import Mark
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.scene import Resources, RunAccuracies, Scene
 from s2rtui.charts.view import View
 from s2rtui.loaders import store_data
 from s2rtui.session import HeatChoice, Session, State
-from s2rtui.session.provenance import (
+from s2rtui.session.loaded_data_origin import (
     HeatProvenance,
     heat_provenance,
     instance_provenance,

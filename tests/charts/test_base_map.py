@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from s2rstore.records import Bounds, Room
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.canvas.brush import Mark, panel_at
 from s2rtui.canvas.colour import mix
+from s2rtui.canvas.marks import Mark, panel_at
 from s2rtui.charts.compare.terminal import compare_panels
 from s2rtui.charts.map.terminal import draw_map, map_layout, map_panels
-from s2rtui.charts.shared.map_background import DIMMED
+from s2rtui.charts.shared.base_map_background import DIMMED
 from tests.charts.examples import compare_input, map_input
 
 SIZE = (80, 26)

@@ -24,7 +24,7 @@ from s2rtui.app.app import S2RApp
 from s2rtui.app.messages import RunSaveProgressed
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
-from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.marks import Mark
 from s2rtui.jobs.precompute_job import JobProgress
 from s2rtui.loaders import store_data
 from s2rtui.session import Brush, Session, State, navigation, pending_target, shared_selection

@@ -17,7 +17,7 @@ from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.scoring import report
 from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.ground_truth import GroundTruth
-from s2rtools.scoring.heatmaps import floor_truth
+from s2rtools.scoring.heatmap_metrics import floor_truth
 from s2rtools.training import pretrained
 from s2rtools.training.train_into_store import TrainingRequest, train_into_store
 from s2rtui.cli import main

@@ -17,9 +17,9 @@ from s2rstore.metrics.bootstrap import (
 from s2rtools.gap import defaults
 from s2rtools.gap.axis_result import GapSettings
 from s2rtools.gap.instance_selection import bootstrap_note, random_blocks, random_halves
-from s2rtools.gap.visual.further_metrics import split_half_metrics
 from s2rtools.gap.visual.kid import block_mmd
 from s2rtools.gap.visual.low_dimensional_samples import principal_components
+from s2rtools.gap.visual.split_half_metrics import split_half_metrics
 
 
 def recorded(sizes: list[int]) -> Blocks:

@@ -17,7 +17,7 @@ from s2rtui.app.controllers import prompt
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.tour import TourScreen
 from s2rtui.canvas import RenderOptions
-from s2rtui.canvas.brush import Panel
+from s2rtui.canvas.marks import Panel
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import Session, instance_list
 from s2rtui.user_data.notebook import Notebook

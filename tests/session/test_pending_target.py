@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rstore.index import column_loader
-from s2rstore.metrics import similarity
+from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.actions import ACTIONS
 from s2rtui.loaders import store_data
 from s2rtui.session import Session, pending_target, shared_selection
@@ -119,7 +119,11 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
     for session in (made.waiting, made.direct):
         session.select("real.loss > 0.15")
         session.writable_notebook.save("costly", shared_selection.current_selection(session.state))
-    predicted, neighbours, own = column_loader._predicted, similarity.neighbours, made.waiting.store
+    predicted, neighbours, own = (
+        column_loader._predicted,
+        nearest_neighbours.neighbours,
+        made.waiting.store,
+    )
 
     def read(loader, *rest):
         assert loader is not own._column_loader or made.worker or not made.waiting.defers_loading, (
@@ -134,7 +138,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pending_target, "SMALL_STORE", 0)
         patch.setattr(column_loader, "_predicted", read)
-        patch.setattr(similarity, "neighbours", near)
+        patch.setattr(nearest_neighbours, "neighbours", near)
         yield made
     for session in (made.waiting, made.direct):
         session.close()

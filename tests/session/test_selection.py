@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError
-from s2rstore.metrics import similarity
+from s2rstore.metrics import nearest_neighbours
 from s2rstore.records import Side
 from s2rtui.app.actions import BY_NAME
 from s2rtui.charts.instance.model import NEIGHBOURS
@@ -321,7 +321,7 @@ def test_an_instance_leads_to_what_is_seen_alike(own_store: Path, side: Side) ->
     change = BY_NAME["alike"].do
     assert change is not None
     change(session)
-    near, _ = similarity.neighbours(session.store, session.state.run, side, 4, NEIGHBOURS)
+    near, _ = nearest_neighbours.neighbours(session.store, session.state.run, side, 4, NEIGHBOURS)
     assert chosen(session) == set(near.tolist())
     assert 4 in chosen(session)
     session.set_state(replace(session.state, cursor=None))

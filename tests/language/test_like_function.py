@@ -11,7 +11,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.language import ExpressionError, evaluation
-from s2rstore.metrics import similarity
+from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from tests.support import embeddings, tiny
 
@@ -56,7 +56,7 @@ def test_like_takes_the_instance_and_its_nearest(store: Store, text: str, wanted
 def test_neighbours_are_looked_for_in_view(store: Store) -> None:
     chosen = np.flatnonzero(evaluation.select(store, "like(24, 3)", "vanilla", ("b",)))
     assert chosen.tolist() == [25, 26, 27]  # 24 itself is of trajectory a
-    found, distances = similarity.neighbours(store, "vanilla", "real", 24, 3)
+    found, distances = nearest_neighbours.neighbours(store, "vanilla", "real", 24, 3)
     assert found.tolist() == [24, 23, 25, 22]
     assert distances.tolist() == [0, 1, 1, 2]
 
@@ -84,11 +84,11 @@ def test_embeddings_of_other_instances_are_refused(own_store: Path) -> None:
         s2rstore.open(own_store) as store,
         pytest.raises(RequestError, match="7 rows; run `s2r verify`"),
     ):
-        similarity.neighbours(store, "vanilla", "real", 3, 2)
+        nearest_neighbours.neighbours(store, "vanilla", "real", 3, 2)
 
 
 def test_near_points_keep_their_order_far_from_the_origin() -> None:
     points = np.full((50, 8), 3000.0, np.float32)
     points[:, 0] += np.arange(50, dtype=np.float32) * np.float32(0.01)
-    found, _ = similarity.nearest(points, 20, 6, np.ones(50, bool))
+    found, _ = nearest_neighbours.nearest(points, 20, 6, np.ones(50, bool))
     assert set(found[1:]) == {17, 18, 19, 21, 22, 23}

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from s2rtui.canvas.brush import Mark, Panel, Point
+from s2rtui.canvas.marks import Mark, Panel, Point
 from s2rtui.session.state import Brush
 
 TURN_STEP = 5.0

@@ -8,7 +8,7 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
-from s2rstore.index import catalog_check, checked_files, locked_connection
+from s2rstore.index import catalog_check, catalog_check_cache, locked_connection
 from tests.support.copies import copied
 
 
@@ -95,7 +95,7 @@ def test_a_folder_that_is_not_the_users_alone_is_not_used(
 
 def test_the_folder_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    names = [f"{number:064x}" for number in range(checked_files.MAX_ENTRIES + 1)]
+    names = [f"{number:064x}" for number in range(catalog_check_cache.MAX_ENTRIES + 1)]
     for name in names:
-        checked_files.add(name)
-    assert [name for name in names if checked_files.contains(name)] == names[-1:]
+        catalog_check_cache.add(name)
+    assert [name for name in names if catalog_check_cache.contains(name)] == names[-1:]

@@ -31,7 +31,7 @@ from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid
 from s2rtui.session.state import HeatChoice
 from tests.support.copies import copied
-from tests.support.quiet import Quiet
+from tests.support.silent_reporter import Quiet
 
 pytestmark = pytest.mark.xdist_group("world")
 

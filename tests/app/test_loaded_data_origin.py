@@ -20,7 +20,7 @@ from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.loaders import LOADERS, store_data
 from s2rtui.session import Session
-from s2rtui.session.provenance import instance_provenance
+from s2rtui.session.loaded_data_origin import instance_provenance
 from s2rtui.session.state import Adjust, Slider
 
 LATE = 60.0

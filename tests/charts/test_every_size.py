@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
-from s2rtui.canvas.brush import Mark
+from s2rtui.canvas.marks import Mark
 from s2rtui.charts.compare.terminal import draw_compare
 from s2rtui.charts.errors.terminal import draw_errors
 from s2rtui.charts.history.model import HistoryInput
@@ -19,7 +19,7 @@ from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.orientation.terminal import draw_orientation
 from s2rtui.charts.overview.terminal import draw_overview
 from s2rtui.charts.rooms.terminal import draw_rooms
-from s2rtui.charts.shared.instance_terminal import draw_instance
+from s2rtui.charts.shared.image_pair_terminal import draw_instance
 from s2rtui.charts.umap.terminal import draw_umap
 from s2rtui.terminal.strips import to_strips
 from tests.charts.examples import (
