@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from textual.keys import KEY_NAME_REPLACEMENTS
+
 from s2rstore.metrics import nearest_neighbours
-from s2rtui.app.key_names import key_label
 from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
 from s2rtui.security import Capability, Permissions
@@ -299,8 +302,8 @@ ACTIONS: tuple[Action, ...] = (
     Action("zoom_all", ("0",), "map", "the whole map", _dispatch(view_settings.zoom, factor=0)),
     Action("pan_left", ("shift+left",), "map", "move the map",
            _dispatch(view_settings.pan, across=-0.2, down=0), shown="shift+arrows", when="plain"),
-    Action("pan_right", ("shift+right",), "map", "", _dispatch(view_settings.pan, across=0.2, down=0),
-           when="plain"),
+    Action("pan_right", ("shift+right",), "map", "",
+           _dispatch(view_settings.pan, across=0.2, down=0), when="plain"),
     Action("pan_up", ("shift+up",), "map", "", _dispatch(view_settings.pan, across=0, down=-0.2),
            when="still"),
     Action("pan_down", ("shift+down",), "map", "", _dispatch(view_settings.pan, across=0, down=0.2),
@@ -386,3 +389,18 @@ def help_text(access: Permissions | None = None) -> str:
     lines.append("Terms")
     lines += [f"  {term:<18}{meaning}" for term, meaning in TERMS.items()]
     return "\n".join(lines)
+
+
+_UNICODE = {short: long for long, short in KEY_NAME_REPLACEMENTS.items()}
+_WORDS = {"pagedown": "page down", "pageup": "page up"}
+
+
+def key_label(name: str) -> str:
+    """The ASCII label of a Textual key name: `=` for `equals_sign`, `shift+left` unchanged."""
+    *held, last = name.split("+") if len(name) > 1 else [name]
+    long, word = _UNICODE.get(last, last).upper(), _WORDS.get(last, last)
+    for spelled in (long.replace("_", " "), long.replace("_", "-")):
+        with suppress(KeyError):
+            char = unicodedata.lookup(spelled)
+            word = char if char.isascii() and char.isprintable() and char != " " else word
+    return "+".join([*held, word])

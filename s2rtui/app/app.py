@@ -21,7 +21,6 @@ from s2rstore.errors import S2RError
 from s2rstore.security.printable_text import printable_lines
 from s2rtui.app.action_guard import GuardedApp
 from s2rtui.app.actions import ACTIONS, BY_NAME, find_action, permitted_actions
-from s2rtui.app.call_later import call_after
 from s2rtui.app.controllers.brush import BrushController
 from s2rtui.app.controllers.export import ExportController
 from s2rtui.app.controllers.load_results import LoadResultController
@@ -41,8 +40,8 @@ from s2rtui.app.renderer import Renderer
 from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.screens.help import HelpScreen
 from s2rtui.app.screens.tour import TourScreen
+from s2rtui.app.status_line import Bar
 from s2rtui.app.theme import textual_theme
-from s2rtui.app.widgets.bar import Bar
 from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.app.widgets.query_input import QueryInput
@@ -55,7 +54,8 @@ from s2rtui.security import Permissions
 from s2rtui.session import Session, shared_selection, view_settings
 from s2rtui.terminal.ascii_filter import AsciiFilter
 from s2rtui.terminal.capabilities import Terminal
-from s2rtui.terminal.image_host import ImageHost
+from s2rtui.terminal.strips import ImageHost
+from s2rtui.terminal.textual_compat import call_after
 
 CHECK_SECONDS = 2.0
 """Interval of the checks for a newer generation."""

@@ -13,11 +13,11 @@ from textual.message import Message
 
 from s2rstore.errors import S2RError
 from s2rstore.reader import Store
-from s2rtui.app.call_later import call_after
 from s2rtui.app.messages import BackgroundFailed, LoadCompleted, LoadProgressed
 from s2rtui.jobs.background_thread import LatestOnlyWorker
 from s2rtui.loaders import LOADERS, Fields, Key, Loader
 from s2rtui.session.state import State
+from s2rtui.terminal.textual_compat import call_after
 
 DEBOUNCE_SECONDS = 0.15
 """Delay before a debounced loader starts, so that it waits for repeated keys."""

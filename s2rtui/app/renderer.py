@@ -12,9 +12,8 @@ from s2rtui.app.actions import footer
 from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.layout import MIN_SIZE, PaneRectangle, SizeClass
 from s2rtui.app.load_scheduler import LoadScheduler
-from s2rtui.app.status_line import StatusLine, message_text, status_line
+from s2rtui.app.status_line import Bar, Piece, StatusLine, message_text, status_line
 from s2rtui.app.titled_view import TitledView
-from s2rtui.app.widgets.bar import Bar, Piece
 from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.charts.registry import BY_NAME, VIEWS

@@ -1,6 +1,6 @@
 """Background loading for the views. A new loader is two functions and a line in `LOADERS`."""
 
-from s2rtui.loaders import gap_history, live_prediction, store_data
+from s2rtui.loaders import live_prediction, store_data
 from s2rtui.loaders.loader import Fields, Key, LoadContext, Loader
 
 LOADERS: tuple[Loader, ...] = (
@@ -25,7 +25,7 @@ LOADERS: tuple[Loader, ...] = (
         "what was seen", store_data.seen_key, store_data.read_seen,
         ("seen_floor", "seen_floor_source"),
     ),
-    Loader("history", gap_history.history_key, gap_history.read_history, ("history",)),
+    Loader("history", store_data.history_key, store_data.read_history, ("history",)),
     Loader(
         "live", live_prediction.live_key, live_prediction.read_live,
         ("live", "live_source", "live_floor_heat"), is_debounced=False, shows_outdated=True,

@@ -1,4 +1,4 @@
-"""Loaders that read the store: the key of each request, and how it is read."""
+"""Loaders that read the store and its history: the key of each request, and how it is read."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import s2rstore
+from s2rstore.gap_history import reader
 from s2rstore.reader import Store
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.overview.model import overview_rows
@@ -165,3 +166,13 @@ def evenly(iids: NDArray[np.intp], most: int) -> NDArray[np.intp]:
     if iids.size <= most:
         return iids
     return iids[np.linspace(0, iids.size - 1, most).round().astype(np.intp)]
+
+
+def history_key(store: Store, state: State) -> Key | None:
+    return None if state.history is None else (state.history,)
+
+
+def read_history(store: Store, state: State, context: LoadContext) -> Fields:
+    """Raises RequestError for a file that is no history."""
+    assert state.history is not None
+    return {"history": reader.read(state.history.path)}

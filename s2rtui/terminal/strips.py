@@ -11,12 +11,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.color import Color, ColorSystem
 from rich.segment import Segment
 from rich.style import Style
+from textual.geometry import Region
 from textual.strip import Strip
 
 from s2rtui.canvas.canvas import Canvas
@@ -245,3 +247,21 @@ def encoded(runs: Runs) -> str:
         codes.append(f"\x1b[{';'.join(changes)}m{part}" if changes else part)
     body = "".join(codes)
     return f"{body}\x1b[0m" if "\x1b" in body else body
+
+
+@dataclass(frozen=True, slots=True)
+class PaintedStrips:
+    """Strips that contain inline images, and the (region, image number) of each."""
+
+    strips: list[Strip]
+    places: frozenset[tuple[Region, int]]
+
+
+class ImageHost(Protocol):
+    """Shows the inline images of a canvas."""
+
+    def debounce_seconds(self, view: str) -> float:
+        """Seconds without another drawing before the images of a view are sent."""
+
+    def attach(self, view: str, canvas: Canvas, strips: list[Strip]) -> PaintedStrips:
+        """Put the images of a canvas into its strips."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import shutil
 from codecs import IncrementalDecoder, getincrementaldecoder
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
@@ -23,10 +23,11 @@ from textual.app import App
 from textual.driver import Driver
 from textual.geometry import Size
 from textual.message import Message
+from textual.message_pump import MessagePump
 from textual.screen import Screen
 from textual.strip import Strip
 
-from s2rtui.terminal.size_limits import within_bounds
+from s2rtui.terminal.capabilities import within_bounds
 
 _MAX_PASTE = 1 << 16
 """Characters; an unterminated paste would otherwise fill the memory."""
@@ -236,3 +237,14 @@ def _read_safely(driver: ModuleType) -> None:
         return partial(getincrementaldecoder(encoding), errors="replace")
 
     vars(driver).update(getincrementaldecoder=lenient, XTermParser=_BoundedParser)
+
+
+def call_after(
+    pump: MessagePump, seconds: float, callback: Callable[[], object]
+) -> asyncio.TimerHandle:
+    """Call `callback` in a message pump after a delay, unless the handle is cancelled before.
+
+    Textual's one-shot timers skip a call that is overdue, so that a process that was suspended for
+    as long as the delay would lose the call.
+    """
+    return asyncio.get_running_loop().call_later(seconds, pump.call_next, callback)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from s2rtui.terminal.size_limits import within_bounds
+from s2rtui.terminal.capabilities import within_bounds
 
 MAX_MESSAGE_BYTES = 1 << 17
 """Largest message of a page."""

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+from itertools import islice
+
 
 class S2RError(Exception):
     """One line that names the file or argument and what to do."""
@@ -29,3 +33,31 @@ class InconclusiveError(S2RError):
 
 class StoreBusyError(RequestError):
     """Another process holds the lock that this one needs."""
+
+
+class ExpressionError(RequestError):
+    """A wrong expression; `column` counts from 1, `expected` lists what is valid there."""
+
+    def __init__(self, column: int, problem: str, expected: Iterable[str] = ()) -> None:
+        self.column = column
+        self.expected = tuple(expected)
+        hint = f"; could be {', '.join(self.expected)}" if self.expected else ""
+        super().__init__(f"column {column}: {shortened(problem, _MAX_PROBLEM)}{hint}")
+
+
+_MAX_NAME, _MAX_NAMES = 100, 2000
+"""Characters of a name, and number of names, that are compared with an unknown name."""
+_MAX_PROBLEM = 400
+
+
+def unknown(column: int, what: str, name: str, known: Iterable[str]) -> ExpressionError:
+    """An unknown name, with the nearest known ones first."""
+    names = [shortened(each) for each in islice(known, _MAX_NAMES)]
+    near = difflib.get_close_matches(name[:_MAX_NAME], names, n=3, cutoff=0.5) or names[:8]
+    problem = f"no {what} {shortened(name)!r}"
+    return ExpressionError(column, problem if near else f"{problem}, nor any other", near)
+
+
+def shortened(text: str, limit: int = _MAX_NAME) -> str:
+    """A text for a message: at most `limit` characters."""
+    return text if len(text) <= limit else f"{text[: limit - 3]}..."

@@ -10,9 +10,8 @@ from textual.pilot import Pilot
 from textual.screen import ModalScreen
 from textual.widgets import Input
 
-from s2rtui.app.actions import ACTIONS, footer, help_text
+from s2rtui.app.actions import ACTIONS, footer, help_text, key_label
 from s2rtui.app.app import S2RApp
-from s2rtui.app.key_names import key_label
 from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode, RenderOptions

@@ -10,10 +10,10 @@ import pytest
 from textual import _time
 
 from s2rtui.app.app import S2RApp
-from s2rtui.app.call_later import call_after
 from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
+from s2rtui.terminal.textual_compat import call_after
 
 
 async def test_pictures_come_although_the_process_stands_still(

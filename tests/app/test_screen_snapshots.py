@@ -1,6 +1,6 @@
 """Every view at every size, as text, against the screens that were looked at.
 
-`S2R_UPDATE_SCREENS=1 pytest tests/app/test_screen_snapshots.py` writes them anew: look at the difference.
+`S2R_UPDATE_SCREENS=1 pytest tests/app/test_screen_snapshots.py` writes them again; check the diff.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ import s2rtui
 from s2rtui.app.actions import ACTIONS
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
-from s2rtui.app.widgets.bar import Bar
+from s2rtui.app.status_line import Bar
 from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection

@@ -14,10 +14,9 @@ from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
-from s2rtui.app.call_later import call_after
 from s2rtui.canvas import Canvas, RenderOptions
-from s2rtui.terminal.image_host import ImageHost
-from s2rtui.terminal.strips import to_strips
+from s2rtui.terminal.strips import ImageHost, to_strips
+from s2rtui.terminal.textual_compat import call_after
 
 Cell = tuple[int, int]
 

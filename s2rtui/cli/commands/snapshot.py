@@ -56,7 +56,7 @@ def execute(options: argparse.Namespace) -> int:
 
 def _size(text: str) -> tuple[int, int]:
     from s2rstore.errors import RequestError
-    from s2rtui.terminal.size_limits import COLUMNS, ROWS
+    from s2rtui.terminal.capabilities import COLUMNS, ROWS
 
     size = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text)
     if not size or not (20 <= int(size[1]) <= COLUMNS and 5 <= int(size[2]) <= ROWS):

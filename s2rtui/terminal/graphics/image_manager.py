@@ -19,7 +19,7 @@ from s2rtui.terminal.graphics import kitty_protocol
 from s2rtui.terminal.graphics.image_strips import Span, with_spans
 from s2rtui.terminal.graphics.png import png
 from s2rtui.terminal.graphics.probe import Graphics, cell_pixels
-from s2rtui.terminal.image_host import PaintedStrips
+from s2rtui.terminal.strips import PaintedStrips
 
 NUMBERS = 32
 """Images that the terminal holds at most; at most half of them are shown."""

@@ -4,9 +4,9 @@
 `to_sql` a query with bound parameters.
 """
 
+from s2rstore.errors import ExpressionError
 from s2rstore.language.canonical_text import quoted, to_text
 from s2rstore.language.completion import complete
-from s2rstore.language.errors import ExpressionError
 from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, used_runs
 from s2rstore.language.numpy_backend import MaskContext, base_population, mask
 from s2rstore.language.sql_backend import SqlContext, to_sql

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, cast
 
+from s2rstore.errors import ExpressionError, unknown
 from s2rstore.language import fields
-from s2rstore.language.errors import ExpressionError, unknown
 from s2rstore.language.lasso import MAX_CORNERS
 from s2rstore.language.syntax_tree import Box, Extreme, Field, Ids, Lasso, Like, Near, Node
 from s2rstore.records import Side

@@ -9,9 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import ExpressionError, RequestError, unknown
 from s2rstore.language import fields
-from s2rstore.language.errors import ExpressionError, unknown
 from s2rstore.language.syntax_tree import (
     Around,
     Between,

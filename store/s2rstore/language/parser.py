@@ -10,8 +10,8 @@ from typing import Any, Literal, cast
 from lark import Lark, Token, Transformer, v_args
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken, VisitError
 
+from s2rstore.errors import ExpressionError, unknown
 from s2rstore.language import fields
-from s2rstore.language.errors import ExpressionError, unknown
 from s2rstore.language.functions import Call, Head, apply, has_kind, numeric
 from s2rstore.language.syntax_tree import (
     And,

@@ -9,14 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from s2rstore.errors import RequestError
-from s2rtools.synthetic_world.factors.camera import CameraMount
-from s2rtools.synthetic_world.factors.depth_sensor import DepthSensor
-from s2rtools.synthetic_world.factors.exposure import Exposure
+from s2rtools.synthetic_world.factors.camera import CameraMount, Exposure
 from s2rtools.synthetic_world.factors.factor import Factor
-from s2rtools.synthetic_world.factors.lights import Lights
-from s2rtools.synthetic_world.factors.objects import Objects
 from s2rtools.synthetic_world.factors.robot import Latency, Wheels
-from s2rtools.synthetic_world.factors.sensor import Sensor
+from s2rtools.synthetic_world.factors.scene_changes import Lights, Objects
+from s2rtools.synthetic_world.factors.sensors import DepthSensor, Sensor
 
 __all__ = ["FACTORS", "Factor", "Severities", "active_factors", "complete_severities"]
 

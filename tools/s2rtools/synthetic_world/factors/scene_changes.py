@@ -1,4 +1,4 @@
-"""Factor `lights`: other lighting and white balance."""
+"""Factors of the scene: `lights` (lighting, white balance) and `objects` (changes since the scan)."""
 
 from __future__ import annotations
 
@@ -41,3 +41,13 @@ class Lights(Factor):
     ) -> NDArray[np.float32]:
         gains = np.array([1 + 0.03 * severity, 1.0, 1 - 0.04 * severity])
         return rgb * gains.astype(np.float32)
+
+
+class Objects(Factor):
+    """The first share of the world's changes, all of them from severity 1 on. `World` applies it,
+    because only it knows both positions of an object.
+    """
+
+    name = "objects"
+    description = "objects removed, added, moved, doors closed"
+    shapes_scene = True
