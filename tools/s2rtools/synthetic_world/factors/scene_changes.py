@@ -1,4 +1,4 @@
-"""Factors of the scene: `lights` (lighting, white balance) and `objects` (changes since the scan)."""
+"""Factors of the scene: `lights` (lighting, white balance), `objects` (changes since the scan)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Factors of the image sensors: `sensor` (colour noise, blur) and `depth` (a stereo depth camera)."""
+"""Factors of the sensors: `sensor` (colour noise, blur) and `depth` (a stereo depth camera)."""
 
 from __future__ import annotations
 
