@@ -88,7 +88,8 @@ _KILLED = """
 import os, signal, sys
 from dataclasses import replace
 from pathlib import Path
-from s2rtools.nightly import config, history_writer
+from s2rstore.gap_history import writer
+from s2rtools.nightly import config
 from tests.support import nights
 {patch}
 week = nights.Week(config.read(Path(sys.argv[1])), {{}}, 9)
@@ -100,9 +101,9 @@ _DIE = "os.kill(os.getpid(), signal.SIGKILL)"
 @pytest.mark.parametrize(
     ("patch", "kept"),
     [
-        (f"history_writer._insert = lambda *a: {_DIE}", 1),
-        (f"history_writer.atomic_writes.sync_path = lambda *a: {_DIE}", 1),
-        (f"history_writer.atomic_writes.sync_path = lambda path: path.is_dir() and {_DIE}", 2),
+        (f"writer._insert = lambda *a: {_DIE}", 1),
+        (f"writer.atomic_writes.sync_path = lambda *a: {_DIE}", 1),
+        (f"writer.atomic_writes.sync_path = lambda path: path.is_dir() and {_DIE}", 2),
         (f"import s2rtools.nightly.publish as p; p.junit = lambda *a: {_DIE}", 2),
     ],
     ids=["while adding", "before the rename", "after the rename", "while telling"],

@@ -6,17 +6,13 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
-from datetime import datetime
+from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from s2rstore.errors import RequestError
 from s2rstore.security.printable_text import printable
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 """First characters of a cell that a spreadsheet may run; the last four are full-width signs."""
@@ -95,38 +91,13 @@ def write_parquet(
 ) -> None:
     """Write a Parquet file with `metadata` as its key-value metadata.
 
-    The query refers to columns by position, because their names are text of the user. Raises
-    RequestError if two columns have the same name or the file cannot be written.
+    Raises RequestError if two columns have the same name or the file cannot be written.
     """
-    import duckdb
+    from s2rstore.files import parquet
 
     _check_unique(names)
-    columns: dict[str, NDArray[Any]] = {}
-    selected = []
-    for number, name in enumerate(names):
-        sql_type, values, present = _column([row[number] for row in rows])
-        columns |= {f"v{number}": values, f"k{number}": present}
-        quoted = name.replace('"', '""')
-        selected.append(f'CASE WHEN k{number} THEN CAST(v{number} AS {sql_type}) END AS "{quoted}"')
-    options = "FORMAT parquet" + (
-        f", KV_METADATA {{{_metadata_sql(metadata)}}}" if metadata else ""
-    )
-    with duckdb.connect() as connection:
-        connection.register("result", columns)
-        query = f"SELECT {', '.join(selected)} FROM result"
-        try:
-            connection.execute(f"COPY ({query}) TO {_quoted(str(target))} ({options})")
-        except duckdb.Error as error:
-            reason = str(error).splitlines()[0]
-            raise RequestError(f"{target}: cannot be written ({reason})") from error
-
-
-def _metadata_sql(metadata: Metadata) -> str:
-    return ", ".join(f"{_quoted(key)}: {_quoted(_text(value))}" for key, value in metadata.items())
-
-
-def _quoted(text: str) -> str:
-    return "'" + text.replace("'", "''") + "'"
+    texts = {key: _text(value) for key, value in (metadata or {}).items()}
+    parquet.write(target, names, rows, texts)
 
 
 def _text(value: Any) -> str:
@@ -147,26 +118,3 @@ def _check_unique(names: Sequence[str]) -> None:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise RequestError(f"column {twice[0]!r} appears twice; rename one of them with AS")
-
-
-def _column(values: list[Any]) -> tuple[str, NDArray[Any], NDArray[Any]]:
-    """Return the narrowest SQL type of a column, its values, and a mask of those that are set."""
-    import numpy as np
-
-    present = np.array([value is not None for value in values], dtype="bool")
-    sql_type, convert, dtype, empty = _column_type([value for value in values if value is not None])
-    filled = np.array([empty if value is None else convert(value) for value in values], dtype=dtype)
-    return sql_type, filled, present
-
-
-def _column_type(values: list[Any]) -> tuple[str, Callable[[Any], Any], str, Any]:
-    """Return the SQL type, the conversion, the numpy type, and a filler for missing values."""
-    if values and all(isinstance(value, bool) for value in values):
-        return "BOOLEAN", bool, "bool", False
-    if values and all(isinstance(v, int) and abs(v) < 2**63 for v in values):
-        return "BIGINT", int, "int64", 0
-    if values and all(isinstance(value, int | float | Decimal) for value in values):
-        return "DOUBLE", float, "float64", 0.0
-    if values and all(isinstance(value, datetime) for value in values):
-        return "TIMESTAMP", lambda value: value.isoformat(), "object", "1970-01-01"
-    return "VARCHAR", str, "object", ""

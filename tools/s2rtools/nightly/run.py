@@ -12,11 +12,12 @@ from pathlib import Path
 from s2rstore.errors import InconclusiveError, RequestError, StoreBusyError
 from s2rstore.files import locks
 from s2rstore.gap_history import reader as stored
+from s2rstore.gap_history import writer
 from s2rstore.gap_history.reader import Night
 from s2rstore.reader import Store
-from s2rtools.nightly import history_writer, input_fingerprint, measurement
+from s2rtools.nightly import history_rows, input_fingerprint, measurement
 from s2rtools.nightly.config import NightlyConfig
-from s2rtools.nightly.history_writer import NightResult
+from s2rtools.nightly.history_rows import NightResult
 from s2rtools.nightly.input_fingerprint import Inputs
 from s2rtools.nightly.measurement import Estimates, Estimating, Measuring, Report
 from s2rtools.nightly.publish import check_ownership, publish
@@ -63,13 +64,13 @@ def nightly(
     stored.refuse_link(config.history)
     config.history.parent.mkdir(parents=True, exist_ok=True)
     with locks.file_lock(config.history):
-        history = history_writer.read_or_empty(config.history)
-        present = history_writer.counting_night(history, config.name, night)
-        new = not history_writer.is_recorded(present, result, history)
+        history = history_rows.read_or_empty(config.history)
+        present = history_rows.counting_night(history, config.name, night)
+        new = not history_rows.is_recorded(present, result, history)
         if new:
-            history_writer.append(config.history, history_writer.rows(result, history, clock()))
+            writer.append(config.history, history_rows.rows(result, history, clock()))
             history = stored.read(config.history)
-            present = history_writer.counting_night(history, config.name, night)
+            present = history_rows.counting_night(history, config.name, night)
         assert present is not None
         written = publish(config, history, present)
     return NightRun(present, new, new and present.measured == present.id, tuple(written))
@@ -81,7 +82,7 @@ def _check_date(config: NightlyConfig, night: datetime.date) -> None:
     Evidence is dated by the first night that used it, so one wrong date would make the evidence of
     all other nights stale.
     """
-    nights = history_writer.read_or_empty(config.history).of_configuration(config.name)
+    nights = history_rows.read_or_empty(config.history).of_configuration(config.name)
     if not nights or any(each.night == night for each in nights):
         return
     newest = nights[-1].night
@@ -99,8 +100,8 @@ def _night_result(
     store, current = input_fingerprint.open_store(config.store)
     with store:
         inputs = input_fingerprint.inputs(config, store, current)
-        measured = history_writer.equal_measurement(
-            history_writer.read_or_empty(config.history), inputs.key
+        measured = history_rows.equal_measurement(
+            history_rows.read_or_empty(config.history), inputs.key
         )
         if measured is not None:
             report = json.loads(stored.report_text(config.history, measured))

@@ -6,9 +6,8 @@ import datetime
 
 from s2rstore.errors import RequestError
 from s2rstore.files import locks
-from s2rstore.gap_history import reader
+from s2rstore.gap_history import reader, writer
 from s2rstore.gap_history.reader import Night
-from s2rtools.nightly import history_writer
 from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.publish import LATEST, check_ownership, publish
 from s2rtools.nightly.run import Clock, check_writable, utc_now
@@ -35,7 +34,7 @@ def withdraw(
             known = f"the newest is {newest[-1].night}" if newest else "it has none"
             raise RequestError(f"{config.history}: no night {night} of {config.name!r}; {known}")
         now = clock().astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-        history_writer.withdraw_night(config.history, config.name, night, now)
+        writer.withdraw_night(config.history, config.name, night, now)
         remaining = reader.read(config.history)
         nights = remaining.of_configuration(config.name)
         if nights:
