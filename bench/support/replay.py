@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from bench.support.screen import emulator, feed
 
-STATUS = re.compile(r"(?P<chosen>\d+) of (?P<all>\d+) . .* . gen (?P<generation>\d+)")
+STATUS = re.compile(r"(?P<chosen>\d+) of (?P<all>\d+) . .* . generation (?P<generation>\d+)")
 TROUBLE = re.compile(r"Traceback|[A-Z][a-z]+Error\b|damaged|cannot be|no such|run `s2r")
 
 
@@ -25,7 +25,7 @@ def replay(raw: bytes, ends: Sequence[int], size: tuple[int, int]) -> list[str]:
 
 
 def faults(lines: Sequence[str]) -> list[str]:
-    """What is wrong with a screen of the application: errors told, counts that cannot be."""
+    """What is wrong with a screen of the application: error messages and impossible counts."""
     found = [line.strip() for line in lines if TROUBLE.search(line)]
     status = STATUS.search(lines[0])
     if status is None:

@@ -1,4 +1,4 @@
-"""The analysis session: plain Python, one frozen state per change; knows no screen."""
+"""The analysis session, without a user interface: each change makes a new frozen state."""
 
 from s2rtui.session.session import Session
 from s2rtui.session.state import Brush, HeatChoice, State

@@ -63,7 +63,10 @@ def test_a_damaged_recipe_is_told(tiny_store: Path, tmp_path: Path, recipe: str)
     path = copied(tiny_store, tmp_path / "x.s2r")
     with edit(path) as draft:
         draft.set_provenance("world", {"recipe": recipe})
-    with s2rstore.open(path) as store, pytest.raises(RequestError, match="makes no sense"):
+    with (
+        s2rstore.open(path) as store,
+        pytest.raises(RequestError, match="recipe of the world is invalid"),
+    ):
         WorldData.of_store(store)
 
 

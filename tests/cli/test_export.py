@@ -144,7 +144,7 @@ def test_saved_selections_have_names_here_too(tiny_store: Path, tmp_path: Path) 
         (["--view", "map", "--out", "a.png", "--heat", "rubbish"], "feature_distance"),
         (["--view", "map", "--out", "a.png", "--heat", "occlusion:x"], "occlusion:rgb"),
         (["--view", "map", "--out", "a.png", "--trajectory", "c"], "one of a, b"),
-        (["--view", "map", "--out", "a.png", "--iid", "40"], "0 .. 39"),
+        (["--view", "map", "--out", "a.png", "--iid", "40"], "0 to 39"),
         (["--view", "compare", "--out", "a.png", "--with", "vanilla"], "dataaug"),
         (["--view", "list", "--out", "a.png", "--sort", "rubbish"], "real.error"),
         (["--view", "instance", "--out", "a.png", "--select", "none"], "selects nothing"),

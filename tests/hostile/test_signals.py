@@ -18,7 +18,7 @@ from s2rtui.cli import main
 _LONG = "SELECT count(*) FROM range(100000000000)"
 # One chunk of rows takes seconds, and the library looks for signals between chunks.
 _LONG_CHUNK = (
-    "SELECT sum(list_sum(list_transform(range(20000000), lambda x: x % 7))) FROM range(100)"
+    "SELECT sum(list_sum(list_transform(range(20000000), lambda x: x % 7))) FROM range(400)"
 )
 _WORKERS = """
 import os, signal, sys, threading

@@ -135,7 +135,7 @@ def test_sizes_of_snapshots_are_bounded(
 ) -> None:
     out = tmp_path / "out.png"
     assert main(["snapshot", str(tiny_store), "--size", size, "--out", str(out)]) == 2
-    assert "20x5 .. 1000x500" in capsys.readouterr().err
+    assert "20x5 to 1000x500" in capsys.readouterr().err
     words = ["export", str(tiny_store), "--view", "map", "--size", size, "--out", str(out)]
     if size in ("100000x100000", "9x9", "0x0"):
         assert main(words) == 2

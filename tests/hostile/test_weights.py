@@ -74,7 +74,7 @@ def test_damaged_safetensors_are_refused(
     made(path)
     assert add(tiny_store, path) == 2
     told = capsys.readouterr().err
-    assert told.startswith(f"s2r: {path}: no ")
+    assert told.startswith(f"s2r: {path}: not a ")
     assert len(told.splitlines()) == 1
 
 

@@ -84,7 +84,7 @@ def test_unknown_torques_give_ratios_and_say_so(made: Callable[..., Made]) -> No
     assert values["damping/mass"] == pytest.approx(8 / 16, rel=0.01)
     assert "mass" not in values
     assert found.conclusive
-    assert any("wheel torques are not known" in line for line in found.warnings)
+    assert any("the wheel torques are unknown" in line for line in found.warnings)
 
 
 def test_a_flat_combination_is_named_and_ends_the_trust(made: Callable[..., Made]) -> None:

@@ -54,8 +54,8 @@ def test_the_command_writes_and_prints(
     [
         (["--simulator", "bullet"], "--simulator bullet: unknown"),
         (["--parameters", "weight"], "weight: no parameter"),
-        (["--parameters", ","], "--parameters: give names"),
-        (["--fix", "track"], "--fix track: give NAME=VALUE"),
+        (["--parameters", ","], "--parameters: is empty; give names"),
+        (["--fix", "track"], "--fix track: must be NAME=VALUE"),
         (["--fix", "track=nan"], "track=nan: out of its range"),
         (["--seeds", "0"], "--seeds"),
         (["--window", "nan"], "--window"),
@@ -123,7 +123,9 @@ def test_a_range_without_the_truth_ends_with_3_and_a_wider_one_finds_it(
     drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
     command = ["sysid", str(drives), "--out", str(out), *FAST, "--range"]
     assert main([*command, "latency=0..0.05"]) == 3
-    assert "latency at the end of the range; give another with --range" in capsys.readouterr().err
+    assert (
+        "latency at a bound of the search range; widen it with --range" in capsys.readouterr().err
+    )
     told = json.loads((out / "sysid.json").read_text())
     assert (told["conclusive"], told["at_ends"]) == (False, ["latency"])
     assert not told["estimates"]["latency"]["identified"]

@@ -156,7 +156,7 @@ def test_intervals_of_one_drives_mean_hold() -> None:
         wave = np.convolve(rng.standard_normal(419), np.ones(20) / 20, mode="valid")[None]
         blocks = Resamples([400], 20, GapSettings(replicates=300, seed=seed))
         mean, draws = blocks.means([wave + 5])
-        low, high = np.percentile(blocks.widened(mean, draws)[0], [2.5, 97.5])
+        low, high = np.percentile(blocks.corrected(mean, draws)[0], [2.5, 97.5])
         held += low <= 5 <= high
     assert 0.88 <= held / 200 <= 0.99
 
@@ -169,7 +169,7 @@ def test_intervals_of_drives_that_differ_hold(count: int) -> None:
         each = rng.normal(1.0, 0.3, count)
         blocks = Resamples([20] * count, 5, GapSettings(replicates=300, seed=seed))
         mean, draws = blocks.means([np.full((1, 20), size) for size in each])
-        low, high = np.percentile(blocks.widened(mean, draws)[0], [2.5, 97.5])
+        low, high = np.percentile(blocks.corrected(mean, draws)[0], [2.5, 97.5])
         held += low <= 1 <= high
     assert held / 300 >= 0.89
 
