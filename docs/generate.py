@@ -33,16 +33,6 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def registry(name: str, *modules: str) -> Any:
-    """The registry `name` of the first of `modules` that has it."""
-    for module in modules:
-        try:
-            return getattr(import_module(module), name)
-        except (ModuleNotFoundError, AttributeError):
-            continue
-    raise LookupError(f"no registry {name} in {', '.join(modules)}")
-
-
 def first_paragraph(thing: object) -> str:
     """First paragraph of the docstring of an object's class, or of a function."""
     owner = thing if callable(thing) and hasattr(thing, "__name__") else type(thing)
@@ -51,7 +41,8 @@ def first_paragraph(thing: object) -> str:
 
 def commands_page() -> str:
     """Every command with all its options, from the argparse parsers."""
-    commands = registry("COMMANDS", "s2rtui.cli.command_parser", "s2rtui.cli")
+    from s2rtui.cli.command_parser import COMMANDS
+
     parts = [
         "# Commands\n",
         "`s2r STORE.s2r` is short for `s2r tui STORE.s2r`. "
@@ -59,10 +50,10 @@ def commands_page() -> str:
         "`--debug` shows a traceback instead of a one-line error.\n",
         table(
             ("command", "what it does"),
-            ((f"[`{name}`](#s2r-{name})", cell(text)) for name, text in commands.items()),
+            ((f"[`{name}`](#s2r-{name})", cell(text)) for name, text in COMMANDS.items()),
         ),
     ]
-    for name, text in commands.items():
+    for name, text in COMMANDS.items():
         parser = argparse.ArgumentParser(prog=f"s2r {name}")
         import_module(f"s2rtui.cli.commands.{name}").add_arguments(parser)
         parts.append(f"## s2r {name} {{ #s2r-{name} }}\n")
@@ -234,22 +225,21 @@ def _schema_table(described: Any) -> str:
 
 def registries_page() -> str:
     """Views, heatmap kinds, adjustments, importers and the other registries."""
-    from s2rtools import heatmaps
     from s2rtools.adjustments import ADJUSTMENTS
     from s2rtools.datasets import IMPORTERS
+    from s2rtools.heatmaps import HEATMAP_KINDS
     from s2rtools.models import ARCHITECTURES
+    from s2rtools.motion_logs.drives import READERS
     from s2rtools.synthetic_world.factors import FACTORS
     from s2rtools.sysid.simulators import SIMULATORS
     from s2rtools.training.recipes import RECIPES
     from s2rtui.charts.registry import VIEWS
 
-    heatmap_kinds = getattr(heatmaps, "HEATMAP_KINDS", None) or heatmaps.KINDS
-    readers = registry("READERS", "s2rtools.motion_logs.drives", "s2rtools.motion_logs.readers")
     views = (
         (code(view.key), code(view.name), code(", ".join(view.aliases)), cell(view.description))
         for view in VIEWS
     )
-    kinds = ((code(name), cell(first_paragraph(kind))) for name, kind in heatmap_kinds.items())
+    kinds = ((code(name), cell(first_paragraph(kind))) for name, kind in HEATMAP_KINDS.items())
     adjustments = (
         (
             code(name),
@@ -284,7 +274,7 @@ def registries_page() -> str:
                 ((code(name), cell(_meaning(entry))) for name, entry in entries.items()),
             )
         )
-    suffixes = ", ".join(code(suffix or "a folder (ROS 2 bag)") for suffix in readers)
+    suffixes = ", ".join(code(suffix or "a folder (ROS 2 bag)") for suffix in READERS)
     parts += [
         "## Motion logs\n",
         f"Drives are read from files that end in {suffixes} (a ROS 2 bag).\n",
