@@ -15,7 +15,7 @@ from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rtools.models import build_network
 from s2rtools.models.conventions import OutputConvention
-from s2rtools.models.library import pack_weights, register_model
+from s2rtools.models.model_registration import pack_weights, register_model
 from s2rtools.models.pose_network import PoseNetwork
 from s2rtools.precompute.registration import insert_run
 

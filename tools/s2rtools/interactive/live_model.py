@@ -23,7 +23,7 @@ from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
 from s2rtools.interactive.live_result import HeatKey, LiveResult, LiveSide
-from s2rtools.models.library import load_model
+from s2rtools.models.load_model import load_model
 from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.frame_reader import FrameImages, Renderers, RunFrames, side_frames
 from s2rtools.precompute.tasks.network_outputs import as_stored, side_batch

@@ -111,7 +111,7 @@ class Stage:
         return partial(self.source_array, root)
 
     def source_array(
-        self, root: Path, kind: str, side: str, mode: str | None = None
+        self, root: Path, kind: str, side: str | None, mode: str | None = None
     ) -> StoredArray:
         """Open the array of a source."""
         for spec in self.sources:

@@ -19,10 +19,11 @@ from s2rstore.files.layout import checked_name
 from s2rstore.index.transaction import check_writable, edit
 from s2rstore.reader import Store
 from s2rtools.models import build_network
-from s2rtools.models.library import load_model, pack_weights, register_model
+from s2rtools.models.load_model import load_model
+from s2rtools.models.model_registration import check_name_free, pack_weights, register_model
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
-from s2rtools.precompute.registration import check_name_free, find_domain, insert_run
+from s2rtools.precompute.registration import find_domain, insert_run
 from s2rtools.training.evaluation import Splits
 from s2rtools.training.recipes import find_recipe
 from s2rtools.training.training_frames import DomainFrames, TrainingFrames

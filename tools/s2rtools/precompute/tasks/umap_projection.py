@@ -33,9 +33,6 @@ class ProjectionSettings:
     version: int = 2
     fit_instances: int = 10_000
 
-    def facts(self) -> dict[str, Any]:
-        return asdict(self)
-
 
 SETTINGS = ProjectionSettings()
 
@@ -44,7 +41,7 @@ def projection_stage(store: Store, forward: Stage) -> Stage:
     """PCA and joint UMAP of the forward stage's embeddings, in a single unit."""
     n = len(store.instances)
     embedding = forward.specs_of_kind("embedding")[0]
-    key = content_key({"embedding": embedding.key, **SETTINGS.facts()})
+    key = content_key({"embedding": embedding.key, **asdict(SETTINGS)})
     specs = [
         ArraySpec(kind, side, None, (width,), "float32", ("iid", axis), "", key, n)
         for kind, width, axis in (("pca", SETTINGS.components, "component"), ("umap", 2, "u v"))
@@ -60,10 +57,8 @@ def compute_projection(root: Path, unit: WorkUnit) -> dict[ArraySpec, NDArray[An
     valid = stage.valid_instances(root)
     embeddings = tuple(stage.source_array(root, "embedding", side) for side in SIDES)
     sim, real, _ = principal_components((embeddings[0], embeddings[1]), valid)
-    plane = joint_umap((sim, real), valid)
-    computed = {("pca", "sim"): sim, ("pca", "real"): real}
-    computed |= {("umap", "sim"): plane[0], ("umap", "real"): plane[1]}
-    return {spec: computed[spec.kind, str(spec.side)] for spec in unit.missing}
+    computed = {"pca": (sim, real), "umap": joint_umap((sim, real), valid)}
+    return {spec: computed[spec.kind][spec.side == "real"] for spec in unit.missing}
 
 
 def principal_components(
@@ -76,7 +71,7 @@ def principal_components(
     """
     from sklearn.decomposition import IncrementalPCA
 
-    rows = _fit_rows(valid, settings)
+    rows = sample_rows(valid, settings.fit_instances // 2, settings.seed)
     if rows.size == 0:
         missing = [np.full((s.shape[0], settings.components), np.nan, np.float32) for s in sides]
         return missing[0], missing[1], float("nan")
@@ -107,7 +102,7 @@ def joint_umap(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Coordinates of both sides in one plane, two (N, 2) arrays; NaN where not valid."""
     coordinates = tuple(np.full((valid.size, 2), np.nan, dtype=np.float32) for _ in range(2))
-    rows = _fit_rows(valid, settings)
+    rows = sample_rows(valid, settings.fit_instances // 2, settings.seed)
     if rows.size == 0:
         return coordinates[0], coordinates[1]
     points = np.concatenate([side[rows] for side in sides])
@@ -148,13 +143,11 @@ def _fit(points: NDArray[np.float32], settings: ProjectionSettings) -> tuple[Any
     return fitted, transform
 
 
-def _fit_rows(valid: NDArray[np.bool_], settings: ProjectionSettings) -> NDArray[np.int64]:
-    """The seeded sample of instances for fitting PCA and UMAP, ascending."""
+def sample_rows(valid: NDArray[np.bool_], limit: int, seed: int) -> NDArray[np.int64]:
+    """The valid instances, ascending; a seeded sample of them if there are more than `limit`."""
     rows = np.flatnonzero(valid)
-    limit = settings.fit_instances // 2
     if rows.size > limit:
-        rng = np.random.default_rng(settings.seed)
-        rows = np.sort(rng.choice(rows, limit, replace=False))
+        rows = np.sort(np.random.default_rng(seed).choice(rows, limit, replace=False))
     return rows
 
 
