@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import cv2
 import numpy as np
@@ -92,13 +93,13 @@ def build(
 
 
 def _remove_leftovers(target: Path, report_line: ReportLine) -> None:
-    """Remove building folders of ended processes of this host; report every folder found.
+    """Remove building folders of ended processes of this host; report every such folder.
 
     Folders of running processes and of other hosts stay.
     """
     for folder in building_folders(target):
-        is_own = folder.process == os.getpid()
-        if folder.is_of_this_host and (is_own or folder.is_abandoned):
+        is_this_process = folder.process == os.getpid()
+        if folder.is_of_this_host and (is_this_process or folder.is_abandoned):
             shutil.rmtree(folder.path, ignore_errors=True)
             if not folder.path.exists():
                 report_line(
@@ -116,10 +117,10 @@ def _remove_leftovers(target: Path, report_line: ReportLine) -> None:
 
 
 def _refuse_unusable(scan: Scan, strict: bool) -> None:
-    fatal = [i for i in scan.issues if i.kind == "empty data set"] or not scan.trajectories
+    issues = scan.issues or [InputIssue("empty data set", str(scan.root))]
+    fatal = not scan.trajectories or any(i.kind == "empty data set" for i in scan.issues)
     if fatal or (strict and scan.issues):
-        first = scan.issues[0] if scan.issues else InputIssue("empty data set", str(scan.root))
-        more = f" and {len(scan.issues) - 1} more" if len(scan.issues) > 1 else ""
+        first, more = issues[0], f" and {len(issues) - 1} more" if len(issues) > 1 else ""
         raise RequestError(
             f"{first.file}: {first.kind} {first.detail}".rstrip() + f"{more}; nothing was ingested"
         )
@@ -141,9 +142,13 @@ def _write_trajectory(
     """Write the usable instances of one trajectory in two passes.
 
     The first pass decodes and checks every frame, so that arrays are created with their final
-    length; the second pass writes them shard by shard.
+    length; the second pass writes them shard by shard. Both use one thread per processor, fewer
+    if source images are large, to bound the memory.
     """
-    with FrameCache(root) as cache, ThreadPoolExecutor(_thread_count(records)) as pool:
+    largest = max(source.pixels for record in records for source in record.sources.values())
+    threads = max(1, min(os.cpu_count() or 1, _DECODING_BYTES // (8 * largest)))
+    with TemporaryFile(dir=root) as file, ThreadPoolExecutor(threads) as pool:
+        cache = FrameCache(file)
         usable = _usable_records(scan, pool, records, cache, progress)
         if not usable:
             return
@@ -154,12 +159,6 @@ def _write_trajectory(
             progress(len(usable))
     for row, record in enumerate(usable):
         yield record, {domain: rows[row] for domain, rows in checksums.items()}
-
-
-def _thread_count(records: list[InstanceRecord]) -> int:
-    """One thread per processor, fewer where source images are large, to bound the memory."""
-    largest = max(source.pixels for record in records for source in record.sources.values())
-    return max(1, min(os.cpu_count() or 1, _DECODING_BYTES // (8 * largest)))
 
 
 def _usable_records(
@@ -244,16 +243,16 @@ def _write_floor_plan(scan: Scan, root: Path) -> str | None:
     if scan.floor_plan is None:
         return None
     if isinstance(scan.floor_plan, Path):
-        picture = read_floor_plan(scan.floor_plan)
-        if picture is None:
+        image = read_floor_plan(scan.floor_plan)
+        if image is None:
             file = scan.relative(scan.floor_plan)
             scan.issues.append(InputIssue("unreadable floor plan", file))
             return None
     else:
-        picture = cv2.cvtColor(scan.floor_plan, cv2.COLOR_RGB2BGR)
-    scale = min(1.0, _MAX_FLOOR_PLAN_SIDE / max(picture.shape[:2]))
-    size = round(picture.shape[1] * scale), round(picture.shape[0] * scale)
-    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+        image = cv2.cvtColor(scan.floor_plan, cv2.COLOR_RGB2BGR)
+    scale = min(1.0, _MAX_FLOOR_PLAN_SIDE / max(image.shape[:2]))
+    size = round(image.shape[1] * scale), round(image.shape[0] * scale)
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     name = f"{layout.ASSETS}/floor_plan.png"
     atomic_writes.write(root, name, cv2.imencode(".png", small)[1].tobytes())
     return name

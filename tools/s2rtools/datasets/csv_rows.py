@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -65,3 +66,11 @@ def _lines(path: Path, file: BinaryIO) -> Iterator[str]:
             yield line.decode("utf-8-sig" if number == 1 else "utf-8")
         except UnicodeDecodeError as error:
             raise RequestError(f"{path}:{number}: not UTF-8; save it as UTF-8") from error
+
+
+def parse_float(text: str | None) -> float:
+    """The number in a text; NaN for a missing value or one that is not a number."""
+    try:
+        return float(text) if text else math.nan
+    except ValueError:
+        return math.nan

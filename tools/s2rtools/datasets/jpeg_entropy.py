@@ -178,17 +178,12 @@ def _units(frame: _Frame, parts: list[_Component]) -> tuple[int, NDArray[np.int6
     widest = max(part.across for part in frame.components.values())
     tallest = max(part.down for part in frame.components.values())
     if len(parts) == 1:
-        part = parts[0]
-        across = _blocks(math.ceil(frame.width * part.across / widest))
-        down = _blocks(math.ceil(frame.height * part.down / tallest))
-        return across * down, np.zeros(1, dtype=np.int64)
+        width = math.ceil(frame.width * parts[0].across / widest)
+        height = math.ceil(frame.height * parts[0].down / tallest)
+        return math.ceil(width / 8) * math.ceil(height / 8), np.zeros(1, dtype=np.int64)
     units = math.ceil(frame.width / (8 * widest)) * math.ceil(frame.height / (8 * tallest))
     order = [number for number, part in enumerate(parts) for _ in range(part.across * part.down)]
     return units, np.array(order, dtype=np.int64)
-
-
-def _blocks(pixels: int) -> int:
-    return math.ceil(pixels / 8)
 
 
 @njit(cache=True, nogil=True)

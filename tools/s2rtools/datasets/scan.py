@@ -106,7 +106,7 @@ class Scan:
     """A data set as an importer read it; `domains` hold cameras for the stored frame size.
 
     `trajectories` maps names to instances in recording order. File names in reports are relative
-    to `root`. `floor_plan` is a file or a picture (h, w, 3) uint8 RGB that fills the bounds.
+    to `root`. `floor_plan` is a file or an image (h, w, 3) uint8 RGB that fills the bounds.
     `provenance` is stored by section. `drives` writes the robot's drives into a new folder.
     `outside_folders` counts the files that were read outside the data set's folder, by folder.
     """
@@ -117,10 +117,10 @@ class Scan:
     y_down: bool
     bounds: Bounds
     accuracy_scale: float
-    domains: dict[str, Domain]
     rooms: tuple[Room, ...]
-    floor_plan: Path | NDArray[np.uint8] | None
-    trajectories: dict[str, list[InstanceRecord]]
+    domains: dict[str, Domain] = field(default_factory=dict)
+    floor_plan: Path | NDArray[np.uint8] | None = None
+    trajectories: dict[str, list[InstanceRecord]] = field(default_factory=dict)
     recorded_at: dict[str, str] = field(default_factory=dict)
     issues: list[InputIssue] = field(default_factory=list)
     provenance: dict[str, dict[str, Any]] = field(default_factory=dict)

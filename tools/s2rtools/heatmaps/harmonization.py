@@ -77,14 +77,13 @@ class CameraView:
         raw = _sample_image(real[1], u, v, cv2.INTER_NEAREST)
         valid = _sample_image(real[2].astype(np.uint8), u, v, cv2.INTER_NEAREST) > 0
         measured = inside & valid
-        own_depth = np.nan_to_num(metres, nan=0.0)
+        sim_depth = np.nan_to_num(metres, nan=0.0)
         with np.errstate(invalid="ignore", divide="ignore"):
-            depth = np.where(
-                measured, raw * self.other.depth_scale * own_depth / expected, own_depth
-            )
+            warped = raw * self.other.depth_scale * sim_depth / expected
+        depth = np.where(measured, warped, sim_depth)
         return HarmonisedPair(
             sim[0].astype(np.float32), rgb,
-            own_depth.astype(np.float32), depth.astype(np.float32), visible, measured,
+            sim_depth.astype(np.float32), depth.astype(np.float32), visible, measured,
         )  # fmt: skip
 
     def warp_from_other(

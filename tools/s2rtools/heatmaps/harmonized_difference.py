@@ -86,14 +86,12 @@ class HarmonisedDistance(_HarmonisedKind):
         return min(int(shape[0]), MAX_SIDE), min(int(shape[1]), MAX_SIDE)
 
     def distance(self, pair: PairBatch) -> NDArray[np.float32]:
-        views = pair.harmonised
-        size = pair.model.network.input_size
-        sim = preprocess(
-            _stack(v.sim for v in views), _stack(v.sim_depth for v in views), 1.0, size
+        views, size = pair.harmonised, pair.model.network.input_size
+        images = (
+            (np.stack([v.sim for v in views]), np.stack([v.sim_depth for v in views])),
+            (np.stack([v.real for v in views]), np.stack([v.real_depth for v in views])),
         )
-        real = preprocess(
-            _stack(v.real for v in views), _stack(v.real_depth for v in views), 1.0, size
-        )
+        sim, real = (preprocess(rgb, depth, 1.0, size) for rgb, depth in images)
         with torch.inference_mode():
             a, b = (_early_features(pair.model, torch.from_numpy(x)) for x in (sim, real))
             cosine = functional.cosine_similarity(a, b, dim=1, eps=1e-8).clamp(-1, 1)
@@ -138,10 +136,6 @@ def _early_features(model: LoadedModel, x: Tensor) -> Tensor:
     device = next(model.network.parameters()).device
     features: Tensor = model.network.early(x.to(device))
     return features
-
-
-def _stack(images: Any) -> NDArray[np.float32]:
-    return np.stack(list(images)).astype(np.float32)
 
 
 def _blur(image: NDArray[Any]) -> NDArray[np.float32]:

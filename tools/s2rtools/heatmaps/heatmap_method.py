@@ -94,7 +94,7 @@ class HeatmapKind(ABC):
     `version` changes whenever the values change. `cost` is `forward` if one pass suffices.
     `planes` names the maps along the first axis of an array with several maps per instance.
     `model_free` kinds need no network; `aligned` kinds compare both views by calibrated rigs.
-    `surface` selects the depth for the projection on the floor: its own side's, or the nearer one.
+    `surface` selects the depth for the projection on the floor: that of the side, or the nearer.
     """
 
     name: ClassVar[str]

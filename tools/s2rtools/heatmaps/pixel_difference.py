@@ -15,9 +15,10 @@ SIZE = 128
 
 
 class PixelDifference(HeatmapKind):
-    """Mode `rgb`: mean |difference| over channels after each image's own mean and deviation per
-    channel are taken out. Mode `depth`: |difference| in metres where both sides are valid, NaN
-    where a cell has no such pixel. Averaged over areas to 128 x 128.
+    """Absolute difference of both images, averaged over areas to 128 x 128.
+
+    Mode `rgb`: mean over channels, after each image is standardised per channel. Mode `depth`: in
+    metres where both sides are valid, NaN where a cell has no such pixel.
     """
 
     name = "pixel_difference"
@@ -33,7 +34,10 @@ class PixelDifference(HeatmapKind):
 
     def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
         sim, real = pair.sim, pair.real
-        rgb = np.stack([_rgb(a, b) for a, b in zip(sim.rgb, real.rgb, strict=True)])
+        rgb = np.stack([
+            _small(np.abs(_normalised(a) - _normalised(b)).mean(axis=2, dtype=np.float32))
+            for a, b in zip(sim.rgb, real.rgb, strict=True)
+        ])  # fmt: skip
         metres = np.abs(
             sim.depth * np.float32(sim.depth_scale) - real.depth * np.float32(real.depth_scale)
         )
@@ -49,16 +53,9 @@ def _small(image: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(cv2.resize(image, (SIZE, SIZE), interpolation=cv2.INTER_AREA))
 
 
-def _rgb(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.float32]:
-    difference = np.abs(_normalised(a) - _normalised(b)).mean(axis=2, dtype=np.float32)
-    return _small(difference)
-
-
 def _normalised(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     values = image.astype(np.float32)
-    mean = values.mean(axis=(0, 1))
-    deviation = values.std(axis=(0, 1))
-    return (values - mean) / np.maximum(deviation, 1.0)
+    return (values - values.mean(axis=(0, 1))) / np.maximum(values.std(axis=(0, 1)), 1.0)
 
 
 def _masked(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -133,8 +133,8 @@ def _compute_stages(
         return
     names = list(dict.fromkeys(unit.stage.name for unit in units))
     label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
-    reporter.begin(f"{units[0].stage.run}: {label}", sum(unit.rows for unit in units))
+    reporter.begin(f"{units[0].stage.run}: {label}", sum(len(unit.rows) for unit in units))
     workers = min(options.workers, len(units), os.cpu_count() or 1)
     opener = partial(UnitComputer, backend, options.trust)
     for unit in run_units(root, units, opener, workers):
-        reporter.advance(unit.rows)
+        reporter.advance(len(unit.rows))

@@ -5,13 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore.errors import RequestError
@@ -96,21 +93,18 @@ def _start_model(
 
 def _frames(store: Store, size: tuple[int, int]) -> TrainingFrames:
     truth = store.instances
-    domains = {
-        name: DomainFrames.from_blocks(
-            domain.kind, _blocks(store, name), len(truth), size, domain.depth_scale
+    domains = {}
+    for name, domain in store.domains.items():
+        blocks = (
+            store.frames(name, start, min(start + _BLOCK, len(truth)))
+            for start in range(0, len(truth), _BLOCK)
         )
-        for name, domain in store.domains.items()
-    }
+        domains[name] = DomainFrames.from_blocks(
+            domain.kind, ((images["rgb"], images["depth"]) for images in blocks), len(truth), size,
+            domain.depth_scale,
+        )  # fmt: skip
     poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
     return TrainingFrames(domains, poses, truth.trajectory)
-
-
-def _blocks(store: Store, domain: str) -> Iterator[tuple[NDArray[np.uint8], NDArray[Any]]]:
-    count = len(store.instances)
-    for start in range(0, count, _BLOCK):
-        images = store.frames(domain, start, min(start + _BLOCK, count))
-        yield images["rgb"], images["depth"]
 
 
 def _checkpoint(store: Store, request: TrainingRequest, start: LoadedModel | None) -> Path:

@@ -5,8 +5,8 @@
 `rgb` and `depth` are files relative to the manifest, inside its folder; x and y in metres and
 headings in degrees in map coordinates (forward = (cos, sin)); `timestamp` in seconds. Rows of one
 (trajectory, seq) must agree on the pose. The configuration (bounds, rooms, cameras: see
-`dataset_config`) is the TOML or JSON file with the manifest's name, or the one given by
-`--header`; its floor plan lies in the configuration's folder.
+`dataset_config`) is the TOML or JSON file with the manifest's name, or the file that `--header`
+names; its floor plan lies in the configuration's folder.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
-from s2rtools.datasets.csv_rows import read_rows
+from s2rtools.datasets.csv_rows import parse_float, read_rows
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
 from s2rtools.datasets.image_decoding import ImageFiles
 from s2rtools.datasets.path_containment import PathContainment
@@ -38,24 +38,15 @@ Sizes = dict[str, tuple[Size, Size]]
 def scan(path: Path, options: ScanOptions) -> Scan:
     """Read a manifest and its configuration. Raises RequestError if either is malformed."""
     rows = _read_manifest(path)
-    config = DatasetConfig(
-        options.header or _config_path(path), name=path.stem, y_down=False
-    )  # fmt: skip
-    containment = PathContainment(path.parent, options.allow_outside)
-    result = Scan(
-        name=config.table.name,
-        root=path.parent,
-        frame=options.frame,
-        y_down=config.table.y_down,
-        bounds=config.bounds,
-        accuracy_scale=config.accuracy_scale,
-        domains={},
-        rooms=config.rooms,
-        floor_plan=None,
-        trajectories={},
-        recorded_at=config.recorded_at,
-        outside_folders=containment.outside_folders,
+    header = options.header or next(
+        (path.with_suffix(s) for s in (".toml", ".json") if path.with_suffix(s).is_file()), None
     )
+    if header is None:
+        raise RequestError(f"{path.with_suffix('.toml')}: missing; name the file by --header FILE")
+    config = DatasetConfig(header, name=path.stem, y_down=False)
+    containment = PathContainment(path.parent, options.allow_outside)
+    result = config.empty_scan(path.parent, options.frame, containment)
+    result.recorded_at = config.recorded_at
     if plan := config.table.floor_plan:
         folder = containment.for_folder(config.path.parent)
         file = folder.resolve(plan, f"{config.path}: floor_plan")
@@ -95,13 +86,6 @@ def _complete_rows(result: Scan, path: Path, rows: list[NumberedRow]) -> list[Nu
         else:
             complete.append((number, row))
     return complete
-
-
-def _config_path(path: Path) -> Path:
-    for suffix in (".toml", ".json"):
-        if path.with_suffix(suffix).is_file():
-            return path.with_suffix(suffix)
-    raise RequestError(f"{path.with_suffix('.toml')}: missing; give the header with --header FILE")
 
 
 def _collect(
@@ -176,9 +160,9 @@ def _instance_record(
                 return None
         sources[domain] = ImageFiles(rgb, depth, *sizes[domain])
     real = next(row for name, (_, row) in by_domain.items() if result.domains[name].kind == "real")
-    odometry = [_parse_float(real.get(f"odom_{name}")) for name in ("x", "y", "heading")]
+    odometry = [parse_float(real.get(f"odom_{name}")) for name in ("x", "y", "heading")]
     has_odometry = all(math.isfinite(value) for value in odometry)
-    timestamp = _parse_float(real.get("timestamp"))
+    timestamp = parse_float(real.get("timestamp"))
     return InstanceRecord(
         x=pose[0],
         y=pose[1],
@@ -190,17 +174,9 @@ def _instance_record(
 
 
 def _pose(row: Row) -> tuple[float, float, float]:
-    return _parse_float(row["x"]), _parse_float(row["y"]), _parse_float(row["heading"])
+    return parse_float(row["x"]), parse_float(row["y"]), parse_float(row["heading"])
 
 
 def _heading(degrees: float) -> float:
     """Radians in [-pi, pi)."""
     return math.radians(angles.wrap_degrees(degrees))
-
-
-def _parse_float(text: str | None) -> float:
-    """NaN for a missing value or one that is not a number."""
-    try:
-        return float(text) if text else math.nan
-    except ValueError:
-        return math.nan

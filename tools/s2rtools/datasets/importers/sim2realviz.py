@@ -17,7 +17,7 @@ from pathlib import Path
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
-from s2rtools.datasets.csv_rows import read_rows
+from s2rtools.datasets.csv_rows import parse_float, read_rows
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
 from s2rtools.datasets.image_decoding import ImageFiles, declared_size, size_text
 from s2rtools.datasets.path_containment import PathContainment
@@ -46,21 +46,14 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     RequestError if it has no such layout.
     """
     root = _root(path)
-    config = _read_calibration(options.header)
+    packaged = resources.files("s2rtools.datasets.importers") / "sim2realviz.toml"
+    with resources.as_file(packaged) as default:
+        config = DatasetConfig(
+            options.header or default, name="sim2realviz", y_down=True, accuracy_scale=26.0
+        )
     containment = PathContainment(path, options.allow_outside)
-    result = Scan(
-        name=config.table.name,
-        root=root,
-        frame=options.frame,
-        y_down=config.table.y_down,
-        bounds=config.bounds,
-        accuracy_scale=config.accuracy_scale,
-        domains={},
-        rooms=config.rooms,
-        floor_plan=_floor_plan(path, root, containment),
-        trajectories={},
-        outside_folders=containment.outside_folders,
-    )
+    result = config.empty_scan(root, options.frame, containment)
+    result.floor_plan = _floor_plan(path, root, containment)
     folders = _trajectories(root, options.trajectories)
     names = [name for name in _DOMAINS if name != _EDITED or _all_have_sim_edit(result, folders)]
     result.domains = {name: config.domain(name, options.frame) for name in names}
@@ -95,15 +88,6 @@ def _trajectories(root: Path, requested: tuple[str, ...]) -> list[Path]:
     for name in folders:
         checked_name(name, "trajectory")
     return [folders[name] for name in requested or folders]
-
-
-def _read_calibration(path: Path | None) -> DatasetConfig:
-    """The given calibration file, or the one that comes with the program."""
-    packaged = resources.files("s2rtools.datasets.importers") / "sim2realviz.toml"
-    with resources.as_file(packaged) as default:
-        return DatasetConfig(
-            path or default, name="sim2realviz", y_down=True, accuracy_scale=26.0
-        )  # fmt: skip
 
 
 def _floor_plan(path: Path, root: Path, containment: PathContainment) -> Path | None:
@@ -155,33 +139,26 @@ def _matched_names(result: Scan, folder: Path) -> list[tuple[str, str]]:
     """(real, sim) RGB file names in match.csv, each real image once."""
     path = folder / "sim" / "match.csv"
     pairs: dict[str, str] = {}
-    for number, row in _read_match_rows(result, path):
-        where = f"{result.relative(path)}:{number}"
-        real, sim = (Path(row.get(name, "")).name for name in ("REAL_RGB", "SIM_RGB"))
-        if not real and not sim:
-            continue
-        if not all(
-            (match := _NAME.match(name)) and match["image"] == "rgb" for name in (real, sim)
-        ):
-            result.issues.append(InputIssue("bad name", where, f"{real},{sim}"))
-        elif real in pairs:
-            detail = (
-                real if pairs[real] == sim else f"{real} with another sim image; kept the first"
-            )
-            result.issues.append(InputIssue("duplicate row", where, detail))
-        else:
-            pairs[real] = sim
-    return list(pairs.items())
-
-
-def _read_match_rows(result: Scan, path: Path) -> list[tuple[int, dict[str, str]]]:
     if not path.exists():
         result.issues.append(InputIssue("no match.csv", result.relative(path)))
         return []
     rows = list(read_rows(path, ("REAL_RGB", "SIM_RGB")))
     if rows and not {"REAL_RGB", "SIM_RGB"} <= set(rows[0][1]):
         raise RequestError(f"{path}: the first line must name REAL_RGB and SIM_RGB")
-    return rows
+    for number, row in rows:
+        where = f"{result.relative(path)}:{number}"
+        real, sim = (Path(row.get(name, "")).name for name in ("REAL_RGB", "SIM_RGB"))
+        if not real and not sim:
+            continue
+        matches = [_NAME.match(name) for name in (real, sim)]
+        if not all(match and match["image"] == "rgb" for match in matches):
+            result.issues.append(InputIssue("bad name", where, f"{real},{sim}"))
+        elif real in pairs:
+            more = "" if pairs[real] == sim else " with another sim image; the first is used"
+            result.issues.append(InputIssue("duplicate row", where, f"{real}{more}"))
+        else:
+            pairs[real] = sim
+    return list(pairs.items())
 
 
 def _images(folder: Path, real: str, sim: str, sizes: Sizes) -> dict[str, ImageFiles]:
@@ -199,7 +176,7 @@ def _depth_name(rgb: str) -> str:
 def _with_stored_size(
     result: Scan, folder: Path, rows: list[dict[str, ImageFiles]]
 ) -> list[dict[str, ImageFiles]]:
-    """Replace the calibrated image size by the images' own if they are a scaled version of it.
+    """Replace the calibrated image size by the actual one if that is a scaled version of it.
 
     The intrinsics of the stored frame hold for every size of the same aspect ratio.
     """
@@ -207,8 +184,8 @@ def _with_stored_size(
     for name in rows[0] if rows else ():
         images = [row[name] for row in rows[:_SAMPLED_IMAGES]]
         files = [file for image in images for file in (image.rgb, image.depth) if file.is_file()]
-        own_sizes = {declared_size(file) for file in files}
-        size = own_sizes.pop() if len(own_sizes) == 1 else None
+        actual = {declared_size(file) for file in files}
+        size = actual.pop() if len(actual) == 1 else None
         declared = images[0].rgb_size, images[0].depth_size
         if size is None or declared == (size, size):
             continue
@@ -228,7 +205,7 @@ def _with_stored_size(
 
 
 def _instance_record(result: Scan, sources: dict[str, ImageFiles]) -> InstanceRecord | None:
-    files = [file for image in sources.values() for file in (image.rgb, image.depth)]
+    files = (file for image in sources.values() for file in (image.rgb, image.depth))
     missing = [file for file in files if not file.is_file()]
     result.issues += [InputIssue("missing image", result.relative(file)) for file in missing]
     if missing:
@@ -247,16 +224,10 @@ def _instance_record(result: Scan, sources: dict[str, ImageFiles]) -> InstanceRe
     )
 
 
-def _pose_in_name(name: str) -> tuple[float, float, float, float]:
-    """x, y, z and rotation in a file name; NaN for what does not parse."""
+def _pose_in_name(name: str) -> list[float]:
+    """x, y, z and rotation in a file name; NaN for values that do not parse."""
     match = _NAME.match(name)
-    values = []
-    for key in "xyzr":
-        try:
-            values.append(float(match[key]) if match else math.nan)
-        except ValueError:
-            values.append(math.nan)
-    return values[0], values[1], values[2], values[3]
+    return [parse_float(match[key] if match else None) for key in "xyzr"]
 
 
 def _report_unmatched(

@@ -84,9 +84,9 @@ def compute_outputs(
     alignment = rig_calibration.load_alignment(store, run)
     truth = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
     source = RunFrames(store, run, unit.stage.rendered_arrays(store.path))
-    rows, size = unit.stage.row_range(unit.shard), backend.model.network.input_size
+    rows, size = unit.rows, backend.model.network.input_size
     batches: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
-    for iid, frames in read_pairs(store, run, size, *rows, backend.batch, source):
+    for iid, frames in read_pairs(store, run, size, rows.start, rows.stop, backend.batch, source):
         poses = truth[iid : iid + len(frames["sim"].x)]
         sim, real = (side_batch(backend, frames[side], poses) for side in SIDES)
         pair = PairBatch(backend.model, backend, sim, real, alignment)

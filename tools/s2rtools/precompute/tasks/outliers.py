@@ -53,12 +53,12 @@ def compute_distances(
     """Neighbour distances of a unit's instances, for each missing side."""
     stage = unit.stage
     sample = sample_rows(stage.valid_instances(root), SETTINGS.sample, SETTINGS.seed)
-    start, stop = stage.row_range(unit.shard)
+    iids = np.array(unit.rows)
     distances = {}
     for spec in unit.missing:
         points = stage.source_array(root, "pca", spec.side)
         distances[spec] = neighbour_distance(
-            points[start:stop], np.arange(start, stop), points.oindex[sample], sample, threads
+            points.oindex[iids], iids, points.oindex[sample], sample, threads
         )
     return distances
 
