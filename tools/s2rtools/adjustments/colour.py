@@ -25,7 +25,7 @@ def _brightness(
 def _contrast(
     rgb: NDArray[np.uint8], depth: NDArray[Any], valid: NDArray[np.bool_], value: float
 ) -> Images:
-    """Contrast around each image's mean, so that its brightness stays."""
+    """Contrast around each image's mean, which stays unchanged."""
     adjusted = np.empty_like(rgb)
     for index, image in enumerate(rgb):
         mean = float(image.mean())

@@ -1,7 +1,6 @@
-"""Typed values from TOML and JSON documents that somebody else wrote.
+"""Convert TOML and JSON documents that come from outside to typed values.
 
-A document is described by a `msgspec.Struct`; an error names the document, the key, and what is
-allowed there.
+A `msgspec.Struct` describes a document; errors name the document, the key and the allowed values.
 """
 
 from __future__ import annotations

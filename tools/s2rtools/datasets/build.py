@@ -24,7 +24,7 @@ from s2rstore.files.ingest_folder import building_folder, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import edit
 from s2rstore.records import Domain
-from s2rtools.common.read_ahead import ahead
+from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets.floor_plan import read_floor_plan
 from s2rtools.datasets.frame_cache import FrameCache
 from s2rtools.datasets.index_rows import write_index
@@ -154,7 +154,7 @@ def _write_trajectory(
             return
         checksums: dict[str, list[FrameChecksum]] = {}
         for domain in scan.domains.values():
-            frames = ahead(pool, partial(_decode, scan, domain), usable)
+            frames = map_ahead(pool, partial(_decode, scan, domain), usable)
             checksums[domain.domain] = list(_write_frames(root, name, domain, frames, len(usable)))
             progress(len(usable))
     for row, record in enumerate(usable):
@@ -170,7 +170,7 @@ def _usable_records(
 ) -> list[InstanceRecord]:
     """The records whose frames all decode, with the most common depth dtype of each domain."""
     decoded: list[tuple[InstanceRecord, dict[str, CheckedFrame]]] = []
-    for record, results in ahead(pool, partial(_check, scan, cache), records):
+    for record, results in map_ahead(pool, partial(_check, scan, cache), records):
         progress(len(record.sources))
         issues = [result for result in results.values() if isinstance(result, InputIssue)]
         scan.issues += issues

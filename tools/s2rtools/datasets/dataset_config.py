@@ -165,36 +165,25 @@ class DatasetConfig:
             document = {**defaults, **document}
         self.path = path
         self.table = convert(document, DatasetTable, str(path), check=False)
-        edges = self.table.bounds
-        self.bounds = Bounds(edges.x0, edges.y0, edges.x1, edges.y1)
-
-    @property
-    def accuracy_scale(self) -> float:
-        """Metres; by default the diagonal of the bounds."""
-        scale = self.table.accuracy_scale
-        return self.bounds.diagonal if isinstance(scale, msgspec.UnsetType) else scale
-
-    @property
-    def recorded_at(self) -> dict[str, str]:
-        """When each trajectory was recorded, as written."""
-        return {name: str(value) for name, value in self.table.recorded_at.items()}
-
-    @property
-    def rooms(self) -> tuple[Room, ...]:
-        """Rectangles in order of precedence."""
-        rectangles = [(r.room, edges) for r in self.table.rooms for edges in r.rectangles]
-        return tuple(Room(name, n, *edges) for n, (name, edges) in enumerate(rectangles))
 
     def empty_scan(self, root: Path, frame: Size, containment: PathContainment) -> Scan:
-        """A scan of the data set in `root`, without domains, trajectories and floor plan."""
+        """A scan of the data set in `root`, without domains, trajectories and floor plan.
+
+        Rooms are in order of precedence; the accuracy scale is the diagonal of the bounds by
+        default.
+        """
+        table, edges = self.table, self.table.bounds
+        bounds = Bounds(edges.x0, edges.y0, edges.x1, edges.y1)
+        scale = table.accuracy_scale
+        rectangles = [(r.room, edges) for r in table.rooms for edges in r.rectangles]
         return Scan(
-            name=self.table.name,
+            name=table.name,
             root=root,
             frame=frame,
-            y_down=self.table.y_down,
-            bounds=self.bounds,
-            accuracy_scale=self.accuracy_scale,
-            rooms=self.rooms,
+            y_down=table.y_down,
+            bounds=bounds,
+            accuracy_scale=bounds.diagonal if isinstance(scale, msgspec.UnsetType) else scale,
+            rooms=tuple(Room(name, n, *edges) for n, (name, edges) in enumerate(rectangles)),
             outside_folders=containment.outside_folders,
         )
 

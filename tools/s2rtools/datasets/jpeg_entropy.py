@@ -396,15 +396,7 @@ def _walk(data, at, codes, scales, order, units, restart, band, known):
                     if abs(sums[part] << shift) * scale > _DC_RANGE + scale * (1 << shift):
                         return 4, at
                 k = 1
-            if run:
-                run -= 1
-                if before:
-                    band_known = known[64 * unit + k : 64 * unit + last + 1]
-                    at, buffer, bits = _skip_corrections(data, at, buffer, bits, band_known)
-                    if bits < 0:
-                        return 2, at
-                continue
-            while k <= last:
+            while k <= last and not run:
                 at, buffer, bits = _fill(data, at, buffer, bits)
                 code = _next_code(codes[parts + part], buffer, bits)
                 if code == 0:
@@ -418,13 +410,8 @@ def _walk(data, at, codes, scales, order, units, restart, band, known):
                         return 1, at
                     if bits < skip:
                         return 2, at
-                    run = (1 << skip) + _take(buffer, bits, skip) - 1
+                    run = (1 << skip) + _take(buffer, bits, skip)
                     bits -= skip
-                    if before:
-                        band_known = known[64 * unit + k : 64 * unit + last + 1]
-                        at, buffer, bits = _skip_corrections(data, at, buffer, bits, band_known)
-                        if bits < 0:
-                            return 2, at
                     break
                 if before:
                     if size > 1:
@@ -468,6 +455,13 @@ def _walk(data, at, codes, scales, order, units, restart, band, known):
                     if first:
                         known[64 * unit + k] = 1
                 k += 1
+            if run:
+                run -= 1
+                if before:
+                    band_known = known[64 * unit + k : 64 * unit + last + 1]
+                    at, buffer, bits = _skip_corrections(data, at, buffer, bits, band_known)
+                    if bits < 0:
+                        return 2, at
     if run:
         return 5, at
     return _padding(data, at, buffer, bits)

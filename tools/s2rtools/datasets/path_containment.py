@@ -32,7 +32,7 @@ class PathContainment:
     def resolve(self, name: str, where: str) -> Path:
         """The path of a named file. Raises RequestError, beginning with `where`."""
         if "\0" in name:
-            raise RequestError(f"{where}: {name!r} is no file name")
+            raise RequestError(f"{where}: {name!r} is not a file name")
         path = self.folder / name
         if os.path.isabs(name) or ".." in Path(name).parts:
             refusal = f"{where}: {name!r}: write it relative to this folder, without `..`"

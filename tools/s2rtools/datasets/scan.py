@@ -128,7 +128,7 @@ class Scan:
     outside_folders: Mapping[str, int] = field(default_factory=dict)
 
     def relative(self, path: Path) -> str:
-        """The path relative to `root`, or as it is where it lies elsewhere."""
+        """The path relative to `root`, or unchanged if it lies elsewhere."""
         try:
             return path.relative_to(self.root).as_posix()
         except ValueError:

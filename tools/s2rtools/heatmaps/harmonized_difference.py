@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from s2rstore.records import SIDES
 from s2rtools.heatmaps.harmonization import COLOUR_FLOOR
-from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch
+from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.models.preprocessing import preprocess
 
@@ -49,7 +49,7 @@ class _HarmonisedKind(HeatmapKind):
         return [OutputSpec(side, None, size, ("row", "column"), self.unit, "float16")
                 for side in SIDES]  # fmt: skip
 
-    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+    def compute(self, pair: PairBatch) -> HeatArrays:
         sim = [
             _mask_unknown(heat, view.measured if self.needs_depth else view.visible)
             for heat, view in zip(self.distance(pair), pair.harmonised, strict=True)
@@ -126,8 +126,7 @@ class HarmonisedDifference(_HarmonisedKind):
 
 def _mask_unknown(heat: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Heat (fh, fw), NaN in cells whose pixels (h, w) are mostly unknown."""
-    flat = heat.shape[1], heat.shape[0]
-    share = cv2.resize(known.astype(np.float32), flat, interpolation=cv2.INTER_AREA)
+    share = _area_mean(known.astype(np.float32), heat.shape)
     return np.where(share > _SHARE, heat, np.float32(np.nan))
 
 
@@ -143,13 +142,16 @@ def _blur(image: NDArray[Any]) -> NDArray[np.float32]:
     return np.asarray(cv2.blur(image.astype(np.float32), (3, 3)))
 
 
+def _area_mean(image: NDArray[Any], size: tuple[int, ...]) -> NDArray[Any]:
+    return np.asarray(cv2.resize(image, (size[1], size[0]), interpolation=cv2.INTER_AREA))
+
+
 def _shrink(heat: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
     """Area means of the finite pixels; NaN in cells without enough of them."""
     if heat.shape == size:
         return heat
     known = np.isfinite(heat)
-    flat = size[1], size[0]
-    share = cv2.resize(known.astype(np.float32), flat, interpolation=cv2.INTER_AREA)
-    total = cv2.resize(np.where(known, heat, 0), flat, interpolation=cv2.INTER_AREA)
+    share = _area_mean(known.astype(np.float32), size)
+    total = _area_mean(np.where(known, heat, 0), size)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(share > _SHARE, total / share, np.nan).astype(np.float32)

@@ -17,6 +17,8 @@ from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 
 Ray = Literal["rgb", "depth"]
+HeatArrays = dict[tuple[str | None, str | None], NDArray[Any]]
+"""Arrays (B, *shape) of a heatmap kind by side and mode."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,8 +117,8 @@ class HeatmapKind(ABC):
         """The arrays that `compute` fills."""
 
     @abstractmethod
-    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
-        """For each output's (side, mode), an array (B, *shape)."""
+    def compute(self, pair: PairBatch) -> HeatArrays:
+        """The arrays of all outputs for a batch."""
 
     def ray(self, mode: str | None) -> Ray:
         """The camera whose pixels the map lies on."""

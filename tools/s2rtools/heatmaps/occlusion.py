@@ -12,7 +12,7 @@ from torch import Tensor
 
 from s2rstore.geometry import angles
 from s2rstore.records import SIDES
-from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, Ray
+from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch, Ray
 from s2rtools.incremental_inference import (
     LocalGraph,
     PixelRegion,
@@ -54,7 +54,7 @@ class Occlusion(HeatmapKind):
             for mode in MODES
         ]  # fmt: skip
 
-    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+    def compute(self, pair: PairBatch) -> HeatArrays:
         height, width = pair.model.network.input_size
         backend = _float32_backend(pair.backend)
         at_once = max(1, _PIXELS_AT_ONCE // (height * width))
@@ -64,9 +64,7 @@ class Occlusion(HeatmapKind):
         ]
         return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 
-    def _chunk(
-        self, pair: PairBatch, backend: Backend, rows: slice
-    ) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+    def _chunk(self, pair: PairBatch, backend: Backend, rows: slice) -> HeatArrays:
         count = self.params["patches"]
         patches = cut_patches(*pair.model.network.input_size, count)
         inputs = torch.cat([pair.sim.x[rows], pair.real.x[rows]])

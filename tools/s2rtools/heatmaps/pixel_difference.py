@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, Ray
+from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch, Ray
 from s2rtools.models.pose_network import LoadedModel
 
 SIZE = 128
@@ -32,7 +30,7 @@ class PixelDifference(HeatmapKind):
             OutputSpec(None, "depth", shape, axes, "m", "float16"),
         ]
 
-    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+    def compute(self, pair: PairBatch) -> HeatArrays:
         sim, real = pair.sim, pair.real
         rgb = np.stack([
             _small(np.abs(_normalised(a) - _normalised(b)).mean(axis=2, dtype=np.float32))

@@ -204,7 +204,7 @@ class LocalGraph:
 def _fuse_operations(steps: list[_Operation], output: str) -> tuple[list[_Operation], str]:
     """Merge pointwise steps and unpadded pooling into the window that alone feeds them.
 
-    Merged steps are computed on the window's crop and need no crop of their own. Returns the steps
+    Merged steps are computed on the window's crop, not on separate crops. Returns the steps
     and the name of the last step.
     """
     users: dict[str, int] = {output: 1}
@@ -245,7 +245,7 @@ def _operation(node: fx.Node, modules: dict[str, nn.Module]) -> _Operation:
             raise NotLocalError(f"{node.target}: batch norm without running statistics")
         if isinstance(module, _POINTWISE):
             if getattr(module, "inplace", False):
-                module.inplace = False  # type: ignore[assignment]
+                module.inplace = False
             return _Operation(node.name, inputs, "pointwise", module)
         if isinstance(module, _WINDOWS):
             return _window_operation(node.name, inputs, module)

@@ -14,6 +14,7 @@ from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
+from s2rtools.models.torchscript import last_line
 
 BATCH = 8
 TOLERANCE_METRES = 0.01
@@ -86,8 +87,7 @@ class Backend:
         try:
             raw: object = self.model.network(x)
         except Exception as error:  # whatever the module's own code raises
-            reason = (str(error).strip().splitlines() or [type(error).__name__])[-1][:160]
-            raise self._error(f"fails on {len(x)} images: {reason}") from error
+            raise self._error(f"fails on {len(x)} images: {last_line(error)}") from error
         return self._checked(raw, x)
 
     def _checked(self, raw: object, x: Tensor) -> Tensor:

@@ -15,7 +15,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Run, Side
 from s2rstore.run_inputs import FRAME_KINDS, run_camera_move
 from s2rtools.adjustments import Chain, apply_chain
-from s2rtools.common.read_ahead import ahead
+from s2rtools.common.read_ahead import map_ahead
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.rendering import FrameRenderer, open_renderer
 
@@ -108,7 +108,7 @@ def read_pairs(
 
     with ThreadPoolExecutor(1, thread_name_prefix="frames") as pool:
         blocks = range(start, stop, _READ_ROWS)
-        for low, block in zip(blocks, ahead(pool, prepare, blocks, window=1), strict=True):
+        for low, block in zip(blocks, map_ahead(pool, prepare, blocks, window=1), strict=True):
             for offset in range(0, len(block["sim"].x), batch):
                 rows = slice(offset, offset + batch)
                 yield low + offset, {side: frames.rows(rows) for side, frames in block.items()}

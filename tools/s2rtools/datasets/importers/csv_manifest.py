@@ -46,7 +46,7 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     config = DatasetConfig(header, name=path.stem, y_down=False)
     containment = PathContainment(path.parent, options.allow_outside)
     result = config.empty_scan(path.parent, options.frame, containment)
-    result.recorded_at = config.recorded_at
+    result.recorded_at = {name: str(date) for name, date in config.table.recorded_at.items()}
     if plan := config.table.floor_plan:
         folder = containment.for_folder(config.path.parent)
         file = folder.resolve(plan, f"{config.path}: floor_plan")
@@ -160,21 +160,22 @@ def _instance_record(
                 return None
         sources[domain] = ImageFiles(rgb, depth, *sizes[domain])
     real = next(row for name, (_, row) in by_domain.items() if result.domains[name].kind == "real")
-    odometry = [parse_float(real.get(f"odom_{name}")) for name in ("x", "y", "heading")]
-    has_odometry = all(math.isfinite(value) for value in odometry)
-    timestamp = parse_float(real.get("timestamp"))
+    x, y, heading, timestamp = (
+        parse_float(real.get(name)) for name in ("odom_x", "odom_y", "odom_heading", "timestamp")
+    )
+    has_odometry = math.isfinite(x) and math.isfinite(y) and math.isfinite(heading)
     return InstanceRecord(
         x=pose[0],
         y=pose[1],
         heading=_heading(pose[2]),
         sources=sources,
-        odometry=(odometry[0], odometry[1], _heading(odometry[2])) if has_odometry else None,
+        odometry=(x, y, _heading(heading)) if has_odometry else None,
         timestamp=timestamp if math.isfinite(timestamp) else None,
     )
 
 
-def _pose(row: Row) -> tuple[float, float, float]:
-    return parse_float(row["x"]), parse_float(row["y"]), parse_float(row["heading"])
+def _pose(row: Row) -> list[float]:
+    return [parse_float(row[name]) for name in ("x", "y", "heading")]
 
 
 def _heading(degrees: float) -> float:

@@ -1,8 +1,8 @@
 """Import the Sim2RealViz layout: traj1/{real,sim,sim_edit} with poses in the file names.
 
 `sim/match.csv` (REAL_RGB, SIM_RGB) pairs the images in recording order. The sim pose is the
-ground truth; the real pose is the robot's odometry, in its own frame. Every instance needs a frame
-in every domain, so `sim_edit` becomes a domain only if all chosen trajectories have it.
+ground truth; the real pose is the robot's odometry, in the odometry's frame. Every instance needs
+images in every domain, so `sim_edit` becomes a domain only if all chosen trajectories have it.
 """
 
 from __future__ import annotations
