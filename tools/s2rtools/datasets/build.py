@@ -29,7 +29,6 @@ from s2rtools.datasets.floor_plan import read_floor_plan
 from s2rtools.datasets.frame_cache import FrameCache
 from s2rtools.datasets.index_rows import write_index
 from s2rtools.datasets.scan import (
-    CheckedFrame,
     DecodedFrame,
     FrameChecksum,
     InputIssue,
@@ -169,44 +168,48 @@ def _usable_records(
     progress: ReportProgress,
 ) -> list[InstanceRecord]:
     """The records whose frames all decode, with the most common depth dtype of each domain."""
-    decoded: list[tuple[InstanceRecord, dict[str, CheckedFrame]]] = []
-    for record, results in map_ahead(pool, partial(_check, scan, cache), records):
+    decoded: list[tuple[InstanceRecord, list[InputIssue]]] = []
+    for record, defects, conversions in map_ahead(pool, partial(_check, scan, cache), records):
         progress(len(record.sources))
-        issues = [result for result in results.values() if isinstance(result, InputIssue)]
-        scan.issues += issues
-        if not issues:
-            frames = {d: r for d, r in results.items() if isinstance(r, CheckedFrame)}
-            decoded.append((record, frames))
+        scan.issues += defects
+        if not defects:
+            decoded.append((record, conversions))
     expected = {
-        domain: Counter(frames[domain].depth_type for _, frames in decoded).most_common(1)[0][0]
-        for domain in (scan.domains if decoded else ())
+        name: Counter(record.sources[name].depth_type for record, _ in decoded).most_common(1)[0][0]
+        for name in (scan.domains if decoded else ())
     }
     usable = []
-    for record, frames in decoded:
-        differing = [name for name in expected if frames[name].depth_type != expected[name]]
+    for record, conversions in decoded:
+        types = {name: source.depth_type for name, source in record.sources.items()}
+        differing = [name for name in expected if types[name] != expected[name]]
         for name in differing:
             file = record.sources[name].file_names(scan)[1] or name
-            detail = f"{frames[name].depth_type}, the others are {expected[name]}"
+            detail = f"{types[name]}, the others are {expected[name]}"
             scan.issues.append(InputIssue("mixed depth types", file, detail))
         if not differing:
-            scan.issues += [issue for frame in frames.values() for issue in frame.issues]
+            scan.issues += conversions
             usable.append(record)
     return usable
 
 
 def _check(
     scan: Scan, cache: FrameCache, record: InstanceRecord
-) -> tuple[InstanceRecord, dict[str, CheckedFrame | InputIssue]]:
-    """Check the frame of each domain; decoded frames move into the cache."""
+) -> tuple[InstanceRecord, list[InputIssue], list[InputIssue]]:
+    """Decode the frames that only decoding can check, and move them into the cache.
+
+    Returns the record, the issues that make it unusable, and those of lossy conversions.
+    """
     sources = dict(record.sources)
-    results: dict[str, CheckedFrame | InputIssue] = {}
+    defects, conversions = [], []
     for name, source in record.sources.items():
-        result = source.check(scan, scan.domains[name])
-        if isinstance(result, CheckedFrame) and result.frame is not None:
-            sources[name] = cache.add(source, result.frame)
-            result = replace(result, frame=None)
-        results[name] = result
-    return replace(record, sources=sources), results
+        if source.depth_type is None:
+            frame = source.decode(scan, scan.domains[name])
+            if isinstance(frame, InputIssue):
+                defects.append(frame)
+            else:
+                sources[name] = cache.add(source, frame)
+                conversions += frame.issues
+    return replace(record, sources=sources), defects, conversions
 
 
 def _decode(scan: Scan, domain: Domain, record: InstanceRecord) -> DecodedFrame:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Domain
-from s2rtools.datasets.scan import CheckedFrame, DecodedFrame, FrameSource, InputIssue, Scan
+from s2rtools.datasets.scan import DecodedFrame, FrameSource, Scan
 
 
 class FrameCache:
@@ -65,12 +65,12 @@ class CachedFrame:
     def pixels(self) -> int:
         return self.source.pixels
 
+    @property
+    def depth_type(self) -> str:
+        return str(self.depth_dtype)
+
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return self.source.file_names(scan)
-
-    def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
-        frame = self.decode(scan, domain)
-        return CheckedFrame(str(self.depth_dtype), self.metadata.issues, frame)
 
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame:
         rgb_shape, depth_shape = self.shapes

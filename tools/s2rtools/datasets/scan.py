@@ -55,15 +55,6 @@ class DecodedFrame:
     issues: tuple[InputIssue, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class CheckedFrame:
-    """A usable frame: the dtype of its raw depth, its issues and, if decoded, its pixels."""
-
-    depth_type: str
-    issues: tuple[InputIssue, ...] = ()
-    frame: DecodedFrame | None = None
-
-
 class FrameSource(Protocol):
     """Source of one frame: a pair of image files, a cached frame, or a renderer."""
 
@@ -71,11 +62,12 @@ class FrameSource(Protocol):
     def pixels(self) -> int:
         """Pixels of the larger source image."""
 
+    @property
+    def depth_type(self) -> str | None:
+        """The dtype of the raw depth; None if only decoding shows it and whether it is usable."""
+
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         """Names of the RGB and the depth file relative to the scan's root; None without files."""
-
-    def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
-        """Check everything about the frame."""
 
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
         """The pixels, or an InputIssue that names the unusable file."""

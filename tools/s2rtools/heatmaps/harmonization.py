@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from s2rstore.geometry.camera import into_rgb
 from s2rstore.geometry.reprojection import Reprojection, RigOffset
-from s2rstore.records import Domain, Side
+from s2rstore.records import Domain
 
 COLOUR_FLOOR = 5.0
 """Grey levels added to both deviations, so that noise of flat images is not amplified."""
@@ -105,19 +105,15 @@ class ImageAlignment:
     def __init__(
         self, sim: Domain, real: Domain, frame: tuple[int, int], correction: RigOffset
     ) -> None:
-        self._domains: dict[Side, Domain] = {"sim": sim, "real": correction.applied(real)}
-        self._frame = frame
-
-    def domain(self, side: Side) -> Domain:
-        return self._domains[side]
+        self._sim, self._real, self._frame = sim, correction.applied(real), frame
 
     @cached_property
     def sim_view(self) -> CameraView:
-        return CameraView(self.domain("sim"), self.domain("real"), self._frame)
+        return CameraView(self._sim, self._real, self._frame)
 
     @cached_property
     def real_view(self) -> CameraView:
-        return CameraView(self.domain("real"), self.domain("sim"), self._frame)
+        return CameraView(self._real, self._sim, self._frame)
 
 
 def _sample_image(

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -127,8 +128,6 @@ class HeatmapKind(ABC):
 
 def feature_size(model: LoadedModel) -> tuple[int, int]:
     """Rows and columns of the trunk's output."""
-    import torch
-
     height, width = model.network.input_size
     device = next(model.network.parameters()).device
     with torch.inference_mode():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -17,13 +17,12 @@ from s2rstore.geometry.floor_grid import FloorHeat, MapGrid
 from s2rstore.lru_cache import LruCache
 from s2rstore.metrics import pose_metrics
 from s2rstore.reader import DEFAULT_MODES, Store
-from s2rstore.records import SIDES, Run, Side
+from s2rstore.records import SIDES, Domain, Run, Side
 from s2rstore.run_inputs import run_camera_move, run_domain
 from s2rtools.adjustments import Chain
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
-from s2rtools.interactive.live_result import HeatKey, LiveResult, LiveSide
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.frame_reader import FrameImages, Renderers, RunFrames, side_frames
@@ -35,6 +34,52 @@ _RESULT_BYTES = 64 << 20
 
 Chains = Mapping[Side, Chain]
 Cancelled = Callable[[], bool]
+
+HeatKey = tuple[str, Side, str | None]
+"""Kind, side and mode of a heatmap; modes as `Store.heatmap` names them."""
+Heat = Mapping[HeatKey, NDArray[np.float32]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiveSide:
+    """Network input of one side, and the predicted pose.
+
+    rgb (H, W, 3) uint8; depth (H, W) metres, NaN where invalid; both adjusted. `surface` (H, W) is
+    the raw depth before image adjustments, on which heat is projected. `domain` holds the cameras
+    of the frame. x, y and error in metres, heading and heading_error in radians; NaN without a
+    prediction.
+    """
+
+    domain: Domain
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    surface: NDArray[np.uint8] | NDArray[np.uint16]
+    x: float
+    y: float
+    heading: float
+    error: float
+    heading_error: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiveResult:
+    """Both sides of one instance, with the heatmaps computed so far."""
+
+    iid: int
+    sim: LiveSide
+    real: LiveSide
+    heat: Heat = field(default_factory=dict)
+
+    def side(self, side: Side) -> LiveSide:
+        return self.sim if side == "sim" else self.real
+
+    def heatmap(self, kind: str, side: Side, mode: str | None = None) -> NDArray[np.float32]:
+        """A heatmap (rows, columns), as from `Store.heatmap`. RequestError if not computed."""
+        key = kind, side, mode or DEFAULT_MODES.get(kind)
+        if key not in self.heat:
+            raise RequestError(f"heatmap {kind} {key[2] or ''}: not computed for these adjustments")
+        return self.heat[key]
+
 
 SideOutput = tuple[LiveSide, SideBatch]
 """A side after the forward pass."""

@@ -6,19 +6,13 @@ import hashlib
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES, Bounds, Domain, Room, Side
-from s2rtools.datasets.scan import (
-    CheckedFrame,
-    DecodedFrame,
-    InputIssue,
-    InstanceRecord,
-    Scan,
-    ScanOptions,
-)
+from s2rtools.datasets.scan import DecodedFrame, InstanceRecord, Scan, ScanOptions
 from s2rtools.synthetic_world.dataset import PROVENANCE_SECTION, WorldData, WorldRecipe
 from s2rtools.synthetic_world.floor_plan import BUILDING_SIZE
 from s2rtools.synthetic_world.routes import Poses
@@ -42,6 +36,7 @@ class RenderedFrameSource:
     pose: Poses
     number: int
     side: Side
+    depth_type: ClassVar[str] = "uint16"
 
     @property
     def pixels(self) -> int:
@@ -50,10 +45,7 @@ class RenderedFrameSource:
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return None, None
 
-    def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
-        return CheckedFrame("uint16")
-
-    def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
+    def decode(self, scan: Scan, domain: Domain) -> DecodedFrame:
         views = self.data.views(self.side, self.pose[None], np.array([self.number]))
         rgb, depth = views.rgb[0], self.data.raw_depth(views)[0]
         valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
