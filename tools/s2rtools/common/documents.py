@@ -6,6 +6,7 @@ A `msgspec.Struct` describes a document; errors name the document, the key and t
 from __future__ import annotations
 
 import difflib
+import json
 import math
 import re
 import types
@@ -117,12 +118,7 @@ def _field_type(kind: Any, name: str) -> Any:
 
 
 def _shown(value: Any) -> str:
-    if isinstance(value, str):
-        text = f'"{value}"'
-    elif isinstance(value, bool):
-        text = str(value).lower()
-    elif isinstance(value, int | float):
-        text = f"{value}"
-    else:
+    if isinstance(value, dict | list):
         return "a table" if isinstance(value, dict) else "a list"
+    text = json.dumps(value, ensure_ascii=False, default=str)
     return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."

@@ -200,7 +200,8 @@ def _check(
     Returns the record, the issues that make it unusable, and those of lossy conversions.
     """
     sources = dict(record.sources)
-    defects, conversions = [], []
+    defects: list[InputIssue] = []
+    conversions: list[InputIssue] = []
     for name, source in record.sources.items():
         if source.depth_type is None:
             frame = source.decode(scan, scan.domains[name])

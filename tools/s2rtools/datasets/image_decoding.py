@@ -38,6 +38,10 @@ class ImageFiles:
     depth_type: ClassVar[None] = None
 
     @property
+    def paths(self) -> tuple[Path, Path]:
+        return self.rgb, self.depth
+
+    @property
     def pixels(self) -> int:
         return max(height * width for height, width in (self.rgb_size, self.depth_size))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -10,6 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.errors import RequestError
+from s2rstore.files.layout import checked_name
 from s2rstore.records import Bounds, Domain, Room
 
 FRAME_SIZE = (256, 256)
@@ -39,6 +41,14 @@ class ScanOptions:
     frame: tuple[int, int] = FRAME_SIZE
     world: Mapping[str, Any] = field(default_factory=dict)
     allow_outside: bool = False
+
+    def choose_trajectories(self, known: Iterable[str], where: object) -> list[str]:
+        """The requested trajectories, all by default. Raises RequestError for unknown names."""
+        names = list(known)
+        for name in self.trajectories:
+            if name not in names:
+                raise RequestError(f"--trajectory {name}: not in {where} (has: {', '.join(names)})")
+        return [checked_name(name, "trajectory") for name in self.trajectories or names]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,6 +128,13 @@ class Scan:
     provenance: dict[str, dict[str, Any]] = field(default_factory=dict)
     drives: Callable[[Path], object] | None = None
     outside_folders: Mapping[str, int] = field(default_factory=dict)
+
+    def add_trajectory(self, name: str, records: Iterable[InstanceRecord | None]) -> None:
+        """Add the usable records of a trajectory; without any, add an issue."""
+        if usable := [record for record in records if record is not None]:
+            self.trajectories[name] = usable
+        else:
+            self.issues.append(InputIssue("empty trajectory", name, "no usable pair"))
 
     def relative(self, path: Path) -> str:
         """The path relative to `root`, or unchanged if it lies elsewhere."""

@@ -134,11 +134,7 @@ class OpenVinoBackend(Backend):
             raise RequestError(
                 f"model {self.model.name!r}: a network without features runs on torch only"
             )
-        height, width = model.network.input_size
-        self.trunk = self.trunk.to("cpu")
-        self.device = torch.device("cpu")
-        model.network.to(self.device)
-        example = torch.zeros(1, 4, height, width)
+        example = torch.zeros(1, 4, *model.network.input_size)
         converted = openvino.convert_model(self.trunk, example_input=example)
         options: dict[str, Any] = {"INFERENCE_NUM_THREADS": threads} if threads else {}
         self._compiled = openvino.compile_model(converted, "CPU", options)

@@ -21,7 +21,6 @@ from s2rtools.models.model_registration import check_name_free, pack_weights, re
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.registration import find_domain, insert_run
-from s2rtools.training.evaluation import Splits
 from s2rtools.training.recipes import find_recipe
 from s2rtools.training.training_frames import DomainFrames, TrainingFrames
 from s2rtools.training.training_loop import Budget, ReportProgress, TrainingResult, train
@@ -58,7 +57,11 @@ def train_into_store(
             raise RequestError(f"--name {name}: already in {root}; choose another")
         if recipe.needs_start and request.start is None:
             raise RequestError(f"--recipe {recipe.name}: name the run to begin with by --from RUN")
-        start, start_splits = _start_model(store, request)
+        start, start_splits = None, None
+        if request.start is not None:
+            start = load_model(store, store.run(request.start).model)
+            facts, n = store.provenance(f"model:{start.name}"), len(store.instances)
+            start_splits = {d: decode_split(facts.get(f"split:{d}"), n) for d in store.domains}
         size = (start.network if start else build_network(request.architecture)).input_size
         frames = _frames(store, size)
         domains = find_domain(store, "sim", None), find_domain(store, "real", None)
@@ -77,18 +80,6 @@ def train_into_store(
     _publish(root, name, result, domains, command)
     checkpoint.unlink(missing_ok=True)
     return name
-
-
-def _start_model(
-    store: Store, request: TrainingRequest
-) -> tuple[LoadedModel | None, Splits | None]:
-    if request.start is None:
-        return None, None
-    model = load_model(store, store.run(request.start).model)
-    facts = store.provenance(f"model:{model.name}")
-    n = len(store.instances)
-    known = {d: decode_split(facts.get(f"split:{d}"), n) for d in store.domains}
-    return model, known
 
 
 def _frames(store: Store, size: tuple[int, int]) -> TrainingFrames:

@@ -15,7 +15,6 @@ import math
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
 from s2rtools.datasets.csv_rows import parse_float, read_rows
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
@@ -61,7 +60,7 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     if kinds != {"sim", "real"}:
         raise RequestError(f"{path}: needs rows of a sim and of a real domain (has: {names})")
     sizes = {name: config.image_sizes(name) for name in names}
-    _collect(result, path, rows, sizes, options.trajectories, containment)
+    _collect(result, path, rows, sizes, options, containment)
     return result
 
 
@@ -93,7 +92,7 @@ def _collect(
     path: Path,
     rows: list[NumberedRow],
     sizes: Sizes,
-    requested: tuple[str, ...],
+    options: ScanOptions,
     containment: PathContainment,
 ) -> None:
     """Group the rows by trajectory, seq and domain, and add the usable instances to the scan."""
@@ -111,20 +110,12 @@ def _collect(
             result.issues.append(InputIssue("duplicate row", where, detail))
             continue
         by_domain[row["domain"]] = (number, row)
-    for name in requested:
-        if name not in instances:
-            raise RequestError(f"--trajectory {name}: not in {path} (has: {', '.join(instances)})")
-    for trajectory in requested or sorted(instances):
-        checked_name(trajectory, "trajectory")
-        records = [
+    for trajectory in options.choose_trajectories(sorted(instances), path):
+        records = (
             _instance_record(result, path, by_domain, sizes, containment)
             for _, by_domain in sorted(instances[trajectory].items())
-        ]
-        usable = [record for record in records if record is not None]
-        if usable:
-            result.trajectories[trajectory] = usable
-        else:
-            result.issues.append(InputIssue("empty trajectory", trajectory, "no usable pair"))
+        )
+        result.add_trajectory(trajectory, records)
 
 
 def _instance_record(

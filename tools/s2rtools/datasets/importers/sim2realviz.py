@@ -10,12 +10,10 @@ from __future__ import annotations
 import math
 import os
 import re
-from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
 from s2rtools.datasets.csv_rows import parse_float, read_rows
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
@@ -54,7 +52,8 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     containment = PathContainment(path, options.allow_outside)
     result = config.empty_scan(root, options.frame, containment)
     result.floor_plan = _floor_plan(path, root, containment)
-    folders = _trajectories(root, options.trajectories)
+    known = {folder.name: folder for folder in sorted(root.glob("*")) if _is_trajectory(folder)}
+    folders = [known[name] for name in options.choose_trajectories(known, root)]
     names = [name for name in _DOMAINS if name != _EDITED or _all_have_sim_edit(result, folders)]
     result.domains = {name: config.domain(name, options.frame) for name in names}
     sizes = {name: config.image_sizes(name) for name in names}
@@ -77,17 +76,6 @@ def _root(path: Path) -> Path:
 
 def _is_trajectory(folder: Path) -> bool:
     return (folder / "sim").is_dir() and (folder / "real").is_dir()
-
-
-def _trajectories(root: Path, requested: tuple[str, ...]) -> list[Path]:
-    folders = {folder.name: folder for folder in sorted(root.glob("*")) if _is_trajectory(folder)}
-    for name in requested:
-        if name not in folders:
-            known = ", ".join(folders)
-            raise RequestError(f"--trajectory {name}: not in {root} (has: {known})")
-    for name in folders:
-        checked_name(name, "trajectory")
-    return [folders[name] for name in requested or folders]
 
 
 def _floor_plan(path: Path, root: Path, containment: PathContainment) -> Path | None:
@@ -122,17 +110,17 @@ def _scan_trajectory(
     containment.check(folder / "sim" / "match.csv", str(folder / "sim" / "match.csv"))
     rows = _matched_names(result, folder)
     images = [_images(folder, real, sim, sizes) for real, sim in rows]
-    for image in (image for row in images for image in row.values()):
-        for file in (image.rgb, image.depth):
-            containment.check(file, str(file))
-    images = _with_stored_size(result, folder, images)
-    _report_unmatched(result, folder, rows, list(sizes))
-    records = [_instance_record(result, files) for files in images]
-    usable = [record for record in records if record is not None]
-    if not usable:
-        result.issues.append(InputIssue("empty trajectory", folder.name, "no usable pair"))
-        return
-    result.trajectories[folder.name] = usable
+    for file in (file for row in images for image in row.values() for file in image.paths):
+        containment.check(file, str(file))
+    sizes = _actual_sizes(result, folder, images[:_SAMPLED_IMAGES], sizes)
+    for domain in sizes:
+        used = {real if domain == "real" else sim for real, sim in rows}
+        used |= {_depth_name(name) for name in used}
+        for path in _image_files(folder / domain):
+            if path.name not in used:
+                result.issues.append(InputIssue("unmatched image", result.relative(path)))
+    records = (_instance_record(result, _images(folder, real, sim, sizes)) for real, sim in rows)
+    result.add_trajectory(folder.name, records)
 
 
 def _matched_names(result: Scan, folder: Path) -> list[tuple[str, str]]:
@@ -173,40 +161,30 @@ def _depth_name(rgb: str) -> str:
     return re.sub(r"_rgb(\.\w+)\Z", r"_depth\1", rgb, flags=re.IGNORECASE)
 
 
-def _with_stored_size(
-    result: Scan, folder: Path, rows: list[dict[str, ImageFiles]]
-) -> list[dict[str, ImageFiles]]:
-    """Replace the calibrated image size by the actual one if that is a scaled version of it.
+def _actual_sizes(
+    result: Scan, folder: Path, sample: list[dict[str, ImageFiles]], sizes: Sizes
+) -> Sizes:
+    """Replace the calibrated image sizes by the actual ones if those are scaled versions of them.
 
     The intrinsics of the stored frame hold for every size of the same aspect ratio.
     """
-    scaled: dict[str, tuple[int, int]] = {}
-    for name in rows[0] if rows else ():
-        images = [row[name] for row in rows[:_SAMPLED_IMAGES]]
-        files = [file for image in images for file in (image.rgb, image.depth) if file.is_file()]
+    actual_sizes = dict(sizes)
+    for name, declared in sizes.items():
+        files = [file for row in sample for file in row[name].paths if file.is_file()]
         actual = {declared_size(file) for file in files}
         size = actual.pop() if len(actual) == 1 else None
-        declared = images[0].rgb_size, images[0].depth_size
         if size is None or declared == (size, size):
             continue
         if all(size[0] * width == size[1] * height for height, width in declared):
-            scaled[name] = size
+            actual_sizes[name] = size, size
             detail = f"{size_text(size)}, the calibration is for {size_text(declared[0])}; scaled"
             where = result.relative(folder / name)
             result.issues.append(InputIssue("other size than calibrated", where, detail))
-    return [
-        {
-            name: replace(image, rgb_size=scaled[name], depth_size=scaled[name])
-            if name in scaled else image
-            for name, image in row.items()
-        }
-        for row in rows
-    ]  # fmt: skip
+    return actual_sizes
 
 
 def _instance_record(result: Scan, sources: dict[str, ImageFiles]) -> InstanceRecord | None:
-    files = (file for image in sources.values() for file in (image.rgb, image.depth))
-    missing = [file for file in files if not file.is_file()]
+    missing = [file for image in sources.values() for file in image.paths if not file.is_file()]
     result.issues += [InputIssue("missing image", result.relative(file)) for file in missing]
     if missing:
         return None
@@ -228,17 +206,6 @@ def _pose_in_name(name: str) -> list[float]:
     """x, y, z and rotation in a file name; NaN for values that do not parse."""
     match = _NAME.match(name)
     return [parse_float(match[key] if match else None) for key in "xyzr"]
-
-
-def _report_unmatched(
-    result: Scan, folder: Path, pairs: list[tuple[str, str]], domains: list[str]
-) -> None:
-    for domain in domains:
-        used = {real if domain == "real" else sim for real, sim in pairs}
-        used |= {_depth_name(name) for name in used}
-        for path in _image_files(folder / domain):
-            if path.name not in used:
-                result.issues.append(InputIssue("unmatched image", result.relative(path)))
 
 
 def _image_files(folder: Path) -> list[Path]:

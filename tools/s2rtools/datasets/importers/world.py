@@ -58,10 +58,7 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     if path != Path():
         raise RequestError(f"{path}: `s2r ingest world` makes its data; it takes no PATH")
     data = WorldData(WorldRecipe(**{**options.world, "frame": options.frame[0]}))
-    for name in options.trajectories:
-        if name not in data.poses:
-            raise RequestError(f"--trajectory {name}: has {', '.join(data.poses)}")
-    names = options.trajectories or tuple(data.poses)
+    names = options.choose_trajectories(data.poses, "the world")
     return Scan(
         name=f"world-{data.recipe.seed}",
         root=Path(),

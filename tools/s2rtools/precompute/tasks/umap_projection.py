@@ -123,8 +123,7 @@ def joint_umap(
 def _fit(points: NDArray[np.float32], settings: ProjectionSettings) -> tuple[Any, Any]:
     from s2rtools.common.numba_cache import cached
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         with cached():
             import umap
         reducer = umap.UMAP(
@@ -136,8 +135,7 @@ def _fit(points: NDArray[np.float32], settings: ProjectionSettings) -> tuple[Any
         fitted = reducer.fit_transform(points)
 
     def transform(others: NDArray[np.float32]) -> Any:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             return reducer.transform(others)
 
     return fitted, transform
@@ -152,9 +150,6 @@ def sample_rows(valid: NDArray[np.bool_], limit: int, seed: int) -> NDArray[np.i
 
 
 def _gather(side: Any, rows: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Rows of a Zarr or numpy array; rows that lie close are read as one block."""
-    if rows.size and rows[-1] - rows[0] < 4 * rows.size:
-        block = np.asarray(side[int(rows[0]) : int(rows[-1]) + 1])
-        return block[rows - rows[0]].astype(np.float32)
+    """Rows of a Zarr or numpy array."""
     picked = side[rows] if isinstance(side, np.ndarray) else side.oindex[rows]
     return np.asarray(picked, dtype=np.float32)
