@@ -28,13 +28,7 @@ from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets.floor_plan import read_floor_plan
 from s2rtools.datasets.frame_cache import FrameCache
 from s2rtools.datasets.index_rows import write_index
-from s2rtools.datasets.scan import (
-    DecodedFrame,
-    FrameChecksum,
-    InputIssue,
-    InstanceRecord,
-    Scan,
-)
+from s2rtools.datasets.scan import DecodedFrame, FrameChecksum, InputIssue, InstanceRecord, Scan
 
 SHARD_ROWS = 64
 _MAX_FLOOR_PLAN_SIDE = 1056
@@ -62,7 +56,12 @@ def build(
     """
     if target.exists():
         raise RequestError(f"{target}: exists; choose another --store, or remove it")
-    _report_poses_outside(scan)
+    edges = scan.bounds
+    for record in (record for records in scan.trajectories.values() for record in records):
+        if not (edges.x0 <= record.x <= edges.x1 and edges.y0 <= record.y <= edges.y1):
+            file = next(iter(record.sources.values())).file_names(scan)[0] or scan.name
+            detail = f"({record.x:g}, {record.y:g}); kept"
+            scan.issues.append(InputIssue("pose outside the bounds", file, detail))
     _refuse_unusable(scan, strict)
     folder = building_folder(target)
     _remove_leftovers(target, report_line)
@@ -123,16 +122,6 @@ def _refuse_unusable(scan: Scan, strict: bool) -> None:
         raise RequestError(
             f"{first.file}: {first.kind} {first.detail}".rstrip() + f"{more}; nothing was ingested"
         )
-
-
-def _report_poses_outside(scan: Scan) -> None:
-    edges = scan.bounds
-    for records in scan.trajectories.values():
-        for record in records:
-            if not (edges.x0 <= record.x <= edges.x1 and edges.y0 <= record.y <= edges.y1):
-                file = next(iter(record.sources.values())).file_names(scan)[0] or scan.name
-                detail = f"({record.x:g}, {record.y:g}); kept"
-                scan.issues.append(InputIssue("pose outside the bounds", file, detail))
 
 
 def _write_trajectory(

@@ -50,10 +50,11 @@ class _HarmonisedKind(HeatmapKind):
                 for side in SIDES]  # fmt: skip
 
     def compute(self, pair: PairBatch) -> HeatArrays:
-        sim = [
-            _mask_unknown(heat, view.measured if self.needs_depth else view.visible)
-            for heat, view in zip(self.distance(pair), pair.harmonised, strict=True)
-        ]
+        sim = []
+        for heat, harmonised in zip(self.distance(pair), pair.harmonised, strict=True):
+            known = harmonised.measured if self.needs_depth else harmonised.visible
+            share = _area_mean(known.astype(np.float32), heat.shape)
+            sim.append(np.where(share > _SHARE, heat, np.float32(np.nan)))
         size = self.size(pair.model)
         view = pair.aligned().real_view
         real = np.stack(
@@ -69,7 +70,7 @@ class HarmonisedDistance(_HarmonisedKind):
 
     The real image is harmonised to sim: warped through the sim depth by both calibrated rigs, holes
     filled, and per image and channel R <- (R - mean_R) / (std_R + c) * (std_S + c) + mean_S. At
-    least 0. It shows changes of the scene independently of the light, not what harmed the pose.
+    least 0. It shows changes of the scene independently of the light, not causes of the error.
     Untrained networks give similar maps, because early features are mostly edges and colours.
     """
 
@@ -122,12 +123,6 @@ class HarmonisedDifference(_HarmonisedKind):
             depth = np.abs(view.real_depth - view.sim_depth) / np.maximum(view.sim_depth, 0.1)
             distances.append(np.sqrt(_blur(colour) * _blur(np.where(view.measured, depth, 0.0))))
         return np.stack(distances).astype(np.float32)
-
-
-def _mask_unknown(heat: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Heat (fh, fw), NaN in cells whose pixels (h, w) are mostly unknown."""
-    share = _area_mean(known.astype(np.float32), heat.shape)
-    return np.where(share > _SHARE, heat, np.float32(np.nan))
 
 
 def _early_features(model: LoadedModel, x: Tensor) -> Tensor:

@@ -40,7 +40,10 @@ class PixelDifference(HeatmapKind):
             sim.depth * np.float32(sim.depth_scale) - real.depth * np.float32(real.depth_scale)
         )
         both = (sim.valid & real.valid).astype(np.float32)
-        depth = np.stack([_masked(m, v) for m, v in zip(metres, both, strict=True)])
+        share = np.stack([_small(weight) for weight in both])
+        total = np.stack([_small(values) for values in metres * both])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            depth = np.where(share > 1e-3, total / share, np.nan).astype(np.float32)
         return {(None, "rgb"): rgb, (None, "depth"): depth}
 
     def ray(self, mode: str | None) -> Ray:
@@ -54,9 +57,3 @@ def _small(image: NDArray[np.float32]) -> NDArray[np.float32]:
 def _normalised(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     values = image.astype(np.float32)
     return (values - values.mean(axis=(0, 1))) / np.maximum(values.std(axis=(0, 1)), 1.0)
-
-
-def _masked(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
-    share = _small(weight)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(share > 1e-3, _small(values * weight) / share, np.nan).astype(np.float32)

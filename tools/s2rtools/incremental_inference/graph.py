@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import operator
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -207,10 +208,7 @@ def _fuse_operations(steps: list[_Operation], output: str) -> tuple[list[_Operat
     Merged steps are computed on the window's crop, not on separate crops. Returns the steps
     and the name of the last step.
     """
-    users: dict[str, int] = {output: 1}
-    for step in steps:
-        for name in step.inputs:
-            users[name] = users.get(name, 0) + 1
+    users = Counter([output, *(name for step in steps for name in step.inputs)])
     fused: dict[str, _Operation] = {}
     renamed: dict[str, str] = {}
     for step in steps:
@@ -223,18 +221,17 @@ def _fuse_operations(steps: list[_Operation], output: str) -> tuple[list[_Operat
             rows, cols = before.windows
             if step.windows is not None:
                 rows, cols = rows.followed_by(step.windows[0]), cols.followed_by(step.windows[1])
-            call = partial(_call_both, before.call, step.call)
             renamed[step.name] = before.name
-            fused[before.name] = replace(before, windows=(rows, cols), call=call)
+            fused[before.name] = replace(
+                before, windows=(rows, cols), call=_composed(before.call, step.call)
+            )
         else:
             fused[step.name] = replace(step, inputs=inputs)
     return list(fused.values()), renamed.get(output, output)
 
 
-def _call_both(
-    first: Callable[..., Tensor], then: Callable[..., Tensor], x: Tensor
-) -> Tensor:  # fmt: skip
-    return then(first(x))
+def _composed(first: Callable[..., Tensor], then: Callable[..., Tensor]) -> Callable[..., Tensor]:
+    return lambda x: then(first(x))
 
 
 def _operation(node: fx.Node, modules: dict[str, nn.Module]) -> _Operation:

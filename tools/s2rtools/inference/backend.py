@@ -86,7 +86,7 @@ class Backend:
         """Checked output of a network without accessible features."""
         try:
             raw: object = self.model.network(x)
-        except Exception as error:  # whatever the module's own code raises
+        except Exception as error:  # the module's code may raise anything
             raise self._error(f"fails on {len(x)} images: {last_line(error)}") from error
         return self._checked(raw, x)
 

@@ -96,7 +96,7 @@ def _output_bytes(output: SideOutput) -> int:
 
 
 class LiveModel:
-    """Computes what precompute would store for a run of the same model with other chains.
+    """Computes the values that precompute stores for a run of the same model with other chains.
 
     Only one thread may use it at a time. Recent frames and sides are cached. It always runs plain
     torch in float32, as the computation of a saved run does.
@@ -166,7 +166,10 @@ class LiveModel:
         for kind in kinds:
             if kind not in known:
                 raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(known)}")
-        run = self._adjusted_run(chains)
+        sim, real = (
+            [dict(step) for step in chains.get(side, self.run.adjustments(side))] for side in SIDES
+        )
+        run = replace(self.run, sim_adjustments=sim, real_adjustments=real)
         outputs: list[SideOutput] = []
         for side in SIDES:
             if cancelled():
@@ -176,8 +179,8 @@ class LiveModel:
             outputs.append(self._outputs.get((iid, run.domain(side), chain), compute))
         if cancelled():
             return
-        (sim, sim_batch), (real, real_batch) = outputs
-        result = LiveResult(iid, sim, real)
+        (sim_side, sim_batch), (real_side, real_batch) = outputs
+        result = LiveResult(iid, sim_side, real_side)
         yield result
         pair = None
         for kind in kinds:
@@ -209,12 +212,6 @@ class LiveModel:
         depth = floor_heat.depth(this.surface[None], other_depth)
         floor_heat.add(grid, heat[None], depth, pose, ray)
         return np.asarray(grid.aggregates()[0])
-
-    def _adjusted_run(self, chains: Chains) -> Run:
-        sim, real = (
-            [dict(step) for step in chains.get(side, self.run.adjustments(side))] for side in SIDES
-        )
-        return replace(self.run, sim_adjustments=sim, real_adjustments=real)
 
     def _compute_side(self, run: Run, side: Side, iid: int) -> SideOutput:
         domain, move = run_domain(self._store, run, side), run_camera_move(self._store, run, side)

@@ -55,7 +55,7 @@ class OpaqueNetwork(PoseNetwork):
         try:
             with torch.inference_mode():
                 output = self(torch.zeros(1, 4, *self.input_size))
-        except Exception as error:  # whatever the module's own code raises
+        except Exception as error:  # the module's code may raise anything
             shape = f"(1, 4, {self.input_size[0]}, {self.input_size[1]})"
             raise RequestError(f"network: fails on {shape}: {last_line(error)}") from error
         is_row = isinstance(output, Tensor) and output.ndim == 2 and len(output) == 1

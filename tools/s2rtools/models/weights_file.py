@@ -24,7 +24,7 @@ MAX_TORCHSCRIPT_BYTES = 1 << 31
 """Bytes of a TorchScript archive, which is read only if the user trusts it."""
 _MAX_HEADER_BYTES = 16 << 20
 """Bytes of a safetensors header; a tensor takes about 100."""
-_COPIES, _BESIDE = 4, 16 << 20
+_COPIES, _EXTRA_BYTES = 4, 16 << 20
 """Copies of the parameters in a file (float64, optimizer moments), and bytes in addition."""
 _UNPICKLING_BYTES = 64 << 20
 """Memory for unpickling, in addition to the tensors."""
@@ -38,7 +38,7 @@ _DECODING_ERRORS = (
 
 def max_file_bytes(parameters: int) -> int:
     """Largest weights file for a number of bytes of parameters."""
-    return _COPIES * parameters + _BESIDE
+    return _COPIES * parameters + _EXTRA_BYTES
 
 
 def read_weights_file(path: Path, max_bytes: int) -> bytes:

@@ -52,7 +52,7 @@ def run_units(
                 yield futures[future]
         except BrokenProcessPool as error:
             raise RequestError(
-                f"{root}: a worker process was killed (out of memory?); finished units are kept; "
+                f"{root}: a worker process was killed (out of memory?); finished units are stored; "
                 "run the command again, with --workers 1 if memory is short"
             ) from error
         finally:

@@ -46,8 +46,8 @@ RECIPES: dict[str, TrainingRecipe] = {
         ),
         TrainingRecipe(
             "finetune",
-            "a trained model, trained on with sim images and real ones of another part, in "
-            "random colours",
+            "a trained model, trained further on sim images and on real images of another part, "
+            "in random colours",
             ("sim", "real"), 5e-4, lambda shape, seed: vary_colours, needs_start=True,
         ),
         TrainingRecipe(

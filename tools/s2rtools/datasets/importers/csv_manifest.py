@@ -36,7 +36,12 @@ Sizes = dict[str, tuple[Size, Size]]
 
 def scan(path: Path, options: ScanOptions) -> Scan:
     """Read a manifest and its configuration. Raises RequestError if either is malformed."""
-    rows = _read_manifest(path)
+    rows = list(read_rows(path, (*REQUIRED, *_OPTIONAL)))
+    if not rows:
+        raise RequestError(f"{path}: no rows; the first line names {', '.join(REQUIRED)}")
+    missing = [name for name in REQUIRED if name not in rows[0][1]]
+    if missing:
+        raise RequestError(f"{path}: no column {missing[0]} (needs: {', '.join(REQUIRED)})")
     header = options.header or next(
         (path.with_suffix(s) for s in (".toml", ".json") if path.with_suffix(s).is_file()), None
     )
@@ -62,16 +67,6 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     sizes = {name: config.image_sizes(name) for name in names}
     _collect(result, path, rows, sizes, options, containment)
     return result
-
-
-def _read_manifest(path: Path) -> list[NumberedRow]:
-    rows = list(read_rows(path, (*REQUIRED, *_OPTIONAL)))
-    if not rows:
-        raise RequestError(f"{path}: no rows; the first line names {', '.join(REQUIRED)}")
-    missing = [name for name in REQUIRED if name not in rows[0][1]]
-    if missing:
-        raise RequestError(f"{path}: no column {missing[0]} (needs: {', '.join(REQUIRED)})")
-    return rows
 
 
 def _complete_rows(result: Scan, path: Path, rows: list[NumberedRow]) -> list[NumberedRow]:

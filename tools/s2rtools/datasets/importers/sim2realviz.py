@@ -99,7 +99,7 @@ def _all_have_sim_edit(result: Scan, folders: list[Path]) -> bool:
             result.issues.append(InputIssue("empty folder", result.relative(edited)))
         if with_images:
             options = " ".join(f"--trajectory {other.name}" for other in with_images)
-            detail = f"{_EDITED} is left out; {options} keeps it"
+            detail = f"{_EDITED} is left out; {options} includes it"
             result.issues.append(InputIssue("domain not everywhere", folder.name, detail))
     return bool(recorded) and len(with_images) == len(recorded)
 

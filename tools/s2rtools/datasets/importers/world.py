@@ -16,12 +16,7 @@ from s2rtools.datasets.scan import DecodedFrame, InstanceRecord, Scan, ScanOptio
 from s2rtools.synthetic_world.dataset import PROVENANCE_SECTION, WorldData, WorldRecipe
 from s2rtools.synthetic_world.floor_plan import BUILDING_SIZE
 from s2rtools.synthetic_world.routes import Poses
-from s2rtools.synthetic_world.world import (
-    DEPTH_MAX,
-    DEPTH_SCALE,
-    TRAJECTORIES,
-    standard_camera,
-)
+from s2rtools.synthetic_world.world import DEPTH_MAX, DEPTH_SCALE, TRAJECTORIES, standard_camera
 
 _FLOOR_PLAN_PIXELS = 1056
 _FRAME_INTERVAL = 0.5
@@ -56,7 +51,7 @@ class RenderedFrameSource:
 def scan(path: Path, options: ScanOptions) -> Scan:
     """Scan the world of a recipe; `path` stays empty. Raises RequestError for invalid recipes."""
     if path != Path():
-        raise RequestError(f"{path}: `s2r ingest world` makes its data; it takes no PATH")
+        raise RequestError(f"{path}: `s2r ingest world` renders its data and takes no PATH")
     data = WorldData(WorldRecipe(**{**options.world, "frame": options.frame[0]}))
     names = options.choose_trajectories(data.poses, "the world")
     return Scan(
