@@ -22,7 +22,7 @@ _PAIRS = 32
 
 
 def figures(threads: int) -> Iterator[BudgetRow]:
-    """posest at 256 x 256; images per second, each way."""
+    """posest at 256 x 256; images per second with and without batches."""
     torch.set_num_threads(threads)
     folder = Path(tempfile.mkdtemp())
     try:
