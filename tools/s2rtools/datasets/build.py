@@ -1,4 +1,4 @@
-"""Build a store from a scan: decode, check and write in a folder beside it, then rename."""
+"""Build a store from a scan: decode, check and write in a temporary folder, then rename it."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def build(
     for record in (record for records in scan.trajectories.values() for record in records):
         if not (edges.x0 <= record.x <= edges.x1 and edges.y0 <= record.y <= edges.y1):
             file = next(iter(record.sources.values())).file_names(scan)[0] or scan.name
-            detail = f"({record.x:g}, {record.y:g}); kept"
+            detail = f"({record.x:g}, {record.y:g}); stored anyway"
             scan.issues.append(InputIssue("pose outside the bounds", file, detail))
     _refuse_unusable(scan, strict)
     folder = building_folder(target)

@@ -1,4 +1,4 @@
-"""Data set configuration: bounds, rooms and cameras beside the images, as TOML or JSON.
+"""Data set configuration: bounds, rooms and cameras of a data set, as TOML or JSON.
 
     name = "office"             y_down = true          accuracy_scale = 26.0   (optional, m)
     floor_plan = "map.png"      image that fills the bounds (optional)
@@ -11,8 +11,8 @@
                                 depth_raw_max, source = { ... }  (optional)
 
 Angles in degrees, intrinsics in pixels of the original images with pixel i covering [i, i + 1).
-If depth images have another size than RGB images, `rgb` and `depth` carry their own width and
-height. Errors name the file, the key and the allowed values.
+If depth images have another size than RGB images, set `width` and `height` in `rgb` and `depth`.
+Errors name the file, the key and the allowed values.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ class PathContainment:
         self._real_folders: dict[str, str] = {}
 
     def for_folder(self, folder: Path) -> PathContainment:
-        """The same for another folder; both share `outside_folders`."""
+        """A containment check for another folder; both share `outside_folders`."""
         other = PathContainment(folder, self.allowed)
         other.outside_folders = self.outside_folders
         return other

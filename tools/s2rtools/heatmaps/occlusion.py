@@ -156,7 +156,7 @@ def _recompute_locally(
 def _recompute_fully(
     backend: Backend, inputs: Tensor, others: Tensor, patches: list[PixelRegion]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The same by running the whole network on every changed input."""
+    """Like `_recompute_locally`, by running the whole network on every changed input."""
     poses = np.empty((len(inputs), len(patches), len(MODES), 3))
     for number, region in enumerate(patches):
         changed = inputs[:, None].repeat(1, len(MODES), 1, 1, 1)

@@ -105,7 +105,7 @@ class LiveModel:
     def __init__(self, store: Store, run: str, trust: bool = False, threads: int = 0) -> None:
         """Load the model of a run and warm it up; `threads` 0 keeps torch's setting.
 
-        The store is opened again at its generation, so that the caller may close its own. Raises
+        Opens the store separately at the same generation, so that the caller may close it. Raises
         RequestError if the model cannot be loaded, or executes code and is not trusted.
         """
         self._store = s2rstore.open(store.path, generation=store.generation)

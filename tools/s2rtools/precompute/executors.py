@@ -79,7 +79,7 @@ def _start_resource_tracker() -> None:
 
 @contextmanager
 def _defer_interrupts() -> Iterator[None]:
-    """Defer ctrl+c until the workers have started; workers ignore it from their first moment."""
+    """Defer ctrl+c until the workers have started; workers ignore it from the start."""
     received: list[int] = []
     handler = signal.getsignal(signal.SIGINT)
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -96,7 +96,7 @@ def _defer_interrupts() -> Iterator[None]:
 
 
 def _start_worker(root: Path, opener: OpenWorker, threads: int) -> None:
-    """Open this worker; it ends with its parent, so that it does not write what a rerun writes."""
+    """Open this worker; it ends with its parent, so that it cannot write the files of a rerun."""
     global _compute_unit
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
