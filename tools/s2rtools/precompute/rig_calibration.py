@@ -47,36 +47,30 @@ def load_alignment(store: Store, run: Run) -> ImageAlignment | None:
 
 
 def ensure_calibrated(root: Path, run: Run) -> bool:
-    """Calibrate the run's pair of domains and publish the result; False if it exists."""
+    """Calibrate the run's pair of domains and publish the result; False if it exists.
+
+    Uses image pairs spread over the data set, at most `MAX_SIDE` pixels on their longer side.
+    """
     section = f"alignment:{run.sim_domain}|{run.real_domain}"
     with s2rstore.open(root) as store:
         if store.provenance(section).get("version") == str(VERSION):
             return False
-        sim, real = (store.domain(run.domain(side)) for side in SIDES)
-        pairs, frame = _samples(store, sim, real)
+        domains = [store.domain(run.domain(side)) for side in SIDES]
         size = store.dataset.frame_height, store.dataset.frame_width
-        offset = calibrate(
-            _scale_cameras(sim, frame, size), _scale_cameras(real, frame, size), frame, pairs
+        share = min(1.0, MAX_SIDE / max(size))
+        frame = max(8, round(size[0] * share)), max(8, round(size[1] * share))
+        n = len(store.instances)
+        iids = np.unique(np.linspace(0, n - 1, min(n, MAX_FRAMES)).astype(int))
+        sim_images, real_images = (
+            [_read_images(store, int(iid), domain, frame) for iid in iids] for domain in domains
         )
+        pairs = list(zip(sim_images, real_images, strict=True))
+        sim, real = (_scale_cameras(domain, frame, size) for domain in domains)
+        offset = calibrate(sim, real, frame, pairs)
     with edit(root) as draft:
         facts = {**asdict(offset), "frames": len(pairs), "version": VERSION}
         draft.set_provenance(section, facts)
     return True
-
-
-def _samples(
-    store: Store, sim: Domain, real: Domain
-) -> tuple[list[tuple[ViewImages, ViewImages]], tuple[int, int]]:
-    """Image pairs spread over the data set, at most `MAX_SIDE` on their longer side."""
-    height, width = store.dataset.frame_height, store.dataset.frame_width
-    share = min(1.0, MAX_SIDE / max(height, width))
-    frame = max(8, round(height * share)), max(8, round(width * share))
-    n = len(store.instances)
-    rows = np.unique(np.linspace(0, n - 1, min(n, MAX_FRAMES)).astype(int))
-    return [
-        (_read_images(store, int(iid), sim, frame), _read_images(store, int(iid), real, frame))
-        for iid in rows
-    ], frame
 
 
 def _read_images(store: Store, iid: int, domain: Domain, frame: tuple[int, int]) -> ViewImages:

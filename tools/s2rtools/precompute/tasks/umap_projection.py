@@ -72,18 +72,16 @@ def principal_components(
     from sklearn.decomposition import IncrementalPCA
 
     rows = sample_rows(valid, settings.fit_instances // 2, settings.seed)
+    sim, real = (np.full((s.shape[0], settings.components), np.nan, np.float32) for s in sides)
     if rows.size == 0:
-        missing = [np.full((s.shape[0], settings.components), np.nan, np.float32) for s in sides]
-        return missing[0], missing[1], float("nan")
+        return sim, real, float("nan")
     cuts = np.array_split(rows, max(1, rows.size // _BATCH))
     count = min(settings.components, sides[0].shape[1], 2 * cuts[0].size)
     model = IncrementalPCA(count)
     with np.errstate(invalid="ignore", divide="ignore"):  # no variance at all
         for cut in cuts:
             model.partial_fit(np.concatenate([_gather(side, cut) for side in sides]))
-    projected = []
-    for side in sides:
-        out = np.full((side.shape[0], settings.components), np.nan, dtype=np.float32)
+    for side, out in zip(sides, (sim, real), strict=True):
         for start in range(0, side.shape[0], _BATCH):
             block = np.asarray(side[start : start + _BATCH], dtype=np.float32)
             keep = valid[start : start + _BATCH]
@@ -91,8 +89,7 @@ def principal_components(
                 part = np.zeros((int(keep.sum()), settings.components), dtype=np.float32)
                 part[:, :count] = model.transform(block[keep])
                 out[start : start + _BATCH][keep] = part
-        projected.append(out)
-    return projected[0], projected[1], float(model.explained_variance_ratio_.sum())
+    return sim, real, float(model.explained_variance_ratio_.sum())
 
 
 def joint_umap(
@@ -101,23 +98,21 @@ def joint_umap(
     settings: ProjectionSettings = SETTINGS,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Coordinates of both sides in one plane, two (N, 2) arrays; NaN where not valid."""
-    coordinates = tuple(np.full((valid.size, 2), np.nan, dtype=np.float32) for _ in range(2))
+    sim, real = (np.full((valid.size, 2), np.nan, dtype=np.float32) for _ in sides)
     rows = sample_rows(valid, settings.fit_instances // 2, settings.seed)
     if rows.size == 0:
-        return coordinates[0], coordinates[1]
+        return sim, real
     points = np.concatenate([side[rows] for side in sides])
     if len(points) <= settings.neighbours + 1 or not np.ptp(points, axis=0).any():
         fitted, transform = points[:, :2], lambda others: others[:, :2]
     else:
         fitted, transform = _fit(points, settings)
-    for side, fit in zip(coordinates, np.split(fitted, 2), strict=True):
-        side[rows] = fit
+    sim[rows], real[rows] = np.split(fitted, 2)
     others = np.setdiff1d(np.flatnonzero(valid), rows)
     for start in range(0, others.size, 4096):
         part = others[start : start + 4096]
-        for side, source in zip(coordinates, sides, strict=True):
-            side[part] = transform(source[part])
-    return coordinates[0], coordinates[1]
+        sim[part], real[part] = (transform(side[part]) for side in sides)
+    return sim, real
 
 
 def _fit(points: NDArray[np.float32], settings: ProjectionSettings) -> tuple[Any, Any]:
